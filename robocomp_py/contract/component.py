@@ -1,0 +1,69 @@
+"""What a component is: its ports, its parameters, how often it computes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from .interface import Interface, Verb
+from .parameters import ParameterSet
+from .qos import DEFAULT_QOS, QoS
+
+
+@dataclass(frozen=True)
+class Port:
+    """One use of an interface. `number` is "" for its first use, then "1", "2", ..."""
+
+    verb: Verb
+    interface: Interface
+    number: str = ""
+    qos: QoS = DEFAULT_QOS
+    concurrent: bool = False
+    middleware: str | None = None
+
+    @property
+    def name(self) -> str:
+        """The key of its settings: `laser1` for a proxy, `Laser1` for handlers."""
+        return self.interface.short.lower() + self.number if self.verb.has_proxy else self.segment
+
+    @property
+    def segment(self) -> str:
+        """How it appears in the names of channels: `Laser1`."""
+        return self.interface.short + self.number
+
+    @property
+    def attribute(self) -> str:
+        """Where the worker finds its proxy: `laser1_proxy`."""
+        return f"{self.name}_proxy"
+
+    def handler(self, operation: str) -> str:
+        """The method that handles an operation: `Laser1_getLaserData`."""
+        return f"{self.segment}_{operation}"
+
+
+@dataclass(frozen=True)
+class Component:
+    """What a CDSL file says, resolved."""
+
+    name: str
+    ports: tuple[Port, ...] = ()
+    params: ParameterSet | None = None
+    period: float = 0.1
+    """Seconds from one `compute` to the next."""
+    description: str = ""
+
+
+def numbers(uses: Iterable[tuple[Verb, str]]) -> list[str]:
+    """The one rule for using an interface several times: "" for the first, then "1", "2", ...
+
+    Proxies (requires, publishes) are numbered together, and so are handlers (implements,
+    subscribesTo), because they share attribute and method names.
+    """
+    seen: Counter[tuple[bool, str]] = Counter()
+    result = []
+    for verb, interface in uses:
+        key = (verb.has_proxy, interface.lower() if verb.has_proxy else interface)
+        result.append(str(seen[key]) if seen[key] else "")
+        seen[key] += 1
+    return result

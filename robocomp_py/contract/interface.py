@@ -1,0 +1,166 @@
+"""Interfaces and their operations, and the fingerprint by which two sides know they mean the same."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+from typing import Generic, TypeVar
+
+from .types import Enumeration, ExceptionType, Field, Struct, spell, walk
+
+R = TypeVar("R")
+
+
+class Pattern(StrEnum):
+    """How an operation travels."""
+
+    COMMAND = "command"  # many to one, one way, at most once
+    QUERY = "query"  # many to one, answered
+    PUBLISH = "publish"  # one to many, one way
+
+
+class Verb(StrEnum):
+    """What a component does with an interface, in the words of CDSL."""
+
+    REQUIRES = "requires"
+    IMPLEMENTS = "implements"
+    PUBLISHES = "publishes"
+    SUBSCRIBES = "subscribesTo"
+
+    @property
+    def provides(self) -> bool:
+        """Whether others find the channels of this port under our name."""
+        return self in (Verb.IMPLEMENTS, Verb.PUBLISHES)
+
+    @property
+    def is_topic(self) -> bool:
+        return self in (Verb.PUBLISHES, Verb.SUBSCRIBES)
+
+    @property
+    def has_proxy(self) -> bool:
+        """Whether user code calls this port (a proxy), or is called by it (handlers)."""
+        return self in (Verb.REQUIRES, Verb.PUBLISHES)
+
+
+@dataclass(frozen=True)
+class Operation(Generic[R]):
+    """One operation of an interface. `R` is what it returns in Python.
+
+    `outputs` holds the returned value first, named `ret`, then the `out` parameters in order.
+    `pattern` is what the IDSL says, or None: then the operation is a query under
+    requires/implements, and a publication under publishes/subscribesTo.
+    """
+
+    interface: str
+    name: str
+    inputs: tuple[Field, ...] = ()
+    outputs: tuple[Field, ...] = ()
+    raises: tuple[ExceptionType, ...] = ()
+    pattern: Pattern | None = None
+    idempotent: bool = False
+
+    def carried(self, verb: Verb) -> Pattern | None:
+        """The pattern of this operation under that verb; None if the verb has no part in it."""
+        if self.pattern is None:
+            return Pattern.PUBLISH if verb.is_topic else Pattern.QUERY
+        return self.pattern if (self.pattern is Pattern.PUBLISH) == verb.is_topic else None
+
+    @cached_property
+    def request(self) -> Struct:
+        return Struct(self._message("Request"), self.inputs)
+
+    @cached_property
+    def response(self) -> Struct:
+        return Struct(self._message("Response"), self.outputs)
+
+    @cached_property
+    def text(self) -> str:
+        """Everything both sides must agree on, a line each; see `differences`."""
+        return "\n".join(_describe(self))
+
+    @cached_property
+    def fingerprint(self) -> int:
+        """The first 8 bytes of the SHA-256 of `text`, as an unsigned little-endian integer."""
+        return int.from_bytes(hashlib.sha256(self.text.encode()).digest()[:8], "little")
+
+    def _message(self, suffix: str) -> str:
+        module, _, interface = self.interface.rpartition("::")
+        words = "".join(word[:1].upper() + word[1:] for word in (*interface.split("_"), *self.name.split("_")))
+        return f"{module}::{words}{suffix}" if module else f"{words}{suffix}"
+
+
+@dataclass(frozen=True)
+class Interface:
+    """A named set of operations, inherited ones included. `name` is qualified: `RoboCompLaser::Laser`."""
+
+    name: str
+    operations: tuple[Operation[object], ...]
+
+    @property
+    def module(self) -> str:
+        return self.name.rpartition("::")[0]
+
+    @property
+    def short(self) -> str:
+        return self.name.rpartition("::")[2]
+
+    def under(self, verb: Verb) -> Iterator[tuple[Operation[object], Pattern]]:
+        """The operations that take part under a verb, each with the pattern it has there."""
+        for operation in self.operations:
+            pattern = operation.carried(verb)
+            if pattern:
+                yield operation, pattern
+
+
+def differences(ours: str, theirs: str) -> list[str]:
+    """Where two canonical texts differ, as sentences: ours first."""
+    mine, other = _entries(ours), _entries(theirs)
+    found = []
+    for key in dict.fromkeys([*mine, *other]):
+        if mine.get(key) != other.get(key):
+            found.append(f"{key}: {mine.get(key, 'absent')} here, {other.get(key, 'absent')} there")
+    return found or ["the order of fields or members"]
+
+
+def _entries(text: str) -> dict[str, str]:
+    """`struct X` / `  field type` lines as {"X.field": "type"}."""
+    entries: dict[str, str] = {}
+    owner = ""
+    for line in text.splitlines():
+        if line.startswith("  "):
+            name, _, value = line.strip().partition(" ")
+            entries[f"{owner}.{name}"] = value or "present"
+        else:
+            kind, _, owner = line.partition(" ")
+            if kind in ("operation", "pattern"):
+                entries[kind] = owner
+    return entries
+
+
+def _describe(operation: Operation[R]) -> Iterator[str]:
+    yield f"operation {operation.interface}.{operation.name}"
+    yield f"pattern {operation.pattern or 'unspecified'}"
+    messages = (operation.request, operation.response)
+    for message in messages:
+        yield from _members("struct", message.name, message.fields)
+    exceptions = [(e.name, e.all_fields) for e in operation.raises]
+    for name, fields in exceptions:
+        yield from _members("exception", name, fields)
+    named = [f.type for f in (*operation.inputs, *operation.outputs)]
+    named += [f.type for _, fields in exceptions for f in fields]
+    for kind in walk(*named):
+        match kind:
+            case Struct(name=name, fields=fields):
+                yield from _members("struct", name, fields)
+            case Enumeration(name=name, members=members):
+                yield f"enum {name}"
+                yield from (f"  {member} {value}" for member, value in members)
+
+
+def _members(kind: str, name: str, fields: tuple[Field, ...]) -> Iterator[str]:
+    yield f"{kind} {name}"
+    for field in fields:
+        yield f"  {field.name} {spell(field.type)}"

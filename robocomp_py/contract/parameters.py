@@ -1,0 +1,181 @@
+"""What a component can be configured with, and whether a given configuration is right.
+
+A `ParameterSet` comes from a PDSL file and is carried by generated code as a literal. `check`
+turns the values of a configuration file into the generated, read-only classes, or says what is
+wrong with each; it knows keys, not files, so that whoever read the file can add the line.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+
+class ParameterKind(StrEnum):
+    INT = "int"
+    FLOAT = "float"
+    DOUBLE = "double"
+    STRING = "string"
+    BOOL = "bool"
+    ENUM = "enum"
+
+    @property
+    def is_number(self) -> bool:
+        return self in (ParameterKind.INT, ParameterKind.FLOAT, ParameterKind.DOUBLE)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One value. `mandatory` ones must be given; the others have a default."""
+
+    name: str
+    kind: ParameterKind
+    default: Any
+    minimum: float | int | None = None
+    maximum: float | int | None = None
+    choices: tuple[str, ...] = ()
+    mandatory: bool = False
+    description: str = field(default="", compare=False)
+
+    def admits(self, value: Any) -> bool:
+        """Whether a number is in the range; everything is, if there is none."""
+        if self.minimum is None or self.maximum is None:
+            return True
+        return bool(self.minimum <= value <= self.maximum)
+
+    def allowed(self) -> str:
+        """What may be written, for people: `float, 0 to 2`."""
+        if self.choices:
+            return "one of " + ", ".join(self.choices)
+        kind = "float" if self.kind is ParameterKind.DOUBLE else str(self.kind)
+        return kind if self.minimum is None else f"{kind}, {self.minimum} to {self.maximum}"
+
+
+@dataclass(frozen=True)
+class ParameterList:
+    """A table that repeats: `[[motors]]`."""
+
+    name: str
+    items: ParameterSet
+    minimum: int = 0
+    maximum: int | None = None
+    description: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True)
+class ParameterSet:
+    """Parameters and lists of one scope; `python` is the generated class that holds them."""
+
+    name: str
+    parameters: tuple[Parameter, ...] = ()
+    lists: tuple[ParameterList, ...] = ()
+    python: type[Any] | None = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True)
+class Complaint:
+    """One thing wrong with a configuration: at which key, and in words."""
+
+    key: tuple[str | int, ...]
+    message: str
+
+    @property
+    def path(self) -> str:
+        """`motors[0].max_speed`."""
+        return dotted(self.key)
+
+
+def dotted(key: Iterable[str | int]) -> str:
+    text = ""
+    for part in key:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
+    return text
+
+
+def check(spec: ParameterSet, given: Mapping[str, Any]) -> tuple[dict[str, Any], list[Complaint]]:
+    """The value of every parameter, by name, and what is wrong with those given.
+
+    Values of lists are lists of such dicts. What is wrong has its default, so that all
+    complaints come at once.
+    """
+    values: dict[str, Any] = {}
+    complaints: list[Complaint] = []
+    _fill(spec, given, (), values, complaints)
+    return values, complaints
+
+
+def build(spec: ParameterSet, values: Mapping[str, Any]) -> Any:
+    """The generated class filled with checked values; lists become tuples."""
+    if spec.python is None:
+        raise TypeError(f"parameters {spec.name!r} have no Python class")
+    lists = {each.name: tuple(build(each.items, item) for item in values[each.name]) for each in spec.lists}
+    return spec.python(**{p.name: values[p.name] for p in spec.parameters}, **lists)
+
+
+def _fill(
+    spec: ParameterSet,
+    given: Mapping[str, Any],
+    at: tuple[str | int, ...],
+    values: dict[str, Any],
+    complaints: list[Complaint],
+) -> None:
+    known = {p.name: p for p in spec.parameters}
+    lists = {each.name: each for each in spec.lists}
+    for name in given:
+        if name not in known and name not in lists:
+            complaints.append(Complaint((*at, name), unknown("parameter", name, [*known, *lists])))
+    for parameter in spec.parameters:
+        key = (*at, parameter.name)
+        values[parameter.name] = parameter.default
+        if parameter.name in given:
+            values[parameter.name], wrong = _value(parameter, given[parameter.name])
+            complaints.extend(Complaint(key, text) for text in wrong)
+        elif parameter.mandatory:
+            complaints.append(Complaint(key, f"`{parameter.name}` is mandatory: give it ({parameter.allowed()})"))
+    for each in spec.lists:
+        values[each.name] = list(_items(each, given.get(each.name, []), (*at, each.name), complaints))
+
+
+def _items(
+    spec: ParameterList, given: Any, at: tuple[str | int, ...], complaints: list[Complaint]
+) -> Iterator[dict[str, Any]]:
+    if not isinstance(given, list) or not all(isinstance(item, Mapping) for item in given):
+        complaints.append(Complaint(at, f"`{spec.name}` is a list: write its items as [[{spec.name}]] tables"))
+        return
+    if len(given) < spec.minimum or (spec.maximum is not None and len(given) > spec.maximum):
+        upper = "any number" if spec.maximum is None else spec.maximum
+        complaints.append(Complaint(at, f"{len(given)} items of `{spec.name}`; allowed: {spec.minimum} to {upper}"))
+    for number, item in enumerate(given):
+        values: dict[str, Any] = {}
+        _fill(spec.items, item, (*at, number), values, complaints)
+        yield values
+
+
+def _value(parameter: Parameter, given: Any) -> tuple[Any, list[str]]:
+    """The value as its Python type, and what is wrong with it."""
+    if not _is_a(parameter.kind, given):
+        return parameter.default, [f"`{parameter.name}` is {given!r}; allowed: {parameter.allowed()}"]
+    if parameter.choices and given not in parameter.choices:
+        return parameter.default, [f"`{parameter.name}`: {unknown('value', given, parameter.choices)}"]
+    if not parameter.admits(given):
+        return parameter.default, [f"`{parameter.name}` is {given!r}; allowed: {parameter.allowed()}"]
+    return float(given) if parameter.kind in (ParameterKind.FLOAT, ParameterKind.DOUBLE) else given, []
+
+
+def _is_a(kind: ParameterKind, value: Any) -> bool:
+    if kind.is_number:
+        whole = kind is ParameterKind.INT
+        return isinstance(value, int if whole else int | float) and not isinstance(value, bool)
+    return isinstance(value, bool if kind is ParameterKind.BOOL else str)
+
+
+def unknown(what: str, name: str, known: Iterable[str]) -> str:
+    """`unknown parameter `max_sped`; did you mean `max_speed`?`"""
+    names = list(known)
+    close = difflib.get_close_matches(name, names, 1)
+    if close:
+        return f"unknown {what} `{name}`; did you mean `{close[0]}`?"
+    return f"unknown {what} `{name}`; known: {', '.join(names) or 'none'}"

@@ -1,0 +1,193 @@
+"""The closed set of types that can travel, each with its width.
+
+A type is a value: equal definitions are equal types. `Struct`, `Enumeration` and `ExceptionType`
+may carry the Python class that stands for them in one generated module; a struct without one is
+a message, whose Python form is the tuple of its fields.
+"""
+
+from __future__ import annotations
+
+import keyword
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+MAX_DEPTH = 32
+"""Types nested deeper than this are refused by the languages and by every codec."""
+
+
+class Primitive(StrEnum):
+    """Types with a fixed meaning. `TIME` is an instant: int nanoseconds since the Unix epoch."""
+
+    BOOL = "bool"
+    INT8 = "int8"
+    UINT8 = "uint8"
+    INT16 = "int16"
+    UINT16 = "uint16"
+    INT32 = "int32"
+    UINT32 = "uint32"
+    INT64 = "int64"
+    UINT64 = "uint64"
+    FLOAT32 = "float32"
+    FLOAT64 = "float64"
+    STRING = "string"
+    TIME = "time"
+
+
+BOOL, STRING, TIME = Primitive.BOOL, Primitive.STRING, Primitive.TIME
+INT8, INT16, INT32, INT64 = Primitive.INT8, Primitive.INT16, Primitive.INT32, Primitive.INT64
+UINT8, UINT16, UINT32, UINT64 = Primitive.UINT8, Primitive.UINT16, Primitive.UINT32, Primitive.UINT64
+FLOAT32, FLOAT64 = Primitive.FLOAT32, Primitive.FLOAT64
+
+SIGNED = frozenset({INT8, INT16, INT32, INT64})
+UNSIGNED = frozenset({UINT8, UINT16, UINT32, UINT64})
+INTEGERS = SIGNED | UNSIGNED
+FLOATS = frozenset({FLOAT32, FLOAT64})
+FLOAT32_MAX = float(np.finfo(np.float32).max)
+
+DTYPES: dict[Primitive, np.dtype[Any]] = {
+    kind: np.dtype(kind.value).newbyteorder("<") for kind in (BOOL, *sorted(INTEGERS), *sorted(FLOATS))
+}
+"""The little-endian numpy dtype of each primitive whose sequences are arrays."""
+
+
+def integer_range(kind: Primitive) -> tuple[int, int]:
+    """Smallest and largest value of an integer type."""
+    info = np.iinfo(DTYPES[kind])
+    return int(info.min), int(info.max)
+
+
+@dataclass(frozen=True)
+class Field:
+    """A named member of a struct, or a parameter of an operation."""
+
+    name: str
+    type: Type
+    default: Any = None
+    """What a new value holds, if not zero."""
+
+    @property
+    def attribute(self) -> str:
+        """Its name in Python: `lambda` is spelt `lambda_` there."""
+        return python_name(self.name)
+
+
+@dataclass(frozen=True)
+class Struct:
+    """Fields in a fixed order. `name` is qualified: `RoboCompLaser::TData`."""
+
+    name: str
+    fields: tuple[Field, ...]
+    python: type[Any] | None = field(default=None, repr=False)
+
+
+@dataclass(frozen=True)
+class Enumeration:
+    """Named integers, carried as int32."""
+
+    name: str
+    members: tuple[tuple[str, int], ...]
+    python: type[Any] | None = field(default=None, repr=False)
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """Any number of items; of numbers and bools, a numpy array of one dimension."""
+
+    item: Type
+
+    @property
+    def dtype(self) -> np.dtype[Any] | None:
+        """The array's dtype, or None where the sequence is a Python list."""
+        return DTYPES.get(self.item) if isinstance(self.item, Primitive) else None
+
+
+@dataclass(frozen=True)
+class Dictionary:
+    """Values by key; keys are strings, bools, integers or enumerators."""
+
+    key: Type
+    value: Type
+
+
+Type = Primitive | Struct | Enumeration | Sequence | Dictionary
+
+
+@dataclass(frozen=True)
+class ExceptionType:
+    """An exception an operation may throw. `fields` are its own; those of its base come first on the wire."""
+
+    name: str
+    fields: tuple[Field, ...]
+    base: ExceptionType | None = None
+    python: type[Any] | None = field(default=None, repr=False)
+
+    @cached_property
+    def all_fields(self) -> tuple[Field, ...]:
+        return (*(self.base.all_fields if self.base else ()), *self.fields)
+
+    @cached_property
+    def lineage(self) -> tuple[str, ...]:
+        """Its name, then its bases' names, nearest first."""
+        return (self.name, *(self.base.lineage if self.base else ()))
+
+
+KEY_TYPES = INTEGERS | {BOOL, STRING}
+
+
+def is_key(kind: Type) -> bool:
+    """Whether a dictionary may be keyed by this type."""
+    return isinstance(kind, Enumeration) or kind in KEY_TYPES
+
+
+def python_name(name: str) -> str:
+    """How an IDSL name is spelt in Python: keywords get an underscore behind."""
+    return f"{name}_" if keyword.iskeyword(name) or name == "self" else name
+
+
+def children(kind: Type) -> tuple[Type, ...]:
+    """The types directly inside a type."""
+    match kind:
+        case Struct(fields=fields):
+            return tuple(f.type for f in fields)
+        case Sequence(item):
+            return (item,)
+        case Dictionary(key, value):
+            return (key, value)
+        case Primitive() | Enumeration():
+            return ()
+
+
+def walk(*kinds: Type) -> Iterator[Struct | Enumeration]:
+    """The named types in and under these, each once, those used before those that use them."""
+    seen: set[str] = set()
+
+    def visit(kind: Type) -> Iterator[Struct | Enumeration]:
+        if isinstance(kind, Struct | Enumeration):
+            if kind.name in seen:
+                return
+            seen.add(kind.name)
+        for child in children(kind):
+            yield from visit(child)
+        if isinstance(kind, Struct | Enumeration):
+            yield kind
+
+    for kind in kinds:
+        yield from visit(kind)
+
+
+def spell(kind: Type) -> str:
+    """A type as canonical text, by the name of its structs and enumerations."""
+    match kind:
+        case Primitive():
+            return kind.value
+        case Struct(name=name) | Enumeration(name=name):
+            return name
+        case Sequence(item):
+            return f"sequence<{spell(item)}>"
+        case Dictionary(key, value):
+            return f"dictionary<{spell(key)},{spell(value)}>"

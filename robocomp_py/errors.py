@@ -1,0 +1,106 @@
+"""Everything that can go wrong, in one tree.
+
+    RobocompError
+      DslError                 text of a DSL file is wrong; carries diagnostics
+      ConfigurationError       a setting is wrong; says which, where, and what would be right
+      ComponentError           a component's specific part does not fit its generic part, or failed
+      DeploymentError          a network cannot be started, or did not stay up
+      CodecError               a value and its type, or bytes and their type, do not match
+        EncodeError            ... when sending
+        DecodeError            ... when receiving
+      TransportError           the way to the other side
+        Unreachable            nobody serves this channel
+        Timeout                somebody may, but did not answer in time (a `TimeoutError`, too)
+        Closed                 the link or its transport was closed
+        ContractMismatch       both sides use the name, but mean different things by it
+        UnsupportedQoS         asked for what this transport does not offer
+        Busy                   the other side has too much to do to take this call
+        Refused                the other side does not take this call
+      DeclaredError            base of the exceptions that an IDSL operation `throws`
+      RemoteFailure            the other side raised something it had not declared
+
+A call through a proxy raises `TransportError`, `RemoteFailure`, the exceptions its operation
+declares, and `EncodeError` for arguments that do not fit: the same ones on every middleware.
+"""
+
+from __future__ import annotations
+
+
+class RobocompError(Exception):
+    """Base of all errors raised by this package on purpose."""
+
+
+class ConfigurationError(RobocompError):
+    """A setting is wrong. The message names the key, where it stands, and what is allowed."""
+
+
+class ComponentError(RobocompError):
+    """A component cannot run as it is written; the message says what to change."""
+
+
+class DeploymentError(RobocompError):
+    """A network cannot be started, or a part of it failed."""
+
+
+class CodecError(RobocompError):
+    """A value or some bytes do not match the type of a message."""
+
+
+class EncodeError(CodecError, ValueError):
+    """A value does not fit its type; the message names the field."""
+
+
+class DecodeError(CodecError, ValueError):
+    """Received bytes do not hold a message of the expected type."""
+
+
+class TransportError(RobocompError):
+    """Something between the two sides went wrong; base of the outcomes every transport shares."""
+
+
+class Unreachable(TransportError):
+    """Nobody serves this channel now."""
+
+
+class Timeout(TransportError, TimeoutError):
+    """No answer before the deadline. Whether the operation was executed is not known."""
+
+
+class Closed(TransportError):
+    """The link was closed, by us, while in use or before."""
+
+
+class ContractMismatch(TransportError):
+    """The other side was generated from a different definition of this operation."""
+
+
+class UnsupportedQoS(TransportError):
+    """This transport cannot keep what was asked of the channel."""
+
+
+class Busy(TransportError):
+    """The other side has too many calls waiting; it did not execute this one."""
+
+
+class Refused(TransportError):
+    """The other side does not serve this operation; it did not execute it."""
+
+
+class DeclaredError(RobocompError):
+    """Base of the exceptions declared in IDSL; generated subclasses carry their fields."""
+
+    def __str__(self) -> str:
+        fields = getattr(self, "__dataclass_fields__", {})
+        values = [getattr(self, name) for name in fields]
+        return str(values[0]) if len(values) == 1 else ", ".join(f"{n}={getattr(self, n)!r}" for n in fields)
+
+
+class RemoteFailure(RobocompError):
+    """A handler on the other side raised an exception that its interface does not declare.
+
+    `kind` is the name of its class there, `reason` its text, `trace` the remote traceback.
+    """
+
+    def __init__(self, operation: str, kind: str, reason: str, trace: str = "") -> None:
+        super().__init__(f"{operation} failed on the other side: {kind}: {reason}")
+        self.operation, self.kind, self.reason, self.trace = operation, kind, reason, trace

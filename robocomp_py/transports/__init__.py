@@ -1,0 +1,1 @@
+"""Ways to carry payloads. `base` is the contract; the rest are adapters, found by entry point."""

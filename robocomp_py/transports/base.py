@@ -1,0 +1,277 @@
+"""The contract of a transport: payloads in, payloads out, on named channels.
+
+Three patterns, two function types, four verbs:
+
+    publish  1:n    Sink     outlet -> inlet
+    command  n:1    Sink     outlet -> inlet
+    query    n:1    Service  caller -> server
+
+A transport never sees a type, a declared exception or a component. It calls sinks and services
+from its own threads, holding no lock, the messages of one inlet one after the other; they may
+take long, and may use this transport themselves, and the transport keeps receiving meanwhile.
+Foreign exceptions stop at its border: what it raises is a `TransportError`. What it cannot do it
+declares (`capabilities`), and `require` refuses it by name. `robocomp_py.testing.conformance`
+holds all of this as tests; a transport is what passes them.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from enum import Flag, IntEnum, auto
+from importlib.metadata import entry_points
+from typing import Any, NamedTuple, Protocol
+
+from ..contract.interface import Pattern, differences
+from ..contract.qos import DEFAULT_QOS, History, Liveliness, QoS
+from ..errors import ConfigurationError, UnsupportedQoS
+from ..wire.codec import Codec, Payload
+
+log = logging.getLogger("robocomp.transport")
+
+
+class Status(IntEnum):
+    """How a call ended, on the wire."""
+
+    OK = 0  # payload: the response
+    THROWN = 1  # payload: an exception the operation declares
+    FAILED = 2  # payload: type, message and traceback of one it does not
+    EXPIRED = 3  # its deadline was over before it was executed
+    MISMATCH = 4  # payload: the server's contract, as UTF-8 text
+    BUSY = 5  # not executed: too many calls wait there
+    REFUSED = 6  # not executed: not served there
+
+
+class Reply(NamedTuple):
+    status: Status
+    payload: Payload = None
+
+
+Sink = Callable[[Payload], object]
+"""Takes one message."""
+
+Service = Callable[[Payload, float], "Reply | Future[Reply]"]
+"""Answers one request, at once or later; the second argument is when it expires (`time.monotonic`).
+
+It should not raise; if it does, or its Future does, the call ends as FAILED without a payload."""
+
+
+class Capability(Flag):
+    """What a transport can do beyond the four verbs."""
+
+    NONE = 0
+    RELIABLE = auto()  # a reliable publication waits rather than lose
+    LATCHED = auto()  # late subscribers get the last `depth` messages
+    CROSS_PROCESS = auto()
+    CROSS_HOST = auto()
+    DEADLINE = auto()
+    LIFESPAN = auto()
+    LIVELINESS = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class TypeRef:
+    """The type of a channel's messages, as transports know it: compared, never looked into.
+
+    `text` is what the fingerprint stands for; two sides that differ show it to each other.
+    """
+
+    name: str
+    fingerprint: int = 0
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """One operation on its way. `name`: see `wire.names`; its instance may be `*`."""
+
+    name: str
+    pattern: Pattern
+    type: TypeRef
+    qos: QoS = DEFAULT_QOS
+    idempotent: bool = False
+
+
+@dataclass
+class Statistics:
+    """What a link met with. Counters only grow; they are exact when the link is quiet."""
+
+    received: int = 0
+    malformed: int = 0  # dropped: not a message of ours
+    mismatched: int = 0  # dropped or refused: another contract under the same name
+    expired: int = 0  # not executed: too late
+    repeated: int = 0  # not executed again
+    lost: int = 0  # messages of a sender we heard before and after, but not these
+    dropped: int = 0  # given up by us: a queue was full
+
+
+class Link(Protocol):
+    """One end of a channel."""
+
+    @property
+    def stats(self) -> Statistics: ...
+
+    def wait_peer(self, timeout: float) -> bool:
+        """Wait until the other side is visible, at most `timeout` seconds.
+
+        With many possible peers, one suffices. Raises ContractMismatch if all who are there mean
+        something else, and Closed.
+        """
+        ...
+
+    def close(self) -> None:
+        """Stop. Idempotent. After it returns no sink or service of this link is called again, and
+        whoever waited for an answer got `Closed`. May be called from a sink."""
+        ...
+
+
+class Outlet(Link, Protocol):
+    def send(self, payload: Payload, deadline: float = 5.0) -> None:
+        """Send one message, from any thread.
+
+        A publication to nobody is fine; a best-effort one never waits, a reliable one waits for
+        slow readers at most `deadline` seconds, then raises Timeout. A command raises Unreachable
+        if nobody serves it, and is never sent twice.
+        """
+        ...
+
+
+class Caller(Link, Protocol):
+    def call(self, payload: Payload, deadline: float) -> Future[Reply]:
+        """Ask, and go on. The Future ends within `deadline` seconds, by a Reply or a
+        TransportError; cancelling it leaves nothing behind."""
+        ...
+
+    def ask(self, payload: Payload, deadline: float) -> Reply:
+        """Ask, and wait at most `deadline` seconds: the fast path, no Future involved."""
+        ...
+
+
+class Transport(Protocol):
+    @property
+    def capabilities(self) -> Capability: ...
+
+    @property
+    def codec(self) -> Codec: ...
+
+    def outlet(self, channel: Channel) -> Outlet: ...
+
+    def inlet(self, channel: Channel, sink: Sink) -> Link: ...
+
+    def caller(self, channel: Channel) -> Caller: ...
+
+    def server(self, channel: Channel, service: Service) -> Link: ...
+
+    def close(self) -> None:
+        """Close every link, then everything else. Idempotent; no thread or socket of ours is left."""
+        ...
+
+
+@dataclass(frozen=True)
+class TransportConfig:
+    """What a transport is opened with.
+
+    `options` is its table of the configuration, `[transports.<name>]`; `owner` is who opens it,
+    for messages to people.
+    """
+
+    options: Mapping[str, Any] = field(default_factory=dict)
+    owner: str = ""
+
+
+TransportFactory = Callable[[TransportConfig], Transport]
+
+
+def find_transport(name: str) -> TransportFactory:
+    """The installed transport of that name; raises ConfigurationError, naming those there are."""
+    known = {entry.name: entry for entry in entry_points(group="robocomp_py.transports")}
+    if name not in known:
+        raise ConfigurationError(f"no middleware {name!r}; installed: {', '.join(sorted(known)) or 'none'}")
+    try:
+        factory: TransportFactory = known[name].load()
+    except ImportError as exc:
+        raise ConfigurationError(f"middleware {name!r} is not usable here: {exc}") from exc
+    return factory
+
+
+def require(transport: Transport, name: str, channel: Channel) -> None:
+    """Raise UnsupportedQoS if the channel asks for what the transport does not offer."""
+    missing = needs(channel) & ~transport.capabilities
+    if missing:
+        wanted = ", ".join(str(each.name).lower() for each in missing)
+        raise UnsupportedQoS(f"{channel.name}: {name} does not offer {wanted}; ask for less in its `qos`")
+
+
+def needs(channel: Channel) -> Capability:
+    """What the QoS of a channel demands of its transport."""
+    qos = channel.qos
+    if channel.pattern is not Pattern.PUBLISH:
+        return Capability.NONE
+    wanted = {
+        Capability.RELIABLE: qos.reliable or qos.history is History.KEEP_ALL,
+        Capability.LATCHED: qos.latched,
+        Capability.DEADLINE: qos.deadline is not None,
+        Capability.LIFESPAN: qos.lifespan is not None,
+        Capability.LIVELINESS: qos.lease is not None or qos.liveliness is not Liveliness.AUTOMATIC,
+    }
+    result = Capability.NONE
+    for capability, asked in wanted.items():
+        result |= capability if asked else Capability.NONE
+    return result
+
+
+def options_of(config: TransportConfig, **defaults: Any) -> dict[str, Any]:
+    """The options with defaults filled in; raises ConfigurationError for one that is not known."""
+    unknown = sorted(set(config.options) - set(defaults))
+    if unknown:
+        raise ConfigurationError(f"unknown transport option {unknown[0]!r}; known: {', '.join(defaults) or 'none'}")
+    return defaults | dict(config.options)
+
+
+def serve(service: Service, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> None:
+    """Run a service and pass its reply on, when there is one, whatever it does."""
+    try:
+        reply = service(payload, expires)
+    except Exception:
+        log.exception("a service raised")
+        reply = Reply(Status.FAILED)
+    if isinstance(reply, Reply):
+        answer(reply)
+        return
+
+    def finished(done: Future[Reply]) -> None:
+        failed = done.cancelled() or done.exception() is not None
+        answer(Reply(Status.FAILED) if failed else done.result())
+
+    reply.add_done_callback(finished)
+
+
+def mismatch(channel: Channel, other: TypeRef) -> str:
+    """Both fingerprints and what differs, for a log or an error."""
+    mine = channel.type
+    what = "; ".join(differences(mine.text, other.text)) if other.text else "the other side does not say what"
+    return (
+        f"{channel.name}: the other side was generated from another definition "
+        f"({mine.fingerprint:016x} here, {other.fingerprint:016x} there): {what}"
+    )
+
+
+# A thread of a transport that runs a sink or service may be about to wait for an answer in it.
+# It can say so, and the transport lets another of its threads receive meanwhile.
+
+_receiving = threading.local()
+
+
+def step_aside() -> None:
+    """Say that this thread is about to wait. Costs nothing on a thread that does not receive."""
+    hand_over: Callable[[], None] | None = getattr(_receiving, "hand_over", None)
+    if hand_over:
+        hand_over()
+
+
+def receives(hand_over: Callable[[], None] | None) -> None:
+    """For transports: on this thread, `step_aside` means `hand_over`."""
+    _receiving.hand_over = hand_over

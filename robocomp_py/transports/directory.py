@@ -1,0 +1,205 @@
+"""Who is there, on this machine: a file per open transport, in a folder of the user's own.
+
+    <run-time folder>/<transport>/<id>.json    what it offers and wants; replaced as a whole, so never half-read
+    <run-time folder>/<transport>/<id>.lock    locked as long as its process lives, however it ends
+
+A lock that can be taken belongs to somebody dead; whoever notices removes what was left.
+The run-time folder is `$ROBOCOMP_RUNTIME_DIR`, or `$XDG_RUNTIME_DIR/robocomp`, or
+`robocomp-<uid>` in the folder for temporary files; always mode 0700.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import secrets
+import stat
+import tempfile
+import threading
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from ..errors import ConfigurationError
+from ..wire.names import matches
+
+_SETTLED = 0.1
+"""A folder changed less than so many seconds ago is read again: its time stamp is too coarse."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One end of one channel. `role` says which one, in the words of the transport."""
+
+    role: str
+    channel: str
+    fingerprint: int
+    text: str
+    address: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """One open transport and its entries."""
+
+    id: str
+    owner: str
+    pid: int
+    entries: tuple[Entry, ...]
+
+
+def runtime_dir() -> Path:
+    """The folder for sockets and directory files, made if need be.
+
+    Raises ConfigurationError if it is somebody else's, or open to others.
+    """
+    base = os.environ.get("XDG_RUNTIME_DIR")
+    default = Path(base, "robocomp") if base else Path(tempfile.gettempdir(), f"robocomp-{os.getuid()}")
+    folder = Path(os.environ.get("ROBOCOMP_RUNTIME_DIR") or default)
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        info = folder.stat()
+    except OSError as exc:
+        raise ConfigurationError(f"run-time folder {folder}: {exc.strerror}; set ROBOCOMP_RUNTIME_DIR") from exc
+    if info.st_uid != os.getuid() or stat.S_IMODE(info.st_mode) & 0o077:
+        raise ConfigurationError(f"run-time folder {folder} is open to other users; make it yours and 0700")
+    return folder
+
+
+class Directory:
+    """The members of one transport. Safe to use from any thread."""
+
+    def __init__(self, folder: Path) -> None:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        self._folder = folder
+        self._lock = threading.Lock()
+        self._members: dict[str, tuple[int, Member]] = {}
+        self._index: dict[tuple[str, str], list[tuple[Member, Entry]]] = {}
+        self._version = 0
+        self._stamp = 0
+        self._changed_at = 0.0
+
+    def join(self, owner: str) -> Membership:
+        return Membership(self._folder, owner)
+
+    def version(self) -> int:
+        """A number that grows when members or their entries change. Cheap while nothing does."""
+        with self._lock:
+            stamp, now = self._folder.stat().st_mtime_ns, time.monotonic()
+            if stamp != self._stamp:
+                self._stamp, self._changed_at = stamp, now
+            if now - self._changed_at < _SETTLED:
+                self._read()
+            return self._version
+
+    def find(self, role: str, channel: str) -> list[tuple[Member, Entry]]:
+        """Ends of a channel in that role; the channel, or theirs, may have `*` for its instance."""
+        self.version()
+        with self._lock:
+            candidates = self._index.get((role, _tail(channel)), [])
+        return [
+            (member, entry)
+            for member, entry in candidates
+            if matches(channel, entry.channel) or matches(entry.channel, channel)
+        ]
+
+    def alive(self, member_id: str) -> bool:
+        """Whether a member's process lives. Removes what a dead one left."""
+        if _locked(self._folder / f"{member_id}.lock"):
+            return True
+        for leftover in self._folder.glob(f"{member_id}*"):
+            leftover.unlink(missing_ok=True)
+        return False
+
+    def _read(self) -> None:
+        found: dict[str, tuple[int, Member]] = {}
+        with os.scandir(self._folder) as files:
+            for file in files:
+                name, _, suffix = file.name.rpartition(".")
+                if suffix != "json":
+                    continue
+                try:
+                    version = file.stat().st_mtime_ns
+                    known = self._members.get(name)
+                    found[name] = known if known and known[0] == version else (version, _load(Path(file.path), name))
+                except FileNotFoundError:
+                    continue  # it left while we read
+                except (ValueError, TypeError, KeyError):
+                    continue  # written by another version of this package
+        alive = {name: known for name, known in found.items() if self.alive(name)}
+        if alive != self._members:
+            self._members = alive
+            self._version += 1
+            self._index = {}
+            for _, (_, member) in sorted(alive.items()):
+                for entry in member.entries:
+                    self._index.setdefault((entry.role, _tail(entry.channel)), []).append((member, entry))
+
+
+def _tail(channel: str) -> str:
+    """Interface and operation: what a channel has in common with all that it may match."""
+    return "/".join(channel.split("/")[-2:])
+
+
+class Membership:
+    """Our own entry, as long as we keep it open."""
+
+    def __init__(self, folder: Path, owner: str) -> None:
+        self.id = f"{os.getpid()}-{secrets.token_hex(4)}"
+        self._file, self._lock_file = folder / f"{self.id}.json", folder / f"{self.id}.lock"
+        self._owner = owner
+        self._entries: list[Entry] = []
+        self._lock = threading.Lock()
+        self._held = os.open(self._lock_file, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600)
+        fcntl.flock(self._held, fcntl.LOCK_EX)
+        self._write()
+
+    def address(self, suffix: str) -> Path:
+        """A path for a socket of ours, removed with everything else that we leave."""
+        return self._file.with_name(f"{self.id}-{suffix}")
+
+    def add(self, entry: Entry) -> None:
+        with self._lock:
+            self._entries.append(entry)
+            self._write()
+
+    def remove(self, entry: Entry) -> None:
+        with self._lock:
+            if entry in self._entries and self._held >= 0:
+                self._entries.remove(entry)
+                self._write()
+
+    def close(self) -> None:
+        with self._lock:
+            if self._held < 0:
+                return
+            for leftover in self._file.parent.glob(f"{self.id}*"):
+                leftover.unlink(missing_ok=True)
+            os.close(self._held)
+            self._held = -1
+
+    def _write(self) -> None:
+        record = {"owner": self._owner, "pid": os.getpid(), "entries": [asdict(e) for e in self._entries]}
+        draft = self._file.with_suffix(".draft")
+        draft.write_text(json.dumps(record))
+        draft.replace(self._file)
+
+
+def _load(path: Path, name: str) -> Member:
+    record = json.loads(path.read_text())
+    return Member(name, record["owner"], record["pid"], tuple(Entry(**entry) for entry in record["entries"]))
+
+
+def _locked(path: Path) -> bool:
+    try:
+        probe = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+    except FileNotFoundError:
+        return False
+    try:
+        fcntl.flock(probe, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(probe)
+    return False

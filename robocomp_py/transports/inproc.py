@@ -1,0 +1,318 @@
+"""Transport `inproc`: threads of one process. The contract in code; read this one first.
+
+Transports opened on the same bus see each other. Payloads are handed over as they are; the codec
+`identity` has made them values that nobody can change.
+"""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import queue
+import threading
+import time
+from collections import defaultdict, deque
+from collections.abc import Callable, Iterable
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as FutureTimeout
+from functools import partial
+from typing import TypeVar
+
+from ..contract.interface import Pattern
+from ..errors import Closed, ContractMismatch, Timeout, Unreachable
+from ..wire.codec import Codec, Payload
+from ..wire.identity import Identity
+from ..wire.names import matches
+from .base import (
+    Capability,
+    Channel,
+    Reply,
+    Service,
+    Sink,
+    Statistics,
+    Status,
+    TransportConfig,
+    mismatch,
+    options_of,
+    serve,
+)
+from .crew import Crew, Gate, Job, Lane
+from .pending import Pending
+
+log = logging.getLogger("robocomp.transport.inproc")
+
+L = TypeVar("L", bound="_Link")
+
+COMMANDS_WAITING = 1000
+"""Commands that may wait at one server; the next ones wait at their senders."""
+
+
+class _Bus:
+    """All links of the transports that share a bus. Its lock is never held while calling out."""
+
+    def __init__(self) -> None:
+        self.changed = threading.Condition()
+        self.links: list[_Link] = []
+
+    def add(self, link: _Link) -> None:
+        with self.changed:
+            self.links.append(link)
+            self.changed.notify_all()
+
+    def remove(self, link: _Link) -> None:
+        with self.changed:
+            if link in self.links:
+                self.links.remove(link)
+            self.changed.notify_all()
+
+
+_BUSES: dict[str, _Bus] = defaultdict(_Bus)
+
+
+class InprocTransport:
+    """Option `bus`: the name of the bus to join."""
+
+    capabilities = Capability.RELIABLE | Capability.LATCHED
+
+    def __init__(self, config: TransportConfig) -> None:
+        self.codec: Codec = Identity()
+        self._bus = _BUSES[options_of(config, bus="default")["bus"]]
+        self._links: list[_Link] = []
+        self._closed = False
+        self._work: queue.SimpleQueue[Job] = queue.SimpleQueue()
+        self._crew = Crew("inproc", self._receive, wake=lambda: self._work.put(_nothing))
+        self._crew.start()
+
+    def outlet(self, channel: Channel) -> _Outlet:
+        return self._open(_Outlet(self, self._bus, channel))
+
+    def inlet(self, channel: Channel, sink: Sink) -> _Inlet:
+        return self._open(_Inlet(self, self._bus, channel, sink))
+
+    def caller(self, channel: Channel) -> _Caller:
+        return self._open(_Caller(self, self._bus, channel))
+
+    def server(self, channel: Channel, service: Service) -> _Server:
+        return self._open(_Server(self, self._bus, channel, service))
+
+    def close(self) -> None:
+        self._closed = True
+        while self._links:
+            self._links.pop().close()
+        self._crew.close()
+
+    def do(self, job: Job) -> None:
+        """Have a thread of ours run this."""
+        self._work.put(job)
+
+    def _receive(self) -> Iterable[Job]:
+        waits = [link.pending.expire() for link in list(self._links) if isinstance(link, _Caller)]
+        try:
+            return (self._work.get(timeout=min((wait for wait in waits if wait is not None), default=None)),)
+        except queue.Empty:
+            return ()
+
+    def _open(self, link: L) -> L:
+        if self._closed:
+            raise Closed("the transport is closed")
+        self._links.append(link)
+        self._bus.add(link)
+        link.opened()
+        return link
+
+
+def _nothing() -> None: ...
+
+
+class _Link:
+    """One end of a channel; `facing` is the class of the other."""
+
+    facing: type[_Link]
+
+    def __init__(self, transport: InprocTransport, bus: _Bus, channel: Channel) -> None:
+        self.transport, self.channel = transport, channel
+        self.stats = Statistics()
+        self.closed = False
+        self._bus = bus
+        self._reported: set[int] = set()
+
+    def opened(self) -> None: ...
+
+    def peers(self) -> list[_Link]:
+        """The other ends that mean the same. Raises ContractMismatch if there are only others."""
+        with self._bus.changed:
+            named = [other for other in self._bus.links if isinstance(other, self.facing) and self._meets(other)]
+        same = [other for other in named if other.channel.type.fingerprint == self.channel.type.fingerprint]
+        for other in named:
+            if other not in same:
+                self._report(other)
+        if named and not same:
+            raise ContractMismatch(mismatch(self.channel, named[0].channel.type))
+        return same
+
+    def peers_or_none(self) -> list[_Link]:
+        try:
+            return self.peers()
+        except ContractMismatch:
+            return []
+
+    def wait_peer(self, timeout: float) -> bool:
+        deadline = time.monotonic() + timeout
+        while not self.peers():
+            if self.closed:
+                raise Closed(self.channel.name)
+            with self._bus.changed:
+                if not self._bus.changed.wait(max(0.0, deadline - time.monotonic())):
+                    return False
+        return True
+
+    def close(self) -> None:
+        self.closed = True
+        self._bus.remove(self)
+
+    def check_open(self) -> None:
+        if self.closed:
+            raise Closed(self.channel.name)
+
+    def _meets(self, other: _Link) -> bool:
+        mine, theirs = self.channel, other.channel
+        same_name = matches(mine.name, theirs.name) or matches(theirs.name, mine.name)
+        return same_name and mine.pattern is theirs.pattern and not other.closed
+
+    def _report(self, other: _Link) -> None:
+        if id(other) not in self._reported:
+            self._reported.add(id(other))
+            self.stats.mismatched += 1
+            log.error("%s", mismatch(self.channel, other.channel.type))
+
+
+class _Outlet(_Link):
+    def __init__(self, transport: InprocTransport, bus: _Bus, channel: Channel) -> None:
+        super().__init__(transport, bus, channel)
+        self._order = threading.Lock()
+        self._history: deque[Payload] = deque(maxlen=channel.qos.depth if channel.qos.latched else 0)
+
+    def send(self, payload: Payload, deadline: float = 5.0) -> None:
+        self.check_open()
+        end = time.monotonic() + deadline
+        if self.channel.pattern is Pattern.COMMAND:
+            server = next(iter(self.peers()), None)
+            if server is None:
+                raise Unreachable(f"{self.channel.name}: nobody serves it")
+            self._give(server, payload, end)
+            return
+        with self._order:
+            self._history.append(payload)
+            for inlet in self.peers():
+                self._give(inlet, payload, end)
+
+    def greet(self, inlet: _Inlet) -> None:
+        """Give a late subscriber what it missed."""
+        with self._order:
+            for payload in self._history:
+                self._give(inlet, payload, 0.0)
+
+    def _give(self, inlet: _Link, payload: Payload, end: float) -> None:
+        assert isinstance(inlet, _Inlet)
+        if not inlet.lane.put(payload, max(0.0, end - time.monotonic())):
+            raise Timeout(f"{self.channel.name}: a reader is too slow")
+        inlet.transport.do(inlet.lane.drain)
+
+
+class _Inlet(_Link):
+    facing = _Outlet
+
+    def __init__(self, transport: InprocTransport, bus: _Bus, channel: Channel, sink: Sink) -> None:
+        super().__init__(transport, bus, channel)
+        topic = channel.pattern is Pattern.PUBLISH
+        depth = channel.qos.depth if topic else COMMANDS_WAITING
+        lossy = topic and not channel.qos.reliable
+        self.lane = Lane(channel.name, sink, depth, lossy=lossy, stats=self.stats)
+
+    def opened(self) -> None:
+        if self.channel.qos.latched:
+            for outlet in self.peers():
+                assert isinstance(outlet, _Outlet)
+                outlet.greet(self)
+
+    def close(self) -> None:
+        super().close()
+        self.lane.close()
+
+
+_Outlet.facing = _Inlet
+
+
+class _Caller(_Link):
+    def __init__(self, transport: InprocTransport, bus: _Bus, channel: Channel) -> None:
+        super().__init__(transport, bus, channel)
+        self.pending = Pending(channel.name)
+        self._sequence = itertools.count(1)
+
+    def call(self, payload: Payload, deadline: float) -> Future[Reply]:
+        future = self._start(payload, deadline)
+        self.transport.do(_nothing)  # whoever receives may have meant to wait for longer than this deadline
+        return future
+
+    def ask(self, payload: Payload, deadline: float) -> Reply:
+        future = self._start(payload, deadline)
+        try:
+            return future.result(deadline)
+        except FutureTimeout:
+            future.cancel()
+            raise Timeout(f"{self.channel.name}: no answer in {deadline:g} s") from None
+
+    def _start(self, payload: Payload, deadline: float) -> Future[Reply]:
+        self.check_open()
+        server = next(iter(self.peers()), None)
+        if server is None:
+            raise Unreachable(f"{self.channel.name}: nobody serves it")
+        assert isinstance(server, _Server)
+        number = next(self._sequence)
+        future = self.pending.add(number, deadline)
+        server.take(payload, time.monotonic() + deadline, partial(self.pending.settle, number))
+        return future
+
+    def server_left(self) -> None:
+        """A server was closed: if it was the last one, nobody will answer what we wait for."""
+        if len(self.pending) and not self.closed and not self.peers():
+            self.pending.fail_all(Unreachable(f"{self.channel.name}: its server left"))
+
+    def close(self) -> None:
+        super().close()
+        self.pending.fail_all(Closed(self.channel.name))
+
+
+class _Server(_Link):
+    facing = _Caller
+
+    def __init__(self, transport: InprocTransport, bus: _Bus, channel: Channel, service: Service) -> None:
+        super().__init__(transport, bus, channel)
+        self._service = service
+        self._gate = Gate(channel.name)
+
+    def take(self, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> None:
+        self.transport.do(partial(self._serve, payload, expires, answer))
+
+    def close(self) -> None:
+        callers = [link for link in self.peers_or_none() if isinstance(link, _Caller)]
+        super().close()
+        for caller in callers:
+            caller.server_left()
+        self._gate.close()
+
+    def _serve(self, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> None:
+        if not self._gate.enter():
+            return
+        try:
+            if time.monotonic() >= expires:
+                self.stats.expired += 1
+                answer(Reply(Status.EXPIRED))
+                return
+            self.stats.received += 1
+            serve(self._service, payload, expires, answer)
+        finally:
+            self._gate.leave()
+
+
+_Caller.facing = _Server

@@ -1,0 +1,931 @@
+"""Transport `zeromq`: a socket for every topic that is published, one for all operations that are served.
+
+    frames of a publication   channel · header · payload…            XPUB → SUB
+    frames of a request       channel · header · payload…            DEALER → ROUTER
+    frames of a reply         header · payload…                      ROUTER → DEALER
+
+Who serves what, and where, stands in the directory of the run-time folder, beside the sockets'
+`ipc://` files. A late subscriber of a latched topic also subscribes to a name of its own, and gets
+under it what it missed.
+
+Threads. A ZeroMQ socket may be used by several threads only under a lock, and nobody must sleep
+holding it. So one thread (the leader of a `Crew`) sleeps on the file descriptors of all sockets,
+and everybody reads and writes under the socket's lock without waiting (`_Socket`). The exception
+is a synchronous call: its thread takes a socket out of a pool, has it to itself, and receives the
+answer itself.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import logging
+import os
+import select
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from functools import partial
+from typing import Any, TypeVar
+
+import zmq
+
+from ..contract.interface import Pattern
+from ..contract.qos import History
+from ..errors import Closed, ContractMismatch, DecodeError, Timeout, TransportError, Unreachable
+from ..wire.codec import MAX_BYTES, Codec, Payload
+from ..wire.header import (
+    NO_DEADLINE,
+    Flag,
+    ReplyHeader,
+    Request,
+    pack_publication,
+    pack_reply,
+    pack_request,
+    random_id,
+    read_publication,
+    read_reply,
+    read_request,
+)
+from ..wire.messagepack import MessagePack
+from .base import (
+    Capability,
+    Channel,
+    Reply,
+    Service,
+    Sink,
+    Statistics,
+    Status,
+    TransportConfig,
+    TypeRef,
+    mismatch,
+    options_of,
+    serve,
+)
+from .crew import Crew, Gate, Job, Lane
+from .directory import Directory, Entry, Member, runtime_dir
+from .ledger import Ledger
+from .pending import Pending
+
+log = logging.getLogger("robocomp.transport.zeromq")
+
+TICK = 0.05
+"""Seconds between two looks into the directory, and at those we wait for."""
+
+LINGER_MS = 500
+"""How long closing may wait for what was sent last to leave."""
+
+BATCH = 32
+"""Messages taken from one socket before the others have their turn."""
+
+KEEP_ALL_DEPTH = 10_000
+COMMANDS_WAITING = 1000
+
+Frames = list[Any]
+L = TypeVar("L", bound="_Link")
+
+
+class ZeroMQTransport:
+    """Option `bind`: TCP address at which operations are served as well, `tcp://127.0.0.1:5555`."""
+
+    capabilities = Capability.RELIABLE | Capability.LATCHED | Capability.CROSS_PROCESS
+
+    def __init__(self, config: TransportConfig) -> None:
+        self.codec: Codec = MessagePack()
+        self.incarnation = random_id()
+        self.context = zmq.Context()
+        self.directory = Directory(runtime_dir() / "zeromq")
+        self.member = self.directory.join(config.owner)
+        self.closed = False
+        self._bind = options_of(config, bind="")["bind"]
+        self._lock = threading.RLock()
+        self._links: list[_Link] = []
+        self._peers: dict[str, _Peer] = {}
+        self._router: _Router | None = None
+        self._known = 0
+        self._loop = _Loop(self._tick)
+        self._crew = Crew("zeromq", self._loop.receive, self._loop.wake)
+        self._crew.start()
+
+    def outlet(self, channel: Channel) -> _Publisher | _CommandOutlet:
+        kind = _Publisher if channel.pattern is Pattern.PUBLISH else _CommandOutlet
+        return self._open(kind(self, channel))
+
+    def inlet(self, channel: Channel, sink: Sink) -> _Subscriber | _CommandInlet:
+        kind = _Subscriber if channel.pattern is Pattern.PUBLISH else _CommandInlet
+        return self._open(kind(self, channel, sink))
+
+    def caller(self, channel: Channel) -> _Caller:
+        return self._open(_Caller(self, channel))
+
+    def server(self, channel: Channel, service: Service) -> _Server:
+        return self._open(_Server(self, channel, service))
+
+    def close(self) -> None:
+        with self._lock:
+            if self.closed:
+                return
+            self.closed = True
+        for link in reversed(list(self._links)):
+            link.close()
+        self.member.close()
+        self._crew.close()
+        for peer in self._peers.values():
+            peer.close()
+        if self._router:
+            self._router.socket.close()
+        self.context.term()
+        self._loop.close()
+
+    # What links use.
+
+    def socket(self, kind: int, on_input: Callable[[_Socket], list[Job]], **options: int) -> _Socket:
+        """A shared socket, whose input the crew attends to from now on."""
+        socket = _Socket(new_socket(self.context, kind, **options), on_input, self._loop.attend)
+        self._loop.add(socket)
+        return socket
+
+    def forget(self, socket: _Socket) -> None:
+        self._loop.remove(socket)
+        socket.close()
+
+    def attend(self, socket: _Socket) -> None:
+        self._loop.attend(socket)
+
+    def wake(self) -> None:
+        self._loop.wake()
+
+    def router(self) -> _Router:
+        with self._lock:
+            if self._router is None:
+                self._router = _Router(self, self._bind)
+            return self._router
+
+    def peer(self, member: Member, address: str) -> _Peer:
+        with self._lock:
+            if member.id not in self._peers:
+                self._peers[member.id] = _Peer(self, member.id, address)
+            return self._peers[member.id]
+
+    def drop(self, peer: _Peer) -> None:
+        """Its process is dead: nobody we wait for there will answer."""
+        with self._lock:
+            self._peers.pop(peer.id, None)
+        peer.close()
+
+    def left(self, link: _Link) -> None:
+        with self._lock:
+            if link in self._links:
+                self._links.remove(link)
+
+    def _guarded(self, look: Callable[[], None]) -> None:
+        try:
+            look()
+        except Exception:  # on the thread that receives for everybody: it must go on
+            log.exception("looking into the directory")
+
+    def _open(self, link: L) -> L:
+        with self._lock:
+            if self.closed:
+                raise Closed("the transport is closed")
+            self._links.append(link)
+        try:
+            link.open()
+        except BaseException:
+            link.close()
+            raise
+        return link
+
+    def _tick(self) -> float:
+        """Do what is due; seconds until the next time."""
+        version = self.directory.version()
+        links = list(self._links)
+        if version != self._known:
+            self._known = version
+            for link in links:
+                self._guarded(link.look)
+        return min([TICK, *(wait for link in links if (wait := link.tick()) is not None)])
+
+
+def new_socket(context: zmq.Context[Any], kind: int, **options: int) -> zmq.Socket[Any]:
+    with as_transport_error("opening a socket"):
+        socket: zmq.Socket[Any] = context.socket(kind)
+        settings = {"LINGER": LINGER_MS, "MAXMSGSIZE": MAX_BYTES + 65536, "HANDSHAKE_IVL": 2000} | options
+        for name, value in settings.items():
+            socket.setsockopt(getattr(zmq, name), value)
+        return socket
+
+
+@contextlib.contextmanager
+def as_transport_error(doing: str) -> Iterator[None]:
+    try:
+        yield
+    except zmq.ZMQError as exc:
+        raise TransportError(f"zeromq: {doing}: {exc}") from exc
+
+
+class _Socket:
+    """A ZeroMQ socket that several threads may use, because nothing here waits.
+
+    Its file descriptor tells of input only once, and any use of the socket may swallow that; so
+    whoever used it looks whether there is some, and has it attended to.
+    """
+
+    def __init__(
+        self, raw: zmq.Socket[Any], on_input: Callable[[_Socket], list[Job]], attend: Callable[[_Socket], None]
+    ) -> None:
+        self.lock = threading.RLock()
+        self.fileno = int(raw.FD)
+        self.raw = raw
+        self.closed = False
+        self.on_input = on_input
+        self._attend = attend
+
+    def send(self, frames: Frames) -> bool:
+        """Whether it was sent; if not, there is no room now, or nobody is connected."""
+        with self.lock:
+            if self.closed:
+                return False
+            try:
+                self.raw.send_multipart(frames, zmq.NOBLOCK)
+                sent = True
+            except zmq.Again:
+                sent = False
+            if int(self.raw.EVENTS) & zmq.POLLIN:
+                self._attend(self)
+            return sent
+
+    def send_within(self, frames: Frames, end: float, still: Callable[[], None]) -> bool:
+        """Send, trying until `end`; `still` is called meanwhile, and may raise."""
+        while not self.send(frames):
+            if time.monotonic() >= end:
+                return False
+            still()
+            with self.lock:
+                if not self.closed:
+                    self.raw.poll(5, zmq.POLLOUT)
+        return True
+
+    def receive(self) -> Frames | None:
+        with self.lock:
+            if self.closed:
+                return None
+            try:
+                return self.raw.recv_multipart(zmq.NOBLOCK)
+            except zmq.Again:
+                return None
+
+    def close(self) -> None:
+        with self.lock:
+            if not self.closed:
+                self.closed = True
+                self.raw.close()
+
+
+class _Loop:
+    """Waits for input on all sockets at once, and for what is due. `receive` is for one thread at a time."""
+
+    def __init__(self, tick: Callable[[], float]) -> None:
+        self._tick = tick
+        self._poller = select.poll()
+        self._sockets: dict[int, _Socket] = {}
+        self._ready: deque[_Socket] = deque()
+        self._next_tick = 0.0
+        self._sleeping = False
+        self._wake_out, self._wake_in = os.pipe()
+        os.set_blocking(self._wake_out, False)
+        os.set_blocking(self._wake_in, False)
+        self._poller.register(self._wake_out, select.POLLIN)
+
+    def add(self, socket: _Socket) -> None:
+        self._sockets[socket.fileno] = socket
+        self._poller.register(socket.fileno, select.POLLIN)
+        self.attend(socket)
+
+    def remove(self, socket: _Socket) -> None:
+        if self._sockets.get(socket.fileno) is socket:
+            del self._sockets[socket.fileno]
+            self._poller.unregister(socket.fileno)
+        self.wake()
+
+    def attend(self, socket: _Socket) -> None:
+        """Look at this socket next, whatever its file descriptor says."""
+        self._ready.append(socket)
+        if self._sleeping:
+            self._interrupt()
+
+    def wake(self) -> None:
+        """Tick now: something became due earlier, or a socket came or went."""
+        self._next_tick = 0.0
+        self._interrupt()
+
+    def receive(self) -> list[Job]:
+        if time.monotonic() >= self._next_tick:
+            self._next_tick = time.monotonic() + self._tick()
+        self._sleeping = True  # before looking at what is ready: whoever adds to it later sees this, and interrupts
+        timeout = 0.0 if self._ready else max(0.0, self._next_tick - time.monotonic())
+        events = self._poller.poll(timeout * 1000)
+        self._sleeping = False
+        for descriptor, _ in events:
+            if descriptor == self._wake_out:
+                with contextlib.suppress(BlockingIOError):
+                    os.read(self._wake_out, 4096)
+            elif descriptor in self._sockets:
+                self._ready.append(self._sockets[descriptor])
+        jobs: list[Job] = []
+        for _ in range(len(self._ready)):
+            socket = self._ready.popleft()
+            jobs += socket.on_input(socket)
+        return jobs
+
+    def close(self) -> None:
+        os.close(self._wake_out)
+        os.close(self._wake_in)
+
+    def _interrupt(self) -> None:
+        with contextlib.suppress(BlockingIOError):  # the pipe is full, so it will wake
+            os.write(self._wake_in, b"!")
+
+
+class _Link:
+    """One end of a channel: announced in the directory, and looking there for those it faces."""
+
+    role: str
+    facing: str
+
+    def __init__(self, transport: ZeroMQTransport, channel: Channel) -> None:
+        self.transport, self.channel = transport, channel
+        self.stats = Statistics()
+        self.closed = threading.Event()
+        self._entry: Entry | None = None
+        self._reported: set[object] = set()
+
+    def open(self) -> None:
+        self.announce()
+
+    def tick(self) -> float | None:
+        """Do what is due; seconds until the next time, if not a tick."""
+        return None
+
+    def look(self) -> None:
+        """The directory has changed."""
+        self.counterparts()
+
+    def wait_peer(self, timeout: float) -> bool:
+        end = time.monotonic() + timeout
+        while True:
+            self.check_open()
+            if self.visible():
+                return True
+            if time.monotonic() >= end:
+                return False
+            self.closed.wait(min(0.005, max(0.0, end - time.monotonic())))
+
+    def visible(self) -> bool:
+        """Whether the other side is there. Raises ContractMismatch if only others are."""
+        return any(self.transport.directory.alive(member.id) for member, _ in self.counterparts(strict=True))
+
+    def close(self) -> None:
+        self.closed.set()
+        if self._entry:
+            self.transport.member.remove(self._entry)
+        self.transport.left(self)
+
+    def announce(self, address: str = "") -> None:
+        kind = self.channel.type
+        self._entry = Entry(self.role, self.channel.name, kind.fingerprint, kind.text, address)
+        self.transport.member.add(self._entry)
+
+    def counterparts(self, *, strict: bool = False) -> list[tuple[Member, Entry]]:
+        """Those we face who mean the same by the name; the others are reported, once each.
+
+        With `strict`, raises ContractMismatch if there are only others.
+        """
+        named = self.transport.directory.find(self.facing, self.channel.name)
+        same = [found for found in named if found[1].fingerprint == self.channel.type.fingerprint]
+        for member, entry in named:
+            if entry.fingerprint != self.channel.type.fingerprint:
+                self.report_mismatch((member.id, entry.fingerprint), TypeRef("", entry.fingerprint, entry.text))
+        if strict and named and not same:
+            entry = named[0][1]
+            raise ContractMismatch(mismatch(self.channel, TypeRef("", entry.fingerprint, entry.text)))
+        return same
+
+    def check_open(self) -> None:
+        if self.closed.is_set() or self.transport.closed:
+            raise Closed(f"{self.channel.name}: the link is closed")
+
+    def report_mismatch(self, who: object, other: TypeRef) -> None:
+        if who not in self._reported:
+            self._reported.add(who)
+            self.stats.mismatched += 1
+            log.error("%s", mismatch(self.channel, other))
+
+    def malformed(self, why: object) -> None:
+        """Count a message that is none of ours; the first one is logged."""
+        self.stats.malformed += 1
+        if self.stats.malformed == 1:
+            log.warning("%s: dropped a malformed message (further ones are only counted): %s", self.channel.name, why)
+
+
+# -- topics -------------------------------------------------------------------
+
+
+class _Publisher(_Link):
+    role, facing = "publishes", "subscribes"
+
+    def open(self) -> None:
+        qos = self.channel.qos
+        depth = KEEP_ALL_DEPTH if qos.history is History.KEEP_ALL else max(qos.depth, 8)
+        self._name = self.channel.name.encode()
+        self._source, self._sequence = random_id(), itertools.count(1)
+        self._history: deque[Frames] = deque(maxlen=qos.depth if qos.latched else 0)
+        self._subscribers = 0
+        self._order = threading.Lock()
+        self._socket = self.transport.socket(
+            zmq.XPUB, self._on_subscription, SNDHWM=depth, XPUB_VERBOSER=1, XPUB_NODROP=int(qos.reliable)
+        )
+        path = self.transport.member.address(f"{self._source & 0xFFFFFF:06x}")
+        with as_transport_error(f"binding {path}"), self._socket.lock:
+            self._socket.raw.bind(f"ipc://{path}")
+        self.announce(f"ipc://{path}")
+
+    def send(self, payload: Payload, deadline: float = 5.0) -> None:
+        end = time.monotonic() + deadline
+        with self._order:
+            self.check_open()
+            header = pack_publication(self.channel.type.fingerprint, self._source, next(self._sequence), time.time_ns())
+            if not self._socket.send_within([self._name, header, *payload], end, self.check_open):
+                raise Timeout(f"{self.channel.name}: a subscriber did not keep up for {deadline:g} s")
+            if self._history.maxlen:
+                self._history.append([header, *map(bytes, payload)])
+
+    def visible(self) -> bool:
+        self.counterparts(strict=True)
+        return self._subscribers > 0
+
+    def close(self) -> None:
+        super().close()
+        self.transport.forget(self._socket)
+
+    def _on_subscription(self, socket: _Socket) -> list[Job]:
+        while (frames := socket.receive()) is not None:
+            begins, topic = frames[0][:1] == b"\1", frames[0][1:]
+            if topic == self._name:
+                self._subscribers += 1 if begins else -1
+            elif begins and topic[:1] == b"\0":
+                for message in list(self._history):
+                    socket.send([topic, *message])
+        return []
+
+
+class _Subscriber(_Link):
+    role, facing = "subscribes", "publishes"
+
+    def __init__(self, transport: ZeroMQTransport, channel: Channel, sink: Sink) -> None:
+        super().__init__(transport, channel)
+        qos = channel.qos
+        self._depth = KEEP_ALL_DEPTH if qos.history is History.KEEP_ALL else qos.depth
+        self._lane = Lane(channel.name, sink, self._depth, lossy=not qos.reliable, stats=self.stats)
+        self._ledger = Ledger(self.stats, ordered=True)
+        self._connected: dict[str, str] = {}
+        self._paused = False
+
+    def open(self) -> None:
+        self._socket = self.transport.socket(zmq.SUB, self._on_message, RCVHWM=max(self._depth, 8), RECONNECT_IVL=-1)
+        self.look()
+        self.announce()
+
+    def look(self) -> None:
+        there = {entry.address: entry.channel for _, entry in self.counterparts()}
+        with self._socket.lock:
+            if self._socket.closed:
+                return
+            for address in self._connected.keys() - there.keys():
+                del self._connected[address]
+                with contextlib.suppress(zmq.ZMQError):  # it has gone, and its endpoint with it
+                    self._socket.raw.disconnect(address)
+            for address in there.keys() - self._connected.keys():
+                self._connected[address] = there[address]
+                with as_transport_error(f"connecting to {address}"):
+                    self._socket.raw.subscribe(there[address].encode())
+                    if self.channel.qos.latched:
+                        self._socket.raw.subscribe(b"\0" + random_id().to_bytes(8, "little"))
+                    self._socket.raw.connect(address)
+        self.transport.attend(self._socket)
+
+    def visible(self) -> bool:
+        self.counterparts(strict=True)
+        return bool(self._connected)
+
+    def close(self) -> None:
+        super().close()
+        self._lane.close()
+        self.transport.forget(self._socket)
+
+    def _on_message(self, socket: _Socket) -> list[Job]:
+        taken = 0
+        for _ in range(BATCH):
+            self._paused = self._lane.full
+            frames = None if self._paused else socket.receive()
+            if frames is None:
+                break
+            taken += self._take(frames)
+        else:
+            self.transport.attend(socket)
+        return [self._drain] if taken else []
+
+    def _take(self, frames: Frames) -> bool:
+        try:
+            header = read_publication(frames[1] if len(frames) > 1 else b"")
+        except DecodeError as exc:
+            self.malformed(exc)
+            return False
+        if header.fingerprint != self.channel.type.fingerprint:
+            self.report_mismatch(header.source, TypeRef("", header.fingerprint))
+            return False
+        return self._ledger.admit(header.source, header.sequence) and self._lane.put(frames[2:])
+
+    def _drain(self) -> None:
+        self._lane.drain()
+        if self._paused:
+            self.transport.attend(self._socket)
+
+
+# -- commands and queries, the asking side ------------------------------------
+
+
+_TO_SERVER = {"IMMEDIATE": 1, "RECONNECT_IVL": -1, "SNDHWM": 1000, "RCVHWM": 1000}
+"""No queueing for the dead; a server that comes back has another address."""
+
+
+class _Peer:
+    """The process behind an address: a shared line to it, and sockets for synchronous calls."""
+
+    def __init__(self, transport: ZeroMQTransport, member_id: str, address: str) -> None:
+        self.id, self._address, self._transport = member_id, address, transport
+        self.closed = False
+        self.callers: dict[int, _Caller] = {}
+        self._lock = threading.Lock()
+        self._idle: list[zmq.Socket[bytes]] = []
+        self.line = transport.socket(zmq.DEALER, self._on_reply, **_TO_SERVER)
+        with as_transport_error(f"connecting to {address}"), self.line.lock:
+            self.line.raw.connect(address)
+
+    def alive(self) -> bool:
+        return not self.closed and self._transport.directory.alive(self.id)
+
+    def take(self) -> zmq.Socket[bytes]:
+        """A socket for the calling thread alone; it must `give` it back."""
+        with self._lock:
+            if self.closed:
+                raise Unreachable(f"{self._address}: its server left")
+            if self._idle:
+                return self._idle.pop()
+        options = _TO_SERVER | {"SNDTIMEO": _SLICE_MS, "RCVTIMEO": _SLICE_MS}
+        socket = new_socket(self._transport.context, zmq.DEALER, **options)
+        with as_transport_error(f"connecting to {self._address}"):
+            socket.connect(self._address)
+        return socket
+
+    def give(self, socket: zmq.Socket[bytes]) -> None:
+        with self._lock:
+            if not self.closed:
+                self._idle.append(socket)
+                return
+        socket.close()
+
+    def close(self) -> None:
+        with self._lock:
+            self.closed = True
+            idle, self._idle = self._idle, []
+        for socket in idle:
+            socket.close()
+        self._transport.forget(self.line)
+
+    def _on_reply(self, socket: _Socket) -> list[Job]:
+        while (frames := socket.receive()) is not None:
+            try:
+                header = read_reply(frames[0])
+            except DecodeError as exc:
+                log.warning("%s: dropped a malformed reply: %s", self._address, exc)
+                continue
+            caller = self.callers.get(header.client)
+            if caller:
+                caller.answered(header, frames[1:])
+        return []
+
+
+_SLICE_MS = 50
+"""A call that waits looks this often whether its server lives and its own link is open."""
+
+
+class _AskingLink(_Link):
+    """A link that finds the one process that serves its channel."""
+
+    def __init__(self, transport: ZeroMQTransport, channel: Channel) -> None:
+        super().__init__(transport, channel)
+        self.client, self._sequence = random_id(), itertools.count(1)
+        self._found: tuple[_Peer, bytes] | None = None
+
+    def visible(self) -> bool:
+        try:
+            self.server()
+        except Unreachable:
+            return False
+        return True
+
+    def server(self) -> tuple[_Peer, bytes]:
+        """The peer that serves this channel, and the channel's name there. Raises Unreachable."""
+        if self._found and not self._found[0].closed:
+            return self._found
+        self.check_open()
+        for member, entry in self.counterparts(strict=True):
+            if self.transport.directory.alive(member.id):
+                self._found = self.transport.peer(member, entry.address), entry.channel.encode()
+                self.met(self._found[0])
+                return self._found
+        raise Unreachable(f"{self.channel.name}: nobody serves it")
+
+    def met(self, peer: _Peer) -> None:
+        """A server was found."""
+
+    def still(self, peer: _Peer) -> None:
+        """Raise if there is no point in waiting any longer."""
+        self.check_open()
+        if not peer.alive():
+            self.transport.drop(peer)
+            raise Unreachable(f"{self.channel.name}: its server left")
+
+    def request(self, channel: bytes, flags: int, remaining: float, payload: Payload) -> tuple[int, Frames]:
+        number = next(self._sequence)
+        header = pack_request(flags, self.channel.type.fingerprint, self.client, number, remaining)
+        return number, [channel, header, *payload]
+
+
+class _CommandOutlet(_AskingLink):
+    role, facing = "commands", "receives"
+
+    def __init__(self, transport: ZeroMQTransport, channel: Channel) -> None:
+        super().__init__(transport, channel)
+        self._order = threading.Lock()
+
+    def send(self, payload: Payload, deadline: float = 5.0) -> None:
+        end = time.monotonic() + deadline
+        with self._order:
+            self.check_open()
+            peer, channel = self.server()
+            _, frames = self.request(channel, Flag.ONEWAY, deadline, payload)
+            if not peer.line.send_within(frames, end, partial(self.still, peer)):
+                raise Timeout(f"{self.channel.name}: its server did not take the command for {deadline:g} s")
+
+
+class _Caller(_AskingLink):
+    role, facing = "calls", "serves"
+
+    def __init__(self, transport: ZeroMQTransport, channel: Channel) -> None:
+        super().__init__(transport, channel)
+        self._pending = Pending(channel.name)
+        self._flags = Flag.IDEMPOTENT if channel.idempotent else Flag.NONE
+
+    def met(self, peer: _Peer) -> None:
+        peer.callers[self.client] = self
+
+    def call(self, payload: Payload, deadline: float) -> Future[Reply]:
+        self.check_open()
+        end = time.monotonic() + deadline
+        peer, channel = self.server()
+        number, frames = self.request(channel, self._flags, deadline, payload)
+        future = self._pending.add(number, deadline)
+        if not peer.line.send_within(frames, end, partial(self.still, peer)):
+            self._pending.fail(number, Timeout(f"{self.channel.name}: could not be asked within {deadline:g} s"))
+        self.transport.wake()
+        return future
+
+    def ask(self, payload: Payload, deadline: float) -> Reply:
+        self.check_open()
+        end = time.monotonic() + deadline
+        peer, channel = self.server()
+        number, frames = self.request(channel, self._flags, deadline, payload)
+        socket = peer.take()
+        try:
+            self._send(peer, socket, frames, end, deadline)
+            while True:
+                header, answer = self._receive(peer, socket, end, deadline)
+                if header.sequence == number and header.client == self.client:
+                    return self._understood(Reply(Status(header.status), answer))
+        finally:
+            peer.give(socket)
+
+    def answered(self, header: ReplyHeader, payload: Frames) -> None:
+        try:
+            self._pending.settle(header.sequence, self._understood(Reply(Status(header.status), payload)))
+        except ContractMismatch as exc:
+            self._pending.fail(header.sequence, exc)
+        except ValueError as exc:
+            self.malformed(exc)
+
+    def tick(self) -> float | None:
+        wait = self._pending.expire()
+        if len(self._pending) and self._found and not self._found[0].alive():
+            self.transport.drop(self._found[0])
+            self._pending.fail_all(Unreachable(f"{self.channel.name}: its server left"))
+        return wait
+
+    def close(self) -> None:
+        super().close()
+        if self._found:
+            self._found[0].callers.pop(self.client, None)
+        self._pending.fail_all(Closed(f"{self.channel.name}: the link is closed"))
+
+    def _send(self, peer: _Peer, socket: zmq.Socket[bytes], frames: Frames, end: float, deadline: float) -> None:
+        while True:
+            try:
+                socket.send_multipart(frames)
+                return
+            except zmq.Again:
+                self.still(peer)
+                if time.monotonic() >= end:
+                    raise Timeout(f"{self.channel.name}: could not be asked within {deadline:g} s") from None
+
+    def _receive(
+        self, peer: _Peer, socket: zmq.Socket[bytes], end: float, deadline: float
+    ) -> tuple[ReplyHeader, Frames]:
+        while True:
+            left = end - time.monotonic()
+            if left <= 0:
+                raise Timeout(f"{self.channel.name}: no answer in {deadline:g} s")
+            try:
+                if left * 1000 < _SLICE_MS and not socket.poll(max(1, int(left * 1000))):
+                    continue
+                frames = socket.recv_multipart()
+                return read_reply(frames[0]), frames[1:]
+            except zmq.Again:
+                self.still(peer)
+            except DecodeError as exc:
+                self.malformed(exc)
+
+    def _understood(self, reply: Reply) -> Reply:
+        if reply.status is Status.MISMATCH:
+            text = bytes(reply.payload[0]).decode(errors="replace") if reply.payload else ""
+            raise ContractMismatch(mismatch(self.channel, TypeRef("", 0, text)))
+        return reply
+
+
+# -- commands and queries, the serving side -----------------------------------
+
+
+class _Router:
+    """The socket behind which everything is served that this transport serves."""
+
+    def __init__(self, transport: ZeroMQTransport, bind: str) -> None:
+        self._transport = transport
+        self._routes: dict[bytes, _ServingLink] = {}
+        self.socket = transport.socket(zmq.ROUTER, self._on_request, ROUTER_MANDATORY=1, ROUTER_HANDOVER=1)
+        path = transport.member.address("router")
+        self.address = f"ipc://{path}"
+        for address in filter(None, (self.address, bind)):
+            with as_transport_error(f"binding {address}"), self.socket.lock:
+                self.socket.raw.bind(address)
+
+    def add(self, link: _ServingLink) -> None:
+        self._routes[link.channel.name.encode()] = link
+
+    def remove(self, link: _ServingLink) -> None:
+        self._routes.pop(link.channel.name.encode(), None)
+
+    def reply(self, identity: bytes, request: Request, status: Status, payload: Payload = ()) -> None:
+        header = pack_reply(status, request.client, request.sequence, self._transport.incarnation)
+        try:
+            sent = self.socket.send([identity, header, *(payload or ())])
+        except zmq.ZMQError:
+            return  # who asked has gone
+        if not sent:
+            log.warning("a reply was dropped: who asked does not take it")
+
+    def _on_request(self, socket: _Socket) -> list[Job]:
+        jobs: list[Job] = []
+        for _ in range(BATCH):
+            frames = socket.receive()
+            if frames is None:
+                break
+            job = self._accept(frames)
+            if job:
+                jobs.append(job)
+        else:
+            self._transport.attend(socket)
+        return jobs
+
+    def _accept(self, frames: Frames) -> Job | None:
+        identity, channel, head, *payload = [*frames, b"", b""] if len(frames) < 3 else frames
+        link = self._routes.get(channel)
+        try:
+            request = read_request(head)
+        except DecodeError as exc:
+            self._malformed(link, exc)
+            return None
+        if link is None:
+            if not request.flags & Flag.ONEWAY:
+                self.reply(identity, request, Status.REFUSED)
+            return None
+        if request.fingerprint != link.channel.type.fingerprint:
+            link.refuse_stranger(request)
+            self.reply(identity, request, Status.MISMATCH, [link.channel.type.text.encode()])
+            return None
+        if not link.ledger.admit(request.client, request.sequence):
+            return None
+        remaining = float("inf") if request.remaining_ms == NO_DEADLINE else request.remaining_ms / 1000
+        return link.accept(payload, time.monotonic() + remaining, partial(self._answer, identity, request))
+
+    def _answer(self, identity: bytes, request: Request, reply: Reply) -> None:
+        self.reply(identity, request, reply.status, reply.payload)
+
+    def _malformed(self, link: _ServingLink | None, why: DecodeError) -> None:
+        if link:
+            link.malformed(why)
+        else:
+            log.warning("dropped a malformed request: %s", why)
+
+
+class _ServingLink(_Link):
+    ordered: bool
+
+    def __init__(self, transport: ZeroMQTransport, channel: Channel) -> None:
+        super().__init__(transport, channel)
+        self.ledger = Ledger(self.stats, ordered=self.ordered)
+
+    def open(self) -> None:
+        for member, _ in self.transport.directory.find(self.role, self.channel.name):
+            if self.transport.directory.alive(member.id):
+                raise TransportError(f"{self.channel.name}: already served by {member.owner} (pid {member.pid})")
+        router = self.transport.router()
+        router.add(self)
+        self.announce(router.address)
+
+    def accept(self, payload: Payload, expires: float, answer: Callable[[Reply], None]) -> Job | None:
+        """Take a request; what is left to do about it."""
+        raise NotImplementedError
+
+    def refuse_stranger(self, request: Request) -> None:
+        texts = [
+            e.text
+            for _, e in self.transport.directory.find(self.facing, self.channel.name)
+            if e.fingerprint == request.fingerprint
+        ]
+        self.report_mismatch(request.fingerprint, TypeRef("", request.fingerprint, next(iter(texts), "")))
+
+    def close(self) -> None:
+        super().close()
+        self.transport.router().remove(self)
+
+
+class _CommandInlet(_ServingLink):
+    role, facing, ordered = "receives", "commands", True
+
+    def __init__(self, transport: ZeroMQTransport, channel: Channel, sink: Sink) -> None:
+        super().__init__(transport, channel)
+        self._lane = Lane(channel.name, sink, COMMANDS_WAITING, lossy=False, stats=self.stats)
+
+    def accept(self, payload: Payload, expires: float, answer: Callable[[Reply], None]) -> Job | None:
+        if self._lane.put(payload):
+            return self._lane.drain
+        self.stats.dropped += 1
+        if self.stats.dropped == 1:
+            log.warning("%s: %d commands wait; dropping more", self.channel.name, COMMANDS_WAITING)
+        return None
+
+    def close(self) -> None:
+        super().close()
+        self._lane.close()
+
+
+class _Server(_ServingLink):
+    role, facing, ordered = "serves", "calls", False
+
+    def __init__(self, transport: ZeroMQTransport, channel: Channel, service: Service) -> None:
+        super().__init__(transport, channel)
+        self._service = service
+        self._gate = Gate(channel.name)
+
+    def accept(self, payload: Payload, expires: float, answer: Callable[[Reply], None]) -> Job | None:
+        return partial(self._serve, payload, expires, answer)
+
+    def close(self) -> None:
+        super().close()
+        self._gate.close()
+
+    def _serve(self, payload: Payload, expires: float, answer: Callable[[Reply], None]) -> None:
+        if not self._gate.enter():
+            answer(Reply(Status.REFUSED))
+            return
+        try:
+            if time.monotonic() >= expires:
+                self.stats.expired += 1
+                answer(Reply(Status.EXPIRED))
+                return
+            self.stats.received += 1
+            serve(self._service, payload, expires, answer)
+        finally:
+            self._gate.leave()

@@ -1,0 +1,405 @@
+"""Codec `cdr`: XCDR1, little-endian, final types (OMG DDS-XTypes 1.3, 7.4.3; what ROS 2 and Fast DDS speak).
+
+    payload     00 01 00 00, then the fields; primitives are aligned to their size (at most 8), counted behind
+                those four octets
+    string      uint32 length with the NUL, UTF-8, NUL
+    sequence    uint32 count, items
+    dictionary  a sequence of entries {key, value}
+    enum        int32 · time: int32 seconds, uint32 nanoseconds · an empty struct: one octet
+
+Compiled code packs runs of fixed-size fields by one `struct` call. Because alignment depends on
+where a run begins, there are eight layouts of each run, chosen by `n & 7`.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from ..contract.types import (
+    BOOL,
+    STRING,
+    TIME,
+    Dictionary,
+    Enumeration,
+    Field,
+    Primitive,
+    Sequence,
+    Struct,
+    Type,
+)
+from ..errors import EncodeError
+from .codec import MAX_BYTES, Decoder, Encoder, Program, as_array, guard_decoder, guard_encoder, structs_in, view_of
+from .plain import as_bool, as_list
+
+ENCAPSULATION = b"\x00\x01\x00\x00"
+
+_Layouts = tuple[struct.Struct, ...]
+_LETTERS = dict(zip(Primitive, "BbBhHiIqQfd", strict=False))
+_PADDING = tuple(bytes(-n & 7) for n in range(8))
+_BOOLS = (False, True)
+
+
+class Cdr:
+    """The binary format of DDS; on Zenoh and shared memory and in recordings, too."""
+
+    name = "cdr"
+
+    def encoder(self, message: Struct) -> Encoder:
+        encode = _EncodeProgram().compile(message)
+
+        def limited(values: tuple[Any, ...]) -> bytes:
+            payload = encode(values)
+            if len(payload) > MAX_BYTES:
+                raise EncodeError(f"{message.name}: {len(payload)} bytes; a message may have {MAX_BYTES}")
+            return payload
+
+        return guard_encoder(message, limited)
+
+    def decoder(self, message: Struct, *, prefix: bool = False) -> Decoder:
+        return guard_decoder(message, _DecodeProgram().compile(message, prefix))
+
+
+# What has a fixed size is a run of primitives, its leaves.
+
+
+@dataclass(frozen=True)
+class _Leaf:
+    """One field of fixed size: its `struct` letters, and its place in the value it belongs to."""
+
+    letters: str
+    path: str
+    kind: Type
+
+
+def _leaves(kind: Type, path: str = "") -> list[_Leaf] | None:
+    """The leaves of a type, in order; None if its size varies."""
+    match kind:
+        case Primitive():
+            return None if kind is STRING else [_Leaf(_LETTERS.get(kind, "iI"), path, kind)]
+        case Enumeration():
+            return [_Leaf("i", path, kind)]
+        case Struct(fields=()):
+            return [_Leaf("B", path, kind)]
+        case Struct(fields=fields):
+            found = [_leaves(field.type, f"{path}.{field.attribute}") for field in fields]
+            return None if None in found else [leaf for inner in found for leaf in inner or ()]
+        case Sequence() | Dictionary():
+            return None
+
+
+def _layouts(letters: str) -> _Layouts:
+    """The packing of these primitives, by the offset (0 to 7) at which they begin."""
+    return tuple(struct.Struct("<" + _aligned(letters, start)) for start in range(8))
+
+
+def _aligned(letters: str, start: int) -> str:
+    text, at = "", start
+    for letter in letters:
+        size = struct.calcsize("<" + letter)
+        text += "x" * (-at % size) + letter
+        at += -at % size + size
+    return text
+
+
+class _EncodeProgram:
+    """Writes `encode(values) -> bytes`. In it, `n` counts the bytes so far and `add` appends some."""
+
+    def __init__(self) -> None:
+        self._program = Program()
+        self._structs: dict[str, str] = {}
+        self._letters = ""
+        self._values: list[str] = []
+
+    def compile(self, message: Struct) -> Callable[[tuple[Any, ...]], bytes]:
+        p = self._program
+        for each in structs_in(message):
+            if _leaves(each) is None:
+                self._define(each)
+        names = [p.fresh() for _ in message.fields]
+        p.line("def encode(values):")
+        p.indent()
+        p.line(f"out = [{ENCAPSULATION!r}]; add = out.append; n = 0")
+        p.line(f"[{', '.join(names)}] = values")
+        self._fields(message.fields, names)
+        p.line("return b''.join(out)")
+        return p.compile("encode")
+
+    def _define(self, kind: Struct) -> None:
+        p = self._program
+        function = self._structs[kind.name] = p.fresh("encode_")
+        names = [p.fresh() for _ in kind.fields]
+        p.line(f"def {function}(value, n, add):")
+        p.indent()
+        for variable, field in zip(names, kind.fields, strict=True):
+            p.line(f"{variable} = value.{field.attribute}")
+        self._fields(kind.fields, names)
+        p.line("return n")
+        p.dedent()
+
+    def _fields(self, fields: tuple[Field, ...], names: list[str]) -> None:
+        if not fields:
+            self._run("B", "0")
+        for field, variable in zip(fields, names, strict=True):
+            self._value(field.type, variable)
+        self._end_run()
+
+    def _run(self, letters: str, *values: str) -> None:
+        self._letters += letters
+        self._values += values
+
+    def _end_run(self) -> None:
+        if self._letters:
+            layouts = self._program.name(_layouts(self._letters), "layouts")
+            self._program.line(f"s = {layouts}[n & 7]; add(s.pack({', '.join(self._values)})); n += s.size")
+            self._letters, self._values = "", []
+
+    def _value(self, kind: Type, x: str) -> None:
+        p = self._program
+        leaves = _leaves(kind)
+        if leaves is not None:
+            for leaf in leaves:
+                self._run(leaf.letters, *self._leaf(leaf, x))
+            return
+        match kind:
+            case Primitive():
+                text = p.fresh()
+                p.line(f"{text} = {x}.encode()")
+                self._run("I", f"len({text}) + 1")
+                self._end_run()
+                p.line(f"add({text}); add(b'\\0'); n += len({text}) + 1")
+            case Struct(name=name):
+                self._end_run()
+                p.line(f"n = {self._structs[name]}({x}, n, add)")
+            case Sequence() if kind.dtype is not None:
+                array = p.fresh()
+                p.line(f"{array} = {p.name(as_array)}({x}, {p.name(kind.dtype)})")
+                self._run("I", f"{array}.size")
+                self._end_run()
+                if kind.dtype.itemsize == 8:
+                    p.line(f"if {array}.size: add({p.name(_PADDING)}[n & 7]); n += -n & 7")
+                p.line(f"add({array}.data); n += {array}.nbytes")
+            case Sequence(item):
+                items = p.fresh()
+                p.line(f"{items} = {p.name(as_list)}({x})")
+                self._run("I", f"len({items})")
+                self._end_run()
+                self._items(item, items)
+            case Dictionary(key, item):
+                k, v = p.fresh(), p.fresh()
+                self._run("I", f"len({x})")
+                self._end_run()
+                p.line(f"for {k}, {v} in {x}.items():")
+                p.indent()
+                self._value(key, k)
+                self._value(item, v)
+                self._end_run()
+                p.dedent()
+            case Enumeration():
+                raise AssertionError("enumerations have leaves")
+
+    def _items(self, item: Type, items: str) -> None:
+        p = self._program
+        each = p.fresh()
+        leaves = _leaves(item) or []
+        letters = "".join(leaf.letters for leaf in leaves)
+        if letters and len(set(letters)) == 1:  # all of one kind: no padding inside, so one call packs them all
+            size = struct.calcsize("<" + letters[0])
+            values = ", ".join(text for leaf in leaves for text in self._leaf(leaf, each))
+            flat = f"[v for {each} in {items} for v in ({values},)]"
+            p.line(f"if {items}:")
+            p.indent()
+            p.line(f"add(bytes(-n % {size})); n += -n % {size}")
+            p.line(f"s = {p.name(struct.pack)}(f'<{{len({items}) * {len(letters)}}}{letters[0]}', *{flat})")
+            p.line("add(s); n += len(s)")
+            p.dedent()
+            return
+        p.line(f"for {each} in {items}:")
+        p.indent()
+        self._value(item, each)
+        self._end_run()
+        p.dedent()
+
+    def _leaf(self, leaf: _Leaf, x: str) -> tuple[str, ...]:
+        at = x + leaf.path
+        match leaf.kind:
+            case Enumeration(members=members):
+                return (f"{self._program.name({number: number for _, number in members}, 'enum')}[{at}]",)
+            case Struct():
+                return ("0",)
+        if leaf.kind is TIME:
+            return f"{at} // 1000000000", f"{at} % 1000000000"
+        if leaf.kind is BOOL:
+            return (f"{at} if {at} is True or {at} is False else {self._program.name(as_bool)}({at})",)
+        return (at,)
+
+
+class _DecodeProgram:
+    """Writes `decode(payload) -> values`. In it, `data` is what follows the encapsulation, `n` how much was read."""
+
+    def __init__(self) -> None:
+        self._program = Program()
+        self._structs: dict[str, str] = {}
+        self._letters = ""
+        self._names: list[str] = []
+
+    def compile(self, message: Struct, prefix: bool) -> Callable[[Any], tuple[Any, ...]]:
+        p = self._program
+        for each in structs_in(message):
+            if _leaves(each) is None:
+                self._define(each)
+        p.line("def decode(payload):")
+        p.indent()
+        p.line(f"data = {p.name(_body)}(payload); n = 0")
+        values = self._fields(message.fields)
+        if not prefix:
+            p.line(f"{p.name(_check_end)}(data, n)")
+        p.line(f"return ({values})")
+        return p.compile("decode")
+
+    def _define(self, kind: Struct) -> None:
+        p = self._program
+        function = self._structs[kind.name] = p.fresh("decode_")
+        p.line(f"def {function}(data, n):")
+        p.indent()
+        values = self._fields(kind.fields)
+        p.line(f"return {self._made(kind, values)}, n")
+        p.dedent()
+
+    def _made(self, kind: Struct, values: str) -> str:
+        return f"{self._program.name(kind.python)}({values})" if kind.python else f"({values})"
+
+    def _fields(self, fields: tuple[Field, ...]) -> str:
+        if not fields:
+            self._run("B")
+        values = [self._value(field.type) for field in fields]
+        self._end_run()
+        return "".join(f"{value}, " for value in values)
+
+    def _run(self, letters: str) -> list[str]:
+        names = [self._program.fresh() for _ in letters]
+        self._letters += letters
+        self._names += names
+        return names
+
+    def _end_run(self) -> None:
+        if self._letters:
+            layouts = self._program.name(_layouts(self._letters), "layouts")
+            names = ", ".join(self._names)
+            self._program.line(f"s = {layouts}[n & 7]; [{names}] = s.unpack_from(data, n); n += s.size")
+            self._letters, self._names = "", []
+
+    def _value(self, kind: Type) -> str:
+        """Emit what reads a value; return an expression for it, valid once the run has ended."""
+        p = self._program
+        leaves = _leaves(kind)
+        if leaves is not None:
+            return self._fixed(kind, iter(self._run("".join(leaf.letters for leaf in leaves))).__next__)
+        result = p.fresh()
+        match kind:
+            case Primitive():
+                (length,) = self._run("I")
+                self._end_run()
+                p.line(f"{result} = {p.name(_text)}(data, n, {length}); n += {length}")
+            case Struct(name=name):
+                self._end_run()
+                p.line(f"{result}, n = {self._structs[name]}(data, n)")
+            case Sequence() if kind.dtype is not None:
+                (count,) = self._run("I")
+                self._end_run()
+                if kind.dtype.itemsize == 8:
+                    p.line(f"if {count}: n += -n & 7")
+                p.line(f"{result} = {p.name(view_of)}(data, {p.name(kind.dtype)}, {count}, n); n += {result}.nbytes")
+            case Sequence(item):
+                (count,) = self._run("I")
+                self._end_run()
+                p.line(f"{result} = []")
+                self._repeat(count, (item,), f"{result}.append({{}})", result)
+            case Dictionary(key, item):
+                (count,) = self._run("I")
+                self._end_run()
+                p.line(f"{result} = {{}}")
+                self._repeat(count, (key, item), f"{result}[{{}}] = {{}}", result)
+            case Enumeration():
+                raise AssertionError("enumerations have leaves")
+        return result
+
+    def _repeat(self, count: str, kinds: tuple[Type, ...], store: str, result: str) -> None:
+        p = self._program
+        leaves = [leaf for kind in kinds for leaf in (_leaves(kind) or ())]
+        if len(kinds) == 1 and leaves:
+            letters = "".join(leaf.letters for leaf in leaves)
+            names = [p.fresh() for _ in letters]
+            rows = f"{p.name(_rows)}({p.name(_layouts(letters), 'layouts')}, data, n, {count})"
+            value = self._fixed(kinds[0], iter(names).__next__)
+            p.line(f"s, n = {rows}; {result} = [{value} for [{', '.join(names)}] in s]")
+            return
+        p.line(f"{p.name(_check_count)}(data, n, {count})")
+        p.line(f"for _ in range({count}):")
+        p.indent()
+        values = [self._value(kind) for kind in kinds]
+        self._end_run()
+        p.line(store.format(*values))
+        p.dedent()
+
+    def _fixed(self, kind: Type, take: Callable[[], str]) -> str:
+        """An expression for a value of fixed size from the variables of its leaves."""
+        match kind:
+            case Enumeration(members=members, python=python):
+                table = {number: python(number) if python else number for _, number in members}
+                return f"{self._program.name(table, 'enum')}[{take()}]"
+            case Struct(fields=()):
+                take()
+                return self._made(kind, "")
+            case Struct(fields=fields):
+                return self._made(kind, "".join(f"{self._fixed(f.type, take)}, " for f in fields))
+        if kind is TIME:
+            return f"{take()} * 1000000000 + {take()}"
+        return f"{self._program.name(_BOOLS)}[{take()}]" if kind is BOOL else take()
+
+
+# What compiled decoders call.
+
+
+def _body(payload: Any) -> memoryview:
+    data = memoryview(payload)
+    if data.nbytes < 4 or data[:2] != ENCAPSULATION[:2]:
+        raise ValueError("not XCDR1 little-endian")
+    return data[4:]
+
+
+def _check_end(data: memoryview, n: int) -> None:
+    if not 0 <= data.nbytes - n < 4:  # DDS may pad a payload to a multiple of four
+        raise ValueError(f"{data.nbytes - n} bytes left over")
+
+
+def _check_count(data: memoryview, n: int, count: int) -> None:
+    if count > data.nbytes - n:  # every item has a byte at least: refuse before anything is allocated
+        raise ValueError(f"{count} items in {data.nbytes - n} bytes")
+
+
+def _text(data: memoryview, n: int, length: int) -> str:
+    if length == 0:  # some writers leave out the NUL of an empty string
+        return ""
+    if length > data.nbytes - n or data[n + length - 1] != 0:
+        raise ValueError(f"a string of {length} bytes in {data.nbytes - n}, or without its end")
+    return str(data[n : n + length - 1], "utf-8")
+
+
+def _rows(layouts: _Layouts, data: memoryview, n: int, count: int) -> tuple[list[tuple[Any, ...]], int]:
+    """The leaves of `count` items of fixed size: one by one until the padding repeats, then at one go."""
+    _check_count(data, n, count)
+    rows: list[tuple[Any, ...]] = []
+    while len(rows) < count:
+        layout = layouts[n & 7]
+        if layouts[(n + layout.size) & 7].format == layout.format:
+            end = n + (count - len(rows)) * layout.size
+            if end > data.nbytes:
+                raise ValueError(f"{count} items exceed the payload")
+            rows.extend(layout.iter_unpack(data[n:end]))
+            return rows, end
+        rows.append(layout.unpack_from(data, n))
+        n += layout.size
+    return rows, n

@@ -1,0 +1,56 @@
+"""Names of channels, in one place.
+
+    <namespace>/<instance>/<Interface>/<operation>      robot1/world/Laser/getLaserData
+
+The namespace may be empty or have several segments. Whoever provides an operation gives the
+channel its instance; a client that was not told whom to use writes `*` for the instance, and
+any instance of its namespace will do (a subscriber hears all of them).
+"""
+
+from __future__ import annotations
+
+import re
+
+ANY = "*"
+_SEGMENT = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*\Z")
+
+
+def channel(namespace: str, instance: str, interface: str, operation: str) -> str:
+    return "/".join((*filter(None, (namespace.strip("/"),)), instance, interface, operation))
+
+
+def resolve(target: str, namespace: str, interface: str) -> tuple[str, str, str]:
+    """Who is meant by the `from` of a port, as (namespace, instance, interface).
+
+    `world` is an instance of the own namespace, `world/Laser1` one of its ports,
+    `/robot2/world/Laser` names everything. "" is any instance.
+    """
+    if not target:
+        return namespace, ANY, interface
+    parts = target.strip("/").split("/")
+    if not all(is_segment(part) for part in parts):
+        raise ValueError(f"{target!r} names no instance; write `instance`, `instance/Interface` or `/namespace/…`")
+    if target.startswith("/"):
+        if len(parts) < 2:
+            raise ValueError(f"{target!r} lacks a part; write `/namespace/instance/Interface`")
+        return "/".join(parts[:-2]), parts[-2], parts[-1]
+    if len(parts) > 2:
+        raise ValueError(f"{target!r} has too many parts; a name with a namespace begins with `/`")
+    return namespace, parts[0], parts[1] if len(parts) == 2 else interface
+
+
+def is_segment(text: str) -> bool:
+    """Whether a name may stand between the slashes of a channel."""
+    return bool(_SEGMENT.match(text))
+
+
+def is_namespace(text: str) -> bool:
+    return not text or all(is_segment(part) for part in text.strip("/").split("/"))
+
+
+def matches(pattern: str, name: str) -> bool:
+    """Whether a channel is meant by a name that may have `*` for its instance."""
+    if ANY not in pattern:
+        return pattern == name
+    wanted, given = pattern.split("/"), name.split("/")
+    return len(wanted) == len(given) and all(w in (ANY, g) for w, g in zip(wanted, given, strict=True))
