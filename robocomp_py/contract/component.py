@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 from .interface import Interface, Verb
 from .parameters import ParameterSet
@@ -20,7 +21,10 @@ class Port:
     number: str = ""
     qos: QoS = DEFAULT_QOS
     concurrent: bool = False
+    """Whether its handlers may run beside other code of the worker."""
     middleware: str | None = None
+    proxy: type[Any] | None = field(default=None, compare=False, repr=False)
+    """The generated class through which user code calls this port."""
 
     @property
     def name(self) -> str:

@@ -886,10 +886,11 @@ class _CommandInlet(_ServingLink):
 
     def __init__(self, transport: ZeroMQTransport, channel: Channel, sink: Sink) -> None:
         super().__init__(transport, channel)
-        self._lane = Lane(channel.name, sink, COMMANDS_WAITING, lossy=False, stats=self.stats)
+        self._sink = sink
+        self._lane = Lane(channel.name, self._execute, COMMANDS_WAITING, lossy=False, stats=self.stats)
 
     def accept(self, payload: Payload, expires: float, answer: Callable[[Reply], None]) -> Job | None:
-        if self._lane.put(payload):
+        if self._lane.put((expires, payload)):
             return self._lane.drain
         self.stats.dropped += 1
         if self.stats.dropped == 1:
@@ -899,6 +900,13 @@ class _CommandInlet(_ServingLink):
     def close(self) -> None:
         super().close()
         self._lane.close()
+
+    def _execute(self, waiting: tuple[float, Payload]) -> None:
+        expires, payload = waiting
+        if time.monotonic() >= expires:
+            self.stats.expired += 1
+        else:
+            self._sink(payload)
 
 
 class _Server(_ServingLink):

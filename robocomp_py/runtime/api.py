@@ -1,0 +1,77 @@
+"""The front door of generated code: everything it imports from this package."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future
+
+from ..contract.component import Component, Port
+from ..contract.interface import Interface, Operation, Pattern, Verb
+from ..contract.parameters import Parameter, ParameterKind, ParameterList, ParameterSet
+from ..contract.qos import Durability, History, Liveliness, QoS, Reliability
+from ..contract.types import (
+    BOOL,
+    FLOAT32,
+    FLOAT64,
+    INT8,
+    INT16,
+    INT32,
+    INT64,
+    STRING,
+    TIME,
+    UINT8,
+    UINT16,
+    UINT32,
+    UINT64,
+    Dictionary,
+    Enumeration,
+    ExceptionType,
+    Field,
+    Sequence,
+    Struct,
+)
+from ..errors import DeclaredError
+from .ports import Proxy
+from .run import main
+from .worker import Worker
+
+__all__ = [
+    "BOOL",
+    "FLOAT32",
+    "FLOAT64",
+    "INT8",
+    "INT16",
+    "INT32",
+    "INT64",
+    "STRING",
+    "TIME",
+    "UINT8",
+    "UINT16",
+    "UINT32",
+    "UINT64",
+    "Component",
+    "DeclaredError",
+    "Dictionary",
+    "Durability",
+    "Enumeration",
+    "ExceptionType",
+    "Field",
+    "Future",
+    "History",
+    "Interface",
+    "Liveliness",
+    "Operation",
+    "Parameter",
+    "ParameterKind",
+    "ParameterList",
+    "ParameterSet",
+    "Pattern",
+    "Port",
+    "Proxy",
+    "QoS",
+    "Reliability",
+    "Sequence",
+    "Struct",
+    "Verb",
+    "Worker",
+    "main",
+]

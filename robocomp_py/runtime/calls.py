@@ -1,0 +1,152 @@
+"""Operations on top of payloads: arguments, results, declared exceptions.
+
+Pure: no threads, no sockets, no clock. Every transport gets its outcomes from here.
+"""
+
+from __future__ import annotations
+
+import logging
+import traceback
+from collections.abc import Callable
+from typing import Any, Generic, NoReturn, TypeVar
+
+from ..contract.interface import Operation
+from ..contract.types import STRING, ExceptionType, Field, Struct
+from ..errors import Busy, ContractMismatch, DeclaredError, DecodeError, EncodeError, Refused, RemoteFailure, Timeout
+from ..transports.base import Reply, Status
+from ..wire.codec import Codec, Decoder, Payload
+
+log = logging.getLogger("robocomp.worker")
+
+R = TypeVar("R")
+
+_FAILURE = Struct("Failure", (Field("type", STRING), Field("message", STRING), Field("traceback", STRING)))
+_THROWN = Struct("Thrown", (Field("exception", STRING),))
+_LINEAGE = "<"
+
+
+class Call(Generic[R]):
+    """The asking side of one operation over one codec."""
+
+    def __init__(self, operation: Operation[R], codec: Codec) -> None:
+        self.operation = operation
+        self.encode: Callable[[tuple[Any, ...]], Payload] = codec.encoder(operation.request)
+        self._codec = codec
+        self._decode = codec.decoder(operation.response)
+        self._outputs = len(operation.outputs)
+
+    def result(self, reply: Reply) -> R:
+        """What the operation returned, in the form of Python users; or raise what it raised."""
+        if reply.status is Status.OK:
+            values = self._decode(reply.payload)
+            value: Any = values if self._outputs > 1 else values[0] if self._outputs else None
+            return value  # type: ignore[no-any-return]  # the wire's value is checked against the contract, not by mypy
+        return self._raise(reply)
+
+    def _raise(self, reply: Reply) -> NoReturn:
+        name = f"{self.operation.interface}.{self.operation.name}".replace("::", ".")
+        match reply.status:
+            case Status.THROWN:
+                raise self._thrown(reply.payload)
+            case Status.FAILED:
+                kind, reason, trace = ("", "no reason given", "")
+                if reply.payload is not None:
+                    kind, reason, trace = self._codec.decoder(_FAILURE)(reply.payload)
+                raise RemoteFailure(name, kind, reason, trace)
+            case Status.EXPIRED:
+                raise Timeout(f"{name}: its deadline was over before it could be executed")
+            case Status.BUSY:
+                raise Busy(f"{name}: too many calls wait on the other side")
+            case Status.REFUSED:
+                raise Refused(f"{name}: the other side does not serve it")
+            case Status.MISMATCH:
+                raise ContractMismatch(f"{name}: the other side has another definition of it")
+            case Status.OK:
+                raise AssertionError("not an error")
+
+    def _thrown(self, payload: Payload) -> DeclaredError | RemoteFailure:
+        (lineage,) = self._codec.decoder(_THROWN, prefix=True)(payload)
+        known = {each.name: each for declared in self.operation.raises for each in _family(declared)}
+        for name in lineage.split(_LINEAGE):
+            if name in known:
+                kind = known[name]
+                _, *fields = self._codec.decoder(_thrown_message(kind), prefix=True)(payload)
+                assert kind.python is not None
+                exception: DeclaredError = kind.python(*fields)
+                return exception
+        return RemoteFailure(
+            self.operation.name, lineage.split(_LINEAGE)[0], "an exception this operation does not declare"
+        )
+
+
+class Answering:
+    """The serving side of one operation over one codec."""
+
+    def __init__(self, operation: Operation[Any], codec: Codec, method: Callable[..., Any]) -> None:
+        self.operation, self.method = operation, method
+        self.decode: Decoder = codec.decoder(operation.request)
+        self._codec = codec
+        self._encode = codec.encoder(operation.response)
+        self._outputs = len(operation.outputs)
+        self._declared = tuple(each.python for each in operation.raises if each.python)
+
+    def answer(self, arguments: tuple[Any, ...]) -> Reply:
+        """Call the method and encode what comes of it. Never raises: whatever happens becomes a Reply."""
+        try:
+            value = self.method(*arguments)
+            return Reply(Status.OK, self._encode(self._values(value)))
+        except self._declared as exc:
+            return self._thrown(exc)
+        except Exception as exc:
+            log.exception("%s raised", self.method.__qualname__)
+            return self.failed(exc)
+
+    def failed(self, exc: BaseException) -> Reply:
+        trace = "".join(traceback.format_exception(exc))
+        values = (type(exc).__name__, str(exc), trace)
+        safe = tuple(text.encode(errors="backslashreplace").decode() for text in values)
+        return Reply(Status.FAILED, self._codec.encoder(_FAILURE)(safe))
+
+    def _values(self, value: Any) -> tuple[Any, ...]:
+        if self._outputs == 1:
+            return (value,)
+        if self._outputs == 0:
+            if value is not None:
+                raise EncodeError(f"{self.method.__qualname__} must return None, not {type(value).__name__}")
+            return ()
+        if not isinstance(value, tuple) or len(value) != self._outputs:
+            names = ", ".join(field.name for field in self.operation.outputs)
+            raise EncodeError(f"{self.method.__qualname__} must return a tuple ({names}), not {type(value).__name__}")
+        return value
+
+    def _thrown(self, exc: BaseException) -> Reply:
+        kind = next(c.contract for c in type(exc).__mro__ if isinstance(c.__dict__.get("contract"), ExceptionType))
+        fields = tuple(getattr(exc, field.attribute) for field in kind.all_fields)
+        try:
+            payload = self._codec.encoder(_thrown_message(kind))((_LINEAGE.join(kind.lineage), *fields))
+        except EncodeError as wrong:
+            log.error("%s raised %s with wrong fields: %s", self.method.__qualname__, type(exc).__name__, wrong)
+            return self.failed(wrong)
+        return Reply(Status.THROWN, payload)
+
+
+def read_arguments(answering: Answering, payload: Payload) -> tuple[Any, ...] | DecodeError:
+    """The arguments in a payload, or why it holds none."""
+    try:
+        return answering.decode(payload)
+    except DecodeError as exc:
+        return exc
+
+
+def _thrown_message(kind: ExceptionType) -> Struct:
+    return Struct(kind.name, (*_THROWN.fields, *kind.all_fields))
+
+
+def _family(declared: ExceptionType) -> list[ExceptionType]:
+    """A declared exception and those derived from it that this process knows."""
+    family = [declared]
+    for derived in declared.python.__subclasses__() if declared.python else ():
+        contract = derived.__dict__.get("contract")
+        if isinstance(contract, ExceptionType):
+            family += _family(contract)
+    return family

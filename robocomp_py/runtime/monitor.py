@@ -1,0 +1,209 @@
+"""One worker, one piece of user code at a time; who waits for an answer lets the others in.
+
+    inside     at most one thread: compute, a handler, or a callback
+    waiting    threads and jobs that want in, first come first served
+    aside      threads that were inside and wait for an answer; they come back before the others
+
+Jobs that cannot run at once are run by a pool of our own. Until the monitor is opened, jobs wait.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+
+from ..transports.base import step_aside
+
+log = logging.getLogger("robocomp.worker")
+
+Job = Callable[[], object]
+
+MAX_ASIDE = 16
+"""So many handlers may wait for answers; then new requests are turned away."""
+
+MAX_BESIDE = 64
+"""So many calls of `concurrent` interfaces may run or wait; then new ones are turned away."""
+
+MAX_WAITING = 1024
+"""So many requests may wait for their turn; then new ones are turned away."""
+
+
+class _Ticket:
+    """A thread's place in the queue. One that is `early` need not wait for the opening."""
+
+    def __init__(self, early: bool) -> None:
+        self.thread = threading.get_ident()
+        self.early = early
+        self.called = threading.Lock()
+        self.called.acquire()
+
+
+class Monitor:
+    """Safe to use from any thread. A thread must not enter twice, except after `released`."""
+
+    def __init__(self, name: str = "worker") -> None:
+        self._state = threading.Lock()
+        self._inside: int | None = None
+        self._queue: deque[_Ticket | Job] = deque()
+        self._aside = 0
+        self._beside = 0
+        self._open = False
+        self._closed = False
+        self._pool = ThreadPoolExecutor(MAX_ASIDE + 8, thread_name_prefix=name)
+
+    def open(self) -> None:
+        """Let jobs in from now on."""
+        with self._state:
+            self._open = True
+            if self._inside is None:
+                self._admit_next()
+
+    def close(self) -> None:
+        """Forget the jobs that wait, and wait for those that run."""
+        with self._state:
+            self._closed = True
+            self._queue = deque(entry for entry in self._queue if isinstance(entry, _Ticket))
+        self._pool.shutdown(cancel_futures=True)
+
+    @property
+    def mine(self) -> bool:
+        """Whether the calling thread is inside."""
+        return self._inside == threading.get_ident()
+
+    @contextmanager
+    def held(self, *, early: bool = False) -> Iterator[None]:
+        """Inside, once it is our turn; `early` is for what comes before the opening."""
+        self.enter(early=early)
+        try:
+            yield
+        finally:
+            self.leave()
+
+    def enter(self, *, early: bool = False) -> None:
+        with self._state:
+            if self._inside is None and not self._queue and (self._open or early):
+                self._inside = threading.get_ident()
+                return
+            ticket = _Ticket(early)
+            self._queue.append(ticket)
+        step_aside()
+        ticket.called.acquire()
+
+    def try_enter(self) -> bool:
+        """Go inside if nobody is, and nobody waits, and jobs are let in."""
+        with self._state:
+            if not self._open or self._inside is not None or self._queue:
+                return False
+            self._inside = threading.get_ident()
+            return True
+
+    def leave(self) -> None:
+        with self._state:
+            self._admit_next()
+
+    def submit(self, job: Job, *, limited: bool = True) -> bool:
+        """Run a job on the pool when it is its turn; False if too many wait already, unless not `limited`."""
+        with self._state:
+            if self._closed or (limited and (self._aside >= MAX_ASIDE or len(self._queue) >= MAX_WAITING)):
+                return False
+            self._queue.append(job)
+            if self._inside is None and self._open:
+                self._admit_next()
+            return True
+
+    def submit_beside(self, job: Job) -> bool:
+        """Run a job on the pool without keeping anybody out; False if too many do already."""
+        with self._state:
+            if self._closed or self._beside >= MAX_BESIDE:
+                return False
+            self._beside += 1
+        self._pool.submit(self._run_beside, job)
+        return True
+
+    def run(self, job: Job) -> None:
+        """Run a job here and now if nobody is inside, else by `submit`, without limit."""
+        if not self.try_enter():
+            self.submit(job, limited=False)
+            return
+        try:
+            job()
+        finally:
+            self.leave()
+
+    def step_out(self) -> bool:
+        """Before a wait: if the calling thread is inside, let the others in. Pass the result to `step_in`."""
+        if not self.mine:
+            return False
+        with self._state:
+            self._aside += 1
+            self._admit_next()
+        step_aside()
+        return True
+
+    def step_in(self, stepped_out: bool) -> None:
+        """After a wait: back inside, ahead of those who have not begun."""
+        if not stepped_out:
+            return
+        with self._state:
+            self._aside -= 1
+            if self._inside is None:
+                self._inside = threading.get_ident()
+                return
+            ticket = _Ticket(early=True)
+            self._queue.appendleft(ticket)
+        ticket.called.acquire()
+
+    @contextmanager
+    def released(self) -> Iterator[None]:
+        """Around a wait: `step_out` and `step_in`."""
+        out = self.step_out()
+        try:
+            yield
+        finally:
+            self.step_in(out)
+
+    def _admit_next(self) -> None:
+        """Nobody is inside any more: let the next one in. Called with the state locked."""
+        self._inside = None
+        entry = self._next()
+        if isinstance(entry, _Ticket):
+            self._inside = entry.thread
+            entry.called.release()
+        elif entry is not None:
+            self._inside = _POOL
+            self._pool.submit(self._run, entry)
+
+    def _next(self) -> _Ticket | Job | None:
+        if self._open:
+            return self._queue.popleft() if self._queue else None
+        for entry in self._queue:
+            if isinstance(entry, _Ticket) and entry.early:
+                self._queue.remove(entry)
+                return entry
+        return None
+
+    def _run(self, job: Job) -> None:
+        self._inside = threading.get_ident()
+        try:
+            job()
+        except Exception:
+            log.exception("a handler failed")
+        finally:
+            self.leave()
+
+    def _run_beside(self, job: Job) -> None:
+        try:
+            job()
+        except Exception:
+            log.exception("a handler failed")
+        finally:
+            with self._state:
+                self._beside -= 1
+
+
+_POOL = -1
+"""Stands for the pool's thread that will be inside as soon as it runs."""

@@ -1,0 +1,255 @@
+"""The four verbs of a CDSL, bound operation by operation to a transport."""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, ClassVar, TypeVar
+
+from ..contract.component import Port
+from ..contract.interface import Interface, Operation, Pattern
+from ..contract.qos import QoS
+from ..errors import Closed, DecodeError, RobocompError
+from ..transports.base import Caller, Channel, Link, Outlet, Reply, Statistics, Status, Transport, TypeRef, require
+from ..wire.codec import Payload
+from .calls import Answering, Call, read_arguments
+from .monitor import Monitor
+
+log = logging.getLogger("robocomp.worker")
+
+R = TypeVar("R")
+
+
+@dataclass(frozen=True)
+class Route:
+    """Where one operation of one port travels."""
+
+    transport: Transport
+    middleware: str
+    channel: str
+    qos: QoS
+    deadline: float
+
+
+Router = Callable[[Port, Operation[Any]], Route]
+
+
+class Proxy:
+    """Base of the generated proxies: what they call is bound by name when the component starts."""
+
+    interface: ClassVar[Interface]
+
+    def __init__(self, bound: Mapping[str, _Asked | _Sent]) -> None:
+        self._bound = bound
+
+    def _ask(self, operation: Operation[R], arguments: tuple[Any, ...], deadline: float | None) -> R:
+        asked: Any = self._bound[operation.name]
+        result: R = asked.ask(arguments, deadline)
+        return result
+
+    def _ask_async(self, operation: Operation[R], arguments: tuple[Any, ...], deadline: float | None) -> Future[R]:
+        asked: Any = self._bound[operation.name]
+        answer: Future[R] = asked.ask_async(arguments, deadline)
+        return answer
+
+    def _send(self, operation: Operation[None], arguments: tuple[Any, ...], deadline: float | None) -> None:
+        sent: Any = self._bound[operation.name]
+        sent.send(arguments, deadline)
+
+
+class Answer(Future[R]):
+    """What an asynchronous call will return or raise, within its deadline.
+
+    Waiting for it inside the worker lets other handlers in, as any wait does. Callbacks run as
+    handlers do: never beside other code of the worker. `asyncio.wrap_future` makes it awaitable.
+    """
+
+    def __init__(self, monitor: Monitor, call: Call[R]) -> None:
+        super().__init__()
+        self._monitor, self._call = monitor, call
+        self._source: Future[Reply] | None = None
+
+    def follow(self, source: Future[Reply]) -> None:
+        self._source = source
+        source.add_done_callback(self._answered)
+
+    def cancel(self) -> bool:
+        cancelled = super().cancel()
+        if cancelled and self._source:
+            self._source.cancel()
+        return cancelled
+
+    def result(self, timeout: float | None = None) -> R:
+        if self.done():
+            return super().result()
+        with self._monitor.released():
+            return super().result(timeout)
+
+    def exception(self, timeout: float | None = None) -> BaseException | None:
+        if self.done():
+            return super().exception()
+        with self._monitor.released():
+            return super().exception(timeout)
+
+    def add_done_callback(self, fn: Callable[[Future[R]], object]) -> None:
+        super().add_done_callback(lambda _: self._monitor.run(partial(fn, self)))
+
+    def _answered(self, source: Future[Reply]) -> None:
+        if source.cancelled() or not self.set_running_or_notify_cancel():
+            return
+        try:
+            self.set_result(self._call.result(source.result()))
+        except RobocompError as exc:
+            self.set_exception(exc)
+
+
+def bind_proxy(port: Port, router: Router, monitor: Monitor) -> tuple[Proxy, list[Link]]:
+    """Connect what a worker calls; return its proxy and the links under it."""
+    bound: dict[str, _Asked | _Sent] = {}
+    links: list[Link] = []
+    for operation, pattern in port.interface.under(port.verb):
+        route = router(port, operation)
+        channel = checked_channel(route, operation, pattern)
+        call = Call(operation, route.transport.codec)
+        if pattern is Pattern.QUERY:
+            caller = route.transport.caller(channel)
+            bound[operation.name] = _Asked(call, caller, monitor, route.deadline)
+            links.append(caller)
+        else:
+            outlet = route.transport.outlet(channel)
+            bound[operation.name] = _Sent(call, outlet, route.deadline)
+            links.append(outlet)
+    assert port.proxy is not None
+    return port.proxy(bound), links
+
+
+def bind_handlers(port: Port, handlers: object, router: Router, monitor: Monitor) -> list[Link]:
+    """Connect what calls a worker; return the links."""
+    links: list[Link] = []
+    for operation, pattern in port.interface.under(port.verb):
+        route = router(port, operation)
+        channel = checked_channel(route, operation, pattern)
+        method = getattr(handlers, port.handler(operation.name))
+        handling = _Handling(Answering(operation, route.transport.codec, method), monitor, port.concurrent)
+        if pattern is Pattern.QUERY:
+            link = route.transport.server(channel, handling.serve)
+        else:
+            link = route.transport.inlet(channel, handling.receive)
+        handling.count_in(link.stats)
+        links.append(link)
+    return links
+
+
+def checked_channel(route: Route, operation: Operation[Any], pattern: Pattern) -> Channel:
+    """The channel of an operation; raises UnsupportedQoS if its transport cannot keep what it asks for."""
+    kind = TypeRef(operation.request.name, operation.fingerprint, operation.text)
+    channel = Channel(route.channel, pattern, kind, route.qos, operation.idempotent)
+    require(route.transport, route.middleware, channel)
+    return channel
+
+
+class _Asked:
+    """A query, ready to be called."""
+
+    def __init__(self, call: Call[Any], caller: Caller, monitor: Monitor, deadline: float) -> None:
+        self._call, self._caller, self._monitor, self._deadline = call, caller, monitor, deadline
+
+    def ask(self, arguments: tuple[Any, ...], deadline: float | None) -> Any:
+        limit = self._deadline if deadline is None else _positive(deadline)
+        payload = self._call.encode(arguments)
+        stepped_out = self._monitor.step_out()
+        try:
+            reply = self._caller.ask(payload, limit)
+        finally:
+            self._monitor.step_in(stepped_out)
+        return self._call.result(reply)
+
+    def ask_async(self, arguments: tuple[Any, ...], deadline: float | None) -> Future[Any]:
+        limit = self._deadline if deadline is None else _positive(deadline)
+        answer = Answer(self._monitor, self._call)
+        answer.follow(self._caller.call(self._call.encode(arguments), limit))
+        return answer
+
+
+class _Sent:
+    """A command or a publication, ready to be sent."""
+
+    def __init__(self, call: Call[Any], outlet: Outlet, deadline: float) -> None:
+        self._encode, self._outlet, self._deadline = call.encode, outlet, deadline
+
+    def send(self, arguments: tuple[Any, ...], deadline: float | None) -> None:
+        self._outlet.send(self._encode(arguments), self._deadline if deadline is None else _positive(deadline))
+
+
+class _Handling:
+    """A handler, ready to be called by a transport."""
+
+    def __init__(self, answering: Answering, monitor: Monitor, concurrent: bool) -> None:
+        self._answering, self._monitor, self._concurrent = answering, monitor, concurrent
+        self._stats = Statistics()
+
+    def count_in(self, stats: Statistics) -> None:
+        """The statistics of the link through which messages come; some may have come before this call."""
+        stats.malformed += self._stats.malformed
+        self._stats = stats
+
+    def serve(self, payload: Payload, expires: float) -> Reply | Future[Reply]:
+        arguments = read_arguments(self._answering, payload)
+        if isinstance(arguments, DecodeError):
+            self._count_malformed(arguments)
+            return self._answering.failed(arguments)
+        if not self._concurrent and self._monitor.try_enter():
+            try:
+                return self._answering.answer(arguments)
+            finally:
+                self._monitor.leave()
+        reply: Future[Reply] = Future()
+
+        def job() -> None:
+            late = time.monotonic() >= expires
+            reply.set_result(Reply(Status.EXPIRED) if late else self._answering.answer(arguments))
+
+        submit = self._monitor.submit_beside if self._concurrent else self._monitor.submit
+        return reply if submit(job) else Reply(Status.BUSY)
+
+    def receive(self, payload: Payload) -> None:
+        arguments = read_arguments(self._answering, payload)
+        if isinstance(arguments, DecodeError):
+            self._count_malformed(arguments)
+            return
+        if self._concurrent:
+            self._answering.method(*arguments)
+            return
+        with self._monitor.held():
+            self._answering.method(*arguments)
+
+    def _count_malformed(self, why: DecodeError) -> None:
+        self._stats.malformed += 1
+        if self._stats.malformed == 1:
+            log.warning("%s: dropped a malformed message (further ones are only counted): %s", self._name, why)
+
+    @property
+    def _name(self) -> str:
+        return f"{self._answering.operation.interface}.{self._answering.operation.name}"
+
+
+def _positive(deadline: float) -> float:
+    if not 0 < deadline < math.inf:
+        raise ValueError(f"a deadline is a positive number of seconds, not {deadline!r}")
+    return deadline
+
+
+def close_all(links: list[Link]) -> None:
+    """Close links, the last first. One that fails does not keep the others open."""
+    while links:
+        try:
+            links.pop().close()
+        except Closed:
+            continue
+        except RobocompError:
+            log.exception("closing a link")

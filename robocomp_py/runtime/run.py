@@ -1,0 +1,351 @@
+"""From a worker class and its settings to a running component, top to bottom."""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import logging
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from .. import __version__
+from ..contract.component import Port
+from ..contract.interface import Operation, Verb
+from ..contract.parameters import build
+from ..errors import Closed, ComponentError, ConfigurationError, RobocompError, TransportError, Unreachable
+from ..transports.base import Link, Transport, TransportConfig, TransportFactory, find_transport
+from ..wire import names
+from . import ports, settings
+from .commonbehavior import CommonBehavior, port_of
+from .lifecycle import Beat, Event, State, after
+from .monitor import Monitor
+from .notify import notify
+from .settings import Settings
+from .worker import Worker, check_handlers
+
+log = logging.getLogger("robocomp.worker")
+
+_REMIND = 5.0
+"""Seconds between two messages that say for whom a component waits."""
+
+
+class Running:
+    """One component of this process, from its start to its end.
+
+    `run` is called once and returns when it has ended; the rest may be used from other threads.
+    """
+
+    def __init__(
+        self,
+        worker_class: type[Worker[Any]],
+        settings: Settings,
+        find: Callable[[str], TransportFactory] = find_transport,
+    ) -> None:
+        check_handlers(worker_class)
+        self.component = worker_class.component
+        self.settings = settings
+        self.ready = threading.Event()
+        self.state = State.STARTING
+        self.overruns = 0
+        self._middleware = settings.middleware or worker_class.middleware
+        self._wake = threading.Event()
+        self._changing = threading.Lock()
+        self._monitor = Monitor(f"worker-{settings.instance}")
+        self._transports = _Transports(settings, find)
+        self._links: list[Link] = []
+        self._failed = False
+        self._excuse = ""
+        self.worker = self._build(worker_class)
+
+    def run(self) -> bool:
+        """Start, compute until stopped, finish, close. Whether all went well."""
+        try:
+            self._connect()
+            self._live()
+        except (RobocompError, OSError) as exc:
+            self._fail(str(exc), None)
+        finally:
+            notify("STOPPING=1")
+            ports.close_all(self._links)
+            self._monitor.close()
+            self._transports.close()
+            self.state = State.ENDED
+        return not self._failed
+
+    def stop(self) -> None:
+        """Ask it to end: after what runs now, `finish` is called and everything closed."""
+        self.signal(Event.STOP)
+
+    def signal(self, event: Event) -> None:
+        with self._changing:
+            self.state = after(self.state, event)
+        self._wake.set()
+
+    # Starting.
+
+    def _build(self, worker_class: type[Worker[Any]]) -> Worker[Any]:
+        worker = worker_class.__new__(worker_class)
+        spec = self.component.params
+        worker.params = build(spec, self.settings.params) if spec else None
+        worker.log = logging.getLogger(self.settings.instance)
+        worker._period = self.settings.period
+        worker._signal = self.signal
+        worker._state = lambda: self.state
+        worker._set_period = self._set_period
+        worker_class.__init__(worker)  # after the above, so that a user's __init__ has it
+        self._beat = Beat(worker.period, time.monotonic())
+        return worker
+
+    def _connect(self) -> None:
+        provided = [port for port in self.component.ports if port.verb.provides]
+        wanted = [port for port in self.component.ports if not port.verb.provides]
+        own = port_of(self.component)
+        if own:
+            servant = CommonBehavior(self.worker, dict(self.settings.params))
+            self._links += ports.bind_handlers(own, servant, self._route, self._monitor)
+        required: list[tuple[Port, Link]] = []
+        for port in (*provided, *wanted):
+            links = self._bind(port)
+            self._links += links
+            if port.verb is Verb.REQUIRES:
+                required += ((port, link) for link in links)
+        self._await(required)
+        if self.state is State.STARTING:
+            self.signal(Event.CONNECTED)
+
+    def _bind(self, port: Port) -> list[Link]:
+        if not port.verb.has_proxy:
+            return ports.bind_handlers(port, self.worker, self._route, self._monitor)
+        proxy, links = ports.bind_proxy(port, self._route, self._monitor)
+        setattr(self.worker, port.attribute, proxy)
+        return links
+
+    def _route(self, port: Port, operation: Operation[Any]) -> ports.Route:
+        chosen = self.settings.port(port, operation.name)
+        if port.verb.provides:
+            where = (self.settings.namespace, self.settings.instance, port.segment)
+        else:
+            where = names.resolve(chosen.source or "", self.settings.namespace, port.interface.short)
+        middleware = chosen.middleware or self._middleware
+        assert chosen.qos is not None
+        assert chosen.deadline is not None
+        return ports.Route(
+            self._transports[middleware],
+            middleware,
+            names.channel(*where, operation.name),
+            chosen.qos,
+            chosen.deadline,
+        )
+
+    def _await(self, required: Sequence[tuple[Port, Link]]) -> None:
+        """Wait until everything required is visible."""
+        begun = told = time.monotonic()
+        for port, link in required:
+            while self.state is State.STARTING and not link.wait_peer(0.2):
+                now = time.monotonic()
+                whom = self.settings.port(port, "").source or "any instance"
+                if now - begun > self.settings.patience:
+                    raise Unreachable(
+                        f"nobody offers {port.interface.short} ({whom}) after {self.settings.patience:g} s; "
+                        f"start a component that implements it, or set ports.{port.name}.from"
+                    )
+                if now - told > _REMIND or told == begun:
+                    told = now
+                    log.info("waiting for a component that implements %s (%s)", port.interface.short, whom)
+
+    # Living.
+
+    def _live(self) -> None:
+        while self.state is not State.ENDED:
+            match self.state:
+                case State.INITIALIZE:
+                    self._once(self.worker.initialize, early=True)
+                    self._get_going()
+                case State.COMPUTE:
+                    self._on_the_beat(self.worker.compute)
+                case State.EMERGENCY:
+                    self._on_the_beat(self.worker.emergency)
+                case State.RESTORE:
+                    self._once(self.worker.restore)
+                case State.FINISH:
+                    self._once(self.worker.finish, early=True)
+                case State.STARTING:
+                    raise AssertionError("connected, but still starting")
+
+    def _get_going(self) -> None:
+        """Let handlers in and say ready, unless it was stopped meanwhile."""
+        if self.state is not State.COMPUTE:
+            return
+        self._monitor.open()
+        self._beat = Beat(self.worker.period, time.monotonic())
+        self.ready.set()
+        notify("READY=1")
+        log.info("ready")
+
+    def _on_the_beat(self, hook: Callable[[], None]) -> None:
+        wait = self._beat.due(time.monotonic())
+        if wait:
+            self._wake.wait(wait)
+            self._wake.clear()
+            return
+        self._call(hook)
+        self._beat.done(time.monotonic())
+        self.overruns = self._beat.overruns
+
+    def _once(self, hook: Callable[[], None], *, early: bool = False) -> None:
+        state = self.state
+        self._call(hook, early=early)
+        if self.state is state:
+            self.signal(Event.DONE)
+
+    def _call(self, hook: Callable[[], None], *, early: bool = False) -> None:
+        """Run a hook; decide what becomes of the component if it raises."""
+        try:
+            with self._monitor.held(early=early):
+                hook()
+            self._excuse = ""
+        except TransportError as exc:
+            self._hindered(hook, exc)
+        except Exception as exc:
+            self._fail(f"{hook.__qualname__} raised {type(exc).__name__}", exc)
+
+    def _hindered(self, hook: Callable[[], None], exc: TransportError) -> None:
+        """The other side is away, slow or closed: an environment to live in, unless nothing can begin without it."""
+        if self.state is State.INITIALIZE:
+            self._fail(f"initialize could not do without: {exc}", exc)
+        elif not isinstance(exc, Closed) and str(exc) != self._excuse:
+            self._excuse = str(exc)
+            log.warning("%s was cut short: %s", hook.__qualname__, exc)
+
+    def _fail(self, message: str, exc: BaseException | None) -> None:
+        log.error("%s", message, exc_info=exc)
+        self._failed = True
+        self.signal(Event.STOP)
+
+    def _set_period(self, seconds: float) -> None:
+        self._beat.period = seconds
+        self._wake.set()
+
+
+class _Transports:
+    """The transports a component uses, each opened when first used, all closed together."""
+
+    def __init__(self, settings: Settings, find: Callable[[str], TransportFactory]) -> None:
+        self._settings, self._find = settings, find
+        self._open: dict[str, Transport] = {}
+
+    def __getitem__(self, name: str) -> Transport:
+        if name not in self._open:
+            options: Mapping[str, Any] = self._settings.transports.get(name, {})
+            self._open[name] = self._find(name)(TransportConfig(options, self._settings.instance))
+        return self._open[name]
+
+    def close(self) -> None:
+        while self._open:
+            _, transport = self._open.popitem()
+            transport.close()
+
+
+def main(worker_class: type[Worker[Any]], arguments: Sequence[str] | None = None) -> int:
+    """Run a component as a program: `python -m PACKAGE`, `rc run DIR`. Returns the exit code."""
+    component = worker_class.component
+    options = _parser(component.name, component.description).parse_args(arguments)
+    try:
+        document = _document(worker_class, options)
+        chosen = settings.check(component, document, options.name)
+        _configure_logging(chosen)
+        for middleware in _middlewares(worker_class, chosen):
+            find_transport(middleware)
+        running = Running(worker_class, chosen)
+    except (ConfigurationError, ComponentError) as exc:
+        print(exc, file=sys.stderr)
+        return 1
+    received: list[int] = []
+    with _Signals(partial(_stop_by, running, received)):
+        fine = running.run()
+    return 1 if not fine else 128 + received[0] if received else 0
+
+
+def _parser(name: str, description: str) -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog=name,
+        description=f"{description or f'Run the component {name}.'} It stops on Ctrl-C or SIGTERM.",
+        epilog="Every key of the configuration can be set: --set component.period=0.02 --set params.NAME=VALUE",
+    )
+    parser.add_argument(
+        "--config", type=Path, metavar="FILE", help="configuration (default: etc/config.toml beside it)"
+    )
+    parser.add_argument("--name", help=f"name of this instance (default: {name.lower()})")
+    parser.add_argument("--middleware", help="what carries its messages, as in `middleware = …`")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="set one key; may be repeated")
+    parser.add_argument("--version", action="version", version=f"robocomp_py {__version__}")
+    return parser
+
+
+def _document(worker_class: type[Worker[Any]], options: argparse.Namespace) -> settings.Document:
+    beside = Path(inspect.getfile(worker_class)).parent / "etc" / "config.toml"
+    if options.config is None and not beside.exists():
+        document = settings.Document()
+    else:
+        document = settings.read(_short(options.config or beside))
+    for assignment in options.set:
+        settings.override(document, assignment)
+    if options.middleware:
+        settings.override(document, f"middleware={options.middleware}")
+    return document
+
+
+def _short(path: Path) -> Path:
+    """The path as people would write it from here."""
+    try:
+        return path.resolve().relative_to(Path.cwd())
+    except ValueError:
+        return path
+
+
+def _middlewares(worker_class: type[Worker[Any]], chosen: Settings) -> set[str]:
+    named = {chosen.middleware or worker_class.middleware}
+    named |= {port.middleware for port in worker_class.component.ports if port.middleware}
+    return named | {each.middleware for each in chosen.ports.values() if each.middleware}
+
+
+def _configure_logging(chosen: Settings) -> None:
+    launched = "NOTIFY_SOCKET" in os.environ  # then whoever launched us adds time and name
+    form = "%(levelname)s: %(message)s" if launched else f"%(asctime)s {chosen.instance} %(levelname)s: %(message)s"
+    logging.basicConfig(level=chosen.log.upper(), format=form, datefmt="%H:%M:%S", stream=sys.stderr)
+
+
+def _stop_by(running: Running, received: list[int], number: int) -> None:
+    received.append(number)
+    running.stop()
+
+
+class _Signals:
+    """While entered, Ctrl-C and SIGTERM call a function; a second one has its usual effect."""
+
+    def __init__(self, handle: Callable[[int], None]) -> None:
+        self._handle = handle
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> None:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            self._before[number] = signal.signal(number, self._received)
+
+    def __exit__(self, *exc: object) -> None:
+        self._restore()
+
+    def _received(self, number: int, frame: FrameType | None) -> None:
+        self._restore()
+        self._handle(number)
+
+    def _restore(self) -> None:
+        for number, before in self._before.items():
+            signal.signal(number, before)

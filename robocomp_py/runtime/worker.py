@@ -1,0 +1,118 @@
+"""What user code derives from, by way of the generated GenericWorker."""
+
+from __future__ import annotations
+
+import inspect
+import logging
+from abc import ABC
+from collections.abc import Callable, Iterator
+from typing import Any, ClassVar, Generic, TypeVar
+
+from ..contract.component import Component, Port
+from ..contract.interface import Operation
+from ..errors import ComponentError
+from .lifecycle import Event, State
+
+P = TypeVar("P")
+
+
+class Worker(ABC, Generic[P]):
+    """A component's own code. Override the hooks, and write the handlers the generated class asks for.
+
+    None of it ever runs on two threads at once, so it needs no locks. While it waits for an answer
+    from another component, a handler may run.
+    """
+
+    component: ClassVar[Component]
+    middleware: ClassVar[str]
+    """What carries its messages, unless configuration or deployment say otherwise."""
+
+    params: P
+    """The configured parameters; read-only."""
+
+    log: logging.Logger
+    """Where to write messages for people."""
+
+    _signal: Callable[[Event], None]
+    _state: Callable[[], State]
+    _set_period: Callable[[float], None]
+
+    def initialize(self) -> None:
+        """Called once, when everything required is visible; handlers are let in afterwards."""
+
+    def compute(self) -> None:
+        """Called every period."""
+
+    def emergency(self) -> None:
+        """Called every period, instead of `compute`, from `goToEmergency` until `goToRestore`."""
+
+    def restore(self) -> None:
+        """Called once after an emergency, before `compute` goes on."""
+
+    def finish(self) -> None:
+        """Called once at the end. Other components may have gone already."""
+
+    def goToEmergency(self) -> None:
+        """Stop computing and call `emergency` instead. No effect unless computing."""
+        self._signal(Event.ALARM)
+
+    def goToRestore(self) -> None:
+        """The emergency is over: call `restore`, then compute again. No effect otherwise."""
+        self._signal(Event.RECOVERED)
+
+    def stop(self) -> None:
+        """End this component, as Ctrl-C does: after what runs now, `finish` is called."""
+        self._signal(Event.STOP)
+
+    @property
+    def state(self) -> State:
+        """Where in its life this component is."""
+        return self._state()
+
+    @property
+    def period(self) -> float:
+        """Seconds from one `compute` to the next."""
+        return self._period
+
+    @period.setter
+    def period(self, seconds: float) -> None:
+        if not seconds > 0:
+            raise ValueError(f"a period is a positive number of seconds, not {seconds!r}")
+        self._set_period(seconds)
+        self._period = seconds
+
+    _period: float
+
+
+def check_handlers(worker: type[Worker[Any]]) -> None:
+    """Raise ComponentError if a handler is missing, asynchronous, or takes other arguments than its operation."""
+    for port, operation in _handled(worker.component):
+        name = port.handler(operation.name)
+        declared = getattr(worker, name, None)
+        if declared is None or getattr(declared, "__isabstractmethod__", False):
+            raise ComponentError(f"{worker.__name__} lacks the method {name}; add:\n\n{_stub(worker, name)}")
+        if inspect.iscoroutinefunction(declared):
+            raise ComponentError(f"{worker.__name__}.{name} is `async def`; handlers are plain methods: write `def`")
+        try:
+            inspect.signature(declared).bind(None, *operation.inputs)
+        except TypeError:
+            wanted = ", ".join(("self", *(field.attribute for field in operation.inputs)))
+            raise ComponentError(
+                f"{worker.__name__}.{name} must take ({wanted}); make it:\n\n{_stub(worker, name)}"
+            ) from None
+
+
+def _handled(component: Component) -> Iterator[tuple[Port, Operation[Any]]]:
+    for port in component.ports:
+        if not port.verb.has_proxy:
+            for operation, _ in port.interface.under(port.verb):
+                yield port, operation
+
+
+def _stub(worker: type[Worker[Any]], name: str) -> str:
+    """The method to paste, as the generated class declares it."""
+    generic = next((c for c in worker.__mro__ if getattr(c.__dict__.get(name), "__isabstractmethod__", False)), None)
+    if generic is None:
+        return f"    def {name}(self, ...): ..."
+    signature = str(inspect.signature(generic.__dict__[name])).replace("'", "")
+    return f"    def {name}{signature}:\n        raise NotImplementedError  # your code here"
