@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from .types import Enumeration, ExceptionType, Field, Struct, spell, walk
 
@@ -61,11 +61,19 @@ class Operation(Generic[R]):
     raises: tuple[ExceptionType, ...] = ()
     pattern: Pattern | None = None
     idempotent: bool = False
+    doc: str = field(default="", compare=False, repr=False)
+    source: str = field(default="", compare=False, repr=False)
+    """Its declaration as the IDSL file spells it, for people."""
 
     def carried(self, verb: Verb) -> Pattern | None:
-        """The pattern of this operation under that verb; None if the verb has no part in it."""
+        """The pattern of this operation under that verb; None if the verb has no part in it.
+
+        What gives something back cannot be a publication.
+        """
         if self.pattern is None:
-            return Pattern.PUBLISH if verb.is_topic else Pattern.QUERY
+            if not verb.is_topic:
+                return Pattern.QUERY
+            return None if self.outputs or self.raises else Pattern.PUBLISH
         return self.pattern if (self.pattern is Pattern.PUBLISH) == verb.is_topic else None
 
     @cached_property
@@ -97,7 +105,8 @@ class Interface:
     """A named set of operations, inherited ones included. `name` is qualified: `RoboCompLaser::Laser`."""
 
     name: str
-    operations: tuple[Operation[object], ...]
+    operations: tuple[Operation[Any], ...]
+    doc: str = field(default="", compare=False, repr=False)
 
     @property
     def module(self) -> str:
@@ -107,7 +116,7 @@ class Interface:
     def short(self) -> str:
         return self.name.rpartition("::")[2]
 
-    def under(self, verb: Verb) -> Iterator[tuple[Operation[object], Pattern]]:
+    def under(self, verb: Verb) -> Iterator[tuple[Operation[Any], Pattern]]:
         """The operations that take part under a verb, each with the pattern it has there."""
         for operation in self.operations:
             pattern = operation.carried(verb)
@@ -162,5 +171,5 @@ def _describe(operation: Operation[R]) -> Iterator[str]:
 
 def _members(kind: str, name: str, fields: tuple[Field, ...]) -> Iterator[str]:
     yield f"{kind} {name}"
-    for field in fields:
-        yield f"  {field.name} {spell(field.type)}"
+    for each in fields:
+        yield f"  {each.name} {spell(each.type)}"

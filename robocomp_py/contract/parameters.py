@@ -11,7 +11,11 @@ import difflib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any
+from typing import Any, ClassVar
+
+from ..errors import ConfigurationError
+
+Key = tuple[str | int, ...]
 
 
 class ParameterKind(StrEnum):
@@ -64,6 +68,13 @@ class ParameterList:
     maximum: int | None = None
     description: str = field(default="", compare=False)
 
+    def count(self, number: int, at: Key) -> list[Complaint]:
+        """What is wrong with that many items."""
+        if number >= self.minimum and (self.maximum is None or number <= self.maximum):
+            return []
+        upper = "any number" if self.maximum is None else self.maximum
+        return [Complaint(at, f"{number} items of `{self.name}`; allowed: {self.minimum} to {upper}")]
+
 
 @dataclass(frozen=True)
 class ParameterSet:
@@ -75,11 +86,27 @@ class ParameterSet:
     python: type[Any] | None = field(default=None, compare=False, repr=False)
 
 
+class Parameters:
+    """Base of the generated parameter classes. Making one with values not allowed raises ConfigurationError."""
+
+    __slots__ = ()
+    __spec__: ClassVar[ParameterSet]
+
+    def __post_init__(self) -> None:
+        spec = self.__spec__
+        given = {p.name: getattr(self, p.name) for p in spec.parameters}
+        _, complaints = check(ParameterSet(spec.name, spec.parameters), given)
+        for each in spec.lists:
+            complaints += each.count(len(getattr(self, each.name)), (each.name,))
+        if complaints:
+            raise ConfigurationError("\n".join(f"{c.path}: {c.message}" for c in complaints))
+
+
 @dataclass(frozen=True)
 class Complaint:
     """One thing wrong with a configuration: at which key, and in words."""
 
-    key: tuple[str | int, ...]
+    key: Key
     message: str
 
     @property
@@ -118,7 +145,7 @@ def build(spec: ParameterSet, values: Mapping[str, Any]) -> Any:
 def _fill(
     spec: ParameterSet,
     given: Mapping[str, Any],
-    at: tuple[str | int, ...],
+    at: Key,
     values: dict[str, Any],
     complaints: list[Complaint],
 ) -> None:
@@ -139,15 +166,11 @@ def _fill(
         values[each.name] = list(_items(each, given.get(each.name, []), (*at, each.name), complaints))
 
 
-def _items(
-    spec: ParameterList, given: Any, at: tuple[str | int, ...], complaints: list[Complaint]
-) -> Iterator[dict[str, Any]]:
+def _items(spec: ParameterList, given: Any, at: Key, complaints: list[Complaint]) -> Iterator[dict[str, Any]]:
     if not isinstance(given, list) or not all(isinstance(item, Mapping) for item in given):
         complaints.append(Complaint(at, f"`{spec.name}` is a list: write its items as [[{spec.name}]] tables"))
         return
-    if len(given) < spec.minimum or (spec.maximum is not None and len(given) > spec.maximum):
-        upper = "any number" if spec.maximum is None else spec.maximum
-        complaints.append(Complaint(at, f"{len(given)} items of `{spec.name}`; allowed: {spec.minimum} to {upper}"))
+    complaints += spec.count(len(given), at)
     for number, item in enumerate(given):
         values: dict[str, Any] = {}
         _fill(spec.items, item, (*at, number), values, complaints)

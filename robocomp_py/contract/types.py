@@ -69,6 +69,7 @@ class Field:
     type: Type
     default: Any = None
     """What a new value holds, if not zero."""
+    doc: str = field(default="", compare=False, repr=False)
 
     @property
     def attribute(self) -> str:
@@ -83,6 +84,7 @@ class Struct:
     name: str
     fields: tuple[Field, ...]
     python: type[Any] | None = field(default=None, repr=False)
+    doc: str = field(default="", compare=False, repr=False)
 
 
 @dataclass(frozen=True)
@@ -92,13 +94,18 @@ class Enumeration:
     name: str
     members: tuple[tuple[str, int], ...]
     python: type[Any] | None = field(default=None, repr=False)
+    doc: str = field(default="", compare=False, repr=False)
 
 
 @dataclass(frozen=True)
 class Sequence:
-    """Any number of items; of numbers and bools, a numpy array of one dimension."""
+    """Any number of items; of numbers and bools, a numpy array of one dimension.
+
+    `name` is what the IDSL calls it, `RoboCompLaser::TLaserData`; it means nothing to the wire.
+    """
 
     item: Type
+    name: str = field(default="", compare=False, repr=False)
 
     @property
     def dtype(self) -> np.dtype[Any] | None:
@@ -112,6 +119,7 @@ class Dictionary:
 
     key: Type
     value: Type
+    name: str = field(default="", compare=False, repr=False)
 
 
 Type = Primitive | Struct | Enumeration | Sequence | Dictionary
@@ -125,6 +133,7 @@ class ExceptionType:
     fields: tuple[Field, ...]
     base: ExceptionType | None = None
     python: type[Any] | None = field(default=None, repr=False)
+    doc: str = field(default="", compare=False, repr=False)
 
     @cached_property
     def all_fields(self) -> tuple[Field, ...]:

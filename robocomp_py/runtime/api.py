@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence as _Sequence
 from concurrent.futures import Future
+from typing import Any
 
 from ..contract.component import Component, Port
 from ..contract.interface import Interface, Operation, Pattern, Verb
-from ..contract.parameters import Parameter, ParameterKind, ParameterList, ParameterSet
+from ..contract.parameters import Parameter, ParameterKind, ParameterList, Parameters, ParameterSet
 from ..contract.qos import Durability, History, Liveliness, QoS, Reliability
 from ..contract.types import (
     BOOL,
@@ -31,7 +33,6 @@ from ..contract.types import (
 )
 from ..errors import DeclaredError
 from .ports import Proxy
-from .run import main
 from .worker import Worker
 
 __all__ = [
@@ -64,6 +65,7 @@ __all__ = [
     "ParameterKind",
     "ParameterList",
     "ParameterSet",
+    "Parameters",
     "Pattern",
     "Port",
     "Proxy",
@@ -75,3 +77,10 @@ __all__ = [
     "Worker",
     "main",
 ]
+
+
+def main(worker_class: type[Worker[Any]], arguments: _Sequence[str] | None = None) -> int:
+    """Run a component as a program; returns its exit code. See `robocomp_py.runtime.run.main`."""
+    from .run import main as run  # it uses generated code itself, which imports this module
+
+    return run(worker_class, arguments)

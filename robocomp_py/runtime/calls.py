@@ -120,7 +120,7 @@ class Answering:
         return value
 
     def _thrown(self, exc: BaseException) -> Reply:
-        kind = next(c.contract for c in type(exc).__mro__ if isinstance(c.__dict__.get("contract"), ExceptionType))
+        kind = next(kind for kind in map(_contract_of, type(exc).__mro__) if kind)
         fields = tuple(getattr(exc, field.attribute) for field in kind.all_fields)
         try:
             payload = self._codec.encoder(_thrown_message(kind))((_LINEAGE.join(kind.lineage), *fields))
@@ -146,7 +146,13 @@ def _family(declared: ExceptionType) -> list[ExceptionType]:
     """A declared exception and those derived from it that this process knows."""
     family = [declared]
     for derived in declared.python.__subclasses__() if declared.python else ():
-        contract = derived.__dict__.get("contract")
-        if isinstance(contract, ExceptionType):
-            family += _family(contract)
+        known = _contract_of(derived)
+        if known:
+            family += _family(known)
     return family
+
+
+def _contract_of(exception: type) -> ExceptionType | None:
+    """What a generated exception class stands for; None for other classes, their subclasses included."""
+    contract = exception.__dict__.get("__contract__")
+    return contract if isinstance(contract, ExceptionType) else None

@@ -8,7 +8,7 @@ from typing import Any
 from ..contract.component import Component, Port
 from ..contract.interface import Verb
 from .lifecycle import State
-from .RoboCompCommonBehavior import COMMONBEHAVIOR, Parameter, ParameterList
+from .RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE, Parameter, ParameterList
 from .RoboCompCommonBehavior import State as Told
 from .worker import Worker
 
@@ -51,5 +51,5 @@ class CommonBehavior:
 
 def port_of(component: Component) -> Port | None:
     """The port to answer on, unless the component implements the interface itself."""
-    taken = any(p.interface.short == COMMONBEHAVIOR.short and not p.verb.has_proxy for p in component.ports)
-    return None if taken else Port(Verb.IMPLEMENTS, COMMONBEHAVIOR, concurrent=True)
+    taken = any(p.interface.short == COMMONBEHAVIOR_INTERFACE.short and not p.verb.has_proxy for p in component.ports)
+    return None if taken else Port(Verb.IMPLEMENTS, COMMONBEHAVIOR_INTERFACE, concurrent=True)

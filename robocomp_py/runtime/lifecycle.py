@@ -40,8 +40,7 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
     (State.EMERGENCY, Event.RECOVERED): State.RESTORE,
     (State.RESTORE, Event.DONE): State.COMPUTE,
     **{
-        (state, Event.STOP): State.FINISH
-        for state in (State.INITIALIZE, State.COMPUTE, State.EMERGENCY, State.RESTORE)
+        (state, Event.STOP): State.FINISH for state in (State.INITIALIZE, State.COMPUTE, State.EMERGENCY, State.RESTORE)
     },
     (State.STARTING, Event.STOP): State.ENDED,
     (State.FINISH, Event.DONE): State.ENDED,

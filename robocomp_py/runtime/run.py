@@ -54,7 +54,10 @@ class Running:
         self.settings = settings
         self.ready = threading.Event()
         self.state = State.STARTING
+        self.computes = 0
+        """How often `compute` was called."""
         self.overruns = 0
+        """How many beats were left out, because what was done took longer than a period."""
         self._middleware = settings.middleware or worker_class.middleware
         self._wake = threading.Event()
         self._changing = threading.Lock()
@@ -170,7 +173,7 @@ class Running:
                     self._once(self.worker.initialize, early=True)
                     self._get_going()
                 case State.COMPUTE:
-                    self._on_the_beat(self.worker.compute)
+                    self.computes += self._on_the_beat(self.worker.compute)
                 case State.EMERGENCY:
                     self._on_the_beat(self.worker.emergency)
                 case State.RESTORE:
@@ -190,15 +193,17 @@ class Running:
         notify("READY=1")
         log.info("ready")
 
-    def _on_the_beat(self, hook: Callable[[], None]) -> None:
+    def _on_the_beat(self, hook: Callable[[], None]) -> bool:
+        """Call a hook if it is time to, else wait for that, or for news. Whether it was called."""
         wait = self._beat.due(time.monotonic())
         if wait:
             self._wake.wait(wait)
             self._wake.clear()
-            return
+            return False
         self._call(hook)
         self._beat.done(time.monotonic())
         self.overruns = self._beat.overruns
+        return True
 
     def _once(self, hook: Callable[[], None], *, early: bool = False) -> None:
         state = self.state

@@ -1,0 +1,1 @@
+"""Models to files. Text is in templates; what needs thought is in filters."""

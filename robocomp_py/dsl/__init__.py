@@ -1,0 +1,1 @@
+"""The languages: text to checked, linked models. Nothing downstream of `link` sees syntax."""

@@ -1,0 +1,1 @@
+"""CDSL: components, their ports and options."""

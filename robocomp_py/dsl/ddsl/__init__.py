@@ -1,0 +1,1 @@
+"""DDSL: deployments, networks of component instances."""

@@ -1,0 +1,57 @@
+"""What a .ddsl file says, and where."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..source import Name, Source, Span
+
+
+@dataclass(frozen=True, slots=True)
+class Wiring:
+    """`requires Laser from laser1;`: which instance a port uses."""
+
+    verb: Name
+    port: Name
+    instance: Name
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    name: Name
+    value: Name
+
+
+@dataclass(frozen=True, slots=True)
+class Instance:
+    """One component of the deployment. `kind` is the name in its CDSL, if it is not the instance's own."""
+
+    name: Name
+    span: Span
+    kind: Name | None = None
+    path: Name | None = None
+    ip: Name | None = None
+    port: Name | None = None
+    config: Name | None = None
+    dependences: tuple[Name, ...] = ()
+    middleware: Name | None = None
+    env: tuple[Variable, ...] = ()
+    args: tuple[Name, ...] = ()
+    wirings: tuple[Wiring, ...] = ()
+    later: tuple[Name, ...] = ()
+
+    @property
+    def component(self) -> Name:
+        return self.kind or self.name
+
+
+@dataclass(frozen=True, slots=True)
+class Deployment:
+    source: Source
+    imports: tuple[Name, ...]
+    name: Name
+    instances: tuple[Instance, ...]
+    middleware: Name | None = None
+    namespace: str = ""
+    later: tuple[Name, ...] = ()
+    skipped: str = ""

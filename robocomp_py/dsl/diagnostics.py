@@ -1,0 +1,109 @@
+"""What is wrong with a text, where, and what would be right."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+from ..errors import RobocompError
+from .source import Span
+
+
+class Severity(StrEnum):
+    ERROR = "error"
+    WARNING = "warning"
+    INFO = "info"
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnostic:
+    """`code` is a stable slug; `message` is for the author of the file: lower case, no full stop."""
+
+    code: str
+    message: str
+    span: Span
+    severity: Severity = Severity.ERROR
+    hint: str = ""
+    related: tuple[tuple[str, Span], ...] = ()
+    """Other places that belong to it, each with what it is: `first defined here`."""
+
+    def render(self) -> str:
+        """With place, source line and caret, as compilers do."""
+        lines = [f"{_place(self.span)}: {self.severity}[{self.code}]: {self.message}", *_excerpt(self.span)]
+        if self.hint:
+            lines.append(f"    {self.hint}")
+        for text, span in self.related:
+            lines += [f"  {_place(span)}: {text}", *_excerpt(span)]
+        return "\n".join(lines)
+
+    def to_json(self) -> dict[str, Any]:
+        line, column = self.span.source.position(self.span.start)
+        end_line, end_column = self.span.source.position(self.span.end)
+        return {
+            "file": str(self.span.source.path),
+            "line": line,
+            "column": column,
+            "end_line": end_line,
+            "end_column": end_column,
+            "severity": str(self.severity),
+            "code": self.code,
+            "message": self.message,
+            "hint": self.hint,
+        }
+
+
+@dataclass
+class Report:
+    """Diagnostics as they are found."""
+
+    diagnostics: list[Diagnostic] = field(default_factory=list)
+
+    def error(self, code: str, message: str, span: Span, hint: str = "", *related: tuple[str, Span]) -> None:
+        self.diagnostics.append(Diagnostic(code, message, span, Severity.ERROR, hint, related))
+
+    def warning(self, code: str, message: str, span: Span, hint: str = "", *related: tuple[str, Span]) -> None:
+        self.diagnostics.append(Diagnostic(code, message, span, Severity.WARNING, hint, related))
+
+    def extend(self, found: Iterable[Diagnostic]) -> None:
+        self.diagnostics += [each for each in found if each not in self.diagnostics]
+
+    @property
+    def errors(self) -> list[Diagnostic]:
+        return [each for each in self.diagnostics if each.severity is Severity.ERROR]
+
+
+class DslError(RobocompError):
+    """Files are wrong; the message shows every diagnostic."""
+
+    def __init__(self, diagnostics: Iterable[Diagnostic]) -> None:
+        self.diagnostics = ordered(diagnostics)
+        super().__init__("\n".join(each.render() for each in self.diagnostics))
+
+
+def ordered(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
+    """By file and place."""
+    return sorted(diagnostics, key=lambda each: (str(each.span.source.path), each.span.start, each.code))
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """`did you mean `Laser`?`, or nothing if no known name is close."""
+    folded = {each.lower(): each for each in known}
+    close = difflib.get_close_matches(name.lower(), folded, 1, cutoff=0.7)
+    return f"did you mean `{folded[close[0]]}`?" if close else ""
+
+
+def _place(span: Span) -> str:
+    line, column = span.source.position(span.start)
+    return f"{span.source.path}:{line}:{column}"
+
+
+def _excerpt(span: Span) -> Iterator[str]:
+    line, column = span.source.position(span.start)
+    text = span.source.line(line)
+    width = max(1, min(span.end - span.start, len(text) - column + 1))
+    margin = "".join(char if char == "\t" else " " for char in text[: column - 1])
+    yield f"    {text}"
+    yield f"    {margin}{'^' * width}"

@@ -1,0 +1,1 @@
+"""IDSL: interfaces and the types of their messages."""

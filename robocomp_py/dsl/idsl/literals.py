@@ -1,0 +1,51 @@
+"""What literals mean."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from ...contract.types import FLOAT32_MAX, Primitive, integer_range
+from . import model as m
+
+
+def literal_value(kind: Primitive | m.Enum, literal: m.Literal) -> Any:
+    """The value of a literal for a type; raises ValueError, in words for people, if it has none."""
+    text = literal.text
+    if isinstance(kind, m.Enum):
+        names = [member.name.text for member in kind.members]
+        short = text.rpartition("::")[2]
+        if literal.quoted or short not in names:
+            raise ValueError(f"`{text}` is no enumerator of `{kind.name}`; there are {', '.join(names)}")
+        return short
+    if kind is Primitive.STRING:
+        if not literal.quoted:
+            raise ValueError("a string stands in double quotes")
+        return text
+    if literal.quoted:
+        raise ValueError(f"a {kind} does not stand in quotes")
+    if kind is Primitive.BOOL:
+        if text not in ("true", "false"):
+            raise ValueError(f"`{text}` is no bool; write true or false")
+        return text == "true"
+    if kind in (Primitive.FLOAT32, Primitive.FLOAT64):
+        return _float(kind, text)
+    return _integer(kind, text)
+
+
+def _float(kind: Primitive, text: str) -> float:
+    if not re.fullmatch(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?[fF]?", text):
+        raise ValueError(f"`{text}` is no number")
+    value = float(text.rstrip("fF"))
+    if kind is Primitive.FLOAT32 and abs(value) > FLOAT32_MAX:
+        raise ValueError(f"{text} exceeds float")
+    return value
+
+
+def _integer(kind: Primitive, text: str) -> int:
+    if not re.fullmatch(r"[+-]?\d+", text):
+        raise ValueError(f"`{text}` is no integer")
+    low, high = integer_range(Primitive.INT64 if kind is Primitive.TIME else kind)
+    if not low <= int(text) <= high:
+        raise ValueError(f"{text} does not fit; allowed: {low} to {high}")
+    return int(text)

@@ -1,0 +1,132 @@
+"""What an .idsl file says, and where. Names are not resolved here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..source import Name, Source, Span
+
+
+@dataclass(frozen=True, slots=True)
+class SequenceOf:
+    """A sequence written where a type is expected."""
+
+    item: TypeName
+    span: Span
+
+
+TypeName = Name | SequenceOf
+
+
+@dataclass(frozen=True, slots=True)
+class Literal:
+    """A number, text or word; what it means depends on the type it is for."""
+
+    text: str
+    span: Span
+    quoted: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    type: TypeName
+    name: Name
+    default: Literal | None = None
+    doc: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Struct:
+    name: Name
+    fields: tuple[Field, ...]
+    doc: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Enumerator:
+    name: Name
+    value: Literal | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Enum:
+    name: Name
+    members: tuple[Enumerator, ...]
+    doc: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Exception_:
+    name: Name
+    bases: tuple[Name, ...]
+    fields: tuple[Field, ...]
+    doc: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Sequence:
+    name: Name
+    item: TypeName
+    doc: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Dictionary:
+    name: Name
+    key: TypeName
+    value: TypeName
+    doc: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Const:
+    name: Name
+    type: TypeName
+    value: Literal
+    doc: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Param:
+    out: bool
+    type: TypeName
+    name: Name
+
+
+@dataclass(frozen=True, slots=True)
+class Operation:
+    pattern: Name | None
+    idempotent: bool
+    result: TypeName
+    name: Name
+    params: tuple[Param, ...]
+    throws: tuple[Name, ...]
+    span: Span
+    doc: str = ""
+
+    @property
+    def gives_back(self) -> bool:
+        """Whether it returns something or has outputs."""
+        void = isinstance(self.result, Name) and self.result.text == "void"
+        return not void or any(param.out for param in self.params)
+
+
+@dataclass(frozen=True, slots=True)
+class Interface:
+    name: Name
+    bases: tuple[Name, ...]
+    operations: tuple[Operation, ...]
+    doc: str = ""
+
+
+Definition = Struct | Enum | Exception_ | Sequence | Dictionary | Const | Interface
+
+
+@dataclass(frozen=True, slots=True)
+class File:
+    source: Source
+    imports: tuple[Name, ...]
+    module: Name
+    definitions: tuple[Definition, ...]
+    skipped: str = ""
+    """What syntax errors left out of the model."""

@@ -1,0 +1,140 @@
+"""Text to model."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from lark import Token, Tree
+
+from ..diagnostics import Report
+from ..source import Name, Source, Span
+from ..syntax import Grammar, Parsed, name_of, span_of, tree_span
+from . import model as m
+
+_GRAMMAR = Grammar("idsl")
+
+
+def parse(source: Source, report: Report) -> m.File | None:
+    """The model of a file, without what could not be read; None if not even its module could."""
+    parsed = _GRAMMAR.parse(source, report)
+    return _Builder(parsed).file(parsed.tree) if parsed.tree is not None else None
+
+
+class _Builder:
+    """Trees to models, a method for each kind of node."""
+
+    def __init__(self, parsed: Parsed) -> None:
+        self._parsed, self._source = parsed, parsed.source
+
+    def file(self, tree: Tree[Token]) -> m.File:
+        *imports, module = _trees(tree)
+        name, *definitions = module.children
+        return m.File(
+            self._source,
+            tuple(self._name(_token(each)) for each in imports),
+            self._name(name),
+            tuple(getattr(self, f"_{each.data}")(each) for each in definitions if isinstance(each, Tree)),
+            self._parsed.skipped,
+        )
+
+    def _struct(self, tree: Tree[Token]) -> m.Struct:
+        name, *fields = tree.children
+        return m.Struct(self._name(name), self._fields(fields), self._doc(tree))
+
+    def _enum(self, tree: Tree[Token]) -> m.Enum:
+        name, *members = tree.children
+        return m.Enum(self._name(name), tuple(self._enumerator(each) for each in members), self._doc(tree))
+
+    def _enumerator(self, tree: Any) -> m.Enumerator:
+        name, *value = tree.children
+        literal = m.Literal(str(value[0]), span_of(self._source, value[0])) if value else None
+        return m.Enumerator(self._name(name), literal)
+
+    def _exception(self, tree: Tree[Token]) -> m.Exception_:
+        name, *rest = tree.children
+        bases, fields = self._extends(rest)
+        return m.Exception_(self._name(name), bases, self._fields(fields), self._doc(tree))
+
+    def _dictionary(self, tree: Tree[Token]) -> m.Dictionary:
+        key, value, name = tree.children
+        return m.Dictionary(self._name(name), self._type(key), self._type(value), self._doc(tree))
+
+    def _sequence(self, tree: Tree[Token]) -> m.Sequence:
+        item, name = tree.children
+        return m.Sequence(self._name(name), self._type(item), self._doc(tree))
+
+    def _const(self, tree: Tree[Token]) -> m.Const:
+        kind, name, value = tree.children
+        return m.Const(self._name(name), self._type(kind), self._literal(value), self._doc(tree))
+
+    def _interface(self, tree: Tree[Token]) -> m.Interface:
+        name, *rest = tree.children
+        bases, operations = self._extends(rest)
+        return m.Interface(self._name(name), bases, tuple(map(self._operation, operations)), self._doc(tree))
+
+    def _operation(self, tree: Any) -> m.Operation:
+        rest = list(tree.children)
+        pattern = self._name(_token(rest.pop(0))) if _is(rest[0], "pattern") else None
+        idempotent = _is(rest[0], "IDEMPOTENT")
+        result, name, *rest = rest[1:] if idempotent else rest
+        throws = tuple(map(self._qualified, rest.pop().children)) if rest and _is(rest[-1], "throws") else ()
+        params = tuple(self._param(each) for each in rest)
+        span = tree_span(self._source, tree)
+        return m.Operation(
+            pattern, idempotent, self._type(result), self._name(name), params, throws, span, self._doc(tree)
+        )
+
+    def _param(self, tree: Any) -> m.Param:
+        out = _is(tree.children[0], "OUT")
+        kind, name = tree.children[-2:]
+        return m.Param(out, self._type(kind), self._name(name))
+
+    def _fields(self, trees: list[Any]) -> tuple[m.Field, ...]:
+        return tuple(map(self._field, trees))
+
+    def _field(self, tree: Any) -> m.Field:
+        kind, name, *default = tree.children
+        value = self._literal(default[0].children[0]) if default else None
+        return m.Field(self._type(kind), self._name(name), value, self._doc(tree))
+
+    def _extends(self, rest: list[Any]) -> tuple[tuple[Name, ...], list[Any]]:
+        if rest and _is(rest[0], "extends"):
+            return tuple(map(self._qualified, rest[0].children)), rest[1:]
+        return (), rest
+
+    def _type(self, tree: Any) -> m.TypeName:
+        if tree.data == "sequence_of":
+            return m.SequenceOf(self._type(tree.children[0]), self._span(tree))
+        return self._qualified(tree)
+
+    def _qualified(self, tree: Any) -> Name:
+        return Name("::".join(map(str, tree.children)), self._span(tree))
+
+    def _literal(self, tree: Any) -> m.Literal:
+        if tree.children[0].type == "STRING":
+            return m.Literal(str(tree.children[0])[1:-1], self._span(tree), quoted=True)
+        return m.Literal("::".join(map(str, tree.children)), self._span(tree))
+
+    def _name(self, token: Any) -> Name:
+        return name_of(self._source, token)
+
+    def _span(self, tree: Tree[Token]) -> Span:
+        return tree_span(self._source, tree)
+
+    def _doc(self, tree: Tree[Token]) -> str:
+        return self._parsed.doc(self._span(tree))
+
+
+def _trees(tree: Tree[Token]) -> list[Tree[Token]]:
+    return [child for child in tree.children if isinstance(child, Tree)]
+
+
+def _token(tree: Tree[Token] | Token) -> Token:
+    """The first token of a tree."""
+    while isinstance(tree, Tree):
+        tree = tree.children[0]
+    return tree
+
+
+def _is(node: Any, kind: str) -> bool:
+    return (node.data if isinstance(node, Tree) else node.type) == kind

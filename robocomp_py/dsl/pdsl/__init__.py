@@ -1,0 +1,1 @@
+"""PDSL: the parameters of a component."""

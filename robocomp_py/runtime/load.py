@@ -1,0 +1,52 @@
+"""A component's folder to its worker class."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import inspect
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+from ..errors import ComponentError
+from .worker import Worker
+
+
+def load_worker(folder: Path) -> type[Worker[Any]]:
+    """The SpecificWorker of a generated component, wherever its folder lies and whatever it is called.
+
+    Its package is imported under the folder's name, so that its files can import each other. Raises
+    ComponentError if there is no such class; an exception in the user's files passes through.
+    """
+    folder = folder.resolve()
+    for file in ("generic/genericworker.py", "specificworker.py"):
+        if not (folder / file).is_file():
+            raise ComponentError(f"{folder} is no generated component: it has no {file}; run rcgen on its .cdsl")
+    module = importlib.import_module(f"{_import_package(folder)}.specificworker")
+    worker = getattr(module, "SpecificWorker", None)
+    if not (inspect.isclass(worker) and issubclass(worker, Worker)):
+        raise ComponentError(f"{folder / 'specificworker.py'} has no class SpecificWorker(GenericWorker)")
+    return worker
+
+
+def _import_package(folder: Path) -> str:
+    """Import a folder as a package, once; its name."""
+    stem = re.sub(r"\W", "_", folder.name) or "component"
+    name, number = stem, 1
+    while name in sys.modules:
+        if getattr(sys.modules[name], "__path__", None) == [str(folder)]:
+            return name
+        number += 1
+        name = f"{stem}_{number}"
+    init = folder / "__init__.py"
+    spec = importlib.util.spec_from_file_location(
+        name, init if init.is_file() else None, submodule_search_locations=[str(folder)]
+    )
+    assert spec is not None
+    package = importlib.util.module_from_spec(spec)
+    sys.modules[name] = package
+    if spec.loader:
+        spec.loader.exec_module(package)
+    return name

@@ -1,0 +1,1 @@
+"""Shipped for tests of components and of transports."""

@@ -1,0 +1,211 @@
+"""Run a component in a test: in this process, with fakes for all it is connected to.
+
+    SpecificWorker = load_component(Path("components/wander"))
+
+    def test_it_stops_before_a_wall():
+        with ComponentTest(SpecificWorker, laser={"getLaserData": [TData(0.0, 200.0)]}) as component:
+            component.wait_for_computes(1)
+            assert component.received("differentialrobot.setSpeedBase")[-1] == (0.0, 0.6)
+
+A fake is a value to return, an exception to raise, or a function of the operation's arguments;
+what is not faked returns zeros.
+"""
+
+from __future__ import annotations
+
+import itertools
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from ..contract import types as t
+from ..contract.component import Port
+from ..contract.interface import Operation, Verb
+from ..runtime import ports, settings
+from ..runtime.load import load_worker
+from ..runtime.monitor import Monitor
+from ..runtime.run import Running
+from ..runtime.worker import Worker
+from ..transports.base import Link, Transport, TransportConfig
+from ..transports.inproc import InprocTransport
+from .patience import SOON, wait_until
+
+__all__ = ["ComponentTest", "load_component"]
+
+load_component: Callable[[Path], type[Worker[Any]]] = load_worker
+"""The SpecificWorker of a component's folder."""
+
+_OPPOSITE = {
+    Verb.REQUIRES: Verb.IMPLEMENTS,
+    Verb.IMPLEMENTS: Verb.REQUIRES,
+    Verb.PUBLISHES: Verb.SUBSCRIBES,
+    Verb.SUBSCRIBES: Verb.PUBLISHES,
+}
+_buses = itertools.count(1)
+
+
+class ComponentTest:
+    """A running component, from entering the `with` block until leaving it.
+
+    `config` holds settings by dotted key (`{"params.max_speed": 0.5, "component.period": 0.01}`);
+    the keyword arguments are fakes: by port (`laser`), then by operation.
+    """
+
+    def __init__(
+        self,
+        worker: type[Worker[Any]],
+        config: Mapping[str, Any] | None = None,
+        **fakes: Mapping[str, Any],
+    ) -> None:
+        unknown = set(fakes) - {port.name for port in worker.component.ports}
+        if unknown:
+            raise ValueError(f"no port is called {', '.join(sorted(unknown))}")
+        document = settings.Document()
+        for key, value in {"component.patience": SOON, **(config or {})}.items():
+            settings.override(document, f"{key}={_toml(value)}")
+        bus = f"test-{next(_buses)}"
+
+        def open_inproc(config: TransportConfig) -> Transport:
+            return InprocTransport(TransportConfig({"bus": bus}, config.owner))
+
+        self._running = Running(worker, settings.check(worker.component, document), lambda name: open_inproc)
+        self._transport = open_inproc(TransportConfig(owner="test"))
+        self._fakes = fakes
+        self._received: list[tuple[str, tuple[Any, ...]]] = []
+        self._proxies: dict[str, ports.Proxy] = {}
+        self._links: list[Link] = []
+        self._monitor = Monitor("fakes")
+        self._thread = threading.Thread(target=self._run, name="component under test")
+        self.fine = False
+        """After the block: whether the component ended without failing."""
+
+    @property
+    def worker(self) -> Any:
+        """The SpecificWorker itself, to look into. Its code runs on another thread."""
+        return self._running.worker
+
+    def __enter__(self) -> Self:
+        self._monitor.open()
+        for port in self._running.component.ports:
+            self._face(port)
+        self._thread.start()
+        wait_until(
+            lambda: self._running.ready.is_set() or not self._thread.is_alive(), SOON * 2, "the component is ready"
+        )
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._running.stop()
+        self._thread.join(SOON)
+        ports.close_all(self._links)
+        self._monitor.close()
+        self._transport.close()
+        if self._thread.is_alive():
+            raise AssertionError("the component did not stop")
+
+    def call(self, operation: str, *arguments: Any, deadline: float = SOON) -> Any:
+        """Call what the component implements: `call("Speech.say", "hello")`."""
+        proxy, contract = self._proxy(operation)
+        return proxy._ask(contract, arguments, deadline)
+
+    def send(self, operation: str, *arguments: Any) -> None:
+        """Publish to the component, or send it a command: `send("LaserPub.pushLaserData", scan)`."""
+        proxy, contract = self._proxy(operation)
+        proxy._send(contract, arguments, SOON)
+
+    def received(self, operation: str) -> list[tuple[Any, ...]]:
+        """The arguments of every call, command or publication so far: `received("batterypub.pushBattery")`."""
+        return [arguments for name, arguments in list(self._received) if name == operation]
+
+    def wait_for(self, condition: Callable[[], object], timeout: float = SOON) -> None:
+        """Wait until something holds; fail if it does not in time, or the component ended."""
+        wait_until(lambda: condition() or not self._thread.is_alive(), timeout)
+        assert condition(), "the component ended"
+
+    def wait_for_computes(self, number: int) -> None:
+        """Wait until `compute` was called so many more times."""
+        wanted = self._running.computes + number
+        self.wait_for(lambda: self._running.computes >= wanted)
+
+    def _run(self) -> None:
+        self.fine = self._running.run()
+
+    def _face(self, port: Port) -> None:
+        """Make the other side of a port."""
+        facing = replace(port, verb=_OPPOSITE[port.verb], proxy=ports.Proxy)
+        if port.verb.has_proxy:
+            self._links += ports.bind_handlers(facing, _Fake(self, port), self._route, self._monitor)
+        else:
+            self._proxies[port.name], links = ports.bind_proxy(facing, self._route, self._monitor)
+            self._links += links
+
+    def _route(self, port: Port, operation: Operation[Any]) -> ports.Route:
+        channel = f"*/{port.segment}/{operation.name}"
+        if port.verb is Verb.IMPLEMENTS:
+            channel = channel.replace("*", "fake")
+        return ports.Route(self._transport, "inproc", channel, port.qos, SOON)
+
+    def _proxy(self, name: str) -> tuple[ports.Proxy, Operation[Any]]:
+        port, _, operation = name.partition(".")
+        proxy = self._proxies[port]
+        found = next(p for p in self._running.component.ports if p.name == port)
+        return proxy, next(o for o in found.interface.operations if o.name == operation)
+
+    def _answer(self, port: Port, operation: Operation[Any], arguments: tuple[Any, ...]) -> Any:
+        self._received.append((f"{port.name}.{operation.name}", arguments))
+        fake = self._fakes.get(port.name, {}).get(operation.name, _zeros)
+        if fake is _zeros:
+            return _zeros(operation)
+        if isinstance(fake, BaseException):
+            raise fake
+        return fake(*arguments) if callable(fake) else fake
+
+
+class _Fake:
+    """Has the handlers of a port's other side."""
+
+    def __init__(self, test: ComponentTest, port: Port) -> None:
+        for operation, _ in port.interface.under(port.verb):
+            setattr(self, port.handler(operation.name), _Handler(test, port, operation))
+
+
+class _Handler:
+    def __init__(self, test: ComponentTest, port: Port, operation: Operation[Any]) -> None:
+        self._test, self._port, self._operation = test, port, operation
+        self.__qualname__ = f"fake {port.name}.{operation.name}"
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self._test._answer(self._port, self._operation, arguments)
+
+
+def _zeros(operation: Operation[Any]) -> Any:
+    values = tuple(zero(output.type) for output in operation.outputs)
+    return values if len(values) > 1 else values[0] if values else None
+
+
+def zero(kind: t.Type) -> Any:
+    """The value of something not set."""
+    match kind:
+        case t.Struct(python=python, fields=fields):
+            return python() if python else tuple(zero(field.type) for field in fields)
+        case t.Enumeration(python=python, members=members):
+            return python(members[0][1]) if python else members[0][1]
+        case t.Sequence():
+            return np.empty(0, kind.dtype) if kind.dtype is not None else []
+        case t.Dictionary():
+            return {}
+        case t.Primitive():
+            return {t.BOOL: False, t.STRING: ""}.get(kind, 0.0 if kind in t.FLOATS else 0)
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return repr(value) if isinstance(value, int | float) else f'"{value}"'

@@ -1,0 +1,21 @@
+"""Waiting in tests: for a condition, never for a while. `$ROBOCOMP_PATIENCE` scales every limit."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+
+SCALE = float(os.environ.get("ROBOCOMP_PATIENCE", "1"))
+
+SOON = 10.0 * SCALE
+"""Seconds after which what should have happened counts as not happening."""
+
+
+def wait_until(condition: Callable[[], object], timeout: float = SOON, what: str = "") -> None:
+    """Return as soon as the condition holds; raise AssertionError if it does not in time."""
+    end = time.monotonic() + timeout
+    while not condition():
+        if time.monotonic() > end:
+            raise AssertionError(f"not in {timeout:g} s: {what or getattr(condition, '__name__', condition)}")
+        time.sleep(0.002)
