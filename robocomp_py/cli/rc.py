@@ -57,3 +57,7 @@ def _run(options: argparse.Namespace, rest: list[str], usage: argparse.ArgumentP
     except ComponentError as exc:
         return complain(exc)
     return run_component(worker, [*rest, *(["--help"] if options.help else [])])
+
+
+if __name__ == "__main__":  # how a deployer starts components
+    raise SystemExit(main())

@@ -130,7 +130,11 @@ class Workspace:
     def components_of(self, path: Path) -> list[Path]:
         """The CDSL files that a DDSL file imports."""
         model = self.deployment(path)
-        found = [self._resolve(name, model.source, ".cdsl") for name in model.imports] if model else []
+        return self.components_of_model(model) if model else []
+
+    def components_of_model(self, model: Deployment) -> list[Path]:
+        """The CDSL files that a deployment imports."""
+        found = [self._resolve(name, model.source, ".cdsl") for name in model.imports]
         return [each for each in found if each]
 
     def deployment(self, path: Path) -> Deployment | None:

@@ -334,7 +334,7 @@ def _stop_by(running: Running, received: list[int], number: int) -> None:
 
 
 class _Signals:
-    """While entered, Ctrl-C and SIGTERM call a function; a second one has its usual effect."""
+    """While entered, Ctrl-C and SIGTERM call a function. A second Ctrl-C has its usual effect."""
 
     def __init__(self, handle: Callable[[int], None]) -> None:
         self._handle = handle
@@ -345,12 +345,9 @@ class _Signals:
             self._before[number] = signal.signal(number, self._received)
 
     def __exit__(self, *exc: object) -> None:
-        self._restore()
-
-    def _received(self, number: int, frame: FrameType | None) -> None:
-        self._restore()
-        self._handle(number)
-
-    def _restore(self) -> None:
         for number, before in self._before.items():
             signal.signal(number, before)
+
+    def _received(self, number: int, frame: FrameType | None) -> None:
+        signal.signal(signal.SIGINT, self._before[signal.SIGINT])
+        self._handle(number)

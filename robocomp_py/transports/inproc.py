@@ -19,7 +19,7 @@ from functools import partial
 from typing import TypeVar
 
 from ..contract.interface import Pattern
-from ..errors import Closed, ContractMismatch, Timeout, Unreachable
+from ..errors import Closed, ContractMismatch, Timeout, TransportError, Unreachable
 from ..wire.codec import Codec, Payload
 from ..wire.identity import Identity
 from ..wire.names import matches
@@ -55,9 +55,16 @@ class _Bus:
         self.links: list[_Link] = []
 
     def add(self, link: _Link) -> None:
+        """Raises TransportError if the link serves a channel that is served already."""
         with self.changed:
+            if link.alone and any(type(other) is type(link) and other.meets(link) for other in self.links):
+                raise TransportError(f"{link.channel.name}: already served")
             self.links.append(link)
+            faced = [other for other in self.links if isinstance(other, link.facing) and other.meets(link)]
             self.changed.notify_all()
+        for other in faced:
+            link.compare(other)
+            other.compare(link)
 
     def remove(self, link: _Link) -> None:
         with self.changed:
@@ -115,8 +122,8 @@ class InprocTransport:
     def _open(self, link: L) -> L:
         if self._closed:
             raise Closed("the transport is closed")
-        self._links.append(link)
         self._bus.add(link)
+        self._links.append(link)
         link.opened()
         return link
 
@@ -128,6 +135,8 @@ class _Link:
     """One end of a channel; `facing` is the class of the other."""
 
     facing: type[_Link]
+    alone = False
+    """Whether there may be only one such end of a channel."""
 
     def __init__(self, transport: InprocTransport, bus: _Bus, channel: Channel) -> None:
         self.transport, self.channel = transport, channel
@@ -141,11 +150,8 @@ class _Link:
     def peers(self) -> list[_Link]:
         """The other ends that mean the same. Raises ContractMismatch if there are only others."""
         with self._bus.changed:
-            named = [other for other in self._bus.links if isinstance(other, self.facing) and self._meets(other)]
-        same = [other for other in named if other.channel.type.fingerprint == self.channel.type.fingerprint]
-        for other in named:
-            if other not in same:
-                self._report(other)
+            named = [other for other in self._bus.links if isinstance(other, self.facing) and self.meets(other)]
+        same = [other for other in named if self.compare(other)]
         if named and not same:
             raise ContractMismatch(mismatch(self.channel, named[0].channel.type))
         return same
@@ -174,16 +180,20 @@ class _Link:
         if self.closed:
             raise Closed(self.channel.name)
 
-    def _meets(self, other: _Link) -> bool:
+    def meets(self, other: _Link) -> bool:
+        """Whether the other end means the same channel."""
         mine, theirs = self.channel, other.channel
         same_name = matches(mine.name, theirs.name) or matches(theirs.name, mine.name)
         return same_name and mine.pattern is theirs.pattern and not other.closed
 
-    def _report(self, other: _Link) -> None:
-        if id(other) not in self._reported:
+    def compare(self, other: _Link) -> bool:
+        """Whether the other end means the same by the name; if not, that is reported once."""
+        same = self.channel.type.fingerprint == other.channel.type.fingerprint
+        if not same and id(other) not in self._reported:
             self._reported.add(id(other))
             self.stats.mismatched += 1
             log.error("%s", mismatch(self.channel, other.channel.type))
+        return same
 
 
 class _Outlet(_Link):
@@ -227,6 +237,7 @@ class _Inlet(_Link):
         topic = channel.pattern is Pattern.PUBLISH
         depth = channel.qos.depth if topic else COMMANDS_WAITING
         lossy = topic and not channel.qos.reliable
+        self.alone = not topic
         self.lane = Lane(channel.name, sink, depth, lossy=lossy, stats=self.stats)
 
     def opened(self) -> None:
@@ -285,6 +296,7 @@ class _Caller(_Link):
 
 class _Server(_Link):
     facing = _Caller
+    alone = True
 
     def __init__(self, transport: InprocTransport, bus: _Bus, channel: Channel, service: Service) -> None:
         super().__init__(transport, bus, channel)

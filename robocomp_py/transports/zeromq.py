@@ -359,6 +359,7 @@ class _Link:
         self.transport, self.channel = transport, channel
         self.stats = Statistics()
         self.closed = threading.Event()
+        self._closing = threading.Lock()
         self._entry: Entry | None = None
         self._reported: set[object] = set()
 
@@ -388,10 +389,17 @@ class _Link:
         return any(self.transport.directory.alive(member.id) for member, _ in self.counterparts(strict=True))
 
     def close(self) -> None:
-        self.closed.set()
+        with self._closing:
+            if self.closed.is_set():
+                return
+            self.closed.set()
         if self._entry:
             self.transport.member.remove(self._entry)
         self.transport.left(self)
+        self.release()
+
+    def release(self) -> None:
+        """Let go of what this link holds; called once, when it is closed."""
 
     def announce(self, address: str = "") -> None:
         kind = self.channel.type
@@ -466,8 +474,7 @@ class _Publisher(_Link):
         self.counterparts(strict=True)
         return self._subscribers > 0
 
-    def close(self) -> None:
-        super().close()
+    def release(self) -> None:
         self.transport.forget(self._socket)
 
     def _on_subscription(self, socket: _Socket) -> list[Job]:
@@ -520,8 +527,7 @@ class _Subscriber(_Link):
         self.counterparts(strict=True)
         return bool(self._connected)
 
-    def close(self) -> None:
-        super().close()
+    def release(self) -> None:
         self._lane.close()
         self.transport.forget(self._socket)
 
@@ -734,8 +740,7 @@ class _Caller(_AskingLink):
             self._pending.fail_all(Unreachable(f"{self.channel.name}: its server left"))
         return wait
 
-    def close(self) -> None:
-        super().close()
+    def release(self) -> None:
         if self._found:
             self._found[0].callers.pop(self.client, None)
         self._pending.fail_all(Closed(f"{self.channel.name}: the link is closed"))
@@ -794,7 +799,9 @@ class _Router:
         self._routes[link.channel.name.encode()] = link
 
     def remove(self, link: _ServingLink) -> None:
-        self._routes.pop(link.channel.name.encode(), None)
+        name = link.channel.name.encode()
+        if self._routes.get(name) is link:
+            del self._routes[name]
 
     def reply(self, identity: bytes, request: Request, status: Status, payload: Payload = ()) -> None:
         header = pack_reply(status, request.client, request.sequence, self._transport.incarnation)
@@ -876,8 +883,7 @@ class _ServingLink(_Link):
         ]
         self.report_mismatch(request.fingerprint, TypeRef("", request.fingerprint, next(iter(texts), "")))
 
-    def close(self) -> None:
-        super().close()
+    def release(self) -> None:
         self.transport.router().remove(self)
 
 
@@ -897,8 +903,8 @@ class _CommandInlet(_ServingLink):
             log.warning("%s: %d commands wait; dropping more", self.channel.name, COMMANDS_WAITING)
         return None
 
-    def close(self) -> None:
-        super().close()
+    def release(self) -> None:
+        super().release()
         self._lane.close()
 
     def _execute(self, waiting: tuple[float, Payload]) -> None:
@@ -920,8 +926,8 @@ class _Server(_ServingLink):
     def accept(self, payload: Payload, expires: float, answer: Callable[[Reply], None]) -> Job | None:
         return partial(self._serve, payload, expires, answer)
 
-    def close(self) -> None:
-        super().close()
+    def release(self) -> None:
+        super().release()
         self._gate.close()
 
     def _serve(self, payload: Payload, expires: float, answer: Callable[[Reply], None]) -> None:

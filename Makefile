@@ -1,0 +1,50 @@
+# Everything a developer types. PYTHON chooses the interpreter that .venv is made from.
+
+PYTHON ?= python3
+MIDDLEWARE ?= zeromq
+BIN = .venv/bin
+
+.PHONY: help demo test check format lint types fix golden test-tools bench clean
+
+help:  ## this list
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/	/' | expand -t 14
+
+.venv/ready: pyproject.toml
+	$(PYTHON) -c 'import sys; sys.exit("robocomp_py needs Python 3.11 or newer: make PYTHON=python3.11 …" if sys.version_info < (3, 11) else 0)'
+	$(PYTHON) -m venv .venv
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@
+
+demo: .venv/ready  ## run the example network, and show its story (MIDDLEWARE=…)
+	$(BIN)/python components/demo.py --middleware $(MIDDLEWARE)
+
+test: .venv/ready  ## every test that needs nothing but pip
+	$(BIN)/pytest -m "not tool" $(ARGS)
+
+check: format lint types test  ## what has to be green before every change lands
+
+format: .venv/ready
+	$(BIN)/ruff format --check
+
+lint: .venv/ready
+	$(BIN)/ruff check
+
+types: .venv/ready
+	$(BIN)/mypy robocomp_py
+	$(BIN)/mypy --explicit-package-bases components
+
+fix: .venv/ready  ## format, and mend what can be mended automatically
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+
+golden: .venv/ready  ## rewrite the expected files of the generator's tests; review their diff
+	$(BIN)/python -m tests.codegen.golden
+
+test-tools: .venv/ready  ## tests that need programs which .ci/run installs
+	$(BIN)/pytest -m tool $(ARGS)
+
+bench: .venv/ready  ## measure against the raw libraries, side by side
+	$(BIN)/python -m benchmarks
+
+clean:  ## remove what make made
+	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .hypothesis dist build

@@ -1,0 +1,36 @@
+# Generated from CameraSimplePub.idsl by rcgen 0.1.0: edits are lost.
+"""Module RoboCompCameraSimplePub: what travels, and how to send it."""
+
+from __future__ import annotations
+
+from robocomp_py.runtime.api import Field, Interface, Operation, Proxy
+
+from . import RoboCompCameraSimple
+
+_CameraSimplePub_pushImage: Operation[None] = Operation(
+    "RoboCompCameraSimplePub::CameraSimplePub",
+    "pushImage",
+    inputs=(Field("image", RoboCompCameraSimple.TImage.__contract__),),
+)
+CAMERASIMPLEPUB_INTERFACE = Interface(
+    "RoboCompCameraSimplePub::CameraSimplePub",
+    (_CameraSimplePub_pushImage,),
+)
+
+
+class CameraSimplePubPublisher(Proxy):
+    """Publishes CameraSimplePub; waits only if its QoS is reliable."""
+
+    interface = CAMERASIMPLEPUB_INTERFACE
+
+    def pushImage(
+        self,
+        image: RoboCompCameraSimple.TImage,
+        *,
+        deadline: float | None = None,
+    ) -> None:
+        """A picture, as soon as it is taken.
+
+        IDSL: void pushImage(RoboCompCameraSimple::TImage image)
+        """
+        self._send(_CameraSimplePub_pushImage, (image,), deadline)

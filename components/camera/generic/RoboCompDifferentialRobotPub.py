@@ -1,0 +1,18 @@
+# Generated from DifferentialRobotPub.idsl by rcgen 0.1.0: edits are lost.
+"""Module RoboCompDifferentialRobotPub: what travels, and how to send it."""
+
+from __future__ import annotations
+
+from robocomp_py.runtime.api import Field, Interface, Operation
+
+from . import RoboCompGenericBase
+
+_DifferentialRobotPub_pushBaseState: Operation[None] = Operation(
+    "RoboCompDifferentialRobotPub::DifferentialRobotPub",
+    "pushBaseState",
+    inputs=(Field("state", RoboCompGenericBase.TBaseState.__contract__),),
+)
+DIFFERENTIALROBOTPUB_INTERFACE = Interface(
+    "RoboCompDifferentialRobotPub::DifferentialRobotPub",
+    (_DifferentialRobotPub_pushBaseState,),
+)

@@ -1,0 +1,41 @@
+# Generated from camera.pdsl by rcgen 0.1.0: edits are lost.
+"""The parameters of camera: read-only, and within their ranges."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from robocomp_py.runtime.api import Parameter, ParameterKind, Parameters, ParameterSet
+
+
+@dataclass(frozen=True, slots=True)
+class Params(Parameters):
+    """All of them; ConfigurationError if a value is not allowed."""
+
+    map: str = "../house.toml"  # file of the house, from this component's folder
+    width: int = 160  # pixels, 16 to 1920
+    height: int = 120  # pixels, 16 to 1080
+    field_of_view: float = 70.0  # degrees from the left edge to the right one, 20.0 to 120.0
+
+    __spec__: ClassVar[ParameterSet]
+
+
+Params.__spec__ = ParameterSet(
+    "camera",
+    (
+        Parameter("map", ParameterKind.STRING, "../house.toml"),
+        Parameter("width", ParameterKind.INT, 160, minimum=16, maximum=1920),
+        Parameter("height", ParameterKind.INT, 120, minimum=16, maximum=1080),
+        Parameter(
+            "field_of_view",
+            ParameterKind.FLOAT,
+            70.0,
+            minimum=20.0,
+            maximum=120.0,
+        ),
+    ),
+    python=Params,
+)
+
+PARAMS = Params.__spec__

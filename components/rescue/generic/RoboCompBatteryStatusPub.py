@@ -1,0 +1,18 @@
+# Generated from BatteryStatusPub.idsl by rcgen 0.1.0: edits are lost.
+"""Module RoboCompBatteryStatusPub: what travels, and how to send it."""
+
+from __future__ import annotations
+
+from robocomp_py.runtime.api import Field, Interface, Operation
+
+from . import RoboCompBatteryStatus
+
+_BatteryStatusPub_pushBatteryState: Operation[None] = Operation(
+    "RoboCompBatteryStatusPub::BatteryStatusPub",
+    "pushBatteryState",
+    inputs=(Field("battery", RoboCompBatteryStatus.TBattery.__contract__),),
+)
+BATTERYSTATUSPUB_INTERFACE = Interface(
+    "RoboCompBatteryStatusPub::BatteryStatusPub",
+    (_BatteryStatusPub_pushBatteryState,),
+)

@@ -1,0 +1,18 @@
+# Generated from CameraSimplePub.idsl by rcgen 0.1.0: edits are lost.
+"""Module RoboCompCameraSimplePub: what travels, and how to send it."""
+
+from __future__ import annotations
+
+from robocomp_py.runtime.api import Field, Interface, Operation
+
+from . import RoboCompCameraSimple
+
+_CameraSimplePub_pushImage: Operation[None] = Operation(
+    "RoboCompCameraSimplePub::CameraSimplePub",
+    "pushImage",
+    inputs=(Field("image", RoboCompCameraSimple.TImage.__contract__),),
+)
+CAMERASIMPLEPUB_INTERFACE = Interface(
+    "RoboCompCameraSimplePub::CameraSimplePub",
+    (_CameraSimplePub_pushImage,),
+)

@@ -1,0 +1,305 @@
+# Generated from DifferentialRobot.idsl by rcgen 0.1.0: edits are lost.
+"""Module RoboCompDifferentialRobot: what travels, and how to send it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from robocomp_py.runtime.api import (
+    FLOAT32,
+    INT32,
+    STRING,
+    Field,
+    Future,
+    Interface,
+    Operation,
+    Proxy,
+    Struct,
+)
+
+from . import RoboCompGenericBase
+
+
+@dataclass(slots=True)
+class TMechParams:
+    """How a base is built."""
+
+    wheelRadius: int = 0  # mm
+    axisLength: int = 0  # mm between the wheels
+    encoderSteps: int = 0  # steps in a turn of the motor
+    gearRatio: int = 0  # turns of the motor in a turn of the wheel
+    temp: float = 0.0  # degrees Celsius
+    device: str = ""  # where it is connected
+    handler: str = ""  # kind of hardware or simulator
+    maxVelAdv: float = 0.0  # mm/s
+    maxVelRot: float = 0.0  # rad/s
+
+    __contract__: ClassVar[Struct]
+
+
+TMechParams.__contract__ = Struct(
+    "RoboCompDifferentialRobot::TMechParams",
+    (
+        Field("wheelRadius", INT32),
+        Field("axisLength", INT32),
+        Field("encoderSteps", INT32),
+        Field("gearRatio", INT32),
+        Field("temp", FLOAT32),
+        Field("device", STRING),
+        Field("handler", STRING),
+        Field("maxVelAdv", FLOAT32),
+        Field("maxVelRot", FLOAT32),
+    ),
+    TMechParams,
+)
+
+_DifferentialRobot_getBaseState: Operation[RoboCompGenericBase.TBaseState] = Operation(
+    "RoboCompDifferentialRobot::DifferentialRobot",
+    "getBaseState",
+    outputs=(Field("state", RoboCompGenericBase.TBaseState.__contract__),),
+    raises=(RoboCompGenericBase.HardwareFailedException.__contract__,),
+)
+_DifferentialRobot_getBasePose: Operation[tuple[int, int, float]] = Operation(
+    "RoboCompDifferentialRobot::DifferentialRobot",
+    "getBasePose",
+    outputs=(
+        Field("x", INT32),
+        Field("z", INT32),
+        Field("alpha", FLOAT32),
+    ),
+    raises=(RoboCompGenericBase.HardwareFailedException.__contract__,),
+)
+_DifferentialRobot_setSpeedBase: Operation[None] = Operation(
+    "RoboCompDifferentialRobot::DifferentialRobot",
+    "setSpeedBase",
+    inputs=(
+        Field("adv", FLOAT32),
+        Field("rot", FLOAT32),
+    ),
+    raises=(RoboCompGenericBase.HardwareFailedException.__contract__,),
+)
+_DifferentialRobot_stopBase: Operation[None] = Operation(
+    "RoboCompDifferentialRobot::DifferentialRobot",
+    "stopBase",
+    raises=(RoboCompGenericBase.HardwareFailedException.__contract__,),
+)
+_DifferentialRobot_resetOdometer: Operation[None] = Operation(
+    "RoboCompDifferentialRobot::DifferentialRobot",
+    "resetOdometer",
+    raises=(RoboCompGenericBase.HardwareFailedException.__contract__,),
+)
+_DifferentialRobot_setOdometer: Operation[None] = Operation(
+    "RoboCompDifferentialRobot::DifferentialRobot",
+    "setOdometer",
+    inputs=(Field("state", RoboCompGenericBase.TBaseState.__contract__),),
+    raises=(RoboCompGenericBase.HardwareFailedException.__contract__,),
+)
+_DifferentialRobot_setOdometerPose: Operation[None] = Operation(
+    "RoboCompDifferentialRobot::DifferentialRobot",
+    "setOdometerPose",
+    inputs=(
+        Field("x", INT32),
+        Field("z", INT32),
+        Field("alpha", FLOAT32),
+    ),
+    raises=(RoboCompGenericBase.HardwareFailedException.__contract__,),
+)
+_DifferentialRobot_correctOdometer: Operation[None] = Operation(
+    "RoboCompDifferentialRobot::DifferentialRobot",
+    "correctOdometer",
+    inputs=(
+        Field("x", INT32),
+        Field("z", INT32),
+        Field("alpha", FLOAT32),
+    ),
+    raises=(RoboCompGenericBase.HardwareFailedException.__contract__,),
+)
+DIFFERENTIALROBOT_INTERFACE = Interface(
+    "RoboCompDifferentialRobot::DifferentialRobot",
+    (
+        _DifferentialRobot_getBaseState,
+        _DifferentialRobot_getBasePose,
+        _DifferentialRobot_setSpeedBase,
+        _DifferentialRobot_stopBase,
+        _DifferentialRobot_resetOdometer,
+        _DifferentialRobot_setOdometer,
+        _DifferentialRobot_setOdometerPose,
+        _DifferentialRobot_correctOdometer,
+    ),
+)
+
+
+class DifferentialRobotProxy(Proxy):
+    """Calls DifferentialRobot of another component.
+
+    Deadlines are in seconds. Raises what the operation declares, RemoteFailure for
+    other exceptions over there, and TransportErrors: Unreachable, Timeout, Busy,
+    ContractMismatch, Refused, Closed.
+    """
+
+    interface = DIFFERENTIALROBOT_INTERFACE
+
+    def getBaseState(
+        self,
+        *,
+        deadline: float | None = None,
+    ) -> RoboCompGenericBase.TBaseState:
+        """Where the base is and how it moves.
+
+        IDSL: void getBaseState(out RoboCompGenericBase::TBaseState state) throws
+        RoboCompGenericBase::HardwareFailedException
+        """
+        return self._ask(_DifferentialRobot_getBaseState, (), deadline)
+
+    def getBaseStateAsync(
+        self,
+        *,
+        deadline: float | None = None,
+    ) -> Future[RoboCompGenericBase.TBaseState]:
+        """`getBaseState` without waiting: a Future that ends within the deadline."""
+        return self._ask_async(_DifferentialRobot_getBaseState, (), deadline)
+
+    def getBasePose(self, *, deadline: float | None = None) -> tuple[int, int, float]:
+        """Where the base is by its odometer: mm, mm, rad.
+
+        IDSL: void getBasePose(out int x, out int z, out float alpha) throws
+        RoboCompGenericBase::HardwareFailedException
+        """
+        return self._ask(_DifferentialRobot_getBasePose, (), deadline)
+
+    def getBasePoseAsync(
+        self,
+        *,
+        deadline: float | None = None,
+    ) -> Future[tuple[int, int, float]]:
+        """`getBasePose` without waiting: a Future that ends within the deadline."""
+        return self._ask_async(_DifferentialRobot_getBasePose, (), deadline)
+
+    def setSpeedBase(
+        self,
+        adv: float,
+        rot: float,
+        *,
+        deadline: float | None = None,
+    ) -> None:
+        """Drive with these speeds from now on: mm/s forwards, rad/s to the right.
+
+        IDSL: void setSpeedBase(float adv, float rot) throws
+        RoboCompGenericBase::HardwareFailedException
+        """
+        return self._ask(_DifferentialRobot_setSpeedBase, (adv, rot), deadline)
+
+    def setSpeedBaseAsync(
+        self,
+        adv: float,
+        rot: float,
+        *,
+        deadline: float | None = None,
+    ) -> Future[None]:
+        """`setSpeedBase` without waiting: a Future that ends within the deadline."""
+        return self._ask_async(_DifferentialRobot_setSpeedBase, (adv, rot), deadline)
+
+    def stopBase(self, *, deadline: float | None = None) -> None:
+        """Stand still.
+
+        IDSL: void stopBase() throws RoboCompGenericBase::HardwareFailedException
+        """
+        return self._ask(_DifferentialRobot_stopBase, (), deadline)
+
+    def stopBaseAsync(self, *, deadline: float | None = None) -> Future[None]:
+        """`stopBase` without waiting: a Future that ends within the deadline."""
+        return self._ask_async(_DifferentialRobot_stopBase, (), deadline)
+
+    def resetOdometer(self, *, deadline: float | None = None) -> None:
+        """Call the present pose 0, 0, 0.
+
+        IDSL: void resetOdometer() throws RoboCompGenericBase::HardwareFailedException
+        """
+        return self._ask(_DifferentialRobot_resetOdometer, (), deadline)
+
+    def resetOdometerAsync(self, *, deadline: float | None = None) -> Future[None]:
+        """`resetOdometer` without waiting: a Future that ends within the deadline."""
+        return self._ask_async(_DifferentialRobot_resetOdometer, (), deadline)
+
+    def setOdometer(
+        self,
+        state: RoboCompGenericBase.TBaseState,
+        *,
+        deadline: float | None = None,
+    ) -> None:
+        """Take pose and best estimate from a state; its speeds do not matter.
+
+        IDSL: void setOdometer(RoboCompGenericBase::TBaseState state) throws
+        RoboCompGenericBase::HardwareFailedException
+        """
+        return self._ask(_DifferentialRobot_setOdometer, (state,), deadline)
+
+    def setOdometerAsync(
+        self,
+        state: RoboCompGenericBase.TBaseState,
+        *,
+        deadline: float | None = None,
+    ) -> Future[None]:
+        """`setOdometer` without waiting: a Future that ends within the deadline."""
+        return self._ask_async(_DifferentialRobot_setOdometer, (state,), deadline)
+
+    def setOdometerPose(
+        self,
+        x: int,
+        z: int,
+        alpha: float,
+        *,
+        deadline: float | None = None,
+    ) -> None:
+        """Call the present pose this: mm, mm, rad.
+
+        IDSL: void setOdometerPose(int x, int z, float alpha) throws
+        RoboCompGenericBase::HardwareFailedException
+        """
+        return self._ask(_DifferentialRobot_setOdometerPose, (x, z, alpha), deadline)
+
+    def setOdometerPoseAsync(
+        self,
+        x: int,
+        z: int,
+        alpha: float,
+        *,
+        deadline: float | None = None,
+    ) -> Future[None]:
+        """`setOdometerPose` without waiting: a Future that ends within the deadline."""
+        return self._ask_async(
+            _DifferentialRobot_setOdometerPose,
+            (x, z, alpha),
+            deadline,
+        )
+
+    def correctOdometer(
+        self,
+        x: int,
+        z: int,
+        alpha: float,
+        *,
+        deadline: float | None = None,
+    ) -> None:
+        """Replace the best estimate, and leave the odometer as it is: mm, mm, rad.
+
+        IDSL: void correctOdometer(int x, int z, float alpha) throws
+        RoboCompGenericBase::HardwareFailedException
+        """
+        return self._ask(_DifferentialRobot_correctOdometer, (x, z, alpha), deadline)
+
+    def correctOdometerAsync(
+        self,
+        x: int,
+        z: int,
+        alpha: float,
+        *,
+        deadline: float | None = None,
+    ) -> Future[None]:
+        """`correctOdometer` without waiting: a Future that ends within the deadline."""
+        return self._ask_async(
+            _DifferentialRobot_correctOdometer,
+            (x, z, alpha),
+            deadline,
+        )

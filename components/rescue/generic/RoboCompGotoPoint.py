@@ -1,0 +1,121 @@
+# Generated from GotoPoint.idsl by rcgen 0.1.0: edits are lost.
+"""Module RoboCompGotoPoint: what travels, and how to send it."""
+
+from __future__ import annotations
+
+from robocomp_py.runtime.api import (
+    BOOL,
+    FLOAT32,
+    STRING,
+    Field,
+    Future,
+    Interface,
+    Operation,
+    Proxy,
+)
+
+_GotoPoint_go: Operation[None] = Operation(
+    "RoboCompGotoPoint::GotoPoint",
+    "go",
+    inputs=(
+        Field("nodo", STRING),
+        Field("x", FLOAT32),
+        Field("y", FLOAT32),
+        Field("alpha", FLOAT32),
+    ),
+)
+_GotoPoint_turn: Operation[None] = Operation(
+    "RoboCompGotoPoint::GotoPoint",
+    "turn",
+    inputs=(Field("speed", FLOAT32),),
+)
+_GotoPoint_stop: Operation[None] = Operation(
+    "RoboCompGotoPoint::GotoPoint",
+    "stop",
+)
+_GotoPoint_atTarget: Operation[bool] = Operation(
+    "RoboCompGotoPoint::GotoPoint",
+    "atTarget",
+    outputs=(Field("ret", BOOL),),
+)
+GOTOPOINT_INTERFACE = Interface(
+    "RoboCompGotoPoint::GotoPoint",
+    (
+        _GotoPoint_go,
+        _GotoPoint_turn,
+        _GotoPoint_stop,
+        _GotoPoint_atTarget,
+    ),
+)
+
+
+class GotoPointProxy(Proxy):
+    """Calls GotoPoint of another component.
+
+    Deadlines are in seconds. Raises what the operation declares, RemoteFailure for
+    other exceptions over there, and TransportErrors: Unreachable, Timeout, Busy,
+    ContractMismatch, Refused, Closed.
+    """
+
+    interface = GOTOPOINT_INTERFACE
+
+    def go(
+        self,
+        nodo: str,
+        x: float,
+        y: float,
+        alpha: float,
+        *,
+        deadline: float | None = None,
+    ) -> None:
+        """Go to a place: its name, which may be empty, its x and y on the floor in mm,
+        and the heading to take there in rad.
+
+        IDSL: void go(string nodo, float x, float y, float alpha)
+        """
+        return self._ask(_GotoPoint_go, (nodo, x, y, alpha), deadline)
+
+    def goAsync(
+        self,
+        nodo: str,
+        x: float,
+        y: float,
+        alpha: float,
+        *,
+        deadline: float | None = None,
+    ) -> Future[None]:
+        """`go` without waiting: a Future that ends within the deadline."""
+        return self._ask_async(_GotoPoint_go, (nodo, x, y, alpha), deadline)
+
+    def turn(self, speed: float, *, deadline: float | None = None) -> None:
+        """Turn on the spot: rad/s, positive to the right.
+
+        IDSL: void turn(float speed)
+        """
+        return self._ask(_GotoPoint_turn, (speed,), deadline)
+
+    def turnAsync(self, speed: float, *, deadline: float | None = None) -> Future[None]:
+        """`turn` without waiting: a Future that ends within the deadline."""
+        return self._ask_async(_GotoPoint_turn, (speed,), deadline)
+
+    def stop(self, *, deadline: float | None = None) -> None:
+        """Stand still.
+
+        IDSL: void stop()
+        """
+        return self._ask(_GotoPoint_stop, (), deadline)
+
+    def stopAsync(self, *, deadline: float | None = None) -> Future[None]:
+        """`stop` without waiting: a Future that ends within the deadline."""
+        return self._ask_async(_GotoPoint_stop, (), deadline)
+
+    def atTarget(self, *, deadline: float | None = None) -> bool:
+        """Whether the last place to go to was reached.
+
+        IDSL: bool atTarget()
+        """
+        return self._ask(_GotoPoint_atTarget, (), deadline)
+
+    def atTargetAsync(self, *, deadline: float | None = None) -> Future[bool]:
+        """`atTarget` without waiting: a Future that ends within the deadline."""
+        return self._ask_async(_GotoPoint_atTarget, (), deadline)

@@ -1,0 +1,1 @@
+"""A voice: says things in the log, a word at a time."""

@@ -1,0 +1,19 @@
+# Generated from LaserPub.idsl by rcgen 0.1.0: edits are lost.
+"""Module RoboCompLaserPub: what travels, and how to send it."""
+
+from __future__ import annotations
+
+from robocomp_py.runtime.api import Field, Interface, Operation, Sequence
+
+from . import RoboCompLaser
+
+_LaserPub_pushLaserData: Operation[None] = Operation(
+    "RoboCompLaserPub::LaserPub",
+    "pushLaserData",
+    inputs=(Field("laserData", Sequence(RoboCompLaser.TData.__contract__)),),
+    idempotent=True,
+)
+LASERPUB_INTERFACE = Interface(
+    "RoboCompLaserPub::LaserPub",
+    (_LaserPub_pushLaserData,),
+)

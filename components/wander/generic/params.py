@@ -1,0 +1,33 @@
+# Generated from wander.pdsl by rcgen 0.1.0: edits are lost.
+"""The parameters of wander: read-only, and within their ranges."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from robocomp_py.runtime.api import Parameter, ParameterKind, Parameters, ParameterSet
+
+
+@dataclass(frozen=True, slots=True)
+class Params(Parameters):
+    """All of them; ConfigurationError if a value is not allowed."""
+
+    explores: bool = False  # whether it explores at once, before it is told to go anywhere
+    speed: float = 1.0  # m/s, 0.1 to 2.0
+    near: float = 0.15  # m to a place at which it counts as reached, 0.05 to 1.0
+
+    __spec__: ClassVar[ParameterSet]
+
+
+Params.__spec__ = ParameterSet(
+    "wander",
+    (
+        Parameter("explores", ParameterKind.BOOL, False),
+        Parameter("speed", ParameterKind.FLOAT, 1.0, minimum=0.1, maximum=2.0),
+        Parameter("near", ParameterKind.FLOAT, 0.15, minimum=0.05, maximum=1.0),
+    ),
+    python=Params,
+)
+
+PARAMS = Params.__spec__

@@ -1,0 +1,128 @@
+# Generated from DifferentialRobot.idsl by rcgen 0.1.0: edits are lost.
+"""Module RoboCompDifferentialRobot: what travels, and how to send it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from robocomp_py.runtime.api import (
+    FLOAT32,
+    INT32,
+    STRING,
+    Field,
+    Interface,
+    Operation,
+    Struct,
+)
+
+from . import RoboCompGenericBase
+
+
+@dataclass(slots=True)
+class TMechParams:
+    """How a base is built."""
+
+    wheelRadius: int = 0  # mm
+    axisLength: int = 0  # mm between the wheels
+    encoderSteps: int = 0  # steps in a turn of the motor
+    gearRatio: int = 0  # turns of the motor in a turn of the wheel
+    temp: float = 0.0  # degrees Celsius
+    device: str = ""  # where it is connected
+    handler: str = ""  # kind of hardware or simulator
+    maxVelAdv: float = 0.0  # mm/s
+    maxVelRot: float = 0.0  # rad/s
+
+    __contract__: ClassVar[Struct]
+
+
+TMechParams.__contract__ = Struct(
+    "RoboCompDifferentialRobot::TMechParams",
+    (
+        Field("wheelRadius", INT32),
+        Field("axisLength", INT32),
+        Field("encoderSteps", INT32),
+        Field("gearRatio", INT32),
+        Field("temp", FLOAT32),
+        Field("device", STRING),
+        Field("handler", STRING),
+        Field("maxVelAdv", FLOAT32),
+        Field("maxVelRot", FLOAT32),
+    ),
+    TMechParams,
+)
+
+_DifferentialRobot_getBaseState: Operation[RoboCompGenericBase.TBaseState] = Operation(
+    "RoboCompDifferentialRobot::DifferentialRobot",
+    "getBaseState",
+    outputs=(Field("state", RoboCompGenericBase.TBaseState.__contract__),),
+    raises=(RoboCompGenericBase.HardwareFailedException.__contract__,),
+)
+_DifferentialRobot_getBasePose: Operation[tuple[int, int, float]] = Operation(
+    "RoboCompDifferentialRobot::DifferentialRobot",
+    "getBasePose",
+    outputs=(
+        Field("x", INT32),
+        Field("z", INT32),
+        Field("alpha", FLOAT32),
+    ),
+    raises=(RoboCompGenericBase.HardwareFailedException.__contract__,),
+)
+_DifferentialRobot_setSpeedBase: Operation[None] = Operation(
+    "RoboCompDifferentialRobot::DifferentialRobot",
+    "setSpeedBase",
+    inputs=(
+        Field("adv", FLOAT32),
+        Field("rot", FLOAT32),
+    ),
+    raises=(RoboCompGenericBase.HardwareFailedException.__contract__,),
+)
+_DifferentialRobot_stopBase: Operation[None] = Operation(
+    "RoboCompDifferentialRobot::DifferentialRobot",
+    "stopBase",
+    raises=(RoboCompGenericBase.HardwareFailedException.__contract__,),
+)
+_DifferentialRobot_resetOdometer: Operation[None] = Operation(
+    "RoboCompDifferentialRobot::DifferentialRobot",
+    "resetOdometer",
+    raises=(RoboCompGenericBase.HardwareFailedException.__contract__,),
+)
+_DifferentialRobot_setOdometer: Operation[None] = Operation(
+    "RoboCompDifferentialRobot::DifferentialRobot",
+    "setOdometer",
+    inputs=(Field("state", RoboCompGenericBase.TBaseState.__contract__),),
+    raises=(RoboCompGenericBase.HardwareFailedException.__contract__,),
+)
+_DifferentialRobot_setOdometerPose: Operation[None] = Operation(
+    "RoboCompDifferentialRobot::DifferentialRobot",
+    "setOdometerPose",
+    inputs=(
+        Field("x", INT32),
+        Field("z", INT32),
+        Field("alpha", FLOAT32),
+    ),
+    raises=(RoboCompGenericBase.HardwareFailedException.__contract__,),
+)
+_DifferentialRobot_correctOdometer: Operation[None] = Operation(
+    "RoboCompDifferentialRobot::DifferentialRobot",
+    "correctOdometer",
+    inputs=(
+        Field("x", INT32),
+        Field("z", INT32),
+        Field("alpha", FLOAT32),
+    ),
+    raises=(RoboCompGenericBase.HardwareFailedException.__contract__,),
+)
+DIFFERENTIALROBOT_INTERFACE = Interface(
+    "RoboCompDifferentialRobot::DifferentialRobot",
+    (
+        _DifferentialRobot_getBaseState,
+        _DifferentialRobot_getBasePose,
+        _DifferentialRobot_setSpeedBase,
+        _DifferentialRobot_stopBase,
+        _DifferentialRobot_resetOdometer,
+        _DifferentialRobot_setOdometer,
+        _DifferentialRobot_setOdometerPose,
+        _DifferentialRobot_correctOdometer,
+    ),
+)

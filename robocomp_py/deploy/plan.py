@@ -1,0 +1,396 @@
+"""A deployment to the processes that make it up, or to all that is wrong with it.
+
+Nothing is started here, and nothing is started at all while there is an error.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any
+
+from ..contract.component import Component, Port
+from ..contract.interface import Verb, differences
+from ..contract.parameters import unknown
+from ..dsl.ddsl.model import Deployment, Instance, Wiring
+from ..dsl.diagnostics import Report, did_you_mean
+from ..dsl.source import Name
+from ..dsl.workspace import LinkedComponent, Workspace
+from ..errors import ConfigurationError
+from ..runtime import settings
+from ..transports.base import Capability, find_transport
+
+LOOPBACK = ("localhost", "127.0.0.1", "::1")
+
+
+@dataclass(frozen=True)
+class Process:
+    """One process to run."""
+
+    name: str
+    component: str
+    command: tuple[str, ...]
+    cwd: Path
+    env: Mapping[str, str] = field(default_factory=dict)
+    after: tuple[str, ...] = ()
+    """Those that must be ready before it is started."""
+    notifies: bool = True
+    """Whether it says itself when it is ready; else it counts as ready once it runs."""
+
+
+@dataclass(frozen=True)
+class Link:
+    """An interface that one instance offers and another one uses."""
+
+    interface: str
+    provider: str
+    client: str
+    verb: Verb
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A network, checked. `processes` are in an order in which they can be started."""
+
+    name: str
+    middleware: str
+    processes: tuple[Process, ...]
+    links: tuple[Link, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "name": self.name,
+            "middleware": self.middleware,
+            "processes": [
+                {
+                    "name": each.name,
+                    "component": each.component,
+                    "command": list(each.command),
+                    "cwd": str(each.cwd),
+                    "env": dict(each.env),
+                    "after": list(each.after),
+                }
+                for each in self.processes
+            ],
+            "links": [
+                {"interface": each.interface, "provider": each.provider, "client": each.client, "verb": str(each.verb)}
+                for each in self.links
+            ],
+        }
+
+
+@dataclass(frozen=True)
+class Overrides:
+    """What the command line says about a network: `--middleware`, and `--set INSTANCE.KEY=VALUE`."""
+
+    middleware: str | None = None
+    settings: tuple[tuple[str, str], ...] = ()
+
+    def of(self, instance: str) -> list[str]:
+        """The assignments for one instance; `*` is for all."""
+        return [assignment for name, assignment in self.settings if name in (instance, "*")]
+
+
+@dataclass
+class Node:
+    """An instance and what it is an instance of."""
+
+    instance: Instance
+    linked: LinkedComponent
+    wires: dict[str, str] = field(default_factory=dict)
+    """The instance to use, by the name of the port that uses it."""
+
+    @property
+    def name(self) -> str:
+        return self.instance.name.text
+
+    @property
+    def component(self) -> Component:
+        return self.linked.component
+
+
+def make_plan(path: Path, workspace: Workspace, overrides: Overrides | None = None) -> Plan | None:
+    """The plan of a DDSL file; None if anything is wrong, which the workspace's report then says."""
+    model = workspace.deployment(path)
+    if model is None:
+        return None
+    planner = _Planner(model, workspace, overrides or Overrides())
+    plan = planner.plan()
+    return None if workspace.report.errors else plan
+
+
+class _Planner:
+    def __init__(self, model: Deployment, workspace: Workspace, overrides: Overrides) -> None:
+        self._model, self._workspace, self._overrides = model, workspace, overrides
+        self._report: Report = workspace.report
+        self._folder = model.source.path.parent
+        self._links: list[Link] = []
+
+    def plan(self) -> Plan:
+        self._check_network()
+        nodes = self._nodes()
+        for node in nodes:
+            self._wire(node, nodes)
+        order = self._start_order(nodes)
+        processes = [self._process(node) for node in order]
+        middleware = self._overrides.middleware or (self._model.middleware.text if self._model.middleware else "")
+        return Plan(self._model.name.text, middleware, tuple(each for each in processes if each), tuple(self._links))
+
+    # The network as a whole.
+
+    def _check_network(self) -> None:
+        model = self._model
+        self._check_middleware(model.middleware)
+        if self._overrides.middleware:
+            self._check_middleware(Name(self._overrides.middleware, model.name.span))
+        for word in (*model.later, *(word for instance in model.instances for word in instance.later)):
+            self._error("not-yet", f"`{word}` is not understood by this version yet", word)
+        seen: dict[str, Name] = {}
+        ports: dict[str, Name] = {}
+        for instance in model.instances:
+            first = seen.setdefault(instance.name.text, instance.name)
+            if first is not instance.name:
+                self._error("duplicate", f"instance `{instance.name}` is there twice", instance.name, "", first)
+            self._check_instance(instance, ports)
+        for name, _ in self._overrides.settings:
+            if name != "*" and name not in seen:
+                message = f"--set {name}.…: {unknown('instance', name, seen)}"
+                self._error("unknown-instance", message, model.name)
+        if not model.instances and not self._report.errors:
+            self._report.warning("empty-deployment", "there is nothing to run", model.name.span)
+
+    def _check_instance(self, instance: Instance, ports: dict[str, Name]) -> None:
+        self._check_middleware(instance.middleware)
+        if instance.ip and instance.ip.text not in LOOPBACK:
+            hint = "use localhost"
+            self._error(
+                "not-yet", f"`{instance.ip}`: other hosts are not reached by this version yet", instance.ip, hint
+            )
+        if instance.port:
+            number = int(instance.port.text, 0)
+            if not 1 <= number <= 65535:
+                self._error("bad-port", f"{number} is no port; allowed: 1 to 65535", instance.port)
+            first = ports.setdefault(str(number), instance.port)
+            if first is not instance.port:
+                self._error("port-clash", f"port {number} is taken", instance.port, "", first)
+
+    def _check_middleware(self, name: Name | None) -> None:
+        known = [entry.name for entry in entry_points(group="robocomp_py.transports")]
+        if name and name.text not in known:
+            hint = did_you_mean(name.text, known) or f"installed: {', '.join(sorted(known))}"
+            self._error("unknown-middleware", f"no middleware `{name}`", name, hint)
+        elif name:
+            capabilities = getattr(find_transport(name.text), "capabilities", Capability.CROSS_PROCESS)
+            if Capability.CROSS_PROCESS not in capabilities:
+                message = f"`{name}` does not reach other processes, and every component is one"
+                self._error("unfit-middleware", message, name)
+
+    def _nodes(self) -> list[Node]:
+        """The instances whose component could be read."""
+        known: dict[str, LinkedComponent] = {}
+        for path in self._workspace.components_of_model(self._model):
+            linked = self._workspace.component(path)
+            if linked:
+                known[linked.component.name.lower()] = linked
+        complete = len(known) == len(self._model.imports)
+        nodes = []
+        for instance in self._model.instances:
+            found = known.get(instance.component.text.lower())
+            if found:
+                nodes.append(Node(instance, found))
+            elif complete:
+                names = [each.component.name for each in known.values()]
+                hint = did_you_mean(instance.component.text, names) or "import its .cdsl"
+                self._error("unknown-component", f"unknown component `{instance.component}`", instance.component, hint)
+        return nodes
+
+    # Who uses whom.
+
+    def _wire(self, node: Node, nodes: Sequence[Node]) -> None:
+        wirings = {}
+        for wiring in node.instance.wirings:
+            port = self._wired_port(node, wiring)
+            if port and any(other.name == wiring.instance.text for other in nodes):
+                wirings[port.name] = wiring
+            elif port:
+                hint = did_you_mean(wiring.instance.text, [other.name for other in nodes])
+                self._error("unknown-instance", f"unknown instance `{wiring.instance}`", wiring.instance, hint)
+        complete = len(nodes) == len(self._model.instances)
+        for port in node.component.ports:
+            if not port.verb.provides:
+                self._wire_port(node, port, wirings.get(port.name), nodes, complete)
+
+    def _wired_port(self, node: Node, wiring: Wiring) -> Port | None:
+        verb = Verb(wiring.verb.text)
+        ports = {port.segment: port for port in node.component.ports if port.verb is verb}
+        if wiring.port.text not in ports:
+            message = f"`{node.component.name}` has no `{verb} {wiring.port}`"
+            self._error("unknown-port", message, wiring.port, did_you_mean(wiring.port.text, ports))
+        return ports.get(wiring.port.text)
+
+    def _wire_port(self, node: Node, port: Port, wiring: Wiring | None, nodes: Sequence[Node], complete: bool) -> None:
+        offers = [(other, theirs) for other in nodes for theirs in _offered(other, port)]
+        at = wiring.instance if wiring else node.instance.name
+        if wiring:
+            offers = [offer for offer in offers if offer[0].name == wiring.instance.text]
+            if not offers:
+                what = "implement" if port.verb is Verb.REQUIRES else "publish"
+                self._error("nobody-provides", f"`{wiring.instance}` does not {what} `{port.interface.short}`", at)
+                return
+        if not offers:
+            self._report_nobody(node, port, complete)
+            return
+        providers = list(dict.fromkeys(other.name for other, _ in offers))
+        if len(providers) > 1 and port.verb is Verb.REQUIRES:
+            names = ", ".join(f"`{name}`" for name in providers)
+            hint = f"write in its block: requires {port.segment} from {providers[0]};"
+            self._error(
+                "ambiguous-provider", f"`{port.interface.short}` for `{node.name}`: {names} implement it", at, hint
+            )
+            return
+        for other, theirs in offers:
+            self._check_match(port, other, theirs, at)
+            self._links.append(Link(port.interface.short, other.name, node.name, port.verb))
+        if len(providers) == 1:
+            segments = list(dict.fromkeys(theirs.segment for _, theirs in offers))
+            exact = segments[0] != port.interface.short
+            node.wires[port.name] = f"{providers[0]}/{segments[0]}" if exact else providers[0]
+
+    def _report_nobody(self, node: Node, port: Port, complete: bool) -> None:
+        if not complete:
+            return  # an instance that could not be read may provide it
+        if port.verb is Verb.REQUIRES:
+            message = f"`{node.name}` requires `{port.interface.short}`, which nobody implements"
+            self._error("nobody-provides", message, node.instance.name)
+        else:
+            message = f"`{node.name}` subscribes to `{port.interface.short}`, which nobody publishes"
+            self._report.warning("nobody-publishes", message, node.instance.name.span)
+
+    def _check_match(self, port: Port, other: Node, theirs: Port, at: Name) -> None:
+        offered = {operation.name: operation for operation, _ in theirs.interface.under(theirs.verb)}
+        for operation, _ in port.interface.under(port.verb):
+            match = offered.get(operation.name)
+            if match is None or match.fingerprint != operation.fingerprint:
+                what = "; ".join(differences(operation.text, match.text)) if match else "it is absent there"
+                message = f"`{port.interface.short}.{operation.name}` means something else in `{other.name}`: {what}"
+                self._error("contract-mismatch", message, at, "generate both from the same IDSL")
+                return
+        for asked, given, word in (
+            (port.qos.reliable, theirs.qos.reliable, "reliable"),
+            (port.qos.latched, theirs.qos.latched, "transient_local"),
+        ):
+            if port.verb.is_topic and asked and not given:
+                message = f"`{port.interface.short}` is asked for as {word}, but `{other.name}` does not offer that"
+                self._error("qos-mismatch", message, at, f"publish it with qos({word})")
+
+    # In which order, and how.
+
+    def _start_order(self, nodes: Sequence[Node]) -> list[Node]:
+        """Those others depend on first; else as written."""
+        by_name = {node.name: node for node in nodes}
+        names = {instance.name.text for instance in self._model.instances}
+        for node in nodes:
+            for name in node.instance.dependences:
+                if name.text not in names:
+                    hint = did_you_mean(name.text, names)
+                    self._error("unknown-instance", f"unknown instance `{name}`", name, hint)
+        done: dict[str, Node] = {}
+
+        def visit(node: Node, path: tuple[str, ...]) -> None:
+            for name in node.instance.dependences:
+                if name.text in (*path, node.name):
+                    self._error("dependence-cycle", f"`{node.name}` depends on itself, by way of `{name}`", name)
+                elif name.text in by_name and name.text not in done:
+                    visit(by_name[name.text], (*path, node.name))
+            done[node.name] = node
+
+        for node in nodes:
+            if node.name not in done:
+                visit(node, ())
+        return list(done.values())
+
+    def _process(self, node: Node) -> Process | None:
+        command = self._command(node)
+        if command is None:
+            return None
+        return Process(
+            node.name,
+            node.component.name,
+            tuple(command),
+            self._folder.resolve() if node.instance.path else Path.cwd(),
+            {variable.name.text: variable.value.text for variable in node.instance.env},
+            tuple(name.text for name in node.instance.dependences),
+            notifies=node.instance.path is None,
+        )
+
+    def _command(self, node: Node) -> list[str] | None:
+        arguments = [name.text for name in node.instance.args]
+        if node.instance.path:
+            program = self._folder / node.instance.path.text
+            if not program.is_file():
+                self._error("missing-file", f"there is no file {program}", node.instance.path)
+            elif not os.access(program, os.X_OK):
+                self._error("not-executable", f"{program} is not executable", node.instance.path)
+            return [str(program.resolve()), *arguments]
+        folder = node.linked.path.parent
+        if not (folder / "generic" / "genericworker.py").is_file():
+            hint = f"run: rcgen {node.linked.path}"
+            self._error("not-generated", f"`{node.component.name}` has not been generated", node.instance.name, hint)
+            return None
+        command = [sys.executable, "-m", "robocomp_py.cli.rc", "run", str(folder.resolve()), "--name", node.name]
+        config = self._config(node)
+        command += ["--config", str(config.resolve())] if node.instance.config and config else []
+        assignments = list(self._assignments(node))
+        self._check_settings(node, config, assignments)
+        return [*command, *(part for each in assignments for part in ("--set", each)), *arguments]
+
+    def _config(self, node: Node) -> Path | None:
+        if node.instance.config:
+            path = self._folder / node.instance.config.text
+            if not path.is_file():
+                self._error("missing-file", f"there is no file {path}", node.instance.config)
+                return None
+            return path
+        path = node.linked.path.parent / "etc" / "config.toml"
+        return path if path.is_file() else None
+
+    def _assignments(self, node: Node) -> Iterator[str]:
+        """What the deployment sets, weakest first."""
+        if self._model.namespace:
+            yield f"namespace={self._model.namespace}"
+        named = node.instance.middleware or self._model.middleware
+        middleware = self._overrides.middleware or (named.text if named else None)
+        if middleware:
+            yield f"middleware={middleware}"
+        if node.instance.port:
+            yield f"transports.zeromq.bind=tcp://127.0.0.1:{int(node.instance.port.text, 0)}"
+        for port, source in node.wires.items():
+            yield f"ports.{port}.from={source}"
+        yield from self._overrides.of(node.name)
+
+    def _check_settings(self, node: Node, config: Path | None, assignments: Iterable[str]) -> None:
+        try:
+            document = settings.read(config) if config else settings.Document()
+            for assignment in assignments:
+                settings.override(document, assignment)
+            settings.check(node.component, document, node.name)
+        except ConfigurationError as exc:
+            self._error(
+                "configuration",
+                f"`{node.name}` is configured wrongly\n  " + str(exc).replace("\n", "\n  "),
+                node.instance.config or node.instance.name,
+            )
+
+    def _error(self, code: str, message: str, at: Name, hint: str = "", first: Name | None = None) -> None:
+        related = (("first here", first.span),) if first else ()
+        self._report.error(code, message, at.span, hint, *related)
+
+
+def _offered(node: Node, wanted: Port) -> list[Port]:
+    """The ports of an instance that offer what a port uses."""
+    verb = Verb.IMPLEMENTS if wanted.verb is Verb.REQUIRES else Verb.PUBLISHES
+    return [p for p in node.component.ports if p.verb is verb and p.interface.short == wanted.interface.short]

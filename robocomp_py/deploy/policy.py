@@ -1,0 +1,170 @@
+"""What a deployment does next. Pure: events in, actions out; no processes, no clock.
+
+    WAITING ─Start→ STARTING ─Ready→ READY ─Stop→ STOPPING ─Exited→ GONE
+
+A process that dies before it was ready stops the network, which cannot come up any more. One
+that dies later is reported, and the others go on. Stopping goes backwards: a process is told
+to stop when those that depend on it are gone, and killed if it does not within its grace.
+"""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+@dataclass(frozen=True, slots=True)
+class Ready:
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Exited:
+    """`code` is negative for a signal, as in subprocess."""
+
+    name: str
+    code: int
+
+
+@dataclass(frozen=True, slots=True)
+class StopRequested:
+    """Somebody wants an end. `code` is what to exit with if all else is fine."""
+
+    code: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class GraceOver:
+    """A process was told to stop, and has had its time."""
+
+    name: str
+
+
+Event = Ready | Exited | StopRequested | GraceOver
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Kill:
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Finish:
+    code: int
+
+
+Action = Start | Stop | Kill | Finish
+
+
+class State(StrEnum):
+    WAITING = "waiting"
+    STARTING = "starting"
+    READY = "ready"
+    STOPPING = "stopping"
+    ENDED = "ended"
+    FAILED = "failed"
+
+    @property
+    def gone(self) -> bool:
+        return self in (State.WAITING, State.ENDED, State.FAILED)
+
+
+FAILED = 1
+_STOPPED_BY_US = frozenset({0, -signal.SIGTERM, -signal.SIGINT, 128 + signal.SIGTERM, 128 + signal.SIGINT})
+"""Exit codes of a process that was told to stop, and did."""
+
+
+class Supervisor:
+    """`after` names, for each process, those that must be ready before it starts.
+
+    `until` names a process whose end is the end of the network.
+    """
+
+    def __init__(self, after: Iterable[tuple[str, Iterable[str]]], until: str | None = None) -> None:
+        self._after = {name: frozenset(others) for name, others in after}
+        self._until = until
+        self.states = dict.fromkeys(self._after, State.WAITING)
+        self.stopping = False
+        self._code = 0
+        self._finished = False
+
+    @property
+    def up(self) -> bool:
+        """Whether everything is ready."""
+        return all(state is State.READY for state in self.states.values())
+
+    def begin(self) -> list[Action]:
+        return self._next()
+
+    def handle(self, event: Event) -> list[Action]:
+        match event:
+            case Ready(name):
+                if self.states[name] is State.STARTING:
+                    self.states[name] = State.READY
+            case Exited(name, code):
+                self._exited(name, code)
+            case StopRequested(code):
+                if self.stopping:
+                    return self._kill_all()
+                self._stop(code)
+            case GraceOver(name):
+                return [Kill(name)] if self.states[name] is State.STOPPING else []
+        return self._next()
+
+    def _exited(self, name: str, code: int) -> None:
+        was = self.states[name]
+        fine = code in _STOPPED_BY_US if was is State.STOPPING else code == 0
+        self.states[name] = State.ENDED if fine else State.FAILED
+        if not fine:
+            self._code = FAILED
+        if name == self._until or (was is State.STARTING and not fine):
+            self._stop(self._code)
+
+    def _stop(self, code: int) -> None:
+        self.stopping = True
+        self._code = self._code or code
+
+    def _next(self) -> list[Action]:
+        """What can be done now."""
+        actions: list[Action] = []
+        for name in reversed(self.states) if self.stopping else self.states:
+            if self.stopping:
+                actions += self._stop_if_free(name)
+            elif self.states[name] is State.WAITING and self._can_start(name):
+                self.states[name] = State.STARTING
+                actions.append(Start(name))
+        over = all(state.gone for state in self.states.values()) and not actions
+        if over and not self._finished:
+            self._finished = True
+            actions.append(Finish(self._code))
+        return actions
+
+    def _can_start(self, name: str) -> bool:
+        return all(self.states[other] is State.READY for other in self._after[name])
+
+    def _stop_if_free(self, name: str) -> list[Action]:
+        dependents = [other for other, after in self._after.items() if name in after]
+        alive = self.states[name] in (State.STARTING, State.READY)
+        if not alive or not all(self.states[other].gone for other in dependents):
+            return []
+        self.states[name] = State.STOPPING
+        return [Stop(name)]
+
+    def _kill_all(self) -> list[Action]:
+        """Somebody is out of patience."""
+        alive = [name for name, state in self.states.items() if not state.gone]
+        for name in alive:
+            self.states[name] = State.STOPPING
+        return [Kill(name) for name in reversed(alive)]

@@ -1,0 +1,162 @@
+"""Processes of this machine: started, listened to, told to stop, never left behind."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import ctypes
+import os
+import signal
+import socket
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from ..errors import DeploymentError
+from . import keeper
+from .plan import Process
+
+LINE = 4096
+"""Longer lines of output are cut into pieces of so many characters."""
+
+_PR_SET_PDEATHSIG = 1
+
+
+class Launcher:
+    """Starts processes, and calls back on the event loop.
+
+    `output(name, line)`, `ready(name)` and `exited(name, code)` are called as these things happen;
+    `exited` after the last line.
+    """
+
+    def __init__(
+        self,
+        output: Callable[[str, str], None],
+        ready: Callable[[str], None],
+        exited: Callable[[str, int], None],
+    ) -> None:
+        self._output, self._ready, self._exited = output, ready, exited
+        self._running: dict[str, asyncio.subprocess.Process] = {}
+        self._watchers: set[asyncio.Task[None]] = set()
+        self._sockets: list[socket.socket] = []
+        self._folder = tempfile.TemporaryDirectory(prefix="rcdeploy-")
+        self._keeper: asyncio.subprocess.Process | None = None
+
+    async def open(self) -> None:
+        """Start the keeper, which ends our processes if we are killed."""
+        self._keeper = await asyncio.create_subprocess_exec(
+            sys.executable, "-ISE", str(Path(keeper.__file__)), stdin=asyncio.subprocess.PIPE, start_new_session=True
+        )
+
+    async def close(self) -> None:
+        for channel in self._sockets:
+            asyncio.get_running_loop().remove_reader(channel)
+            channel.close()
+        if self._keeper and self._keeper.stdin:
+            self._keeper.stdin.close()
+            await self._keeper.wait()
+        self._folder.cleanup()
+
+    async def start(self, process: Process) -> None:
+        """Raises DeploymentError if there is no such program, or it cannot be run."""
+        environment = os.environ | {"PYTHONUNBUFFERED": "1"} | dict(process.env)
+        environment["NOTIFY_SOCKET"] = str(self._listen(process.name))
+        try:
+            running = await asyncio.create_subprocess_exec(
+                *process.command,
+                cwd=process.cwd,
+                env=environment,
+                stdin=asyncio.subprocess.DEVNULL,
+                stdout=asyncio.subprocess.PIPE,
+                stderr=asyncio.subprocess.STDOUT,
+                start_new_session=True,
+                preexec_fn=_die_with(os.getpid()),
+            )
+        except OSError as exc:
+            raise DeploymentError(f"{process.name}: {process.command[0]} cannot be started: {exc.strerror}") from exc
+        self._running[process.name] = running
+        self._tell_keeper(f"+{running.pid}")
+        watcher = asyncio.create_task(self._watch(process.name, running), name=f"watch {process.name}")
+        self._watchers.add(watcher)
+        watcher.add_done_callback(self._watchers.discard)
+        if not process.notifies:
+            self._ready(process.name)
+
+    def pid(self, name: str) -> int | None:
+        return self._running[name].pid if name in self._running else None
+
+    def stop(self, name: str) -> None:
+        """Ask it to end."""
+        self._signal(name, signal.SIGTERM)
+
+    def kill(self, name: str) -> None:
+        """End it and all it started."""
+        self._signal(name, signal.SIGKILL)
+
+    def _signal(self, name: str, number: int) -> None:
+        if name in self._running:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(self._running[name].pid, number)
+
+    async def _watch(self, name: str, running: asyncio.subprocess.Process) -> None:
+        assert running.stdout is not None
+        code = asyncio.create_task(running.wait())
+        reader = asyncio.create_task(self._read(name, running.stdout))
+        await code
+        # What it started may outlive it and hold the pipe: end that first, then read what is left.
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(running.pid, signal.SIGKILL)
+        await reader
+        del self._running[name]
+        self._tell_keeper(f"-{running.pid}")
+        self._exited(name, code.result())
+
+    async def _read(self, name: str, stream: asyncio.StreamReader) -> None:
+        rest = b""
+        while chunk := await stream.read(65536):
+            *lines, rest = (rest + chunk).split(b"\n")
+            while len(rest) > LINE:
+                lines.append(rest[:LINE])
+                rest = rest[LINE:]
+            for line in lines:
+                self._print(name, line)
+        if rest:
+            self._print(name, rest)
+
+    def _print(self, name: str, line: bytes) -> None:
+        text = line.decode(errors="replace").rstrip("\r")
+        for start in range(0, max(1, len(text)), LINE):
+            self._output(name, text[start : start + LINE])
+
+    def _listen(self, name: str) -> Path:
+        """A socket at which a process says how it is."""
+        path = Path(self._folder.name, f"{len(self._sockets)}.notify")
+        channel = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
+        channel.bind(str(path))
+        self._sockets.append(channel)
+        asyncio.get_running_loop().add_reader(channel, self._notified, name, channel)
+        return path
+
+    def _notified(self, name: str, channel: socket.socket) -> None:
+        with contextlib.suppress(BlockingIOError):
+            if b"READY=1" in channel.recv(4096).split(b"\n"):
+                self._ready(name)
+
+    def _tell_keeper(self, line: str) -> None:
+        if self._keeper and self._keeper.stdin and not self._keeper.stdin.is_closing():
+            self._keeper.stdin.write(f"{line}\n".encode())
+
+
+def _die_with(parent: int) -> Callable[[], None] | None:
+    """For a child to call before it becomes its program: end when the parent does (Linux only)."""
+    if not sys.platform.startswith("linux"):
+        return None
+    prctl = ctypes.CDLL(None).prctl
+
+    def arrange() -> None:
+        prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+        if os.getppid() != parent:  # it has ended already
+            os._exit(1)
+
+    return arrange

@@ -1,0 +1,1171 @@
+"""What every transport must do, as tests. A transport joins by three lines:
+
+    class TestMyTransport(TransportConformance):
+        def open_transport(self) -> Transport:
+            return MyTransport(TransportConfig({...}))
+
+Two transports that it opens one after the other must reach each other, and nobody else's. What is
+demanded:
+
+    topics      every subscriber gets every message, in order, whichever side came first · channels do not leak into
+                each other · 0 B to 64 MB · nothing after close · a sink that raises or is slow hurts nobody · a sink
+                may publish · latched is kept or refused · of what waits for a slow sink, the newest `depth` stay ·
+                reliable loses nothing, and gives up at its deadline · what is lost is counted · `*` hears all instances
+    commands    in order, once, from many senders; to nobody: Unreachable
+    queries     answers find their callers, 64 out of order · every status arrives · nobody serves: Unreachable ·
+                deadlines hold, and a late answer is nobody else's · cancelled calls leave nothing · a service may call
+                others, and be called back · one server at most
+    contract    another contract under the same name is named on both sides, and nothing passes
+    lifetime    close releases waiters, is final, and leaves no thread · peers restart, or are killed
+    typed       every IDSL type there and back · every outcome of a call · several clients · serial workers
+
+Limits on time are generous, and scaled by $ROBOCOMP_PATIENCE; none judges speed.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import multiprocessing
+import queue
+import threading
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import fields, is_dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ..contract.component import Port
+from ..contract.interface import Interface, Operation, Pattern, Verb
+from ..contract.qos import Durability, QoS, Reliability
+from ..contract.types import UINT8, Field, Sequence, Struct
+from ..errors import (
+    Busy,
+    Closed,
+    ContractMismatch,
+    EncodeError,
+    RemoteFailure,
+    Timeout,
+    TransportError,
+    Unreachable,
+    UnsupportedQoS,
+)
+from ..runtime import ports
+from ..runtime.monitor import MAX_ASIDE, Monitor
+from ..transports.base import (
+    Caller,
+    Capability,
+    Channel,
+    Link,
+    Outlet,
+    Reply,
+    Status,
+    Transport,
+    TypeRef,
+    require,
+)
+from ..wire.codec import Payload
+from . import everything as e
+from .patience import SCALE, SOON, wait_until
+
+A_MOMENT = 0.3 * SCALE
+"""How long a test makes something take that must not be waited for."""
+
+_BLOB = Struct("Conformance::Blob", (Field("data", Sequence(UINT8)),))
+_TYPE = TypeRef(
+    "Conformance::Blob", 1, "operation Conformance::Blob.send\nstruct Conformance::Blob\n  data sequence<uint8>"
+)
+_OTHER = TypeRef(
+    "Conformance::Blob", 2, "operation Conformance::Blob.send\nstruct Conformance::Blob\n  data sequence<int16>"
+)
+_MANY = QoS(depth=5000)
+_RELIABLE = QoS(Reliability.RELIABLE, depth=8)
+_LATCHED = QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=2)
+
+Inbox = queue.Queue[bytes]
+
+
+class TransportConformance:
+    """Fill in `open_transport`; everything else is the contract."""
+
+    def open_transport(self) -> Transport:
+        raise NotImplementedError
+
+    # What the tests use.
+
+    @pytest.fixture
+    def here(self) -> Iterator[Transport]:
+        transport = self.open_transport()
+        yield transport
+        transport.close()
+
+    @pytest.fixture
+    def there(self) -> Iterator[Transport]:
+        transport = self.open_transport()
+        yield transport
+        transport.close()
+
+    @pytest.fixture
+    def name(self) -> str:
+        return f"i{uuid.uuid4().hex[:12]}/Conformance/op"
+
+    @pytest.fixture
+    def pool(self) -> Iterator[ThreadPoolExecutor]:
+        with ThreadPoolExecutor(16) as executor:
+            yield executor
+
+    # Topics.
+
+    def test_every_subscriber_gets_every_message_in_order(self, here: Transport, there: Transport, name: str) -> None:
+        inboxes = [_subscribe(transport, topic(name, _MANY)) for transport in (here, there, there)]
+        outlet = there.outlet(topic(name, _MANY))
+        greet(there, outlet, *inboxes)
+        sent = [str(number).encode() for number in range(1000)]
+        for number, message in enumerate(sent, 1):
+            outlet.send(blob(there, message))
+            if number % 100 == 0:  # nothing is promised to best effort that is sent faster than it can travel
+                wait_until(lambda n=number: all(inbox.qsize() == n for inbox in inboxes))  # type: ignore[misc]
+        assert [drain(inbox) for inbox in inboxes] == [sent] * 3
+
+    def test_the_publisher_may_come_first(self, here: Transport, there: Transport, name: str) -> None:
+        outlet = here.outlet(topic(name))
+        inbox = _subscribe(there, topic(name))
+        assert outlet.wait_peer(SOON)
+        outlet.send(blob(here, b"x"))
+        assert inbox.get(timeout=SOON) == b"x"
+
+    def test_the_subscriber_may_come_first(self, here: Transport, there: Transport, name: str) -> None:
+        inbox = _subscribe(there, topic(name))
+        outlet = here.outlet(topic(name))
+        assert outlet.wait_peer(SOON)
+        outlet.send(blob(here, b"x"))
+        assert inbox.get(timeout=SOON) == b"x"
+
+    def test_publishing_to_nobody_is_fine(self, here: Transport, name: str) -> None:
+        outlet = here.outlet(topic(name))
+        assert not outlet.wait_peer(0.0)
+        outlet.send(blob(here, b"x"))
+
+    def test_channels_do_not_leak_into_each_other(self, here: Transport, there: Transport, name: str) -> None:
+        inbox, other_inbox = _subscribe(there, topic(name)), _subscribe(there, topic(name + "x"))
+        outlet, other = here.outlet(topic(name)), here.outlet(topic(name + "x"))
+        assert outlet.wait_peer(SOON)
+        assert other.wait_peer(SOON)
+        other.send(blob(here, b"other"))
+        outlet.send(blob(here, b"this"))
+        assert (inbox.get(timeout=SOON), other_inbox.get(timeout=SOON)) == (b"this", b"other")
+        assert inbox.empty()
+        assert other_inbox.empty()
+
+    @pytest.mark.parametrize("size", [0, 1, 65_535, 65_536, 1_000_003, 64 * 1024 * 1024])
+    def test_payloads_from_nothing_to_64_megabytes(
+        self, here: Transport, there: Transport, name: str, size: int
+    ) -> None:
+        inbox = _subscribe(there, topic(name))
+        outlet = here.outlet(topic(name))
+        assert outlet.wait_peer(SOON)
+        sent = np.arange(size, dtype=np.uint8)
+        outlet.send(here.codec.encoder(_BLOB)((sent,)))
+        assert inbox.get(timeout=SOON * 2) == sent.tobytes()
+
+    def test_nothing_arrives_after_close_returns(self, here: Transport, there: Transport, name: str) -> None:
+        closed, witness = Inbox(), _subscribe(there, topic(name))
+        link = there.inlet(topic(name), _put(there, closed))
+        outlet = here.outlet(topic(name))
+        greet(here, outlet, closed, witness)
+        link.close()
+        outlet.send(blob(here, b"late"))
+        assert witness.get(timeout=SOON) == b"late"
+        assert closed.empty()
+
+    def test_close_waits_for_a_sink_that_runs(self, here: Transport, there: Transport, name: str) -> None:
+        entered, release, left = threading.Event(), threading.Event(), threading.Event()
+
+        def sink(payload: Payload) -> None:
+            entered.set()
+            release.wait(SOON)
+            left.set()
+
+        link = there.inlet(topic(name), sink)
+        outlet = here.outlet(topic(name))
+        assert outlet.wait_peer(SOON)
+        outlet.send(blob(here, b"x"))
+        assert entered.wait(SOON)
+        threading.Timer(A_MOMENT, release.set).start()
+        link.close()
+        assert left.is_set()
+
+    def test_a_sink_that_raises_hurts_nobody(
+        self, here: Transport, there: Transport, name: str, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        inbox = Inbox()
+
+        def fussy(payload: Payload) -> None:
+            inbox.put(unblob(there, payload))
+            if inbox.queue[-1] == b"bad":
+                raise ValueError("bad")
+
+        there.inlet(topic(name), fussy)
+        outlet = here.outlet(topic(name))
+        assert outlet.wait_peer(SOON)
+        outlet.send(blob(here, b"bad"))
+        outlet.send(blob(here, b"good"))
+        assert [inbox.get(timeout=SOON), inbox.get(timeout=SOON)] == [b"bad", b"good"]
+        assert "ValueError: bad" in caplog.text
+
+    def test_a_slow_sink_delays_no_other_channel(self, here: Transport, there: Transport, name: str) -> None:
+        release = threading.Event()
+        there.inlet(topic(name), lambda _: release.wait(SOON))
+        inbox = _subscribe(there, topic(name + "x"))
+        slow, quick = here.outlet(topic(name)), here.outlet(topic(name + "x"))
+        assert slow.wait_peer(SOON)
+        assert quick.wait_peer(SOON)
+        slow.send(blob(here, b"stuck"))
+        quick.send(blob(here, b"x"))
+        try:
+            assert inbox.get(timeout=SOON) == b"x"
+        finally:
+            release.set()
+
+    def test_a_sink_may_publish(self, here: Transport, there: Transport, name: str) -> None:
+        back, inbox = here.outlet(topic(name + "back")), _subscribe(there, topic(name + "back"))
+        assert back.wait_peer(SOON)
+        here.inlet(topic(name), lambda payload: back.send(blob(here, unblob(here, payload) + b"!")))
+        outlet = there.outlet(topic(name))
+        assert outlet.wait_peer(SOON)
+        outlet.send(blob(there, b"ping"))
+        assert inbox.get(timeout=SOON) == b"ping!"
+
+    def test_late_subscribers_get_what_is_latched_or_it_is_refused(
+        self, here: Transport, there: Transport, name: str
+    ) -> None:
+        latched = topic(name, _LATCHED)
+        if Capability.LATCHED not in here.capabilities:
+            with pytest.raises(UnsupportedQoS):
+                require(here, "this transport", latched)
+            return
+        early, outlet = _subscribe(here, latched), here.outlet(latched)
+        assert outlet.wait_peer(SOON)
+        for message in (b"old", b"map", b"pose"):
+            outlet.send(blob(here, message))
+        late = _subscribe(there, latched)
+        assert [late.get(timeout=SOON), late.get(timeout=SOON)] == [b"map", b"pose"]
+        outlet.send(blob(here, b"new"))
+        assert late.get(timeout=SOON) == b"new"
+        assert [early.get(timeout=SOON) for _ in range(4)] == [b"old", b"map", b"pose", b"new"]
+        assert early.empty()
+
+    def test_of_what_waits_for_a_slow_sink_the_newest_stay(self, here: Transport, there: Transport, name: str) -> None:
+        blocked, release, inbox = threading.Event(), threading.Event(), Inbox()
+
+        def sink(payload: Payload) -> None:
+            inbox.put(unblob(there, payload))
+            blocked.set()
+            release.wait(SOON)
+
+        channel = topic(name, QoS(depth=3))
+        link, outlet = there.inlet(channel, sink), here.outlet(channel)
+        assert outlet.wait_peer(SOON)
+        outlet.send(blob(here, b"0"))
+        assert blocked.wait(SOON)
+        for number in range(1, 21):
+            outlet.send(blob(here, str(number).encode()))
+            wait_until(lambda n=number: link.stats.dropped >= n - 3)  # type: ignore[misc]
+        release.set()
+        wait_until(lambda: inbox.qsize() == 4)
+        assert drain(inbox) == [b"0", b"18", b"19", b"20"]
+        assert link.stats.dropped == 17
+
+    def test_reliable_loses_nothing_to_a_slow_sink(self, here: Transport, there: Transport, name: str) -> None:
+        channel = topic(name, _RELIABLE)
+        if Capability.RELIABLE not in here.capabilities:
+            with pytest.raises(UnsupportedQoS):
+                require(here, "this transport", channel)
+            return
+        inbox, begun = Inbox(), threading.Event()
+
+        def sink(payload: Payload) -> None:
+            begun.wait(SOON)  # let everything pile up first
+            inbox.put(unblob(there, payload))
+
+        there.inlet(channel, sink)
+        outlet = here.outlet(channel)
+        assert outlet.wait_peer(SOON)
+        sent = [str(number).encode() for number in range(300)]
+        threading.Timer(A_MOMENT, begun.set).start()
+        for message in sent:
+            outlet.send(blob(here, message), SOON)
+        wait_until(lambda: inbox.qsize() == len(sent))
+        assert drain(inbox) == sent
+
+    def test_reliable_gives_up_at_its_deadline(self, here: Transport, there: Transport, name: str) -> None:
+        channel = topic(name, _RELIABLE)
+        if Capability.RELIABLE not in here.capabilities:
+            return  # refused, as the test above shows
+        release = threading.Event()
+        there.inlet(channel, lambda _: release.wait(SOON * 3))
+        outlet = here.outlet(channel)
+        assert outlet.wait_peer(SOON)
+        try:
+            with pytest.raises(Timeout):
+                _send_many(here, outlet, 100_000)
+        finally:
+            release.set()
+
+    def test_best_effort_never_waits_and_counts_what_it_lost(
+        self, here: Transport, there: Transport, name: str
+    ) -> None:
+        release = threading.Event()
+        first = threading.Event()
+
+        def sink(payload: Payload) -> None:
+            first.set()
+            release.wait(SOON * 3)
+
+        channel = topic(name, QoS(depth=4))
+        link, outlet = there.inlet(channel, sink), here.outlet(channel)
+        assert outlet.wait_peer(SOON)
+        outlet.send(blob(here, b"0"))
+        assert first.wait(SOON)
+        for number in range(1, 5000):
+            outlet.send(blob(here, str(number).encode()))
+        release.set()
+
+        def all_accounted_for() -> bool:
+            outlet.send(blob(here, b"last"))
+            return link.stats.received + link.stats.dropped + link.stats.lost >= 5000
+
+        wait_until(all_accounted_for)
+        assert link.stats.repeated == 0
+
+    def test_a_star_hears_every_instance(self, here: Transport, there: Transport, name: str) -> None:
+        _, interface, operation = name.split("/")
+        interface = f"C{uuid.uuid4().hex[:8]}"
+        inbox = _subscribe(there, topic(f"robot/*/{interface}/{operation}"))
+        outlets = [here.outlet(topic(f"robot/{instance}/{interface}/{operation}")) for instance in ("one", "two")]
+        stranger = here.outlet(topic(f"other/three/{interface}/{operation}"))
+        for outlet in outlets:
+            assert outlet.wait_peer(SOON)
+        stranger.send(blob(here, b"stranger"))
+        for outlet, message in zip(outlets, (b"one", b"two"), strict=True):
+            outlet.send(blob(here, message))
+        assert {inbox.get(timeout=SOON), inbox.get(timeout=SOON)} == {b"one", b"two"}
+
+    # Commands.
+
+    def test_commands_arrive_once_and_in_order(self, here: Transport, there: Transport, name: str) -> None:
+        inbox = Inbox()
+        link = here.inlet(command(name), _put(here, inbox))
+        outlet = there.outlet(command(name))
+        assert outlet.wait_peer(SOON)
+        sent = [str(number).encode() for number in range(500)]
+        for message in sent:
+            outlet.send(blob(there, message))
+        wait_until(lambda: inbox.qsize() == len(sent))
+        assert drain(inbox) == sent
+        assert (link.stats.lost, link.stats.repeated, link.stats.dropped) == (0, 0, 0)
+
+    def test_many_may_command_one(self, here: Transport, there: Transport, name: str) -> None:
+        inbox = Inbox()
+        here.inlet(command(name), _put(here, inbox))
+        for transport, message in ((here, b"a"), (there, b"b"), (there, b"c")):
+            outlet = transport.outlet(command(name))
+            assert outlet.wait_peer(SOON)
+            outlet.send(blob(transport, message))
+        assert {inbox.get(timeout=SOON) for _ in range(3)} == {b"a", b"b", b"c"}
+
+    def test_a_command_to_nobody_is_unreachable(self, here: Transport, name: str) -> None:
+        with pytest.raises(Unreachable):
+            here.outlet(command(name)).send(blob(here, b"x"))
+
+    # Queries.
+
+    @pytest.mark.parametrize("ask", ["ask", "call"])
+    def test_a_question_gets_its_answer(self, here: Transport, there: Transport, name: str, ask: str) -> None:
+        here.server(query(name), answering(here, bytes.upper))
+        caller = there.caller(query(name))
+        assert caller.wait_peer(SOON)
+        assert _asker(there, caller, ask)(b"abc") == b"ABC"
+
+    def test_an_answer_may_come_later(self, here: Transport, there: Transport, name: str) -> None:
+        later: queue.Queue[Future[Reply]] = queue.Queue()
+
+        def service(payload: Payload, expires: float) -> Future[Reply]:
+            reply: Future[Reply] = Future()
+            later.put(reply)
+            return reply
+
+        here.server(query(name), service)
+        caller = there.caller(query(name))
+        assert caller.wait_peer(SOON)
+        asked = caller.call(blob(there, b""), SOON)
+        later.get(timeout=SOON).set_result(Reply(Status.OK, blob(here, b"later")))
+        assert unblob(there, asked.result(SOON).payload) == b"later"
+
+    def test_answers_out_of_order_find_their_callers(
+        self, here: Transport, there: Transport, name: str, pool: ThreadPoolExecutor
+    ) -> None:
+        waiting: list[tuple[Payload, Future[Reply]]] = []
+        all_in = threading.Event()
+
+        def service(payload: Payload, expires: float) -> Future[Reply]:
+            waiting.append((payload, Future()))
+            if len(waiting) == 64:
+                all_in.set()
+            return waiting[-1][1]
+
+        here.server(query(name), service)
+        caller = there.caller(query(name))
+        assert caller.wait_peer(SOON)
+        futures = [caller.call(blob(there, str(number).encode()), SOON) for number in range(64)]
+        assert all_in.wait(SOON)
+        for payload, reply in reversed(waiting):
+            reply.set_result(Reply(Status.OK, blob(here, unblob(here, payload))))
+        assert [unblob(there, f.result(SOON).payload) for f in futures] == [str(n).encode() for n in range(64)]
+
+    @pytest.mark.parametrize("ask", ["ask", "call"])
+    @pytest.mark.parametrize(
+        "status", [Status.OK, Status.THROWN, Status.FAILED, Status.EXPIRED, Status.BUSY, Status.REFUSED]
+    )
+    def test_every_status_arrives(self, here: Transport, there: Transport, name: str, status: Status, ask: str) -> None:
+        here.server(query(name), lambda payload, expires: Reply(status, blob(here, b"why")))
+        caller = there.caller(query(name))
+        assert caller.wait_peer(SOON)
+        payload = blob(there, b"")
+        reply = caller.ask(payload, SOON) if ask == "ask" else caller.call(payload, SOON).result(SOON)
+        assert (reply.status, unblob(there, reply.payload)) == (status, b"why")
+
+    def test_a_service_that_raises_fails_its_call(
+        self, here: Transport, there: Transport, name: str, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        def service(payload: Payload, expires: float) -> Reply:
+            raise ValueError("broken service")
+
+        here.server(query(name), service)
+        caller = there.caller(query(name))
+        assert caller.wait_peer(SOON)
+        assert caller.ask(blob(there, b""), SOON).status is Status.FAILED
+        assert "broken service" in caplog.text
+
+    @pytest.mark.parametrize("ask", ["ask", "call"])
+    def test_a_question_to_nobody_is_unreachable(self, here: Transport, name: str, ask: str) -> None:
+        with pytest.raises(Unreachable):
+            _asker(here, here.caller(query(name)), ask)(b"")
+
+    @pytest.mark.parametrize("ask", ["ask", "call"])
+    def test_the_deadline_holds_and_a_late_answer_is_nobody_elses(
+        self, here: Transport, there: Transport, name: str, ask: str, pool: ThreadPoolExecutor
+    ) -> None:
+        release = threading.Event()
+
+        def service(payload: Payload, expires: float) -> Future[Reply]:
+            data = unblob(here, payload)
+            return pool.submit(lambda: (data == b"slow" and release.wait(SOON), Reply(Status.OK, blob(here, data)))[1])
+
+        here.server(query(name), service)
+        caller = there.caller(query(name))
+        assert caller.wait_peer(SOON)
+        begun = time.monotonic()
+        with pytest.raises(Timeout):
+            _asker(there, caller, ask, A_MOMENT)(b"slow")
+        assert time.monotonic() - begun >= A_MOMENT * 0.9
+        release.set()
+        assert [_asker(there, caller, ask)(str(n).encode()) for n in range(3)] == [b"0", b"1", b"2"]
+
+    def test_giving_up_leaves_nothing_behind(self, here: Transport, there: Transport, name: str) -> None:
+        here.server(query(name), _stuck_on(here, b"stuck"))
+        caller = there.caller(query(name))
+        assert caller.wait_peer(SOON)
+        stuck = caller.call(blob(there, b"stuck"), SOON)
+        assert stuck.cancel()
+        assert _asker(there, caller, "call")(b"next") == b"next"
+
+    def test_a_service_may_ask_another(self, here: Transport, there: Transport, name: str) -> None:
+        there.server(query(name + "inner"), answering(there, lambda data: data + b"!"))
+        onward = here.caller(query(name + "inner"))
+        assert onward.wait_peer(SOON)
+        here.server(query(name), lambda payload, expires: onward.ask(blob(here, unblob(here, payload)), SOON))
+        caller = there.caller(query(name))
+        assert caller.wait_peer(SOON)
+        assert _asker(there, caller, "ask")(b"hop") == b"hop!"
+
+    def test_a_service_may_be_called_back(self, here: Transport, there: Transport, name: str) -> None:
+        here.server(query(name + "back"), answering(here, lambda data: data + b"back"))
+        back = there.caller(query(name + "back"))
+        assert back.wait_peer(SOON)
+        there.server(query(name + "on"), lambda payload, expires: back.ask(blob(there, unblob(there, payload)), SOON))
+        on = here.caller(query(name + "on"))
+        assert on.wait_peer(SOON)
+        here.server(query(name), lambda payload, expires: on.ask(blob(here, unblob(here, payload)), SOON))
+        caller = there.caller(query(name))
+        assert caller.wait_peer(SOON)
+        assert _asker(there, caller, "ask")(b"there and ") == b"there and back"
+
+    def test_a_second_server_is_refused(self, here: Transport, there: Transport, name: str) -> None:
+        first = here.server(query(name), answering(here, bytes.upper))
+        with pytest.raises(TransportError):
+            there.server(query(name), answering(there, bytes.lower))
+        first.close()
+        there.server(query(name), answering(there, bytes.lower))
+
+    # Contracts.
+
+    def test_another_contract_is_named_and_calls_do_not_pass(
+        self, here: Transport, there: Transport, name: str, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        executed = Inbox()
+        server = here.server(query(name), answering(here, _noting(executed)))
+        caller = there.caller(replace(query(name), type=_OTHER))
+        with pytest.raises(ContractMismatch, match=r"data: sequence<int16> here, sequence<uint8> there"):
+            caller.wait_peer(SOON)
+        with pytest.raises(ContractMismatch, match=r"data: sequence<int16> here, sequence<uint8> there"):
+            _asker(there, caller, "ask")(b"x")
+        wait_until(lambda: server.stats.mismatched > 0)
+        assert executed.empty()
+        assert "data: sequence<uint8> here, sequence<int16> there" in caplog.text
+
+    def test_another_contract_is_named_and_messages_do_not_pass(
+        self, here: Transport, there: Transport, name: str, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        inbox, witness = Inbox(), _subscribe(there, topic(name))
+        link = there.inlet(replace(topic(name), type=_OTHER), _put(there, inbox))
+        outlet = here.outlet(topic(name))
+        greet(here, outlet, witness)
+        wait_until(lambda: link.stats.mismatched > 0 and outlet.stats.mismatched > 0)
+        assert inbox.empty()
+        assert "data: sequence<uint8> here, sequence<int16> there" in caplog.text
+        assert "data: sequence<int16> here, sequence<uint8> there" in caplog.text
+
+    # Lifetime.
+
+    def test_close_releases_who_waits(
+        self, here: Transport, there: Transport, name: str, pool: ThreadPoolExecutor
+    ) -> None:
+        here.server(query(name), _stuck_on(here, b"stuck"))
+        caller = there.caller(query(name))
+        assert caller.wait_peer(SOON)
+        pending = caller.call(blob(there, b"stuck"), SOON * 3)
+        asking = pool.submit(caller.ask, blob(there, b"stuck"), SOON * 3)
+        wait_until(lambda: asking.running())
+        caller.close()
+        for waiting in (pending, asking):
+            with pytest.raises(Closed):
+                waiting.result(SOON)
+
+    def test_close_is_final_and_may_be_repeated(self, here: Transport, name: str) -> None:
+        outlet, caller = here.outlet(topic(name)), here.caller(query(name))
+        here.server(query(name), answering(here, bytes.upper))
+        here.close()
+        here.close()
+        outlet.close()
+        for use in (
+            lambda: outlet.send(blob(here, b"")),
+            lambda: caller.ask(blob(here, b""), SOON),
+            lambda: caller.call(blob(here, b""), SOON),
+            lambda: here.outlet(topic(name)),
+            lambda: here.server(query(name), answering(here, bytes.upper)),
+        ):
+            with pytest.raises(Closed):
+                use()
+
+    def test_a_sink_may_close_its_own_link(self, here: Transport, there: Transport, name: str) -> None:
+        closed = threading.Event()
+        links: list[Link] = []
+
+        def sink(payload: Payload) -> None:
+            links[0].close()
+            closed.set()
+
+        links.append(there.inlet(topic(name), sink))
+        outlet = here.outlet(topic(name))
+        assert outlet.wait_peer(SOON)
+        outlet.send(blob(here, b"x"))
+        assert closed.wait(SOON)
+
+    def test_no_thread_is_left_after_close(self, name: str) -> None:
+        before = set(threading.enumerate())
+        transport = self.open_transport()
+        transport.inlet(topic(name), lambda _: time.sleep(A_MOMENT))
+        transport.server(query(name), answering(transport, bytes.upper))
+        outlet, caller = transport.outlet(topic(name)), transport.caller(query(name))
+        assert outlet.wait_peer(SOON)
+        assert caller.wait_peer(SOON)
+        outlet.send(blob(transport, b"x"))
+        assert _asker(transport, caller, "ask")(b"x") == b"X"
+        transport.close()
+        assert set(threading.enumerate()) - before == set()
+
+    def test_a_server_may_be_restarted_under_its_clients(self, there: Transport, name: str) -> None:
+        caller = there.caller(query(name))
+        for life in range(3):
+            transport = self.open_transport()
+            transport.server(query(name), answering(transport, partial(_signed, str(life))))
+            assert caller.wait_peer(SOON)
+            assert _asker(there, caller, "ask")(b"life ") == f"life {life}".encode()
+            assert _asker(there, caller, "call")(b"life ") == f"life {life}".encode()
+            transport.close()
+            with pytest.raises(Unreachable):
+                _asker(there, caller, "ask")(b"")
+
+    def test_a_publisher_and_its_subscribers_may_be_restarted(self, name: str) -> None:
+        stays, inbox = self.open_transport(), Inbox()
+        stays.inlet(topic(name), _put(stays, inbox))
+        for life in (b"first", b"second"):
+            transport = self.open_transport()
+            outlet = transport.outlet(topic(name))
+            assert outlet.wait_peer(SOON)
+            outlet.send(blob(transport, life))
+            assert inbox.get(timeout=SOON) == life
+            transport.close()
+        stays.close()
+        transport, other = self.open_transport(), self.open_transport()
+        outlet = transport.outlet(topic(name))
+        inbox = _subscribe(other, topic(name))
+        assert outlet.wait_peer(SOON)
+        outlet.send(blob(transport, b"third"))
+        assert inbox.get(timeout=SOON) == b"third"
+        transport.close()
+        other.close()
+
+    @pytest.mark.parametrize("ask", ["ask", "call"])
+    def test_a_server_that_dies_in_a_call_makes_it_unreachable(
+        self, there: Transport, name: str, ask: str, pool: ThreadPoolExecutor
+    ) -> None:
+        victim = _Victim(self, there, name)
+        caller = there.caller(query(name))
+        assert caller.wait_peer(SOON)
+        asking = pool.submit(_asker(there, caller, ask, SOON * 3), b"stuck")
+        victim.wait_until_stuck()
+        victim.kill()
+        with pytest.raises(Unreachable):
+            asking.result(SOON)
+
+    # Typed: what users see of it.
+
+    @pytest.fixture
+    def proxy(self, here: Transport, there: Transport, name: str) -> Iterator[_Proxy]:
+        with _Served(here, name, _Handlers()), _Using(there, name) as proxy:
+            yield proxy
+
+    def test_every_type_there_and_back(self, proxy: _Proxy) -> None:
+        for value in (e.Nested(), everything_odd()):
+            assert_same(proxy.ask(e.echo_nested, value), value)
+
+    def test_large_and_empty_arrays_there_and_back(self, proxy: _Proxy) -> None:
+        image = np.random.default_rng(1).integers(0, 256, 6_000_000, np.uint8)
+        large = e.Arrays(
+            image,
+            np.array([-32768, 32767], np.int16),
+            np.array([-(2**63), 2**63 - 1], np.int64),
+            np.array([math.nan, math.inf, -math.inf, 1e-45], np.float32),
+            np.linspace(0, 1, 100_000),
+            np.array([True, False]),
+        )
+        for value in (e.Arrays(), large):
+            back = proxy.ask(e.echo_arrays, value)
+            assert_same(back, value)
+            assert not back.octets.flags.writeable
+
+    def test_lists_bytes_and_buffers_are_taken_for_arrays(self, proxy: _Proxy) -> None:
+        given = e.Arrays(b"abc", [1, 2], range(3), memoryview(np.ones(2, np.float32)), (0.5,), [True])  # type: ignore[arg-type]
+        back = proxy.ask(e.echo_arrays, given)
+        assert back.octets.tobytes() == b"abc"
+        assert (back.small.tolist(), back.ints.tolist(), back.floats.tolist()) == ([1, 2], [0, 1, 2], [1.0, 1.0])
+
+    def test_a_receiver_cannot_alter_what_was_sent(self, here: Transport, there: Transport, name: str) -> None:
+        kept: list[e.Nested] = []
+
+        class Vandal(_Handlers):
+            def Everything_echo_nested(self, value: e.Nested) -> e.Nested:
+                kept.append(value)
+                value.names.append("vandalised")
+                value.scalars.text = "vandalised"
+                return value
+
+        sent = everything_odd()
+        names, text = list(sent.names), sent.scalars.text
+        with _Served(here, name, Vandal()), _Using(there, name) as proxy:
+            got = proxy.ask(e.echo_nested, sent)
+        assert (sent.names, sent.scalars.text) == (names, text)
+        got.names.append("mine")
+        assert kept[0].names == [*names, "vandalised"]
+
+    def test_results_then_outputs_come_as_a_tuple(self, proxy: _Proxy) -> None:
+        assert proxy.ask(e.divide, 17, 5) == (3, 2)
+        assert proxy.ask(e.divide, 2**63 - 1, 1) == (2**63 - 1, 0)
+
+    def test_declared_exceptions_arrive_as_themselves(self, proxy: _Proxy) -> None:
+        with pytest.raises(e.Failed) as caught:
+            proxy.ask(e.divide, 1, 0)
+        assert (type(caught.value), caught.value.what, caught.value.code) == (e.Failed, "division by zero", 7)
+
+    def test_exceptions_derived_from_declared_ones_do_too(self, proxy: _Proxy) -> None:
+        with pytest.raises(e.Failed) as caught:
+            proxy.ask(e.divide, 1, -1)
+        assert isinstance(caught.value, e.FailedBadly)
+        assert caught.value.where == e.Point(1.0, 2.0)
+
+    def test_an_undeclared_exception_is_told_with_its_traceback(
+        self, proxy: _Proxy, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        with pytest.raises(RemoteFailure, match="ZeroDivisionError: on purpose") as caught:
+            proxy.ask(e.work, "raise")
+        assert "Everything_work" in caught.value.trace
+        assert "ZeroDivisionError" in caplog.text
+
+    def test_a_wrong_return_value_fails_the_call_and_says_why(
+        self, proxy: _Proxy, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        with pytest.raises(RemoteFailure, match="ret must be a str"):
+            proxy.ask(e.work, "return nonsense")
+
+    def test_a_wrong_argument_is_not_sent(self, proxy: _Proxy) -> None:
+        with pytest.raises(EncodeError, match="divisor must be an int"):
+            proxy.ask(e.divide, 1, "two")
+        with pytest.raises(EncodeError, match=r"dividend must be an int from -9223372036854775808"):
+            proxy.ask(e.divide, 2**63, 1)
+
+    def test_asynchronous_calls_end_like_synchronous_ones(self, proxy: _Proxy) -> None:
+        futures = [proxy.ask_async(e.divide, number, 7) for number in range(50)]
+        assert [f.result(SOON) for f in futures] == [divmod(number, 7) for number in range(50)]
+        with pytest.raises(e.Failed):
+            proxy.ask_async(e.divide, 1, 0).result(SOON)
+
+    def test_they_can_be_awaited(self, proxy: _Proxy) -> None:
+        async def both() -> list[Any]:
+            calls = [asyncio.wrap_future(proxy.ask_async(e.divide, number, 3)) for number in (10, 11)]
+            return list(await asyncio.gather(*calls))
+
+        assert asyncio.run(both()) == [(3, 1), (3, 2)]
+
+    def test_callbacks_run_like_handlers(self, proxy: _Proxy) -> None:
+        inside: list[bool] = []
+        done = threading.Event()
+        future = proxy.ask_async(e.divide, 1, 1)
+
+        def called_back(_: object) -> None:
+            inside.append(proxy.monitor.mine)
+            done.set()
+
+        future.add_done_callback(called_back)
+        assert done.wait(SOON)
+        assert inside == [True]
+
+    def test_a_handler_that_takes_too_long_times_out(self, proxy: _Proxy) -> None:
+        with pytest.raises(Timeout):
+            proxy.ask(e.work, "wait", deadline=A_MOMENT)
+        assert proxy.ask(e.work, "quick") == "quick"
+
+    def test_what_expired_while_it_waited_is_not_executed(self, here: Transport, there: Transport, name: str) -> None:
+        handlers = _Handlers()
+        with _Served(here, name, handlers) as served, _Using(there, name) as proxy:
+            served.monitor.enter()
+            with pytest.raises(Timeout):
+                proxy.ask(e.work, "never", deadline=A_MOMENT)
+            served.monitor.leave()
+            assert proxy.ask(e.work, "later") == "later"
+        assert handlers.done == ["later"]
+
+    def test_commands_and_publications_reach_their_handlers(self, here: Transport, there: Transport, name: str) -> None:
+        handlers = _Handlers()
+        with _Served(here, name, handlers), _Using(there, name) as proxy:
+            proxy.send(e.poke, 3)
+            wait_until(lambda: handlers.done == [3])
+
+    def test_malformed_messages_are_dropped_counted_and_logged_once(
+        self, here: Transport, there: Transport, name: str, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        handlers = _Handlers()
+        route = _router(there, name)(Port(Verb.REQUIRES, e.EVERYTHING), e.poke)
+        channel = Channel(route.channel, Pattern.COMMAND, _ref(e.poke))
+        with _Served(here, name, handlers) as served:
+            outlet = there.outlet(channel)
+            assert outlet.wait_peer(SOON)
+            caplog.clear()
+            for _ in range(20):
+                outlet.send(blob(there, b"these are not the bytes you are looking for"))
+            outlet.send(there.codec.encoder(e.poke.request)((5,)))
+            wait_until(lambda: handlers.done == [5])
+            assert served.stats(e.poke).malformed == 20
+        assert sum("malformed" in record.message for record in caplog.records) == 1
+
+    def test_eight_clients_get_their_own_answers(self, here: Transport, name: str, pool: ThreadPoolExecutor) -> None:
+        def client(number: int) -> list[str]:
+            transport = self.open_transport()
+            try:
+                with _Using(transport, name) as proxy:
+                    return [proxy.ask(e.work, f"{number}.{n}") for n in range(40)]
+            finally:
+                transport.close()
+
+        with _Served(here, name, _Handlers()):
+            answers = list(pool.map(client, range(8)))
+        assert answers == [[f"{number}.{n}" for n in range(40)] for number in range(8)]
+
+    def test_threads_may_share_a_proxy(self, proxy: _Proxy, pool: ThreadPoolExecutor) -> None:
+        assert list(pool.map(lambda n: proxy.ask(e.work, str(n)), range(200))) == [str(n) for n in range(200)]
+
+    def test_handlers_of_a_worker_never_overlap(
+        self, here: Transport, there: Transport, name: str, pool: ThreadPoolExecutor
+    ) -> None:
+        inside, most = [0], [0]
+
+        class Nosy(_Handlers):
+            def Everything_work(self, task: str) -> str:
+                inside[0] += 1
+                most[0] = max(most[0], inside[0])
+                time.sleep(0.001)
+                inside[0] -= 1
+                return task
+
+        with _Served(here, name, Nosy()), _Using(there, name) as proxy:
+            list(pool.map(lambda n: proxy.ask(e.work, str(n), deadline=SOON), range(60)))
+        assert most == [1]
+
+    def test_who_waits_lets_others_in_so_components_may_call_in_circles(
+        self, here: Transport, there: Transport, name: str
+    ) -> None:
+        ours, theirs = name + "ours", name + "theirs"
+        with (
+            _Served(here, ours, _Onward()) as a,
+            _Served(there, theirs, _Onward()) as b,
+            _Using(here, theirs, a.monitor) as a_to_b,
+            _Using(there, ours, b.monitor) as b_to_a,
+            _Using(there, ours) as start,
+        ):
+            a.handlers.onward, b.handlers.onward = a_to_b, b_to_a
+            assert start.ask(e.work, "go 5", deadline=SOON) == "arrived"
+
+    def test_too_many_who_wait_make_it_busy(
+        self, here: Transport, there: Transport, name: str, pool: ThreadPoolExecutor
+    ) -> None:
+        waits, release = threading.Semaphore(0), threading.Event()
+        served = _Served(here, name, _Handlers())
+
+        def work(task: str) -> str:
+            if task == "quick":
+                return task
+            with served.monitor.released():
+                waits.release()
+                release.wait(SOON)
+            return task
+
+        served.handlers.Everything_work = work
+        with served, _Using(there, name) as proxy:
+            futures = [proxy.ask_async(e.work, "wait", deadline=SOON * 3) for _ in range(MAX_ASIDE)]
+            for _ in futures:
+                assert waits.acquire(timeout=SOON)
+            served.monitor.enter()
+            with pytest.raises(Busy):
+                proxy.ask(e.work, "one too many")
+            served.monitor.leave()
+            release.set()
+            assert [f.result(SOON) for f in futures] == ["wait"] * MAX_ASIDE
+            assert proxy.ask(e.work, "quick") == "quick"
+
+
+# -- channels, payloads, inboxes ----------------------------------------------
+
+
+def topic(name: str, qos: QoS = QoS()) -> Channel:  # noqa: B008 - frozen
+    return Channel(name, Pattern.PUBLISH, _TYPE, qos)
+
+
+def command(name: str) -> Channel:
+    return Channel(name, Pattern.COMMAND, _TYPE)
+
+
+def query(name: str) -> Channel:
+    return Channel(name, Pattern.QUERY, _TYPE)
+
+
+def blob(transport: Transport, data: bytes) -> Payload:
+    """Bytes as that transport's codec packs them."""
+    return transport.codec.encoder(_BLOB)((data,))
+
+
+def unblob(transport: Transport, payload: Payload) -> bytes:
+    (data,) = transport.codec.decoder(_BLOB)(payload)
+    return bytes(data.tobytes())
+
+
+def drain(inbox: Inbox) -> list[bytes]:
+    return [inbox.get_nowait() for _ in range(inbox.qsize())]
+
+
+def greet(transport: Transport, outlet: Outlet, *inboxes: Inbox) -> None:
+    """Send until every inbox has heard us, then empty them: all are connected, nothing is in flight."""
+    assert outlet.wait_peer(SOON)
+
+    def all_hear() -> bool:
+        outlet.send(blob(transport, b"hello"))
+        return not any(inbox.empty() for inbox in inboxes)
+
+    wait_until(all_hear)
+    outlet.send(blob(transport, b"go"))
+    for inbox in inboxes:
+        while inbox.get(timeout=SOON) != b"go":
+            pass
+
+
+def answering(transport: Transport, answer: Callable[[bytes], bytes]) -> Callable[[Payload, float], Reply]:
+    return lambda payload, expires: Reply(Status.OK, blob(transport, answer(unblob(transport, payload))))
+
+
+def _send_many(transport: Transport, outlet: Outlet, number: int) -> None:
+    for _ in range(number):
+        outlet.send(blob(transport, bytes(100_000)), A_MOMENT)
+
+
+def _noting(inbox: Inbox) -> Callable[[bytes], bytes]:
+    """An echo that leaves a note."""
+
+    def note(data: bytes) -> bytes:
+        inbox.put(data)
+        return data
+
+    return note
+
+
+def _signed(name: str, data: bytes) -> bytes:
+    return data + name.encode()
+
+
+def _put(transport: Transport, inbox: Inbox) -> Callable[[Payload], None]:
+    return lambda payload: inbox.put(unblob(transport, payload))
+
+
+def _subscribe(transport: Transport, channel: Channel) -> Inbox:
+    inbox = Inbox()
+    transport.inlet(channel, _put(transport, inbox))
+    return inbox
+
+
+def _asker(transport: Transport, caller: Caller, how: str, deadline: float = SOON) -> Callable[[bytes], bytes]:
+    """Ask by either of the two ways."""
+
+    def ask(data: bytes) -> bytes:
+        payload = blob(transport, data)
+        reply = caller.ask(payload, deadline) if how == "ask" else caller.call(payload, deadline).result(SOON * 3)
+        return unblob(transport, reply.payload)
+
+    return ask
+
+
+def _stuck_on(transport: Transport, word: bytes) -> Callable[[Payload, float], Reply | Future[Reply]]:
+    """A service that never answers one word, and echoes others."""
+
+    def service(payload: Payload, expires: float) -> Reply | Future[Reply]:
+        data = unblob(transport, payload)
+        return Future() if data == word else Reply(Status.OK, blob(transport, data))
+
+    return service
+
+
+class _Victim:
+    """A server that gets stuck in a call and can be killed: another process, where the transport reaches one."""
+
+    def __init__(self, suite: TransportConformance, seen_from: Transport, name: str) -> None:
+        self._stuck: Any
+        if Capability.CROSS_PROCESS in seen_from.capabilities:
+            spawn = multiprocessing.get_context("spawn")
+            self._stuck = spawn.Event()
+            process = spawn.Process(target=_be_stuck, args=(type(suite), name, self._stuck))
+            process.start()
+            self._process: Any = process
+        else:
+            self._stuck = threading.Event()
+            transport = suite.open_transport()
+            _serve_stuck(transport, name, self._stuck)
+            self._transport: Transport = transport
+            self._process = None
+
+    def wait_until_stuck(self) -> None:
+        assert self._stuck.wait(SOON)
+
+    def kill(self) -> None:
+        if self._process is None:
+            self._transport.close()
+        else:
+            self._process.kill()
+            self._process.join()
+
+
+def _be_stuck(suite: type[TransportConformance], name: str, stuck: Any) -> None:
+    _serve_stuck(suite().open_transport(), name, stuck)
+    time.sleep(SOON * 10)  # until killed
+
+
+def _serve_stuck(transport: Transport, name: str, stuck: Any) -> None:
+    def service(payload: Payload, expires: float) -> Future[Reply]:
+        stuck.set()
+        return Future()
+
+    transport.server(query(name), service)
+
+
+# -- typed --------------------------------------------------------------------
+
+
+def _ref(operation: Operation[Any]) -> TypeRef:
+    return TypeRef(operation.request.name, operation.fingerprint, operation.text)
+
+
+class _Handlers:
+    """Implements `Everything`."""
+
+    def __init__(self) -> None:
+        self.done: list[object] = []
+        self.onward: Any = None
+
+    def Everything_echo_nested(self, value: e.Nested) -> e.Nested:
+        return value
+
+    def Everything_echo_arrays(self, value: e.Arrays) -> e.Arrays:
+        return value
+
+    def Everything_divide(self, dividend: int, divisor: int) -> tuple[int, int]:
+        if divisor == 0:
+            raise e.Failed("division by zero", 7)
+        if divisor == -1:
+            raise e.FailedBadly("worse", 8, e.Point(1.0, 2.0))
+        return divmod(dividend, divisor)
+
+    def Everything_work(self, task: str) -> Any:
+        self.done.append(task)
+        if task == "raise":
+            raise ZeroDivisionError("on purpose")
+        if task == "wait":
+            time.sleep(A_MOMENT * 2)
+        return None if task == "return nonsense" else task
+
+    def Everything_poke(self, number: int) -> None:
+        self.done.append(number)
+
+
+class _Onward(_Handlers):
+    """Passes work on until there is none left."""
+
+    def Everything_work(self, task: str) -> Any:
+        left = int(task.split()[1])
+        return self.onward.ask(e.work, f"go {left - 1}", deadline=SOON) if left else "arrived"
+
+
+class _Served:
+    """Handlers behind a transport, under a monitor of their own."""
+
+    def __init__(self, transport: Transport, name: str, handlers: Any, interface: Interface = e.EVERYTHING) -> None:
+        self.monitor = Monitor("served")
+        self.monitor.open()
+        self.handlers = handlers
+        self._operations = [operation for operation, _ in interface.under(Verb.IMPLEMENTS)]
+        self._port = Port(Verb.IMPLEMENTS, interface)
+        self._route = _router(transport, name)
+        self._links: list[Link] = []
+
+    def stats(self, operation: Operation[Any]) -> Any:
+        return self._links[self._operations.index(operation)].stats
+
+    def __enter__(self) -> _Served:
+        self._links = ports.bind_handlers(self._port, self.handlers, self._route, self.monitor)
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        ports.close_all(self._links)
+        self.monitor.close()
+
+
+class _Proxy(ports.Proxy):
+    """What a generated proxy does, for any operation."""
+
+    monitor: Monitor
+
+    def ask(self, operation: Operation[Any], *arguments: Any, deadline: float | None = None) -> Any:
+        return self._ask(operation, arguments, deadline)
+
+    def ask_async(self, operation: Operation[Any], *arguments: Any, deadline: float | None = None) -> Future[Any]:
+        return self._ask_async(operation, arguments, deadline)
+
+    def send(self, operation: Operation[None], *arguments: Any) -> None:
+        self._send(operation, arguments, None)
+
+
+class _Using:
+    """A proxy of `Everything` over a transport, once its server is visible."""
+
+    def __init__(self, transport: Transport, name: str, monitor: Monitor | None = None) -> None:
+        self._monitor, self._own = monitor or Monitor("using"), monitor is None
+        if self._own:
+            self._monitor.open()
+        port = Port(Verb.REQUIRES, e.EVERYTHING, proxy=_Proxy)
+        self._proxy, self._links = ports.bind_proxy(port, _router(transport, name), self._monitor)
+
+    def __enter__(self) -> _Proxy:
+        for link in self._links:
+            assert link.wait_peer(SOON)
+        assert isinstance(self._proxy, _Proxy)
+        self._proxy.monitor = self._monitor
+        return self._proxy
+
+    def __exit__(self, *exc: object) -> None:
+        ports.close_all(self._links)
+        if self._own:
+            self._monitor.close()
+
+
+def _router(transport: Transport, name: str) -> ports.Router:
+    instance = name.replace("/", "_")
+
+    def route(port: Port, operation: Operation[Any]) -> ports.Route:
+        return ports.Route(transport, "tested", f"{instance}/{port.segment}/{operation.name}", port.qos, SOON)
+
+    return route
+
+
+def everything_odd() -> e.Nested:
+    """A value at the edges of what its types can hold."""
+    scalars = e.Scalars(
+        True, -128, 65535, -(2**63), 255, 0.5, -32768, math.inf, "naïve ☃ 𝄞\0end", 2**32 - 1, -1, 2**64 - 1, 2**31 - 1,
+        e.Colour.ultraviolet,
+    )  # fmt: skip
+    return e.Nested(
+        scalars,
+        [e.Point(-0.0, 5e-324), e.Point(math.nan, -math.inf)],
+        ["", "x" * 1000, "ñ"],
+        [e.Colour.green, e.Colour.ultraviolet],
+        {"": e.Point(), "königlich": e.Point(1.0, 2.0)},
+        {-(2**31): "low", 2**31 - 1: "high"},
+        {e.Colour.green: 1.5},
+        [[], [e.Point(3.0, 4.0)] * 2],
+    )
+
+
+def assert_same(found: Any, expected: Any, at: str = "value") -> None:
+    """Equal, NaN included, of the same classes, and arrays of the same dtype."""
+    if isinstance(expected, np.ndarray):
+        assert found.dtype == expected.dtype, at
+        np.testing.assert_array_equal(found, expected, at)
+        return
+    assert type(found) is type(expected), f"{at}: {found!r} is no {type(expected).__name__}"
+    if is_dataclass(expected):
+        for each in fields(expected):
+            assert_same(getattr(found, each.name), getattr(expected, each.name), f"{at}.{each.name}")
+    elif isinstance(expected, list):
+        assert len(found) == len(expected), at
+        for number, (one, other) in enumerate(zip(found, expected, strict=True)):
+            assert_same(one, other, f"{at}[{number}]")
+    elif isinstance(expected, dict):
+        assert list(map(repr, found)) == list(map(repr, expected)), at
+        for one, other in zip(found.values(), expected.values(), strict=True):
+            assert_same(one, other, f"{at}[…]")
+    elif isinstance(expected, float):
+        same = found == expected or (math.isnan(found) and math.isnan(expected))
+        assert same, f"{at}: {found!r} is not {expected!r}"
+        assert math.copysign(1, found) == math.copysign(1, expected) or math.isnan(expected), at
+    else:
+        assert found == expected, at

@@ -1,0 +1,23 @@
+"""What all tests share: a run-time folder of their own, and no leftovers in it."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(autouse=True, scope="session")
+def runtime_folder() -> Iterator[Path]:
+    """Tests neither meet components that run on this machine, nor leave files behind."""
+    before = os.environ.get("ROBOCOMP_RUNTIME_DIR")
+    with tempfile.TemporaryDirectory(prefix="rc-", dir="/tmp") as folder:  # short: socket paths have 107 bytes
+        os.environ["ROBOCOMP_RUNTIME_DIR"] = folder
+        yield Path(folder)
+    if before is None:
+        del os.environ["ROBOCOMP_RUNTIME_DIR"]
+    else:
+        os.environ["ROBOCOMP_RUNTIME_DIR"] = before
