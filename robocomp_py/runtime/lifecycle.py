@@ -57,17 +57,19 @@ class Beat:
 
     def __init__(self, period: float, now: float) -> None:
         self.period = period
+        """May be changed; the next beat is then so long after the last one."""
         self.overruns = 0
-        self._next = now
+        self._last = now - period
 
     def due(self, now: float) -> float:
         """Seconds until the next beat; 0 if it is due."""
-        return max(0.0, self._next - now)
+        return max(0.0, self._last + self.period - now)
 
     def done(self, now: float) -> None:
         """A beat was kept; those missed meanwhile are counted and left out."""
-        self._next += self.period
-        if now > self._next:
-            missed = math.floor((now - self._next) / self.period) + 1
+        self._last += self.period
+        late = now - (self._last + self.period)
+        if late > 0:
+            missed = math.floor(late / self.period) + 1
             self.overruns += missed
-            self._next += missed * self.period
+            self._last += missed * self.period

@@ -90,6 +90,8 @@ class Monitor:
                 return
             ticket = _Ticket(early)
             self._queue.append(ticket)
+            if self._inside is None:
+                self._admit_next()  # before the opening, what waits in front of us may have to stay there
         step_aside()
         ticket.called.acquire()
 

@@ -321,7 +321,8 @@ def _line_of(text: str, key: Key) -> int:
             here = (*table, *_names(found[1]))
         else:
             continue
-        depth = len(here) if here == key[: len(here)] else 0
+        shared = min(len(here), len(key))
+        depth = shared if here[:shared] == key[:shared] else 0
         if depth > best_depth:
             best, best_depth = number, depth
     return best

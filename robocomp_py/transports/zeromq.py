@@ -28,13 +28,14 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from functools import partial
+from pathlib import Path
 from typing import Any, TypeVar
 
 import zmq
 
 from ..contract.interface import Pattern
 from ..contract.qos import History
-from ..errors import Closed, ContractMismatch, DecodeError, Timeout, TransportError, Unreachable
+from ..errors import Closed, ConfigurationError, ContractMismatch, DecodeError, Timeout, TransportError, Unreachable
 from ..wire.codec import MAX_BYTES, Codec, Payload
 from ..wire.header import (
     NO_DEADLINE,
@@ -93,13 +94,13 @@ class ZeroMQTransport:
     capabilities = Capability.RELIABLE | Capability.LATCHED | Capability.CROSS_PROCESS
 
     def __init__(self, config: TransportConfig) -> None:
+        self._bind = options_of(config, bind="")["bind"]
         self.codec: Codec = MessagePack()
         self.incarnation = random_id()
-        self.context = zmq.Context()
-        self.directory = Directory(runtime_dir() / "zeromq")
+        self.directory = Directory(_short_enough(runtime_dir() / "zeromq"))
         self.member = self.directory.join(config.owner)
+        self.context = zmq.Context()
         self.closed = False
-        self._bind = options_of(config, bind="")["bind"]
         self._lock = threading.RLock()
         self._links: list[_Link] = []
         self._peers: dict[str, _Peer] = {}
@@ -207,6 +208,17 @@ class ZeroMQTransport:
             for link in links:
                 self._guarded(link.look)
         return min([TICK, *(wait for link in links if (wait := link.tick()) is not None)])
+
+
+def _short_enough(folder: Path) -> Path:
+    """The folder, if the paths of sockets in it are not too long for the kernel."""
+    longest = len(os.fsencode(folder / "4194304-01234567-router"))
+    if longest > 107:
+        raise ConfigurationError(
+            f"run-time folder {folder}: paths of sockets in it would have {longest} bytes, and 107 is the limit; "
+            "set ROBOCOMP_RUNTIME_DIR to a shorter path"
+        )
+    return folder
 
 
 def new_socket(context: zmq.Context[Any], kind: int, **options: int) -> zmq.Socket[Any]:
@@ -791,9 +803,13 @@ class _Router:
         self.socket = transport.socket(zmq.ROUTER, self._on_request, ROUTER_MANDATORY=1, ROUTER_HANDOVER=1)
         path = transport.member.address("router")
         self.address = f"ipc://{path}"
-        for address in filter(None, (self.address, bind)):
-            with as_transport_error(f"binding {address}"), self.socket.lock:
-                self.socket.raw.bind(address)
+        try:
+            for address in filter(None, (self.address, bind)):
+                with as_transport_error(f"binding {address}"), self.socket.lock:
+                    self.socket.raw.bind(address)
+        except TransportError:
+            transport.forget(self.socket)
+            raise
 
     def add(self, link: _ServingLink) -> None:
         self._routes[link.channel.name.encode()] = link

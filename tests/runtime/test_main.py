@@ -1,0 +1,143 @@
+"""A component as a program: options, exit codes, signals."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robocomp_py.cli.rcgen import main as rcgen
+
+
+@pytest.fixture(scope="module")
+def hello(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A generated component."""
+    folder = tmp_path_factory.mktemp("components") / "hello"
+    assert rcgen(["--new", "Hello", "-o", str(folder)]) == 0
+    return folder
+
+
+def run(*command: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", *command], capture_output=True, text=True, cwd=cwd, timeout=60)
+
+
+@contextmanager
+def started(*command: str, cwd: Path | None = None, **environment: str) -> Iterator[subprocess.Popen[str]]:
+    """A process, once it has said that it is ready."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", *command], cwd=cwd, stderr=subprocess.PIPE, text=True, env=os.environ | environment
+    )
+    assert process.stderr is not None
+    seen = []
+    for line in process.stderr:
+        seen.append(line)
+        if "ready" in line:
+            break
+    else:
+        raise AssertionError("".join(seen))
+    yield process
+    process.wait(30)
+    process.stderr.close()
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_ends_in_finish(hello: Path, number: int, code: int) -> None:
+    worker = hello / "specificworker.py"
+    before = worker.read_text()
+    worker.write_text(before + "\n    def finish(self) -> None:\n        self.log.info('finished')\n")
+    try:
+        with started("robocomp_py.cli.rc", "run", str(hello)) as process:
+            process.send_signal(number)
+            process.send_signal(signal.SIGTERM)
+            assert process.stderr is not None
+            assert "finished" in process.stderr.read()
+        assert process.returncode == code
+    finally:
+        worker.write_text(before)
+
+
+def test_it_also_runs_as_a_module(hello: Path) -> None:
+    with started("hello", cwd=hello.parent) as process:
+        process.send_signal(signal.SIGINT)
+    assert process.returncode == 130
+
+
+def test_readiness_is_told_to_whoever_launched_it(hello: Path, tmp_path: Path) -> None:
+    import socket
+
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as channel:
+        channel.bind(str(tmp_path / "n"))
+        channel.settimeout(30)
+        with started("robocomp_py.cli.rc", "run", str(hello), NOTIFY_SOCKET=str(tmp_path / "n")) as process:
+            assert channel.recv(100) == b"READY=1"
+            process.send_signal(signal.SIGTERM)
+            assert channel.recv(100) == b"STOPPING=1"
+
+
+def test_a_launcher_that_has_gone_does_no_harm(hello: Path, tmp_path: Path) -> None:
+    with started("robocomp_py.cli.rc", "run", str(hello), NOTIFY_SOCKET=str(tmp_path / "gone")) as process:
+        process.send_signal(signal.SIGTERM)
+    assert process.returncode == 143
+
+
+def test_a_wrong_configuration_is_said_and_nothing_is_opened(hello: Path, tmp_path: Path) -> None:
+    result = subprocess.run(
+        [sys.executable, "-m", "robocomp_py.cli.rc", "run", str(hello), "--set", "params.greeting=3"],
+        capture_output=True,
+        text=True,
+        env=os.environ | {"ROBOCOMP_RUNTIME_DIR": str(tmp_path / "never")},
+    )
+    assert (result.returncode, result.stdout) == (1, "")
+    assert result.stderr == "--set params.greeting=3: `greeting` is 3; allowed: string\n"
+    assert not (tmp_path / "never").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["--middleware", "carrier-pigeon"], 1, "no middleware 'carrier-pigeon'; installed: inproc"),
+        (["--config", "nowhere.toml"], 1, "nowhere.toml: cannot be read: No such file or directory"),
+        (["--name", "two words"], 1, "'two words' is no name for an instance"),
+        (["--unknown"], 2, "unrecognized arguments: --unknown"),
+        (["--set", "transports.zeromq.prot=1"], 1, "unknown transport option 'prot'; known: bind"),
+    ],
+)
+def test_a_wrong_option_is_said_in_a_sentence(hello: Path, arguments: list[str], code: int, message: str) -> None:
+    result = run("robocomp_py.cli.rc", "run", str(hello), *arguments)
+    assert result.returncode == code
+    assert message in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+def test_its_help_teaches(hello: Path) -> None:
+    result = run("robocomp_py.cli.rc", "run", str(hello), "--help")
+    assert result.returncode == 0
+    for word in ("--config", "--name", "--middleware", "--set", "component.period=0.02"):
+        assert word in result.stdout
+
+
+def test_a_folder_without_a_component_is_an_error_with_the_remedy(tmp_path: Path) -> None:
+    result = run("robocomp_py.cli.rc", "run", str(tmp_path))
+    assert result.returncode == 1
+    assert "is no generated component" in result.stderr
+    assert "run rcgen on its .cdsl" in result.stderr
+
+
+def test_folders_of_the_same_name_do_not_mix(tmp_path: Path) -> None:
+    from robocomp_py.runtime.load import load_worker
+
+    workers: list[Any] = []
+    for parent in ("a", "b"):
+        folder = tmp_path / parent / "my-hello"
+        assert rcgen(["--new", "Hello", "-o", str(folder)]) == 0
+        workers.append(load_worker(folder))
+    assert workers[0] is not workers[1]
+    assert workers[0].__module__ != workers[1].__module__
+    assert load_worker(tmp_path / "a" / "my-hello") is workers[0]

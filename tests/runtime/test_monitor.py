@@ -1,0 +1,201 @@
+"""One at a time; who waits lets others in."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from robocomp_py.runtime.monitor import MAX_ASIDE, MAX_BESIDE, MAX_WAITING, Monitor
+from robocomp_py.testing.patience import SOON, wait_until
+
+
+@pytest.fixture
+def monitor() -> Iterator[Monitor]:
+    monitor = Monitor("test")
+    yield monitor
+    monitor.close()
+
+
+@pytest.fixture
+def opened(monitor: Monitor) -> Monitor:
+    monitor.open()
+    return monitor
+
+
+def test_nobody_else_gets_in_while_somebody_is_inside(opened: Monitor) -> None:
+    inside = most = 0
+
+    def work() -> None:
+        nonlocal inside, most
+        inside += 1
+        most = max(most, inside)
+        inside -= 1
+
+    def enter() -> None:
+        for _ in range(200):
+            with opened.held():
+                work()
+
+    with ThreadPoolExecutor(8) as pool:
+        for _ in range(4):
+            pool.submit(enter)
+        for _ in range(200):
+            opened.run(work)
+            opened.submit(work)
+    assert most == 1
+
+
+def test_who_comes_first_is_served_first(opened: Monitor) -> None:
+    order: list[int] = []
+    opened.enter()
+    for number in range(50):
+        assert opened.submit(lambda n=number: order.append(n))  # type: ignore[misc]
+    opened.leave()
+    wait_until(lambda: len(order) == 50)
+    assert order == list(range(50))
+
+
+def test_a_job_runs_on_the_spot_if_nobody_is_inside(opened: Monitor) -> None:
+    ran_on: list[int] = []
+    opened.run(lambda: ran_on.append(threading.get_ident()))
+    assert ran_on == [threading.get_ident()]
+    assert not opened.mine
+
+
+def test_nobody_overtakes_those_who_wait(opened: Monitor) -> None:
+    order: list[str] = []
+    opened.enter()
+    opened.submit(lambda: order.append("waited"))
+    assert not opened.try_enter()
+    opened.leave()
+    wait_until(lambda: order == ["waited"])
+
+
+def test_before_the_opening_only_the_worker_itself_gets_in(monitor: Monitor) -> None:
+    order: list[str] = []
+    assert monitor.submit(lambda: order.append("handler"))
+    handler = threading.Thread(target=_enter_and, args=(monitor, lambda: order.append("thread")))
+    handler.start()
+    assert not monitor.try_enter()
+    with monitor.held(early=True):
+        order.append("initialize")
+        with monitor.released():
+            order.append("waiting for an answer")
+    assert order == ["initialize", "waiting for an answer"]
+    monitor.open()
+    wait_until(lambda: len(order) == 4)
+    assert sorted(order[2:]) == ["handler", "thread"]
+    handler.join()
+
+
+def test_who_waits_for_an_answer_lets_others_in_and_comes_back_first(opened: Monitor) -> None:
+    order: list[str] = []
+    answered = threading.Event()
+
+    def handler() -> None:
+        order.append("handler")
+        answered.set()
+
+    opened.enter()
+    opened.submit(handler)
+    order.append("compute")
+    with opened.released():
+        assert answered.wait(SOON)
+        assert not opened.mine
+    order.append("compute again")
+    assert opened.mine
+    opened.leave()
+    assert order == ["compute", "handler", "compute again"]
+
+
+def test_stepping_out_without_being_inside_changes_nothing(opened: Monitor) -> None:
+    assert opened.step_out() is False
+    opened.step_in(False)
+    assert opened.try_enter()
+    opened.leave()
+
+
+def test_those_who_return_go_before_those_who_have_not_begun(opened: Monitor) -> None:
+    order: list[str] = []
+    stepped_out, may_return = threading.Event(), threading.Event()
+
+    def waits() -> None:
+        with opened.released():
+            stepped_out.set()
+            may_return.wait(SOON)
+        order.append("returned")
+
+    waiter = threading.Thread(target=_enter_and, args=(opened, waits))
+    waiter.start()
+    assert stepped_out.wait(SOON)
+    with opened.held():
+        opened.submit(lambda: order.append("new"))
+        may_return.set()
+        wait_until(lambda: len(opened._queue) == 2)
+    wait_until(lambda: len(order) == 2)
+    assert order == ["returned", "new"]
+    waiter.join()
+
+
+def test_when_too_many_wait_for_answers_new_jobs_are_turned_away(opened: Monitor) -> None:
+    release, out = threading.Event(), threading.Semaphore(0)
+
+    def waits() -> None:
+        with opened.released():
+            out.release()
+            release.wait(SOON)
+
+    for _ in range(MAX_ASIDE):
+        assert opened.submit(waits)
+    for _ in range(MAX_ASIDE):
+        assert out.acquire(timeout=SOON)
+    assert not opened.submit(lambda: None)
+    ran = threading.Event()
+    assert opened.submit(ran.set, limited=False)
+    assert ran.wait(SOON)
+    release.set()
+    wait_until(lambda: opened.submit(lambda: None))
+
+
+def test_when_too_many_wait_for_their_turn_new_jobs_are_turned_away(opened: Monitor) -> None:
+    opened.enter()
+    assert all(opened.submit(lambda: None) for _ in range(MAX_WAITING))
+    assert not opened.submit(lambda: None)
+    opened.leave()
+
+
+def test_what_is_concurrent_runs_beside_but_not_without_limit(opened: Monitor) -> None:
+    release, begun = threading.Event(), threading.Event()
+    opened.enter()
+    assert opened.submit_beside(begun.set)
+    assert begun.wait(SOON)
+    wait_until(lambda: opened._beside == 0)
+    assert all(opened.submit_beside(lambda: release.wait(SOON)) for _ in range(MAX_BESIDE))
+    assert not opened.submit_beside(lambda: None)
+    release.set()
+    opened.leave()
+
+
+def test_a_job_that_raises_is_logged_and_keeps_nobody_out(opened: Monitor, caplog: pytest.LogCaptureFixture) -> None:
+    opened.enter()
+    opened.submit(lambda: 1 / 0)
+    opened.leave()
+    ran = threading.Event()
+    wait_until(lambda: opened.try_enter())
+    opened.submit(ran.set)
+    opened.leave()
+    assert ran.wait(SOON)
+    assert "ZeroDivisionError" in caplog.text
+
+
+def test_after_closing_nothing_runs(opened: Monitor) -> None:
+    opened.close()
+    assert not opened.submit(lambda: None)
+
+
+def _enter_and(monitor: Monitor, work: Callable[[], object]) -> None:
+    with monitor.held():
+        work()

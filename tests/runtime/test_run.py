@@ -1,0 +1,427 @@
+"""From a worker class to a running component, and to its end."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+
+from robocomp_py.contract.component import Component, Port
+from robocomp_py.contract.interface import Verb
+from robocomp_py.errors import ComponentError, ConfigurationError, Timeout, Unreachable
+from robocomp_py.runtime import ports, settings
+from robocomp_py.runtime.lifecycle import State
+from robocomp_py.runtime.monitor import Monitor
+from robocomp_py.runtime.RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE
+from robocomp_py.runtime.RoboCompCommonBehavior import State as Told
+from robocomp_py.runtime.run import Running
+from robocomp_py.runtime.worker import Worker
+from robocomp_py.testing import everything as e
+from robocomp_py.testing.patience import SOON, wait_until
+from robocomp_py.transports.base import Transport, TransportConfig, TransportFactory
+from robocomp_py.transports.inproc import InprocTransport
+from robocomp_py.transports.zeromq import ZeroMQTransport
+
+from .components import Calculator, Diary, EverythingProxy, Pupil, Tuned
+
+_buses = itertools.count()
+
+
+@pytest.fixture
+def find() -> Callable[[str], TransportFactory]:
+    """In-process transports that reach only those of the same test."""
+    bus = f"run-{next(_buses)}"
+    return lambda name: lambda config: InprocTransport(TransportConfig({"bus": bus}, config.owner))
+
+
+def make(worker: type[Worker[Any]], find: Callable[[str], TransportFactory], *sets: str, name: str = "") -> Running:
+    document = settings.Document()
+    for assignment in sets:
+        settings.override(document, assignment)
+    return Running(worker, settings.check(worker.component, document, name or None), find)
+
+
+@contextmanager
+def running(made: Running, *, ready: bool = True) -> Iterator[Any]:
+    """The worker, while the component runs; `outcome` has what `run` returned."""
+    outcome: list[bool] = []
+    thread = threading.Thread(target=lambda: outcome.append(made.run()))
+    thread.start()
+    try:
+        if ready:
+            wait_until(lambda: made.ready.is_set() or not thread.is_alive())
+        yield made.worker
+    finally:
+        made.stop()
+        thread.join(SOON)
+        assert not thread.is_alive()
+        made.worker.outcome = outcome[0]  # type: ignore[attr-defined]
+
+
+def test_a_life_without_incidents(find: Any) -> None:
+    with running(make(Diary, find)) as worker:
+        wait_until(lambda: worker.entries.count("compute") >= 3)
+    assert worker.story == ["initialize", "compute", "finish"]
+    assert worker.outcome
+
+
+def test_an_emergency_replaces_compute_until_it_is_over(find: Any) -> None:
+    with running(make(Diary, find)) as worker:
+        worker.goToEmergency()
+        wait_until(lambda: worker.entries.count("emergency") >= 2)
+        worker.goToRestore()
+        wait_until(lambda: worker.entries[-1] == "compute")
+    assert worker.story == ["initialize", "compute", "emergency", "restore", "compute", "finish"]
+
+
+def test_a_worker_can_end_its_component(find: Any) -> None:
+    class Brief(Diary):
+        def compute(self) -> None:
+            super().compute()
+            self.stop()
+
+    made = make(Brief, find)
+    assert made.run()
+    assert made.worker.entries == ["initialize", "compute", "finish"]  # type: ignore[attr-defined]
+    assert made.state is State.ENDED
+
+
+def test_the_period_can_be_changed_while_it_runs(find: Any) -> None:
+    made = make(Diary, find, "component.period=1000")
+    with running(made) as worker:
+        wait_until(lambda: made.computes == 1)
+        worker.period = 0.002
+        wait_until(lambda: made.computes > 5)
+        with pytest.raises(ValueError, match="positive"):
+            worker.period = 0
+
+
+def test_overruns_are_counted(find: Any) -> None:
+    class Slow(Diary):
+        def compute(self) -> None:
+            super().compute()
+            threading.Event().wait(0.02)
+
+    made = make(Slow, find)
+    with running(made):
+        wait_until(lambda: made.overruns > 5)
+
+
+def test_an_exception_in_compute_ends_it_after_finish(find: Any, caplog: pytest.LogCaptureFixture) -> None:
+    class Broken(Diary):
+        def compute(self) -> None:
+            super().compute()
+            raise ZeroDivisionError("in compute")
+
+    made = make(Broken, find)
+    assert not made.run()
+    assert made.worker.entries == ["initialize", "compute", "finish"]  # type: ignore[attr-defined]
+    assert "ZeroDivisionError: in compute" in caplog.text
+
+
+def test_an_exception_in_initialize_ends_it_before_it_is_ready(find: Any, caplog: pytest.LogCaptureFixture) -> None:
+    class Broken(Diary):
+        def initialize(self) -> None:
+            super().initialize()
+            raise ZeroDivisionError("in initialize")
+
+    made = make(Broken, find)
+    assert not made.run()
+    assert not made.ready.is_set()
+    assert made.worker.entries == ["initialize", "finish"]  # type: ignore[attr-defined]
+
+
+def test_a_server_that_goes_away_only_cuts_a_compute_short(find: Any, caplog: pytest.LogCaptureFixture) -> None:
+    class Asker(Pupil):
+        def compute(self) -> None:
+            self.entries.append(f"7 / 2 = {self.everything_proxy.divide(7, 2)}")
+
+    made = make(Asker, find)
+    with running(made, ready=False) as asker:
+        for _ in range(2):
+            with running(make(Calculator, find)):
+                seen = len(asker.entries)
+                wait_until(lambda n=seen: asker.entries[n:].count("7 / 2 = (3, 1)") >= 2)  # type: ignore[misc]
+        computes = made.computes
+        wait_until(lambda: made.computes > computes + 5)
+    assert asker.outcome
+    assert sum("was cut short" in record.message for record in caplog.records) <= 4
+
+
+def test_it_waits_for_what_it_requires_and_says_so(find: Any, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO")
+    made = make(Pupil, find)
+    with running(made, ready=False) as pupil:
+        wait_until(lambda: "waiting for a component that implements Everything (any instance)" in caplog.text)
+        assert pupil.entries == []
+        with running(make(Calculator, find)):
+            wait_until(made.ready.is_set)
+    assert pupil.story == ["initialize", "compute", "finish"]
+
+
+def test_its_patience_has_an_end(find: Any, caplog: pytest.LogCaptureFixture) -> None:
+    made = make(Pupil, find, "component.patience=0.05")
+    assert not made.run()
+    assert "nobody offers Everything (any instance) after 0.05 s" in caplog.text
+    assert "set ports.everything.from" in caplog.text
+
+
+def test_stopped_while_it_waits_it_ends_without_finish(find: Any) -> None:
+    made = make(Pupil, find)
+    with running(made, ready=False) as pupil:
+        wait_until(lambda: made._links)
+    assert pupil.entries == []
+    assert pupil.outcome
+
+
+def test_components_that_require_each_other_start(find: Any) -> None:
+    class Partner(Calculator):
+        component = Component(
+            "partner",
+            (Port(Verb.IMPLEMENTS, e.EVERYTHING), Port(Verb.REQUIRES, e.EVERYTHING, proxy=EverythingProxy)),
+            period=0.005,
+        )
+        everything_proxy: EverythingProxy
+
+        def compute(self) -> None:
+            self.entries.append(self.everything_proxy.work("for my partner"))
+
+    left = make(Partner, find, "ports.everything.from=right", name="left")
+    right = make(Partner, find, "ports.everything.from=left", name="right")
+    with running(left, ready=False) as one, running(right, ready=False) as other:
+        for worker in (one, other):
+            wait_until(lambda w=worker: "for my partner" in w.entries and "work for my partner" in w.entries)  # type: ignore[misc]
+
+
+def test_handlers_are_let_in_only_after_initialize(find: Any) -> None:
+    entered, release = threading.Event(), threading.Event()
+
+    class Late(Calculator):
+        def initialize(self) -> None:
+            entered.set()
+            release.wait(SOON)
+            super().initialize()
+
+    with running(make(Late, find), ready=False) as late, asking(find) as ask:
+        assert entered.wait(SOON)
+        answer = ask("*/Everything", e.EVERYTHING, e.work, "early", wait=False)
+        assert late.entries == []
+        release.set()
+        assert answer.result(SOON) == "early"
+    assert late.entries[0] == "initialize"
+
+
+@contextmanager
+def asking(find: Any) -> Iterator[Callable[..., Any]]:
+    """Ask any operation of what runs."""
+    monitor = Monitor("asking")
+    monitor.open()
+    transport = find("inproc")(TransportConfig())
+    opened: list[Any] = []
+
+    def ask(port: str, interface: Any, operation: Any, *arguments: Any, wait: bool = True) -> Any:
+        use = Port(Verb.REQUIRES, interface, proxy=EverythingProxy)
+        proxy, links = ports.bind_proxy(
+            use, lambda _, o: ports.Route(transport, "inproc", f"{port}/{o.name}", use.qos, SOON), monitor
+        )
+        opened.extend(links)
+        for link in links:
+            assert link.wait_peer(SOON)
+        return proxy._ask(operation, arguments, None) if wait else proxy._ask_async(operation, arguments, None)
+
+    yield ask
+    ports.close_all(opened)
+    transport.close()
+    monitor.close()
+
+
+def test_every_component_answers_common_behavior(find: Any) -> None:
+    made = make(Tuned, find, "params.device=/dev/laser", "component.period=0.05")
+    operations = {operation.name: operation for operation in COMMONBEHAVIOR_INTERFACE.operations}
+    with running(made) as worker, asking(find) as ask:
+
+        def common(name: str, *arguments: Any) -> Any:
+            return ask("tuned/CommonBehavior", COMMONBEHAVIOR_INTERFACE, operations[name], *arguments)
+
+        assert common("getState") is Told.Running
+        assert common("getPeriod") == 50
+        common("setPeriod", 20)
+        assert worker.period == 0.02
+        assert common("timeAwake") >= 0
+        assert common("getParameterList")["device"].value == "/dev/laser"
+        with pytest.raises(Exception, match="parameters are read-only"):
+            common("setParameterList", {})
+        with pytest.raises(Exception, match="keeps its configuration"):
+            common("reloadConfig")
+        common("killYourSelf")
+        wait_until(lambda: worker.entries[-1:] == ["finish"])
+
+
+def test_common_behavior_is_answered_while_compute_is_stuck(find: Any) -> None:
+    entered, release = threading.Event(), threading.Event()
+
+    class Stuck(Diary):
+        def compute(self) -> None:
+            entered.set()
+            release.wait(SOON)
+
+    get_state = next(o for o in COMMONBEHAVIOR_INTERFACE.operations if o.name == "getState")
+    with running(make(Stuck, find)), asking(find) as ask:
+        assert entered.wait(SOON)
+        assert ask("diary/CommonBehavior", COMMONBEHAVIOR_INTERFACE, get_state) is Told.Running
+        release.set()
+
+
+def test_an_interface_required_twice_gives_two_proxies(find: Any) -> None:
+    class Signed(Calculator):
+        def Everything_work(self, task: str) -> str:
+            return f"{task} by {self.log.name}"
+
+    class Foreman(Diary):
+        component = Component(
+            "foreman",
+            (
+                Port(Verb.REQUIRES, e.EVERYTHING, proxy=EverythingProxy),
+                Port(Verb.REQUIRES, e.EVERYTHING, "1", proxy=EverythingProxy),
+            ),
+        )
+        everything_proxy: EverythingProxy
+        everything1_proxy: EverythingProxy
+
+        def initialize(self) -> None:
+            self.entries += [self.everything_proxy.work("a wall"), self.everything1_proxy.work("a roof")]
+
+    foreman = make(Foreman, find, "ports.everything.from=mason", "ports.everything1.from=carpenter")
+    with (
+        running(make(Signed, find, name="mason")),
+        running(make(Signed, find, name="carpenter")),
+        running(foreman) as worker,
+    ):
+        assert worker.entries[:2] == ["a wall by mason", "a roof by carpenter"]
+
+
+def test_one_component_uses_several_middlewares_by_port_and_by_operation(find: Any) -> None:
+    """`divide` goes one way and the rest of the interface another; both ends agree by configuration."""
+
+    def either(name: str) -> TransportFactory:
+        if name == "zeromq":
+            return ZeroMQTransport
+        made: TransportFactory = find(name)
+        return made
+
+    opened: list[str] = []
+
+    def counting(name: str) -> TransportFactory:
+        def open_it(config: TransportConfig) -> Transport:
+            opened.append(name)
+            return either(name)(config)
+
+        return open_it
+
+    class Asker(Pupil):
+        def compute(self) -> None:
+            self.entries += [str(self.everything_proxy.divide(7, 2)), self.everything_proxy.work("done")]
+
+    server = make(Calculator, counting, "middleware=inproc", "ports.Everything.divide.middleware=zeromq")
+    client = make(Asker, counting, "ports.everything.middleware=inproc", "ports.everything.divide.middleware=zeromq")
+    with running(server), running(client) as asker:
+        wait_until(lambda: {"(3, 1)", "done"} <= set(asker.entries))
+    assert sorted(opened) == ["inproc", "inproc", "zeromq", "zeromq"]
+    crossed = make(Asker, counting, "middleware=inproc", "component.patience=0.2")
+    with running(server := make(Calculator, counting, "ports.Everything.divide.middleware=zeromq")):
+        assert not crossed.run(), "divide is served on another middleware"
+    assert server.state is State.ENDED
+
+
+def test_a_deadline_can_be_set_per_port_per_operation_and_per_call(find: Any) -> None:
+    release = threading.Event()
+
+    class Slow(Calculator):
+        def Everything_work(self, task: str) -> str:
+            release.wait(SOON)
+            return task
+
+    class Impatient(Pupil):
+        def initialize(self) -> None:
+            for deadline in (None, 0.02):
+                try:
+                    self.everything_proxy.work("x", deadline=deadline)
+                except Timeout as exc:
+                    self.entries.append(str(exc))
+
+    made = make(Impatient, find, "ports.everything.deadline=60", "ports.everything.work.deadline=0.01")
+    with running(make(Slow, find)), running(made) as worker:
+        release.set()
+    assert [entry.rpartition("in ")[2] for entry in worker.entries[:2]] == ["0.01 s", "0.02 s"]
+
+
+def test_a_missing_handler_is_named_with_the_method_to_add(find: Any) -> None:
+    class Lazy(Worker[None]):
+        component = Calculator.component
+        middleware = "inproc"
+
+    with pytest.raises(ComponentError, match="Lazy lacks the method Everything_echo_nested"):
+        make(Lazy, find)
+
+
+def test_a_handler_with_other_arguments_is_named(find: Any) -> None:
+    class Wrong(Calculator):
+        def Everything_divide(self, dividend: int) -> tuple[int, int]:  # type: ignore[override]
+            return 0, 0
+
+    with pytest.raises(ComponentError, match=r"Everything_divide must take \(self, dividend, divisor\)"):
+        make(Wrong, find)
+
+
+def test_an_asynchronous_handler_is_refused(find: Any) -> None:
+    class Modern(Calculator):
+        async def Everything_poke(self, number: int) -> None:  # type: ignore[override]
+            ...
+
+    with pytest.raises(ComponentError, match="handlers are plain methods"):
+        make(Modern, find)
+
+
+def test_a_wrong_configuration_is_refused_before_anything_is_opened() -> None:
+    opened: list[str] = []
+
+    def find(name: str) -> TransportFactory:
+        opened.append(name)
+        raise AssertionError("opened too early")
+
+    with pytest.raises(ConfigurationError, match="max_speed"):
+        make(Tuned, find, "params.max_speed=99", "params.device=x")
+    assert opened == []
+
+
+def test_parameters_are_there_before_a_workers_own_init_runs(find: Any) -> None:
+    class Eager(Tuned):
+        def __init__(self) -> None:
+            super().__init__()
+            self.entries.append(f"{self.params.device} {self.params.max_speed}")  # type: ignore[attr-defined]
+
+    made = make(Eager, find, "params.device=/dev/laser")
+    assert made.worker.entries == ["/dev/laser 0.5"]  # type: ignore[attr-defined]
+    with running(made):
+        pass
+
+
+def test_a_call_to_nobody_ends_as_unreachable(find: Any) -> None:
+    caught: list[type] = []
+
+    class Abandoned(Pupil):
+        def compute(self) -> None:
+            try:
+                self.everything_proxy.work("x")
+            except Unreachable as exc:
+                caught.append(type(exc))
+
+    made = make(Abandoned, find)
+    with running(made, ready=False):
+        with running(make(Calculator, find)):
+            wait_until(made.ready.is_set)
+        wait_until(lambda: caught)

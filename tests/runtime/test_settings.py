@@ -1,0 +1,219 @@
+"""Configuration: what it means, and what is said when it is wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from robocomp_py.contract.component import Component, Port
+from robocomp_py.contract.interface import Verb
+from robocomp_py.contract.parameters import Parameter, ParameterKind, ParameterList, ParameterSet
+from robocomp_py.contract.qos import Durability, QoS, Reliability
+from robocomp_py.errors import ConfigurationError
+from robocomp_py.runtime.settings import DEADLINE, Document, Settings, check, override, read
+from robocomp_py.testing import everything as e
+
+MOTORS = ParameterList(
+    "motors",
+    ParameterSet("motors", (Parameter("name", ParameterKind.STRING, ""), Parameter("id", ParameterKind.INT, 0, 0, 9))),
+    1,
+    2,
+)
+PARAMS = ParameterSet(
+    "robot",
+    (
+        Parameter("max_speed", ParameterKind.FLOAT, 0.5, 0.0, 2.0),
+        Parameter("device", ParameterKind.STRING, "", mandatory=True),
+        Parameter("mode", ParameterKind.ENUM, "slow", choices=("slow", "fast")),
+        Parameter("verbose", ParameterKind.BOOL, False),
+    ),
+    (MOTORS,),
+)
+REQUIRES = Port(Verb.REQUIRES, e.EVERYTHING)
+ROBOT = Component("Robot", (REQUIRES, Port(Verb.SUBSCRIBES, e.EVERYTHING)), PARAMS, 0.1)
+GOOD = 'params.device = "x"\nparams.motors = [{ name = "left" }]\n'
+
+
+def load(tmp_path: Path, text: str, *sets: str, component: Component = ROBOT) -> Settings:
+    path = tmp_path / "config.toml"
+    path.write_text(text)
+    document = read(path)
+    for assignment in sets:
+        override(document, assignment)
+    return check(component, document)
+
+
+def test_without_a_word_everything_has_its_default() -> None:
+    settings = check(Component("Robot", (REQUIRES,), period=0.2), Document())
+    assert settings == Settings("robot", period=0.2)
+    found = settings.port(REQUIRES, "work")
+    assert (found.source, found.deadline, found.middleware, found.qos) == ("", DEADLINE, None, QoS())
+
+
+def test_what_the_file_says_holds(tmp_path: Path) -> None:
+    settings = load(
+        tmp_path,
+        """
+namespace = "robot1/arm"
+middleware = "zeromq"
+[component]
+period = 0.05
+log = "debug"
+patience = 3
+[params]
+device = "/dev/tty"
+max_speed = 1
+[[params.motors]]
+name = "left"
+[[params.motors]]
+name = "right"
+id = 7
+[ports.everything]
+from = "world"
+deadline = 0.5
+[ports.everything.work]
+middleware = "inproc"
+deadline = 9
+[ports.Everything]
+qos = { reliability = "reliable", depth = 1 }
+[transports.zeromq]
+bind = "tcp://127.0.0.1:5555"
+""",
+    )
+    assert (settings.namespace, settings.middleware, settings.period) == ("robot1/arm", "zeromq", 0.05)
+    assert (settings.log, settings.patience) == ("debug", 3.0)
+    assert settings.params["max_speed"] == 1.0
+    assert isinstance(settings.params["max_speed"], float)
+    assert settings.params["motors"] == [{"name": "left", "id": 0}, {"name": "right", "id": 7}]
+    work, divide = settings.port(REQUIRES, "work"), settings.port(REQUIRES, "divide")
+    assert (work.source, work.middleware, work.deadline) == ("world", "inproc", 9.0)
+    assert (divide.source, divide.middleware, divide.deadline) == ("world", "zeromq", 0.5)
+    assert settings.port(ROBOT.ports[1], "news").qos == QoS(Reliability.RELIABLE, depth=1)
+    assert settings.transports == {"zeromq": {"bind": "tcp://127.0.0.1:5555"}}
+
+
+def test_a_qos_may_be_a_preset(tmp_path: Path) -> None:
+    settings = load(tmp_path, GOOD + 'ports.Everything.qos = "latched"')
+    qos = settings.port(ROBOT.ports[1], "news").qos
+    assert qos == QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=1)
+
+
+def test_set_overrides_the_file_in_toml_or_as_plain_text(tmp_path: Path) -> None:
+    settings = load(
+        tmp_path,
+        GOOD,
+        "params.max_speed=1.5",
+        "params.motors[0].id=3",
+        "middleware=inproc",
+        "params.verbose=true",
+        "component.period = 2",
+        "ports.everything.work.deadline=0.1",
+        "params.device=/dev/a=b",
+    )
+    assert (settings.params["max_speed"], settings.params["motors"][0]["id"]) == (1.5, 3)
+    assert (settings.middleware, settings.params["verbose"], settings.period) == ("inproc", True, 2.0)
+    assert settings.port(REQUIRES, "work").deadline == 0.1
+    assert settings.params["device"] == "/dev/a=b"
+
+
+WRONG = {
+    "params.max_speed = 3": r":4: `max_speed` is 3; allowed: float, 0.0 to 2.0",
+    "params.max_speed = nan": r":4: `max_speed` is nan; allowed",
+    'params.max_speed = "fast"': r":4: `max_speed` is 'fast'; allowed: float",
+    "params.max_sped = 1": r":4: unknown parameter `max_sped`; did you mean `max_speed`",
+    'params.mode = "fats"': r":4: `mode`: unknown value `fats`; did you mean `fast`",
+    "params.verbose = 1": r":4: `verbose` is 1; allowed: bool",
+    "component.period = 0": r":4: `period` is 0; allowed: a positive number of seconds",
+    "component.period = inf": r":4: `period` is inf; allowed",
+    "component.perod = 1": r":4: unknown key `perod`; did you mean `period`",
+    'component.log = "loud"': r":4: `log`: unknown value `loud`; known: debug, info, warning, error",
+    "component = 3": r":4: `component` is a table, not 3",
+    "middleware = 3": r":4: `middleware` is a string, not 3",
+    'namespace = "a b"': r":4: 'a b' is no namespace",
+    'ports.lasr = { from = "x" }': r":4: unknown port `lasr`; known: everything, Everything",
+    'ports.everything.from = "a/b/c"': r":4: 'a/b/c' has too many parts",
+    "ports.everything.deadline = -1": r":4: `deadline` is -1; allowed",
+    "ports.everything.wrok = {}": r":4: unknown key `wrok`; did you mean `work`",
+    "ports.Everything.qos = { depth = 0 }": r":4: `depth` is 0; allowed: 1 to",
+    "ports.Everything.qos = { reliable = true }": r":4: unknown key `reliable`; did you mean `reliability`",
+    'ports.Everything.qos = "sensordata"': r":4: unknown QoS preset `sensordata`; did you mean `sensor_data`",
+    "ports.Everything.qos = 3": r":4: a QoS is a table or the name of a preset",
+    "surprise = 1": r":4: unknown key `surprise`",
+}
+
+
+@pytest.mark.parametrize("line", WRONG)
+def test_what_is_wrong_is_said_with_its_line(tmp_path: Path, line: str) -> None:
+    with pytest.raises(ConfigurationError, match=r"config\.toml" + WRONG[line]):
+        load(tmp_path, f"{GOOD}\n{line}\n")
+
+
+def test_all_complaints_come_at_once_each_with_its_line(tmp_path: Path) -> None:
+    text = """
+[component]
+period = -1
+
+[params]
+max_speed = 9
+[[params.motors]]
+id = 99
+[[params.motors]]
+id = 5
+nam = "x"
+[[params.motors]]
+"""
+    with pytest.raises(ConfigurationError) as caught:
+        load(tmp_path, text)
+    lines = sorted(line.removeprefix(f"{tmp_path}/config.toml:") for line in str(caught.value).splitlines())
+    assert [line.split(":")[0] for line in lines] == ["11", "3", "5", "6", "7", "8"]
+    assert "`device` is mandatory: give it (string)" in str(caught.value)
+    assert "3 items of `motors`; allowed: 1 to 2" in str(caught.value)
+
+
+def test_a_wrong_set_is_said_as_it_was_written(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"^--set params\.max_speed=7: `max_speed` is 7"):
+        load(tmp_path, GOOD, "params.max_speed=7")
+
+
+@pytest.mark.parametrize(
+    ("assignment", "message"),
+    [
+        ("params.max_speed", "write it as key=value"),
+        ("=3", "write it as key=value"),
+        ("params.motors[5].id=1", r"there is no item params\.motors\[5\]"),
+        ("params.device.x=1", r"params\.device is no table"),
+        ("a b=1", "`a b` is no key"),
+    ],
+)
+def test_a_set_that_makes_no_sense_is_refused(tmp_path: Path, assignment: str, message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message):
+        load(tmp_path, GOOD, assignment)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"a = 1\nb = = 2\n", r"config\.toml:2:5: invalid value"),
+        (b"a = 'x", r"config\.toml:1"),
+        (b"a = 1\na = 2\n", r"config\.toml:2:6: cannot overwrite a value"),
+        (b"\xff\xfe", "is not UTF-8 text"),
+    ],
+)
+def test_a_file_that_is_no_toml_is_said_with_its_place(tmp_path: Path, content: bytes, message: str) -> None:
+    path = tmp_path / "config.toml"
+    path.write_bytes(content)
+    with pytest.raises(ConfigurationError, match=message):
+        read(path)
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"nothing\.toml: cannot be read: No such file"):
+        read(tmp_path / "nothing.toml")
+    with pytest.raises(ConfigurationError, match="cannot be read: Is a directory"):
+        read(tmp_path)
+
+
+def test_an_instance_name_has_to_fit_into_channels() -> None:
+    with pytest.raises(ConfigurationError, match="'two words' is no name for an instance"):
+        check(Component("Robot"), Document(), "two words")

@@ -1,0 +1,36 @@
+"""Arrows point one way: what a robot runs must not drag in what a workstation builds with."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+BUILD = {"lark", "jinja2", "rich", "robocomp_py.dsl", "robocomp_py.codegen", "robocomp_py.deploy", "robocomp_py.cli"}
+MIDDLEWARES = {"zmq", "cyclonedds", "zenoh"}
+
+FORBIDDEN: dict[str, set[str]] = {
+    "robocomp_py": {"numpy", "robocomp_py.errors"},
+    "robocomp_py.errors": {"numpy", "robocomp_py.contract"},
+    "robocomp_py.contract.module": BUILD | MIDDLEWARES | {"robocomp_py.wire", "robocomp_py.transports", "msgpack"},
+    "robocomp_py.wire.cdr": BUILD | MIDDLEWARES | {"robocomp_py.transports", "robocomp_py.runtime", "msgpack"},
+    "robocomp_py.wire.messagepack": BUILD | MIDDLEWARES | {"robocomp_py.transports", "robocomp_py.runtime"},
+    "robocomp_py.transports.base": BUILD | MIDDLEWARES | {"robocomp_py.runtime", "msgpack"},
+    "robocomp_py.transports.inproc": BUILD | MIDDLEWARES | {"robocomp_py.runtime", "msgpack"},
+    "robocomp_py.transports.zeromq": BUILD | (MIDDLEWARES - {"zmq"}) | {"robocomp_py.runtime"},
+    "robocomp_py.runtime.api": BUILD | MIDDLEWARES | {"msgpack", "argparse"},
+    "robocomp_py.runtime.run": BUILD | MIDDLEWARES | {"msgpack"},
+    "robocomp_py.cli.rc": MIDDLEWARES | {"lark", "jinja2", "rich", "robocomp_py.codegen", "robocomp_py.deploy"},
+    "robocomp_py.dsl.workspace": MIDDLEWARES | {"jinja2", "robocomp_py.codegen", "robocomp_py.runtime", "msgpack"},
+    "robocomp_py.codegen.generate": MIDDLEWARES | {"lark", "robocomp_py.dsl", "robocomp_py.runtime", "msgpack"},
+    "robocomp_py.deploy.policy": {"subprocess", "asyncio", "lark", "numpy", "robocomp_py.dsl"},
+    "robocomp_py.deploy.plan": MIDDLEWARES | {"subprocess", "jinja2", "robocomp_py.codegen", "msgpack"},
+}
+
+
+@pytest.mark.parametrize("module", FORBIDDEN)
+def test_imports_stay_within_their_layer(module: str) -> None:
+    code = f"import sys, {module}; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert FORBIDDEN[module] & set(loaded) == set()

@@ -1,0 +1,176 @@
+"""Threads that take turns: nobody waits for a job that takes long, and the order holds."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from robocomp_py.testing.patience import SOON, wait_until
+from robocomp_py.transports.base import Statistics, step_aside
+from robocomp_py.transports.crew import Crew, Gate, Lane
+
+Work = queue.Queue[Callable[[], object]]
+
+
+@pytest.fixture
+def work() -> Iterator[Work]:
+    """Jobs put here are run by a crew."""
+    jobs: Work = queue.Queue()
+    crew = Crew("test", lambda: (jobs.get(),), wake=lambda: jobs.put(lambda: None))
+    crew.start()
+    yield jobs
+    crew.close()
+
+
+def test_one_thread_runs_all_jobs_that_are_quick(work: Work) -> None:
+    threads: list[str] = []
+    for _ in range(100):
+        work.put(lambda: threads.append(threading.current_thread().name))
+    wait_until(lambda: len(threads) == 100)
+    assert len(set(threads)) == 1
+
+
+def test_jobs_begin_in_order_even_when_some_take_long(work: Work) -> None:
+    begun: list[int] = []
+    release = threading.Event()
+
+    def job(number: int) -> None:
+        begun.append(number)
+        if number % 5 == 0:
+            release.wait(SOON)
+
+    for number in range(20):
+        work.put(lambda n=number: job(n))  # type: ignore[misc]
+    wait_until(lambda: len(begun) == 20)
+    release.set()
+    assert begun == list(range(20))
+
+
+def test_another_thread_receives_while_a_job_takes_long(work: Work) -> None:
+    release, heard = threading.Event(), threading.Event()
+    work.put(lambda: release.wait(SOON))
+    work.put(heard.set)
+    assert heard.wait(SOON)
+    release.set()
+
+
+def test_who_steps_aside_is_replaced_at_once(work: Work) -> None:
+    answered = threading.Event()
+    result: list[bool] = []
+
+    def waits_for_the_next_job() -> None:
+        step_aside()
+        result.append(answered.wait(SOON))
+
+    work.put(waits_for_the_next_job)
+    work.put(answered.set)
+    wait_until(lambda: result)
+    assert result == [True]
+
+
+def test_stepping_aside_elsewhere_means_nothing() -> None:
+    step_aside()
+
+
+def test_a_job_that_raises_is_logged_and_the_next_one_runs(work: Work, caplog: pytest.LogCaptureFixture) -> None:
+    heard = threading.Event()
+    work.put(lambda: 1 / 0)
+    work.put(heard.set)
+    assert heard.wait(SOON)
+    assert "ZeroDivisionError" in caplog.text
+
+
+def test_closing_waits_for_the_threads_and_may_be_done_by_a_job() -> None:
+    jobs: Work = queue.Queue()
+    crew = Crew("test", lambda: (jobs.get(),), wake=lambda: jobs.put(lambda: None))
+    before = threading.active_count()
+    crew.start()
+    closed = threading.Event()
+
+    def close() -> None:
+        crew.close()
+        closed.set()
+
+    jobs.put(close)
+    assert closed.wait(SOON)
+    wait_until(lambda: threading.active_count() == before)
+
+
+def test_a_gate_lets_nobody_in_once_closed_and_waits_for_those_inside() -> None:
+    gate = Gate("test")
+    inside, leave, closed = threading.Event(), threading.Event(), threading.Event()
+
+    def visitor() -> None:
+        assert gate.enter()
+        inside.set()
+        leave.wait(SOON)
+        gate.leave()
+
+    threads = [threading.Thread(target=visitor), threading.Thread(target=lambda: (gate.close(), closed.set()))]
+    threads[0].start()
+    assert inside.wait(SOON)
+    threads[1].start()
+    wait_until(lambda: gate.closed)
+    assert not gate.enter()
+    assert not closed.is_set()
+    leave.set()
+    assert closed.wait(SOON)
+    for thread in threads:
+        thread.join()
+
+
+def test_a_full_lossy_lane_gives_up_its_oldest() -> None:
+    heard: list[int] = []
+    stats = Statistics()
+    lane = Lane("test", heard.append, 3, lossy=True, stats=stats)
+    for number in range(10):
+        assert lane.put(number)
+    lane.drain()
+    assert (heard, stats.dropped, stats.received) == ([7, 8, 9], 7, 3)
+
+
+def test_a_full_faithful_lane_takes_no_more_until_there_is_room() -> None:
+    heard: list[int] = []
+    lane = Lane("test", heard.append, 2, lossy=False, stats=Statistics())
+    assert [lane.put(number) for number in range(3)] == [True, True, False]
+    assert lane.full
+    lane.drain()
+    assert lane.put(3)
+    lane.drain()
+    assert heard == [0, 1, 3]
+
+
+def test_a_lane_is_drained_by_one_thread_at_a_time_in_order() -> None:
+    heard: list[int] = []
+    entered, release = threading.Event(), threading.Event()
+
+    def sink(number: int) -> None:
+        entered.set()
+        if number == 0:
+            release.wait(SOON)
+        heard.append(number)
+
+    lane = Lane("test", sink, 10, lossy=True, stats=Statistics())
+    lane.put(0)
+    first = threading.Thread(target=lane.drain)
+    first.start()
+    assert entered.wait(SOON)
+    lane.put(1)
+    lane.drain()  # returns, because the first thread goes on
+    assert heard == []
+    release.set()
+    first.join()
+    assert heard == [0, 1]
+
+
+def test_a_closed_lane_calls_its_sink_no_more() -> None:
+    heard: list[int] = []
+    lane = Lane("test", heard.append, 3, lossy=True, stats=Statistics())
+    lane.put(1)
+    lane.close()
+    lane.put(2)
+    lane.drain()
+    assert heard == []

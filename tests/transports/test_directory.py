@@ -1,0 +1,122 @@
+"""Who is there, also when processes die without saying goodbye."""
+
+from __future__ import annotations
+
+import os
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from robocomp_py.errors import ConfigurationError
+from robocomp_py.testing.patience import wait_until
+from robocomp_py.transports.directory import Directory, Entry, runtime_dir
+
+LASER = Entry("serves", "robot/world/Laser/getLaserData", 1, "text", "ipc://laser")
+
+
+@pytest.fixture
+def directory(tmp_path: Path) -> Directory:
+    return Directory(tmp_path / "transport")
+
+
+def test_what_is_added_is_found_until_it_is_removed(directory: Directory) -> None:
+    member = directory.join("world")
+    member.add(LASER)
+    wait_until(lambda: directory.find("serves", LASER.channel))
+    ((found, entry),) = directory.find("serves", LASER.channel)
+    assert (found.owner, found.pid, entry) == ("world", os.getpid(), LASER)
+    assert not directory.find("calls", LASER.channel)
+    member.remove(LASER)
+    wait_until(lambda: not directory.find("serves", LASER.channel))
+    member.close()
+
+
+def test_a_star_stands_for_any_instance_on_either_side(directory: Directory) -> None:
+    member = directory.join("world")
+    member.add(LASER)
+    wait_until(lambda: directory.find("serves", "robot/*/Laser/getLaserData"))
+    assert not directory.find("serves", "other/*/Laser/getLaserData")
+    anybody = Entry("subscribes", "robot/*/Laser/getLaserData", 1, "text")
+    member.add(anybody)
+    wait_until(lambda: directory.find("subscribes", LASER.channel))
+    member.close()
+
+
+def test_another_process_sees_it_and_what_a_killed_one_left_is_removed(directory: Directory, tmp_path: Path) -> None:
+    code = f"""
+import time
+from pathlib import Path
+from robocomp_py.transports.directory import Directory, Entry
+member = Directory(Path({str(tmp_path / "transport")!r})).join("victim")
+member.add(Entry("serves", "a/b/c", 1, "text"))
+member.address("socket").touch()
+print("here", flush=True)
+time.sleep(600)
+"""
+    victim = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
+    assert victim.stdout is not None
+    assert victim.stdout.readline() == b"here\n"
+    wait_until(lambda: directory.find("serves", "a/b/c"))
+    ((member, _),) = directory.find("serves", "a/b/c")
+    assert directory.alive(member.id)
+    victim.kill()
+    victim.wait()
+    victim.stdout.close()
+    assert not directory.alive(member.id)
+    assert list((tmp_path / "transport").iterdir()) == []
+    wait_until(lambda: not directory.find("serves", "a/b/c"))
+
+
+def test_leaving_removes_everything(directory: Directory, tmp_path: Path) -> None:
+    member = directory.join("world")
+    member.add(LASER)
+    member.address("socket").touch()
+    member.close()
+    member.close()
+    assert list((tmp_path / "transport").iterdir()) == []
+
+
+def test_files_of_other_versions_are_ignored(directory: Directory, tmp_path: Path) -> None:
+    (tmp_path / "transport" / "1-a.json").write_text("{}")
+    (tmp_path / "transport" / "2-b.json").write_text("half")
+    assert directory.find("serves", "a/b/c") == []
+
+
+def test_the_version_changes_when_members_do_and_only_then(directory: Directory) -> None:
+    member = directory.join("world")
+    member.add(LASER)
+    wait_until(lambda: directory.find("serves", LASER.channel))
+    before = directory.version()
+    assert directory.version() == before
+    member.remove(LASER)
+    wait_until(lambda: directory.version() > before)
+    member.close()
+
+
+def test_the_run_time_folder_is_the_users_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROBOCOMP_RUNTIME_DIR", str(tmp_path / "run"))
+    assert stat.S_IMODE(runtime_dir().stat().st_mode) == 0o700
+    (tmp_path / "run").chmod(0o755)
+    with pytest.raises(ConfigurationError, match="open to other users"):
+        runtime_dir()
+
+
+def test_without_a_word_it_is_xdgs_or_a_folder_for_temporary_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("ROBOCOMP_RUNTIME_DIR")
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    assert runtime_dir() == tmp_path / "robocomp"
+    monkeypatch.delenv("XDG_RUNTIME_DIR")
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    assert runtime_dir() == tmp_path / f"robocomp-{os.getuid()}"
+
+
+def test_a_folder_that_cannot_be_made_is_a_clear_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("ROBOCOMP_RUNTIME_DIR", str(tmp_path / "file" / "run"))
+    with pytest.raises(ConfigurationError, match="set ROBOCOMP_RUNTIME_DIR"):
+        runtime_dir()

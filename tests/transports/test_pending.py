@@ -1,0 +1,53 @@
+"""A call ends once."""
+
+from __future__ import annotations
+
+import pytest
+
+from robocomp_py.errors import Closed, Timeout
+from robocomp_py.testing.patience import wait_until
+from robocomp_py.transports.base import Reply, Status
+from robocomp_py.transports.pending import Pending
+
+OK = Reply(Status.OK, b"")
+
+
+def test_an_answer_ends_it() -> None:
+    pending = Pending("test")
+    future = pending.add(1, 60)
+    assert pending.settle(1, OK)
+    assert future.result(0) == OK
+    assert len(pending) == 0
+    assert not pending.settle(1, OK)
+
+
+def test_a_cancelled_call_is_forgotten_and_its_answer_ignored() -> None:
+    pending = Pending("test")
+    assert pending.add(1, 60).cancel()
+    assert len(pending) == 0
+    assert not pending.settle(1, OK)
+
+
+def test_the_deadline_ends_it() -> None:
+    pending = Pending("test")
+    late, early = pending.add(1, 60), pending.add(2, 0.0)
+    wait = pending.expire()
+    assert wait is not None
+    assert 0 < wait <= 60
+    with pytest.raises(Timeout, match="no answer in 0 s"):
+        early.result(0)
+    assert not late.done()
+
+
+def test_with_no_call_there_is_nothing_to_wait_for() -> None:
+    assert Pending("test").expire() is None
+
+
+def test_closing_ends_them_all() -> None:
+    pending = Pending("test")
+    futures = [pending.add(number, 60) for number in range(3)]
+    pending.fail_all(Closed("closed"))
+    wait_until(lambda: all(future.done() for future in futures))
+    for future in futures:
+        with pytest.raises(Closed):
+            future.result(0)

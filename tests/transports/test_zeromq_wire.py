@@ -1,0 +1,277 @@
+"""ZeroMQ seen from outside: a plain pyzmq and msgpack program, a hostile one, and the files left behind."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import socket as plain
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import msgpack
+import pytest
+import zmq
+
+from robocomp_py.contract.interface import Pattern
+from robocomp_py.errors import ConfigurationError, TransportError
+from robocomp_py.testing import everything as e
+from robocomp_py.testing.conformance import answering, blob, command, query, topic
+from robocomp_py.testing.patience import SOON, wait_until
+from robocomp_py.transports.base import Channel, Reply, Status, TransportConfig, TypeRef
+from robocomp_py.transports.directory import runtime_dir
+from robocomp_py.transports.zeromq import ZeroMQTransport
+from robocomp_py.wire import header
+
+DIVIDE = Channel("robot/calculator/Everything/divide", Pattern.QUERY, TypeRef("", e.divide.fingerprint, e.divide.text))
+NEWS = Channel("robot/calculator/Everything/news", Pattern.PUBLISH, TypeRef("", e.news.fingerprint, e.news.text))
+
+
+@pytest.fixture
+def transport() -> Iterator[ZeroMQTransport]:
+    opened = ZeroMQTransport(TransportConfig(owner="calculator"))
+    yield opened
+    opened.close()
+
+
+class Outsider:
+    """A program that knows nothing of us but the protocol."""
+
+    def __init__(self) -> None:
+        self._context = zmq.Context()
+        self._sockets: list[zmq.Socket[Any]] = []
+
+    def socket(self, kind: int) -> zmq.Socket[Any]:
+        socket = self._context.socket(kind)
+        socket.setsockopt(zmq.RCVTIMEO, int(SOON * 1000))
+        self._sockets.append(socket)
+        return socket
+
+    def dealer(self, address: str) -> zmq.Socket[Any]:
+        socket = self.socket(zmq.DEALER)
+        socket.connect(address)
+        return socket
+
+    def port(self) -> int:
+        """A TCP port that is free."""
+        with self.socket(zmq.ROUTER) as probe:
+            return probe.bind_to_random_port("tcp://127.0.0.1")
+
+    def close(self) -> None:
+        for socket in self._sockets:
+            socket.close(linger=0)
+        self._context.term()
+
+
+@pytest.fixture
+def outsider() -> Iterator[Outsider]:
+    opened = Outsider()
+    yield opened
+    opened.close()
+
+
+def address_of(transport: ZeroMQTransport, role: str, channel: Channel) -> str:
+    """Where something is served, as the directory's files tell anybody."""
+    wait_until(lambda: transport.directory.find(role, channel.name))
+    return transport.directory.find(role, channel.name)[0][1].address
+
+
+def serve_division(transport: ZeroMQTransport) -> Any:
+    decode, encode = transport.codec.decoder(e.divide.request), transport.codec.encoder(e.divide.response)
+    return transport.server(DIVIDE, lambda payload, _: Reply(Status.OK, encode(divmod(*decode(payload)))))
+
+
+def test_a_script_can_call_a_query(transport: ZeroMQTransport, outsider: Outsider) -> None:
+    serve_division(transport)
+    socket = outsider.dealer(address_of(transport, "serves", DIVIDE))
+    head = header.pack_request(0, e.divide.fingerprint, 77, 1, 5.0)
+    socket.send_multipart([DIVIDE.name.encode(), head, msgpack.packb([17, 5])])
+    reply, body = socket.recv_multipart()
+    assert (header.read_reply(reply).status, header.read_reply(reply).client) == (Status.OK, 77)
+    assert msgpack.unpackb(body) == [3, 2]
+
+
+def test_a_script_can_listen_to_a_topic(transport: ZeroMQTransport, outsider: Outsider) -> None:
+    outlet = transport.outlet(NEWS)
+    socket = outsider.socket(zmq.SUB)
+    socket.subscribe(NEWS.name.encode())
+    socket.connect(address_of(transport, "publishes", NEWS))
+    assert outlet.wait_peer(SOON)
+    outlet.send(transport.codec.encoder(e.news.request)((1, "hello")))
+    name, head, body = socket.recv_multipart()
+    assert (name.decode(), msgpack.unpackb(body)) == (NEWS.name, [1, "hello"])
+    assert header.read_publication(head).sequence == 1
+
+
+def test_operations_are_served_over_tcp_where_the_configuration_says_so(outsider: Outsider) -> None:
+    port = outsider.port()
+    transport = ZeroMQTransport(TransportConfig({"bind": f"tcp://127.0.0.1:{port}"}, "calculator"))
+    try:
+        serve_division(transport)
+        socket = outsider.dealer(f"tcp://127.0.0.1:{port}")
+        head = header.pack_request(0, e.divide.fingerprint, 1, 1, None)
+        socket.send_multipart([DIVIDE.name.encode(), head, msgpack.packb([7, 2])])
+        assert msgpack.unpackb(socket.recv_multipart()[1]) == [3, 1]
+    finally:
+        transport.close()
+
+
+def test_a_taken_tcp_address_is_an_error_that_names_it(outsider: Outsider) -> None:
+    taken = outsider.socket(zmq.ROUTER)
+    port = taken.bind_to_random_port("tcp://127.0.0.1")
+    transport = ZeroMQTransport(TransportConfig({"bind": f"tcp://127.0.0.1:{port}"}))
+    try:
+        with pytest.raises(TransportError, match=rf"127\.0\.0\.1:{port}.*in use"):
+            serve_division(transport)
+    finally:
+        transport.close()
+
+
+def test_what_is_not_served_is_refused(transport: ZeroMQTransport, outsider: Outsider) -> None:
+    serve_division(transport)
+    socket = outsider.dealer(address_of(transport, "serves", DIVIDE))
+    socket.send_multipart([b"no/such/Interface/op", header.pack_request(0, 1, 2, 3, 1.0), b"\x90"])
+    assert header.read_reply(socket.recv_multipart()[0]).status == Status.REFUSED
+
+
+def test_a_call_under_another_contract_gets_ours(transport: ZeroMQTransport, outsider: Outsider) -> None:
+    link = serve_division(transport)
+    socket = outsider.dealer(address_of(transport, "serves", DIVIDE))
+    socket.send_multipart([DIVIDE.name.encode(), header.pack_request(0, 12345, 2, 3, 1.0), msgpack.packb([1, 1])])
+    head, text = socket.recv_multipart()
+    assert header.read_reply(head).status == Status.MISMATCH
+    assert text.decode() == e.divide.text
+    assert link.stats.mismatched == 1
+
+
+def test_a_repeated_request_is_not_executed_again(transport: ZeroMQTransport, outsider: Outsider) -> None:
+    link = serve_division(transport)
+    socket = outsider.dealer(address_of(transport, "serves", DIVIDE))
+    for sequence in (1, 1, 1, 2):
+        head = header.pack_request(0, e.divide.fingerprint, 9, sequence, 1.0)
+        socket.send_multipart([DIVIDE.name.encode(), head, msgpack.packb([9, sequence])])
+    assert [msgpack.unpackb(socket.recv_multipart()[1]) for _ in range(2)] == [[9, 0], [4, 1]]
+    assert (link.stats.repeated, link.stats.received) == (2, 2)
+
+
+def test_an_expired_request_is_not_executed(transport: ZeroMQTransport, outsider: Outsider) -> None:
+    link = serve_division(transport)
+    socket = outsider.dealer(address_of(transport, "serves", DIVIDE))
+    head = header.pack_request(0, e.divide.fingerprint, 9, 1, 0.0)
+    socket.send_multipart([DIVIDE.name.encode(), head, msgpack.packb([9, 1])])
+    assert header.read_reply(socket.recv_multipart()[0]).status == Status.EXPIRED
+    assert (link.stats.expired, link.stats.received) == (1, 0)
+
+
+def test_garbage_hurts_nobody(transport: ZeroMQTransport, outsider: Outsider, caplog: pytest.LogCaptureFixture) -> None:
+    link = serve_division(transport)
+    socket = outsider.dealer(address_of(transport, "serves", DIVIDE))
+    good = header.pack_request(0, e.divide.fingerprint, 5, 1, 5.0)
+    name = DIVIDE.name.encode()
+    for number in range(300):
+        noise = secrets.token_bytes(number)
+        for frames in ([noise], [name, noise], [name, noise, noise], [noise, good, noise], [b"", b"", b""]):
+            socket.send_multipart(frames)
+    socket.send_multipart([name, good, msgpack.packb([8, 3])])
+    while header.read_reply((frames := socket.recv_multipart())[0]).status != Status.OK:
+        pass
+    assert msgpack.unpackb(frames[1]) == [2, 2]
+    assert link.stats.malformed >= 300
+    assert sum(DIVIDE.name in record.message for record in caplog.records) == 1
+
+
+def test_garbage_on_a_topic_is_dropped_and_counted(
+    transport: ZeroMQTransport, outsider: Outsider, tmp_path: Path
+) -> None:
+    heard: list[Any] = []
+    link = transport.inlet(topic("a/b/c"), heard.append)
+    publisher = outsider.socket(zmq.XPUB)
+    address = f"ipc://{runtime_dir()}/forger"
+    publisher.bind(address)
+    outlet = transport.outlet(topic("a/b/c"))  # the true one; then the subscriber is made to hear the forger, too
+    with link._socket.lock:  # type: ignore[attr-defined]
+        link._socket.raw.connect(address)  # type: ignore[attr-defined]
+    publisher.recv()
+    for number in range(200):
+        publisher.send_multipart([b"a/b/c", secrets.token_bytes(number % 50), b"x"])
+        publisher.send_multipart([b"a/b/c"])
+    wait_until(lambda: link.stats.malformed == 400)
+    assert outlet.wait_peer(SOON)
+    outlet.send(blob(transport, b"good"))
+    wait_until(lambda: len(heard) == 1)
+
+
+def test_a_hostile_stream_of_bytes_does_not_stop_the_server(outsider: Outsider) -> None:
+    """Not even ZeroMQ's own protocol is spoken."""
+    port = outsider.port()
+    transport = ZeroMQTransport(TransportConfig({"bind": f"tcp://127.0.0.1:{port}"}))
+    try:
+        serve_division(transport)
+        for _ in range(50):
+            with plain.create_connection(("127.0.0.1", port)) as connection:
+                connection.sendall(secrets.token_bytes(200))
+        asking = outsider.dealer(f"tcp://127.0.0.1:{port}")
+        head = header.pack_request(0, e.divide.fingerprint, 1, 1, None)
+        asking.send_multipart([DIVIDE.name.encode(), head, msgpack.packb([7, 2])])
+        assert msgpack.unpackb(asking.recv_multipart()[1]) == [3, 1]
+    finally:
+        transport.close()
+
+
+def test_commands_that_waited_too_long_are_dropped(transport: ZeroMQTransport) -> None:
+    heard: list[bytes] = []
+    entered, release = threading.Event(), threading.Event()
+
+    def sink(payload: Any) -> None:
+        heard.append(payload)
+        entered.set()
+        release.wait(SOON)
+
+    link = transport.inlet(command("a/b/c"), sink)
+    outlet = transport.outlet(command("a/b/c"))
+    assert outlet.wait_peer(SOON)
+    outlet.send(blob(transport, b"first"))
+    assert entered.wait(SOON)
+    outlet.send(blob(transport, b"stale"), 0.01)
+    wait_until(lambda: link._lane._waiting)  # type: ignore[attr-defined]
+    threading.Event().wait(0.02)  # its deadline passes while it waits for its turn
+    release.set()
+    wait_until(lambda: link.stats.expired == 1)
+    assert len(heard) == 1
+
+
+def test_networks_with_different_run_time_folders_do_not_meet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ours = ZeroMQTransport(TransportConfig())
+    ours.server(query("a/b/c"), answering(ours, bytes.upper))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROBOCOMP_RUNTIME_DIR", str(tmp_path))
+        theirs = ZeroMQTransport(TransportConfig())
+    caller = theirs.caller(query("a/b/c"))
+    assert not caller.wait_peer(0.2)
+    theirs.close()
+    ours.close()
+
+
+def test_a_run_time_folder_too_deep_for_sockets_is_an_error_that_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROBOCOMP_RUNTIME_DIR", str(tmp_path / ("x" * 100)))
+    with pytest.raises(ConfigurationError, match="ROBOCOMP_RUNTIME_DIR"):
+        ZeroMQTransport(TransportConfig())
+
+
+def test_an_unknown_option_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(ConfigurationError, match="unknown transport option 'port'"):
+        ZeroMQTransport(TransportConfig({"port": 5555}))
+
+
+def test_nothing_is_left_behind(transport: ZeroMQTransport) -> None:
+    folder = runtime_dir() / "zeromq"
+    other = ZeroMQTransport(TransportConfig())
+    other.server(query("a/b/c"), answering(other, bytes.upper))
+    other.outlet(topic("a/b/d"))
+    mine = {name for name in os.listdir(folder) if name.startswith(other.member.id)}
+    assert len(mine) >= 4
+    other.close()
+    assert not {name for name in os.listdir(folder) if name.startswith(other.member.id)}
