@@ -140,7 +140,7 @@ class Crew:
                 quiet = quiet + 1 if self._begun == begun else 0
             self._traffic.clear()
             self._watched = False  # in this order: a job begun in between is seen by its count
-            if self._begun != begun:
+            if self._begun != begun or self._closing.is_set():
                 self._traffic.set()
 
 

@@ -188,15 +188,19 @@ class ZeroMQTransport:
             log.exception("looking into the directory")
 
     def _open(self, link: L) -> L:
-        with self._lock:
-            if self.closed:
-                raise Closed("the transport is closed")
-            self._links.append(link)
+        if self.closed:
+            raise Closed("the transport is closed")
         try:
             link.open()
         except BaseException:
             link.close()
             raise
+        with self._lock:
+            self._links.append(link)  # only now: those in the list are looked after by the receiving thread
+            closed = self.closed
+        if closed:
+            link.close()
+            raise Closed("the transport is closed")
         return link
 
     def _tick(self) -> float:

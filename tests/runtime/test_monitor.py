@@ -172,7 +172,7 @@ def test_what_is_concurrent_runs_beside_but_not_without_limit(opened: Monitor) -
     opened.enter()
     assert opened.submit_beside(begun.set)
     assert begun.wait(SOON)
-    wait_until(lambda: opened._beside == 0)
+    wait_until(lambda: opened._beside == 0)  # it has not only begun
     assert all(opened.submit_beside(lambda: release.wait(SOON)) for _ in range(MAX_BESIDE))
     assert not opened.submit_beside(lambda: None)
     release.set()
