@@ -1,1 +1,1 @@
-"""A camera on the robot's head: draws what would be seen from where the robot is."""
+"""Draws what a camera on the robot would see."""

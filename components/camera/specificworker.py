@@ -1,38 +1,48 @@
-"""A camera on the robot's head: draws what would be seen from where the robot is.
-
-Yours: rcgen wrote this file once and never touches it again.
-"""
+"""A camera on the robot's head: draws what would be seen from where the robot is."""
 
 from __future__ import annotations
 
+import math
+from pathlib import Path
+
 from .generic import RoboCompCameraSimple, RoboCompGenericBase
 from .generic.genericworker import GenericWorker
+from .view import Lens, read_house, render
+
+TBaseState = RoboCompGenericBase.TBaseState
+TImage = RoboCompCameraSimple.TImage
 
 
 class SpecificWorker(GenericWorker):
-    """No two methods here ever run at once. While one waits for an answer from another
-    component, a handler may run.
-    """
+    """Takes a picture at every compute, from the newest pose it has been told."""
 
     def initialize(self) -> None:
-        """Called once, when the components required are there."""
-        # Proxies: self.camerasimplepub_proxy
+        """Learn the house, and wait to be told where in it the robot is."""
+        self.house = read_house(Path(__file__).parent / self.params.map)
+        angle = math.radians(self.params.field_of_view)
+        self.lens = Lens(self.params.width, self.params.height, angle)
+        self.pose: TBaseState | None = None
+        self.picture: TImage | None = None
 
     def compute(self) -> None:
-        """Called every 100 ms."""
+        """Take a picture and show it to everybody."""
+        if self.pose:
+            self.picture = self.taken(self.pose)
+            self.camerasimplepub_proxy.pushImage(self.picture)
 
-    def DifferentialRobotPub_pushBaseState(
-        self,
-        state: RoboCompGenericBase.TBaseState,
-    ) -> None:
-        """Where the base is and how it moves.
+    def taken(self, pose: TBaseState) -> TImage:
+        """The picture from a pose."""
+        x, z = pose.correctedX / 1000, pose.correctedZ / 1000
+        pixels = render(self.house, self.lens, x, z, pose.correctedAlpha)
+        height, width, depth = pixels.shape
+        return TImage(False, width, height, depth, pixels.ravel())
 
-        IDSL: void pushBaseState(RoboCompGenericBase::TBaseState state)
-        """
+    def DifferentialRobotPub_pushBaseState(self, state: TBaseState) -> None:
+        self.pose = state
 
-    def CameraSimple_getImage(self) -> RoboCompCameraSimple.TImage:
-        """The newest picture.
-
-        IDSL: TImage getImage() throws HardwareFailedException
-        """
-        return RoboCompCameraSimple.TImage()
+    def CameraSimple_getImage(self) -> TImage:
+        """The newest picture; HardwareFailedException before there is one."""
+        if not self.picture:
+            reason = "no picture yet: nobody has said where the robot is"
+            raise RoboCompCameraSimple.HardwareFailedException(reason)
+        return self.picture

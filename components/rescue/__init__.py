@@ -1,1 +1,1 @@
-"""The mission: find who needs help, call for help, and do not run out of battery."""
+"""The mission: find somebody, and do not run out of battery."""

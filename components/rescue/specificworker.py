@@ -1,46 +1,107 @@
-"""The mission: find who needs help, call for help, and do not run out of battery.
-
-Yours: rcgen wrote this file once and never touches it again.
-"""
+"""The mission: find somebody, and do not run out of battery before."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from .generic import RoboCompBatteryStatus, RoboCompCameraSimple, RoboCompGenericBase
 from .generic.genericworker import GenericWorker
+from .generic.RoboCompSpeech import dataenableSynchronization, datasayin
+from .vision import NOTHING, find_red, pixels_of
 
 
 class SpecificWorker(GenericWorker):
-    """No two methods here ever run at once. While one waits for an answer from another
-    component, a handler may run.
+    """`compute` goes on with the present step, until that chooses the next one:
+
+        get ready ▶ explore ▶ call for help ▶ wait until it was said
+                     │   ▲
+                     ▼   │
+           reach charger ▶ charge
+
+    A step chooses only after its calls: if one of them fails, the step is taken again.
     """
 
     def initialize(self) -> None:
-        """Called once, when the components required are there."""
-        # Proxies: self.speech_proxy, self.gotopoint_proxy, self.differentialrobot_proxy
+        """Nothing is known yet."""
+        self.missing = {"a picture", "the battery", "the pose"}
+        self.red = NOTHING
+        self.percent = 0.0
+        self.place = ""
+        self.step: Callable[[], None] = self.get_ready
+        self.speech_proxy.enableSynchronization(dataenableSynchronization(True))
 
     def compute(self) -> None:
-        """Called every 100 ms."""
+        """Go on with the present step."""
+        if not self.missing and self.percent <= 0:
+            raise RuntimeError("the battery is empty: the mission has failed")
+        self.step()
+
+    def get_ready(self) -> None:
+        """Set out as soon as everybody has told something."""
+        if not self.missing:
+            self.gotopoint_proxy.go("anywhere", 0.0, 0.0, 0.0)
+            self.log.info("exploring, with %.0f %% of the battery", self.percent)
+            self.step = self.explore
+
+    def explore(self) -> None:
+        """Look for somebody, as long as the battery lasts."""
+        if self.somebody_near:
+            self.step = self.call_for_help
+        elif self.percent < self.params.low:
+            x, z = self.params.charger_x * 1000, self.params.charger_z * 1000
+            self.gotopoint_proxy.go("charger", x, z, self.params.charger_alpha)
+            self.log.info(
+                "battery low (%.0f %%): going to the charging station", self.percent
+            )
+            self.step = self.reach_charger
+
+    def reach_charger(self) -> None:
+        """Still look for somebody on the way."""
+        if self.somebody_near:
+            self.step = self.call_for_help
+        elif self.gotopoint_proxy.atTarget():
+            self.log.info("at the charging station with %.0f %%", self.percent)
+            self.step = self.charge
+
+    def charge(self) -> None:
+        """Stay until there is enough."""
+        if self.percent >= self.params.enough:
+            self.log.info("battery charged")
+            self.step = self.get_ready
+
+    def call_for_help(self) -> None:
+        """Stop, and say what was found."""
+        self.gotopoint_proxy.stop()
+        self.differentialrobot_proxy.stopBase()
+        text = f"Somebody needs help near {self.place}"
+        if self.speech_proxy.say(datasayin(text, overwrite=True)).ok:
+            self.log.info("found somebody near %s: calling for help", self.place)
+            self.step = self.wait_until_said
+
+    def wait_until_said(self) -> None:
+        """The mission ends when everybody has heard it."""
+        if not self.speech_proxy.isBusy().busy:
+            self.log.info("help was called: the mission is over")
+            self.stop()
+
+    @property
+    def somebody_near(self) -> bool:
+        return self.red.height >= self.params.near
 
     def CameraSimplePub_pushImage(self, image: RoboCompCameraSimple.TImage) -> None:
-        """A picture, as soon as it is taken.
-
-        IDSL: void pushImage(RoboCompCameraSimple::TImage image)
-        """
+        """Whoever is to be found wears red."""
+        self.red = find_red(pixels_of(image.image, image.width, image.height))
+        self.missing.discard("a picture")
 
     def BatteryStatusPub_pushBatteryState(
-        self,
-        battery: RoboCompBatteryStatus.TBattery,
+        self, battery: RoboCompBatteryStatus.TBattery
     ) -> None:
-        """What is left now.
-
-        IDSL: void pushBatteryState(RoboCompBatteryStatus::TBattery battery)
-        """
+        self.percent = battery.percentage
+        self.missing.discard("the battery")
 
     def DifferentialRobotPub_pushBaseState(
-        self,
-        state: RoboCompGenericBase.TBaseState,
+        self, state: RoboCompGenericBase.TBaseState
     ) -> None:
-        """Where the base is and how it moves.
-
-        IDSL: void pushBaseState(RoboCompGenericBase::TBaseState state)
-        """
+        x, z = state.correctedX / 1000, state.correctedZ / 1000
+        self.place = f"{x:.1f}, {z:.1f}"
+        self.missing.discard("the pose")

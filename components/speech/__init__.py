@@ -1,1 +1,1 @@
-"""A voice: says things in the log, a word at a time."""
+"""A voice that speaks in the log."""

@@ -1,51 +1,53 @@
-"""A voice: says things in the log, a word at a time.
-
-Yours: rcgen wrote this file once and never touches it again.
-"""
+"""A voice that speaks in the log."""
 
 from __future__ import annotations
 
-from .generic import RoboCompSpeech
+from collections import deque
+
 from .generic.genericworker import GenericWorker
+from .generic.RoboCompSpeech import dataenableSynchronization, dataresponse, datasayin
 
 
 class SpecificWorker(GenericWorker):
-    """No two methods here ever run at once. While one waits for an answer from another
-    component, a handler may run.
-    """
+    """Every word takes `computes_per_word` computes; one text is said at a time."""
 
     def initialize(self) -> None:
-        """Called once, when the components required are there."""
+        """Silent at first."""
+        self.text = ""
+        self.words: deque[str] = deque()
+        self.pause = 0
+        self.word_by_word = False
 
     def compute(self) -> None:
-        """Called every 100 ms."""
+        """Say the next word, once the one before has had its time."""
+        if self.pause:
+            self.pause -= 1
+        elif self.words:
+            word = self.words.popleft()
+            self.pause = self.params.computes_per_word - 1
+            if self.word_by_word:
+                self.log.info("%s%s", word, " …" if self.words else "")
+        else:
+            self.text = ""
 
-    def Speech_say(self, pin: RoboCompSpeech.datasayin) -> RoboCompSpeech.dataresponse:
-        """Begin to say something; not `ok` if something else is being said and may not
-        be broken off.
+    def Speech_say(self, pin: datasayin) -> dataresponse:
+        """Begin with a text, unless another one must not be broken off."""
+        if self.text and not pin.overwrite:
+            return self.answer(ok=False)
+        self.text, self.words, self.pause = pin.text, deque(pin.text.split()), 0
+        if not self.word_by_word:
+            self.log.info("%s", self.text)
+        return self.answer(ok=True)
 
-        IDSL: [query] void say(datasayin pin, out dataresponse pout)
-        """
-        return RoboCompSpeech.dataresponse()
+    def Speech_isBusy(self) -> dataresponse:
+        return self.answer(ok=True)
 
-    def Speech_isBusy(self) -> RoboCompSpeech.dataresponse:
-        """Whether something is being said.
-
-        IDSL: [query] void isBusy(out dataresponse pout)
-        """
-        return RoboCompSpeech.dataresponse()
-
-    def Speech_enableSynchronization(
-        self,
-        pin: RoboCompSpeech.dataenableSynchronization,
-    ) -> None:
-        """Show words as they are said, or the whole text when it begins.
-
-        IDSL: [command] void enableSynchronization(dataenableSynchronization pin)
-        """
+    def Speech_enableSynchronization(self, pin: dataenableSynchronization) -> None:
+        self.word_by_word = pin.enable
 
     def Speech_stop(self) -> None:
-        """Be silent at once.
+        self.text = ""
+        self.words.clear()
 
-        IDSL: [command] void stop()
-        """
+    def answer(self, *, ok: bool) -> dataresponse:
+        return dataresponse(ok=ok, busy=bool(self.text), text=self.text)

@@ -1,1 +1,1 @@
-"""Drives a robot around, or to a place, and past whatever is in the way."""
+"""Drives a robot around, or to a place."""

@@ -16,11 +16,20 @@ Floats = NDArray[np.float64]
 CLEARANCE_M = 0.40
 """Nothing may come nearer to the robot's middle."""
 
-LOOKAHEAD_M = 0.7
+LOOKAHEAD_M = 0.9
 """A direction is free if so much of the way is."""
 
-WALL_M = 1.3
+WALL_M = 1.4
 """What is nearer than this, on the hand's side, is the wall to follow."""
+
+ASTRAY_RAD = 0.8
+"""So far from the direction of a place, one does not get nearer to it."""
+
+TURN_RAD = 1.4
+"""With so much to turn, the robot turns on the spot."""
+
+TURNING = 2.5
+"""rad/s for every rad to turn."""
 
 LEFT, RIGHT = -1, 1
 """Which hand is at the wall."""
@@ -45,16 +54,18 @@ class Way:
 
 
 def along_wall(scan: Scan, hand: int) -> Way:
-    """As far towards the hand as there is room; straight ahead while no wall is near it."""
-    beside = scan.directions * hand > math.radians(30)
-    if scan.distances[beside].min() > WALL_M:
-        return _nearest_free(scan, 0.0, hand)
-    return _nearest_free(scan, hand * DIRECTIONS[-1], hand)
+    """Past the nearest thing at that hand; straight on if nothing is near."""
+    beside = scan.directions * hand > -math.radians(20)
+    nearest = scan.distances[beside].argmin()
+    if scan.distances[beside][nearest] > WALL_M:
+        return _nearest_free(scan, DIRECTIONS, 0.0, hand)
+    wall = scan.directions[beside][nearest]
+    return _nearest_free(scan, DIRECTIONS[DIRECTIONS * hand <= wall * hand], wall, hand)
 
 
-class Approach:
-    """The way to a place: straight, or else along what stands between with a hand at it,
-    until the place is nearer than where that began, and the straight way is free.
+class Course:
+    """The way to a place: straight, or a little beside what stands between. If that is
+    not enough, with a hand along it, until the place is nearer and in sight.
     """
 
     def __init__(self) -> None:
@@ -64,21 +75,27 @@ class Approach:
     def way(self, scan: Scan, bearing: float, distance: float) -> Way:
         """Where to turn if the place is in that direction and so far away."""
         straight = _straight(scan, bearing, distance)
-        if straight and (self._met_m is None or distance < self._met_m):
+        if self._met_m is not None:
+            if not straight or distance > self._met_m:
+                return along_wall(scan, self._hand)
             self._met_m = None
+        if abs(bearing) > ASTRAY_RAD:
+            return Way(bearing, 0.0)
+        if straight:
             return straight
-        if self._met_m is None:
-            self._met_m = distance - LOOKAHEAD_M / 2
-            around = _nearest_free(scan, bearing, LEFT).direction
-            self._hand = LEFT if around > bearing else RIGHT
+        beside = _nearest_free(scan, DIRECTIONS, bearing, LEFT)
+        if abs(beside.direction - bearing) < ASTRAY_RAD:
+            return beside
+        self._hand = LEFT if beside.direction > bearing else RIGHT
+        self._met_m = distance - LOOKAHEAD_M / 2
         return along_wall(scan, self._hand)
 
 
 def speeds(way: Way, fastest: float) -> tuple[float, float]:
     """m/s and rad/s: the slower, the more there is to turn and the less room ahead."""
-    straightness = max(0.0, 1 - abs(way.direction))
+    straightness = max(0.0, 1 - abs(way.direction) / TURN_RAD)
     room = min(max(way.ahead_m / LOOKAHEAD_M, 0.0), 1.0)
-    return fastest * straightness * room, min(max(2.5 * way.direction, -2.0), 2.0)
+    return fastest * straightness * room, TURNING * way.direction
 
 
 def free_m(scan: Scan, directions: Floats) -> Floats:
@@ -101,10 +118,10 @@ def _straight(scan: Scan, bearing: float, distance: float) -> Way | None:
     return Way(bearing, float(ahead))
 
 
-def _nearest_free(scan: Scan, wanted: float, hand: int) -> Way:
-    """The free direction nearest to the one wanted; if none is, round, away from the hand."""
-    ahead = float(free_m(scan, np.zeros(1))[0])
-    free = DIRECTIONS[free_m(scan, DIRECTIONS) >= LOOKAHEAD_M]
+def _nearest_free(scan: Scan, among: Floats, wanted: float, hand: int) -> Way:
+    """The free direction nearest to the one wanted; if none is, away from the hand."""
+    free = among[free_m(scan, among) >= LOOKAHEAD_M]
     if not free.size:
         return Way(-hand * math.pi / 2, 0.0)
+    ahead = float(free_m(scan, np.zeros(1))[0])
     return Way(float(free[np.abs(free - wanted).argmin()]), ahead)

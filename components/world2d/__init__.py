@@ -1,1 +1,1 @@
-"""A robot in a house, seen from above: what it is driven to do, what it measures, what its battery holds."""
+"""A house with a robot in it, seen from above."""

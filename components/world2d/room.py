@@ -1,7 +1,7 @@
 """A house seen from above: what can be bumped into, and how far away it is.
 
-All in m, x to the right and z up the page. Headings are in rad: 0 looks along z, and they grow
-towards x.
+All in m, x to the right and z up the page. Headings are in rad: 0 looks along z, and
+they grow towards x.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +36,7 @@ class Room:
     pillars: tuple[tuple[float, float, float], ...] = ()
 
     def distances(self, at: Point, headings: Floats, reach: float) -> Floats:
-        """How far it is to the first thing in each heading; `reach` where it is farther."""
+        """How far it is to the first thing in each heading, at most `reach`."""
         rays = np.stack([np.sin(headings), np.cos(headings)], axis=1)
         straight = _to_walls(rays, self._from - at, self._along)
         round_ = _to_circles(rays, self._centres - at, self._radii)
@@ -56,9 +57,7 @@ class Room:
     def _corners(self) -> Floats:
         """Walls and edges of furniture: where each begins and ends."""
         lines = [*self.walls, *((*area, area[0]) for area in self.furniture)]
-        pairs = [
-            pair for line in lines for pair in zip(line, line[1:], strict=False)
-        ]
+        pairs = [pair for line in lines for pair in pairwise(line)]
         return np.array(pairs, dtype=float)
 
     @cached_property
@@ -92,8 +91,8 @@ def read_room(path: Path) -> Room:
         charger=_point(data["charger"]),
         victim=_point(data["victim"]),
         walls=_lines(data["walls"]),
-        furniture=_lines(data["furniture"]),
-        pillars=tuple((x, z, radius) for x, z, radius in data["pillars"]),
+        furniture=_lines(data.get("furniture", [])),
+        pillars=tuple((x, z, radius) for x, z, radius in data.get("pillars", [])),
     )
 
 
@@ -107,7 +106,7 @@ def _point(data: Sequence[float]) -> Point:
 
 
 def _to_walls(rays: Floats, starts: Floats, along: Floats) -> Floats:
-    """Where each ray first meets a wall: ray * t = start + along * share, solved for t."""
+    """Where each ray first meets a wall: ray * t = start + along * share."""
     turning = _cross(rays[:, None], along[None])
     with np.errstate(divide="ignore", invalid="ignore"):  # parallel: no meeting
         t = _cross(starts, along)[None] / turning

@@ -1,113 +1,173 @@
-"""A robot in a house, seen from above: what it is driven to do, what it measures, what its battery holds.
+"""A house with a robot in it, seen from above.
 
-Yours: rcgen wrote this file once and never touches it again.
+The world's time goes on by `step` seconds with every compute, however long that takes
+here: with a shorter period everything happens faster, and nothing else changes.
 """
 
 from __future__ import annotations
 
+import math
+from pathlib import Path
+
+import numpy as np
+
 from .generic import RoboCompBatteryStatus, RoboCompGenericBase, RoboCompLaser
 from .generic.genericworker import GenericWorker
+from .picture import Story, draw
+from .robot import Base, Battery, Pose
+from .room import Floats, Point, read_room
+
+TBaseState = RoboCompGenericBase.TBaseState
+TBattery = RoboCompBatteryStatus.TBattery
+BatteryStates = RoboCompBatteryStatus.BatteryStates
+
+FIELD_DEG = 270
+REACH_M = 5.0
+CHARGER_M = 0.5
 
 
 class SpecificWorker(GenericWorker):
-    """No two methods here ever run at once. While one waits for an answer from another
-    component, a handler may run.
-    """
+    """Inside, all is in m; what comes in and goes out is in mm, as RoboComp has it."""
 
     def initialize(self) -> None:
-        """Called once, when the components required are there."""
-        # Proxies: self.differentialrobotpub_proxy, self.laserpub_proxy,
-        # self.batterystatuspub_proxy
+        """Put the robot where the map says."""
+        self.room = read_room(Path(__file__).parent / self.params.map)
+        self.base = Base(self.room, self.params.max_adv, self.params.max_rot)
+        self.battery = Battery(self.params.battery)
+        half = math.radians(FIELD_DEG / 2)
+        self.directions = np.linspace(-half, half, self.params.beams)
+        self.random = np.random.default_rng(self.params.seed)
+        self.distances = self.measured()
+        self.story = Story()
 
     def compute(self) -> None:
-        """Called every 50 ms."""
+        """Let one step happen, and tell what came of it."""
+        self.live(self.params.step)
+        self.laserpub_proxy.pushLaserData(self.scan())
+        self.differentialrobotpub_proxy.pushBaseState(self.base_state())
+        self.batterystatuspub_proxy.pushBatteryState(self.battery_state())
 
-    def DifferentialRobot_getBaseState(self) -> RoboCompGenericBase.TBaseState:
-        """Where the base is and how it moves.
+    def finish(self) -> None:
+        """Draw what happened, if a picture is wanted."""
+        if self.params.picture:
+            path = Path(self.params.picture).resolve()
+            path.write_text(draw(self.room, self.story), encoding="utf-8")
+            self.log.info("what happened is drawn in %s", path)
 
-        IDSL: void getBaseState(out RoboCompGenericBase::TBaseState state) throws
-        RoboCompGenericBase::HardwareFailedException
-        """
-        return RoboCompGenericBase.TBaseState()
+    def live(self, seconds: float) -> None:
+        """Drive, pay for it, and look around."""
+        if self.battery.empty:
+            self.base.command(0.0, 0.0)
+        driven, turned = self.base.step(seconds)
+        at_charger = math.dist(self.base.pose.place, self.room.charger) < CHARGER_M
+        self.battery.step(seconds, driven, turned, charging=at_charger)
+        self.distances = self.measured()
+        if self.params.picture:
+            pose, percent = self.base.pose, self.battery.percent
+            self.story.note(seconds, pose, percent, self.beam_ends())
 
-    def DifferentialRobot_getBasePose(self) -> tuple[int, int, float]:
-        """Where the base is by its odometer: mm, mm, rad.
+    def measured(self) -> Floats:
+        """m to what is in each direction, as the laser measures it."""
+        pose = self.base.pose
+        exact = self.room.distances(pose.place, pose.heading + self.directions, REACH_M)
+        noise = self.random.normal(0.0, self.params.noise / 1000, exact.size)
+        return np.clip(exact + noise, 0.0, REACH_M)
 
-        IDSL: void getBasePose(out int x, out int z, out float alpha) throws
-        RoboCompGenericBase::HardwareFailedException
-        """
-        return 0, 0, 0.0
+    def beam_ends(self) -> list[Point]:
+        """The places the laser saw."""
+        beams = zip(self.distances, self.directions, strict=True)
+        return [self.base.pose.ahead(distance, aside) for distance, aside in beams]
+
+    # What others are told.
+
+    def scan(self) -> RoboCompLaser.TLaserData:
+        """The last measures."""
+        angles, distances = self.directions.tolist(), (self.distances * 1000).tolist()
+        return list(map(RoboCompLaser.TData, angles, distances))
+
+    def base_state(self) -> TBaseState:
+        """Where the base believes to be."""
+        raw, best = self.base.odometer, self.base.best
+        return TBaseState(
+            x=raw.x * 1000,
+            z=raw.z * 1000,
+            alpha=raw.heading,
+            correctedX=best.x * 1000,
+            correctedZ=best.z * 1000,
+            correctedAlpha=best.heading,
+            advVz=self.base.adv * 1000,
+            rotV=self.base.rot,
+            isMoving=self.base.moving,
+        )
+
+    def battery_state(self) -> TBattery:
+        """What the battery holds."""
+        at_charger = (
+            BatteryStates.Charged if self.battery.full else BatteryStates.Charging
+        )
+        return TBattery(
+            percentage=self.battery.percent,
+            state=at_charger if self.battery.charging else BatteryStates.Disconnected,
+            voltage=self.battery.voltage,
+            current=self.battery.power / self.battery.voltage,
+            timeToGo=self.battery.seconds_to_go,
+            power=self.battery.power,
+            consumptionPerHour=max(0.0, -self.battery.power),
+        )
+
+    # What others ask for.
 
     def DifferentialRobot_setSpeedBase(self, adv: float, rot: float) -> None:
-        """Drive with these speeds from now on: mm/s forwards, rad/s to the right.
-
-        IDSL: void setSpeedBase(float adv, float rot) throws
-        RoboCompGenericBase::HardwareFailedException
-        """
+        """Drive with these speeds for at most a second of the world's time."""
+        self.base.command(adv / 1000, rot)
 
     def DifferentialRobot_stopBase(self) -> None:
-        """Stand still.
+        self.base.command(0.0, 0.0)
 
-        IDSL: void stopBase() throws RoboCompGenericBase::HardwareFailedException
-        """
+    def DifferentialRobot_getBaseState(self) -> TBaseState:
+        return self.base_state()
+
+    def DifferentialRobot_getBasePose(self) -> tuple[int, int, float]:
+        raw = self.base.odometer
+        return round(raw.x * 1000), round(raw.z * 1000), raw.heading
 
     def DifferentialRobot_resetOdometer(self) -> None:
-        """Call the present pose 0, 0, 0.
+        self.base.odometer = self.base.best = Pose(0.0, 0.0, 0.0)
 
-        IDSL: void resetOdometer() throws RoboCompGenericBase::HardwareFailedException
-        """
-
-    def DifferentialRobot_setOdometer(
-        self,
-        state: RoboCompGenericBase.TBaseState,
-    ) -> None:
-        """Take pose and best estimate from a state; its speeds do not matter.
-
-        IDSL: void setOdometer(RoboCompGenericBase::TBaseState state) throws
-        RoboCompGenericBase::HardwareFailedException
-        """
+    def DifferentialRobot_setOdometer(self, state: TBaseState) -> None:
+        self.base.odometer = Pose(state.x / 1000, state.z / 1000, state.alpha)
+        self.base.best = Pose(
+            state.correctedX / 1000, state.correctedZ / 1000, state.correctedAlpha
+        )
 
     def DifferentialRobot_setOdometerPose(self, x: int, z: int, alpha: float) -> None:
-        """Call the present pose this: mm, mm, rad.
-
-        IDSL: void setOdometerPose(int x, int z, float alpha) throws
-        RoboCompGenericBase::HardwareFailedException
-        """
+        self.base.odometer = self.base.best = Pose(x / 1000, z / 1000, alpha)
 
     def DifferentialRobot_correctOdometer(self, x: int, z: int, alpha: float) -> None:
-        """Replace the best estimate, and leave the odometer as it is: mm, mm, rad.
-
-        IDSL: void correctOdometer(int x, int z, float alpha) throws
-        RoboCompGenericBase::HardwareFailedException
-        """
+        self.base.best = Pose(x / 1000, z / 1000, alpha)
 
     def Laser_getLaserData(self) -> RoboCompLaser.TLaserData:
-        """The last scan.
-
-        IDSL: TLaserData getLaserData()
-        """
-        return []
+        return self.scan()
 
     def Laser_getLaserAndBStateData(
         self,
-    ) -> tuple[RoboCompLaser.TLaserData, RoboCompGenericBase.TBaseState]:
-        """The last scan, and where the base was then.
-
-        IDSL: TLaserData getLaserAndBStateData(out RoboCompGenericBase::TBaseState
-        bState)
-        """
-        return [], RoboCompGenericBase.TBaseState()
+    ) -> tuple[RoboCompLaser.TLaserData, TBaseState]:
+        return self.scan(), self.base_state()
 
     def Laser_getLaserConfData(self) -> RoboCompLaser.LaserConfData:
-        """What the laser is and how it is set.
+        """The laser as it was configured."""
+        return RoboCompLaser.LaserConfData(
+            driver="world2d",
+            device=self.params.map,
+            staticConf=1,
+            maxMeasures=self.params.beams,
+            maxDegrees=FIELD_DEG,
+            maxRange=round(REACH_M * 1000),
+            endRange=FIELD_DEG,
+            sampleRate=round(self.params.step * 1000),
+            angleRes=FIELD_DEG / (self.params.beams - 1),
+            angleIni=-FIELD_DEG / 2,
+        )
 
-        IDSL: LaserConfData getLaserConfData()
-        """
-        return RoboCompLaser.LaserConfData()
-
-    def BatteryStatus_getBatteryState(self) -> RoboCompBatteryStatus.TBattery:
-        """What is left now.
-
-        IDSL: TBattery getBatteryState() throws HardwareFailedException
-        """
-        return RoboCompBatteryStatus.TBattery()
+    def BatteryStatus_getBatteryState(self) -> TBattery:
+        return self.battery_state()

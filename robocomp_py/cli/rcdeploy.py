@@ -172,3 +172,7 @@ class _Terminal(Display):
 
     def _say(self, text: str, style: str) -> None:
         self._console.print(Text(f"{'rcdeploy':>{self._width}} │ {text}", style=style))
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

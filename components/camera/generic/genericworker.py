@@ -37,7 +37,7 @@ class GenericWorker(Worker[Params]):
         ),
         params=PARAMS,
         period=0.1,
-        description="A camera on the robot's head: draws what would be seen from where the robot is.",
+        description="Draws what a camera on the robot would see.",
     )
     middleware = "zeromq"
 

@@ -16,7 +16,7 @@ class Params(Parameters):
     map: str = "../house.toml"  # file of the house, from this component's folder
     width: int = 160  # pixels, 16 to 1920
     height: int = 120  # pixels, 16 to 1080
-    field_of_view: float = 70.0  # degrees from the left edge to the right one, 20.0 to 120.0
+    field_of_view: float = 70.0  # degrees from edge to edge, 20.0 to 120.0
 
     __spec__: ClassVar[ParameterSet]
 

@@ -69,7 +69,8 @@ class GotoPointProxy(Proxy):
         deadline: float | None = None,
     ) -> None:
         """Go to a place: its name, which may be empty, its x and y on the floor in mm,
-        and the heading to take there in rad.
+        and where
+        to look there in rad.
 
         IDSL: void go(string nodo, float x, float y, float alpha)
         """

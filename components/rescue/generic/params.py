@@ -14,11 +14,11 @@ class Params(Parameters):
     """All of them; ConfigurationError if a value is not allowed."""
 
     charger_x: float = 0.8  # m, where the charging station is, -100.0 to 100.0
-    charger_z: float = 3.4  # m, -100.0 to 100.0
-    charger_alpha: float = 3.14  # rad, where to look when leaving it, -7.0 to 7.0
+    charger_z: float = 2.6  # m, -100.0 to 100.0
+    charger_alpha: float = 3.14  # rad, where to look there, -6.3 to 6.3
     low: float = 30.0  # % of the battery at which to go there, 1.0 to 90.0
-    enough: float = 95.0  # % at which to leave it, 10.0 to 100.0
-    close: int = 45  # pixels, how tall somebody near looks in the picture, 5 to 1000
+    enough: float = 95.0  # % of the battery at which to leave it, 10.0 to 100.0
+    near: int = 60  # pixels that somebody who is near enough is tall, 5 to 1000
 
     __spec__: ClassVar[ParameterSet]
 
@@ -27,17 +27,17 @@ Params.__spec__ = ParameterSet(
     "rescue",
     (
         Parameter("charger_x", ParameterKind.FLOAT, 0.8, minimum=-100.0, maximum=100.0),
-        Parameter("charger_z", ParameterKind.FLOAT, 3.4, minimum=-100.0, maximum=100.0),
+        Parameter("charger_z", ParameterKind.FLOAT, 2.6, minimum=-100.0, maximum=100.0),
         Parameter(
             "charger_alpha",
             ParameterKind.FLOAT,
             3.14,
-            minimum=-7.0,
-            maximum=7.0,
+            minimum=-6.3,
+            maximum=6.3,
         ),
         Parameter("low", ParameterKind.FLOAT, 30.0, minimum=1.0, maximum=90.0),
         Parameter("enough", ParameterKind.FLOAT, 95.0, minimum=10.0, maximum=100.0),
-        Parameter("close", ParameterKind.INT, 45, minimum=5, maximum=1000),
+        Parameter("near", ParameterKind.INT, 60, minimum=5, maximum=1000),
     ),
     python=Params,
 )

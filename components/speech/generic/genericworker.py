@@ -19,7 +19,7 @@ class GenericWorker(Worker[Params]):
         ports=(Port(Verb.IMPLEMENTS, RoboCompSpeech.SPEECH_INTERFACE),),
         params=PARAMS,
         period=0.1,
-        description="A voice: says things in the log, a word at a time.",
+        description="A voice that speaks in the log.",
     )
     middleware = "zeromq"
 

@@ -41,7 +41,7 @@ class GenericWorker(Worker[Params]):
         ),
         params=PARAMS,
         period=0.1,
-        description="Drives a robot around, or to a place, and past whatever is in the way.",
+        description="Drives a robot around, or to a place.",
     )
     middleware = "zeromq"
 
@@ -58,7 +58,8 @@ class GenericWorker(Worker[Params]):
     @abstractmethod
     def GotoPoint_go(self, nodo: str, x: float, y: float, alpha: float) -> None:
         """Go to a place: its name, which may be empty, its x and y on the floor in mm,
-        and the heading to take there in rad.
+        and where
+        to look there in rad.
 
         IDSL: void go(string nodo, float x, float y, float alpha)
         """

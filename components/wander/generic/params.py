@@ -13,8 +13,8 @@ from robocomp_py.runtime.api import Parameter, ParameterKind, Parameters, Parame
 class Params(Parameters):
     """All of them; ConfigurationError if a value is not allowed."""
 
-    explores: bool = False  # whether it explores at once, before it is told to go anywhere
-    speed: float = 1.0  # m/s, 0.1 to 2.0
+    explores: bool = False  # whether it explores before it is told to
+    speed: float = 1.2  # m/s on a free way, 0.1 to 2.0
     near: float = 0.15  # m to a place at which it counts as reached, 0.05 to 1.0
 
     __spec__: ClassVar[ParameterSet]
@@ -24,7 +24,7 @@ Params.__spec__ = ParameterSet(
     "wander",
     (
         Parameter("explores", ParameterKind.BOOL, False),
-        Parameter("speed", ParameterKind.FLOAT, 1.0, minimum=0.1, maximum=2.0),
+        Parameter("speed", ParameterKind.FLOAT, 1.2, minimum=0.1, maximum=2.0),
         Parameter("near", ParameterKind.FLOAT, 0.15, minimum=0.05, maximum=1.0),
     ),
     python=Params,

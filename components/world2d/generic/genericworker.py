@@ -50,7 +50,7 @@ class GenericWorker(Worker[Params]):
         ),
         params=PARAMS,
         period=0.05,
-        description="A robot in a house, seen from above: what it is driven to do, what it measures, what its battery holds.",
+        description="A house with a robot in it, seen from above.",
     )
     middleware = "zeromq"
 

@@ -16,9 +16,9 @@ class Params(Parameters):
     map: str = "../house.toml"  # file of the house, from this component's folder
     picture: str = ""  # SVG file to draw at the end what happened; none if empty
     step: float = 0.05  # s that pass in the world with every compute, 0.001 to 1.0
-    max_adv: float = 1.0  # m/s, the fastest it drives, 0.1 to 3.0
+    max_adv: float = 1.5  # m/s, the fastest it drives, 0.1 to 3.0
     max_rot: float = 2.5  # rad/s, the fastest it turns, 0.1 to 10.0
-    battery: float = 65.0  # %, what the battery holds at the start, 0.0 to 100.0
+    battery: float = 60.0  # %, what the battery holds at the start, 0.0 to 100.0
     beams: int = 91  # measures in a scan, 3 to 1081
     noise: float = 10.0  # mm, standard deviation of a measure, 0.0 to 200.0
     seed: int = 1  # what the noise begins with, 0 to 1000000
@@ -32,9 +32,9 @@ Params.__spec__ = ParameterSet(
         Parameter("map", ParameterKind.STRING, "../house.toml"),
         Parameter("picture", ParameterKind.STRING, ""),
         Parameter("step", ParameterKind.FLOAT, 0.05, minimum=0.001, maximum=1.0),
-        Parameter("max_adv", ParameterKind.FLOAT, 1.0, minimum=0.1, maximum=3.0),
+        Parameter("max_adv", ParameterKind.FLOAT, 1.5, minimum=0.1, maximum=3.0),
         Parameter("max_rot", ParameterKind.FLOAT, 2.5, minimum=0.1, maximum=10.0),
-        Parameter("battery", ParameterKind.FLOAT, 65.0, minimum=0.0, maximum=100.0),
+        Parameter("battery", ParameterKind.FLOAT, 60.0, minimum=0.0, maximum=100.0),
         Parameter("beams", ParameterKind.INT, 91, minimum=3, maximum=1081),
         Parameter("noise", ParameterKind.FLOAT, 10.0, minimum=0.0, maximum=200.0),
         Parameter("seed", ParameterKind.INT, 1, minimum=0, maximum=1000000),

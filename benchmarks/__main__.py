@@ -1,0 +1,23 @@
+"""`python -m benchmarks [--only NAME]`: the tables of docs/performance.md, measured here and now."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+
+from . import roundtrip
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument("--only", action="append", metavar="MIDDLEWARE", help="measure this one; may be repeated")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory(prefix="rc-") as folder:
+        os.environ["ROBOCOMP_RUNTIME_DIR"] = folder
+        print("query round trip")
+        roundtrip.run(options.only or ["inproc", "zeromq"])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,223 @@
+"""What is seen from a place in the house: a picture, drawn column by column.
+
+All in m and rad, with the axes of the map: x to the right, z up the page, headings
+from z towards x. Everything stands upright, so that one ray for each column of the
+picture is enough; what is nearer hides what is behind.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Pixels = NDArray[np.uint8]
+Colour = tuple[int, int, int]
+
+EYE_M = 0.9
+
+
+@dataclass(frozen=True)
+class Things:
+    """Upright things of one height and colour: flat ones and round ones."""
+
+    height_m: float
+    colour: Colour
+    edges: Floats
+    """Rows of x, z where an edge begins and x, z where it ends."""
+    posts: Floats
+    """Rows of x, z, radius."""
+
+
+@dataclass(frozen=True)
+class House:
+    """What there is to see."""
+
+    things: tuple[Things, ...]
+    victim: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Lens:
+    """The size of the pictures, and how wide they look."""
+
+    width: int
+    height: int
+    field_of_view: float
+    """rad from the left edge to the right one."""
+
+    @property
+    def focal(self) -> float:
+        """How many pixels tall 1 m looks from 1 m away."""
+        return self.width / 2 / math.tan(self.field_of_view / 2)
+
+
+def read_house(path: Path) -> House:
+    """The house of a map, furnished."""
+    data = tomllib.loads(path.read_text(encoding="utf-8"))
+    no_posts = np.empty((0, 3))
+    walls = Things(2.4, WALL, _edges(data["walls"], closed=False), no_posts)
+    furniture = Things(
+        1.0, WOOD, _edges(data.get("furniture", []), closed=True), no_posts
+    )
+    pillars = np.array(data.get("pillars", []), dtype=float).reshape(-1, 3)
+    posts = Things(2.4, WOOD, np.empty((0, 4)), pillars)
+    x, z = data["victim"]
+    return House((walls, furniture, posts), (x, z))
+
+
+def render(house: House, lens: Lens, x: float, z: float, heading: float) -> Pixels:
+    """What a camera there sees: rows of pixels of red, green and blue."""
+    columns = np.arange(lens.width) - (lens.width - 1) / 2
+    rows = np.arange(lens.height, dtype=float) - (lens.height - 1) / 2
+    aside = np.arctan(columns / lens.focal)
+    canvas = _Canvas(lens, rows[:, None])
+    canvas.fill_ground(np.array([x, z]), heading + aside, 1 / np.cos(aside))
+    for things in house.things:
+        distance, light = _nearest(things, np.array([x, z]), heading + aside)
+        canvas.draw_columns(things, distance * np.cos(aside), light)
+    canvas.draw_figure(*_relative(house.victim, x, z, heading))
+    return canvas.pixels
+
+
+class _Canvas:
+    """Pixels, and how far away what each shows is."""
+
+    def __init__(self, lens: Lens, rows: Floats) -> None:
+        self.pixels = np.empty((lens.height, lens.width, 3), np.uint8)
+        self._depth = np.full((lens.height, lens.width), np.inf)
+        self._lens, self._rows = lens, rows
+
+    def fill_ground(self, at: Floats, headings: Floats, stretch: Floats) -> None:
+        """A tiled floor below the horizon, a plain ceiling above."""
+        depth = EYE_M * self._lens.focal / np.maximum(self._rows, 0.5)
+        reach = depth * stretch
+        tiles = np.floor((at[0] + reach * np.sin(headings)) * 2)
+        tiles += np.floor((at[1] + reach * np.cos(headings)) * 2)
+        light = np.where(tiles % 2, 1.0, 0.88) * _fade(depth)
+        self.pixels[:] = (light[..., None] * FLOOR).astype(np.uint8)
+        self.pixels[self._rows[:, 0] < 0] = CEILING
+
+    def draw_columns(self, things: Things, depth: Floats, light: Floats) -> None:
+        """Things that stand so far away in each column."""
+        scale = self._lens.focal / depth
+        top = (EYE_M - things.height_m) * scale
+        bottom = EYE_M * scale
+        hit = (self._rows >= top) & (self._rows <= bottom) & (depth < self._depth)
+        colour = (light * _fade(depth))[:, None] * things.colour
+        where = np.nonzero(hit)
+        self.pixels[where] = colour[where[1]].astype(np.uint8)
+        self._depth[where] = depth[where[1]]
+
+    def draw_figure(self, ahead: float, aside: float) -> None:
+        """Somebody in red, waving, so far ahead and to the right."""
+        if ahead < 0.1:
+            return
+        scale = self._lens.focal / ahead
+        high, wide = FIGURE.shape
+        pixel_m = FIGURE_M / high
+        columns = np.arange(self._lens.width) - (self._lens.width - 1) / 2
+        across = np.floor((columns / scale - aside) / pixel_m + wide / 2).astype(int)
+        down = np.floor((self._rows[:, 0] / scale - EYE_M) / pixel_m).astype(int) + high
+        inside_columns = (across >= 0) & (across < wide)
+        inside_rows = (down >= 0) & (down < high)
+        part = FIGURE[np.clip(down, 0, high - 1)][:, np.clip(across, 0, wide - 1)]
+        shown = (part > 0) & (ahead < self._depth)
+        shown &= inside_rows[:, None] & inside_columns
+        self.pixels[shown] = FIGURE_COLOURS[part[shown]]
+        self._depth[shown] = ahead
+
+
+def _nearest(things: Things, at: Floats, headings: Floats) -> tuple[Floats, Floats]:
+    """How far it is to the first of these things, and how much light it gets."""
+    ray = np.stack([np.sin(headings), np.cos(headings)])[:, :, None]
+    start = (things.edges[:, :2] - at).T[:, None]
+    along = (things.edges[:, 2:] - things.edges[:, :2]).T[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):  # parallel: never met
+        turning = _cross(ray, along)
+        flat = _cross(start, along) / turning
+        share = _cross(start, ray) / turning
+    flat[~((flat > 0) & (share >= 0) & (share <= 1))] = np.inf
+
+    centre = (things.posts[:, :2] - at).T[:, None]
+    inside = things.posts[:, 2] ** 2 - _cross(ray, centre) ** 2
+    round_ = (ray * centre).sum(axis=0) - np.sqrt(np.maximum(inside, 0.0))
+    round_[(inside < 0) | (round_ <= 0)] = np.inf
+
+    slant = np.abs(along[0, 0]) / np.maximum(np.hypot(*along[:, 0]), 0.001)
+    posts_light = np.full(len(things.posts), 0.9)
+    light = np.concatenate([0.8 + 0.2 * slant, posts_light, [1.0]])
+    nothing = np.full((len(headings), 1), np.inf)
+    distance = np.concatenate([flat, round_, nothing], axis=1)
+    first = distance.argmin(axis=1)
+    nearest: Floats = distance[np.arange(len(headings)), first]
+    return nearest, light[first]
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    product: Floats = a[0] * b[1] - a[1] * b[0]
+    return product
+
+
+def _fade(depth: Floats) -> Floats:
+    """Less light comes from farther away."""
+    fading: Floats = 1 / (1 + 0.09 * depth)
+    return fading
+
+
+def _relative(
+    place: tuple[float, float], x: float, z: float, heading: float
+) -> tuple[float, float]:
+    """How far ahead a place is, and how far to the right."""
+    dx, dz = place[0] - x, place[1] - z
+    sin, cos = math.sin(heading), math.cos(heading)
+    return dx * sin + dz * cos, dx * cos - dz * sin
+
+
+def _edges(lines: Sequence[Sequence[Sequence[float]]], *, closed: bool) -> Floats:
+    rows = [
+        (*begin, *end)
+        for line in lines
+        for begin, end in zip(
+            line, [*line[1:], *(line[:1] if closed else [])], strict=False
+        )
+    ]
+    return np.array(rows, dtype=float).reshape(-1, 4)
+
+
+WALL: Colour = (226, 219, 205)
+WOOD: Colour = (168, 122, 74)
+FLOOR = np.array([176.0, 168.0, 158.0])
+CEILING: Colour = (236, 238, 240)
+
+FIGURE_M = 1.1
+FIGURE = np.array(
+    [
+        [" rs".index(sign) for sign in row]
+        for row in (
+            "ss    sss    ss",
+            "rr   sssss   rr",
+            "rr   sssss   rr",
+            "rrr  sssss  rrr",
+            " rrr  sss  rrr ",
+            "  rrrrrrrrrrr  ",
+            "   rrrrrrrrr   ",
+            "     rrrrr     ",
+            "     rrrrr     ",
+            "     rrrrr     ",
+            "     rrrrr     ",
+            "    rrrrrrr    ",
+            "  rrrrrrrrrrr  ",
+            " rrrrr   rrrrr ",
+            "rrrr       rrrr",
+        )
+    ]
+)
+"""Somebody who sits on the floor and waves, as seen from the front: red, and skin."""
+FIGURE_COLOURS = np.array([(0, 0, 0), (205, 35, 45), (236, 188, 150)], np.uint8)

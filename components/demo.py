@@ -1,0 +1,51 @@
+"""Generates the rescue network, runs it until its mission is over, and has it drawn.
+
+python components/demo.py                        about a minute
+python components/demo.py --fast                 the same story, ten times faster
+python components/demo.py --middleware zeromq    over that middleware
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from robocomp_py.cli import rcdeploy, rcgen
+
+NETWORK = Path(__file__).with_name("rescue.ddsl")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The exit code of rcdeploy: 0 if somebody was found and help was called."""
+    options = _parser().parse_args(arguments)
+    picture = options.picture.resolve()
+    over = ["--middleware", options.middleware] if options.middleware else []
+    code = rcgen.main([str(NETWORK), *over])
+    if code:
+        return code
+    given = ["--until", "rescue", "--set", f"world.params.picture={picture}"]
+    if options.fast:
+        given += ["--set", "*.component.period=0.01"]
+        given += ["--set", "world.component.period=0.005"]
+    code = rcdeploy.main([str(NETWORK), *over, *given])
+    if code == 0:
+        print(f"The story is drawn in {picture}: open it in a browser.")
+    return code
+
+
+def _parser() -> argparse.ArgumentParser:
+    summary, _, examples = (__doc__ or "").partition("\n")
+    parser = argparse.ArgumentParser(
+        description=summary,
+        epilog=examples,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--middleware", help="what carries the messages")
+    parser.add_argument("--fast", action="store_true", help="ten times faster")
+    parser.add_argument("--picture", type=Path, default=Path("rescue.svg"))
+    return parser
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,320 @@
+"""`rcdeploy` as people use it: started, watched, stopped, killed."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from robocomp_py.cli.rcdeploy import main as rcdeploy
+from robocomp_py.cli.rcgen import main as rcgen
+from robocomp_py.testing.patience import SOON, wait_until
+
+ASKER = """
+import "Hello.idsl";
+Component asker { Communications { requires Hello; }; language python; period 20 ms; };
+"""
+NETWORK = """
+import "hello/hello.cdsl"; import "asker/asker.cdsl";
+Deployment net {
+    Component asker { dependences hello; };
+    Component hello { };
+};
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A server, a client, and their network; and a component that stands for programs of one's own."""
+    root = tmp_path_factory.mktemp("deploy")
+    assert rcgen(["--new", "Hello", "-o", str(root / "hello")]) == 0
+    (root / "asker").mkdir()
+    (root / "asker" / "asker.cdsl").write_text(ASKER)
+    assert rcgen([str(root / "asker" / "asker.cdsl"), "-I", str(root / "hello")]) == 0
+    worker = root / "asker" / "specificworker.py"
+    worker.write_text(
+        worker.read_text()
+        + '\n    def finish(self) -> None:\n        self.log.info("asked: %s", self.hello_proxy.greet("Ada"))\n'
+    )
+    (root / "net.ddsl").write_text(NETWORK)
+    (root / "program.cdsl").write_text("Component program { language python; };")
+    return root
+
+
+def network_of(folder: Path, **programs: str) -> Path:
+    """A network of shell scripts."""
+    blocks = ""
+    for name, text in programs.items():
+        script = folder / f"{name}.sh"
+        script.write_text(f"#!/bin/sh\n{text}\n")
+        script.chmod(0o755)
+        blocks += f'    Component {name} : program {{ path "{name}.sh"; }};\n'
+    path = folder / f"{'-'.join(programs)}.ddsl"
+    path.write_text(f'import "program.cdsl";\nDeployment programs {{\n{blocks}}};\n')
+    return path
+
+
+def run(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "robocomp_py.cli.rcdeploy", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=SOON * 6)
+
+
+class Deployer(subprocess.Popen[str]):
+    """A running `rcdeploy`, and what it has said so far."""
+
+    def __init__(self, *arguments: object) -> None:
+        command = [sys.executable, "-m", "robocomp_py.cli.rcdeploy", *map(str, arguments)]
+        super().__init__(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        self.lines: list[str] = []
+        self.reader = threading.Thread(target=self._read)
+        self.reader.start()
+
+    def _read(self) -> None:
+        assert self.stdout is not None
+        self.lines.extend(self.stdout)
+
+    def wait_for(self, text: str) -> None:
+        wait_until(lambda: any(text in line for line in self.lines) or self.poll() is not None, SOON * 3, text)
+        assert any(text in line for line in self.lines), self.lines
+
+
+@contextmanager
+def deployed(*arguments: object) -> Iterator[Deployer]:
+    deployer = Deployer(*arguments)
+    try:
+        yield deployer
+        deployer.wait(SOON * 3)
+    finally:
+        deployer.kill()
+        deployer.wait()
+        deployer.reader.join()
+        assert deployer.stdout is not None
+        deployer.stdout.close()
+
+
+def alive(pid: int) -> bool:
+    """Whether a process is there, and no zombie."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def test_a_network_is_started_in_order_run_for_a_while_and_stopped(folder: Path) -> None:
+    result = run(folder / "net.ddsl", "--for", 0.3)
+    assert result.returncode == 0, result.stdout + result.stderr
+    said = result.stdout
+    steps = ["hello │ ready", "asker │ ready", "all 2 components of net are ready", "time is over", "Hello, Ada!"]
+    assert [step for step in steps if step in said] == steps
+    assert said.index("hello │ ready") < said.index("asker │ ready")
+    assert said.index("time is over") < said.index("asked: Hello, Ada!"), "a client stops while its server still lives"
+
+
+def test_the_middleware_can_be_chosen(folder: Path) -> None:
+    assert run(folder / "net.ddsl", "--middleware", "zeromq", "--for", 0).returncode == 0
+    wrong = run(folder / "net.ddsl", "--middleware", "zeromk", "--for", 0)
+    assert wrong.returncode == 1
+    assert "no middleware `zeromk`" in wrong.stderr
+    assert "did you mean `zeromq`?" in wrong.stderr
+    assert wrong.stdout == ""
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_stops_everything(folder: Path, number: int, code: int) -> None:
+    with deployed(folder / "net.ddsl") as deployer:
+        deployer.wait_for("are ready")
+        deployer.send_signal(number)
+    assert deployer.returncode == code
+    assert any("asked: Hello, Ada!" in line for line in deployer.lines)
+
+
+def test_a_mission_that_ends_ends_the_network(folder: Path) -> None:
+    path = network_of(folder, mission="sleep 0.2; echo accomplished", helper="exec sleep 600")
+    result = run(path, "--until", "mission")
+    assert result.returncode == 0, result.stdout
+    assert "mission │ accomplished" in result.stdout
+    assert "stopping: mission has ended" in result.stdout
+
+
+def test_a_component_that_dies_is_reported_with_its_last_lines(folder: Path) -> None:
+    path = network_of(folder, fragile="echo about to break; sleep 0.2; exit 3", sturdy="exec sleep 600")
+    with deployed(path) as deployer:
+        deployer.wait_for("fragile ended with exit code 3")
+        deployer.wait_for("the last lines of fragile:")
+        deployer.send_signal(signal.SIGINT)
+    said = "".join(deployer.lines)
+    assert said.rindex("about to break") > said.index("the last lines of fragile:")
+    assert deployer.returncode == 1
+
+
+def test_a_component_that_cannot_start_stops_the_network(folder: Path) -> None:
+    worker = folder / "hello" / "specificworker.py"
+    before = worker.read_text()
+    worker.write_text(before.replace("self.greeted = 0", "raise OSError('no such device')"))
+    try:
+        result = run(folder / "net.ddsl")
+    finally:
+        worker.write_text(before)
+    assert result.returncode == 1
+    assert "no such device" in result.stdout
+    assert "asker │" not in result.stdout
+
+
+def test_a_program_that_is_none_fails_with_the_reason(folder: Path) -> None:
+    path = network_of(folder, broken="")
+    (folder / "broken.sh").write_text("#!/no/such/interpreter\n")
+    result = run(path)
+    assert result.returncode == 1
+    assert "broken.sh cannot be started: No such file or directory" in result.stdout
+
+
+def test_a_program_that_ignores_being_told_is_killed_and_counts_as_failed(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = network_of(folder, stubborn="trap '' TERM; echo here; while true; do sleep 0.1; done")
+    with deployed(path) as deployer:
+        deployer.wait_for("here")
+        deployer.send_signal(signal.SIGINT)
+        deployer.wait_for("stopping")
+        deployer.send_signal(signal.SIGINT)  # no patience for its grace
+    assert deployer.returncode == 1
+    assert any("ended by signal 9" in line for line in deployer.lines)
+
+
+def test_what_a_component_started_ends_with_it(folder: Path) -> None:
+    path = network_of(folder, parent="sleep 600 & echo child $!; exec sleep 600")
+    with deployed(path) as deployer:
+        deployer.wait_for("child")
+        child = int(next(line for line in deployer.lines if "child" in line).split()[-1])
+        assert alive(child)
+        deployer.send_signal(signal.SIGINT)
+    wait_until(lambda: not alive(child))
+
+
+def test_nobody_survives_a_killed_deployer(folder: Path) -> None:
+    path = network_of(
+        folder,
+        parent="echo parent $$; sleep 600 & echo child $!; exec sleep 600",
+        stubborn="trap '' TERM HUP; echo stubborn $$; while true; do sleep 0.1; done",
+    )
+    with deployed(path) as deployer:
+        for word in ("parent │ parent", "child", "stubborn │ stubborn"):
+            deployer.wait_for(word)
+        pids = [int(line.split()[-1]) for line in deployer.lines if line.split()[-1].isdigit()]
+        assert len(pids) == 3
+        assert all(map(alive, pids))
+        deployer.kill()
+    wait_until(lambda: not any(map(alive, pids)), SOON * 2)
+
+
+def test_components_of_a_killed_deployer_still_finish(folder: Path) -> None:
+    log = folder / "finished"
+    worker = folder / "asker" / "specificworker.py"
+    before = worker.read_text()
+    worker.write_text(
+        before.replace("        self.log.info(", f"        open({str(log)!r}, 'w').close()\n        self.log.info(")
+    )
+    try:
+        with deployed(folder / "net.ddsl") as deployer:
+            deployer.wait_for("are ready")
+            deployer.kill()
+        wait_until(log.exists)
+    finally:
+        worker.write_text(before)
+
+
+def test_a_flood_of_output_and_endless_lines_are_passed_on(folder: Path) -> None:
+    path = network_of(folder, noisy="head -c 300000 /dev/zero | tr '\\0' x; echo; yes | head -n 2000; printf last")
+    result = run(path)
+    assert result.returncode == 0
+    assert result.stdout.count("x") >= 300_000
+    assert result.stdout.count("│ y\n") == 2000
+    assert "noisy │ last" in result.stdout
+
+
+def test_nothing_starts_while_anything_is_wrong(folder: Path) -> None:
+    path = network_of(folder, innocent="touch innocent-was-here")
+    path.write_text(path.read_text().replace("};\n};", "};\n    Component ghost { };\n};"))
+    result = run(path)
+    assert result.returncode == 1
+    assert "error[unknown-component]" in result.stderr
+    assert not (folder / "innocent-was-here").exists()
+
+
+def test_the_plan_shows_what_would_run(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert rcdeploy(["plan", str(folder / "net.ddsl")]) == 0
+    said = capsys.readouterr().out
+    for word in ("hello", "asker", "Hello of hello", "--name asker"):
+        assert word in said
+
+
+def test_the_plan_can_be_read_by_machines(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert rcdeploy(["plan", str(folder / "net.ddsl"), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [each["name"] for each in found["processes"]] == ["hello", "asker"]
+    assert found["links"] == [{"interface": "Hello", "provider": "hello", "client": "asker", "verb": "requires"}]
+
+
+def test_what_is_wrong_with_a_plan_can_be_read_by_machines(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = folder / "wrong.ddsl"
+    path.write_text('import "hello/hello.cdsl"; Deployment wrong { Component hullo { }; };')
+    assert rcdeploy(["plan", str(path), "--json"]) == 1
+    (line,) = capsys.readouterr().out.splitlines()
+    assert json.loads(line)["code"] == "unknown-component"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [[], ["net.ddsl", "--for", "soon"], ["net.ddsl", "--for", "-1"], ["--set", "x", "net.ddsl"], ["plan"]],
+)
+def test_wrong_usage_exits_with_2(
+    folder: Path, arguments: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(folder)
+    try:
+        code: object = rcdeploy(arguments)
+    except SystemExit as exc:
+        code = exc.code
+    assert code == 2
+    assert capsys.readouterr().err
+
+
+def test_an_unknown_mission_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert rcdeploy([str(folder / "net.ddsl"), "--until", "victory"]) == 2
+    assert "no such instance" in capsys.readouterr().err
+
+
+def test_its_help_teaches(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        rcdeploy(["--help"])
+    said = capsys.readouterr().out
+    for word in ("--middleware", "--for", "--until", "--set", "rcdeploy plan", "examples:"):
+        assert word in said
+
+
+def test_on_a_terminal_states_are_shown_live(folder: Path) -> None:
+    """Run on a pseudo-terminal, as a person would see it."""
+    import pty
+
+    master, slave = pty.openpty()
+    command = [sys.executable, "-m", "robocomp_py.cli.rcdeploy", str(folder / "net.ddsl"), "--for", "0.2"]
+    process = subprocess.Popen(command, stdout=slave, stderr=slave, env=os.environ | {"TERM": "xterm-256color"})
+    os.close(slave)
+    seen = b""
+    while True:
+        try:
+            seen += os.read(master, 65536)
+        except OSError:
+            break
+    os.close(master)
+    assert process.wait(SOON) == 0
+    for word in (b"starting", b"ready", b"stopping", b"\x1b["):
+        assert word in seen

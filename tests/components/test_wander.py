@@ -1,0 +1,169 @@
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from wander.generic.RoboCompGenericBase import TBaseState
+from wander.generic.RoboCompLaser import TData
+from wander.specificworker import SpecificWorker
+
+from robocomp_py.testing.components import ComponentTest
+
+FAST = {"component.period": 0.002}
+SPEED = "differentialrobot.setSpeedBase"
+STOP = "differentialrobot.stopBase"
+
+
+def scan(*, left: float = 5.0, ahead: float = 5.0, right: float = 5.0) -> list[TData]:
+    """Walls so many m to the left, ahead and to the right."""
+
+    def reach(angle: float) -> float:
+        aside, along = math.sin(angle), math.cos(angle)
+        walls = [right / aside if aside > 0.01 else 5.0, left / -aside if aside < -0.01 else 5.0]
+        walls += [ahead / along] if along > 0.01 else []
+        return min(5.0, *walls)
+
+    return [TData(angle, reach(angle) * 1000) for angle in (math.radians(degrees) for degrees in range(-135, 136, 3))]
+
+
+def at(x: float = 0.0, z: float = 0.0, alpha: float = 0.0) -> TBaseState:
+    return TBaseState(correctedX=x * 1000, correctedZ=z * 1000, correctedAlpha=alpha)
+
+
+def wander(seen: Callable[[], Any] = lambda: (scan(), at()), **config: Any) -> ComponentTest:
+    settings = {**FAST, **{f"params.{key}": value for key, value in config.items()}}
+    return ComponentTest(SpecificWorker, settings, laser={"getLaserAndBStateData": seen})
+
+
+def explore(component: ComponentTest, seen: list[TData]) -> tuple[float, float]:
+    """What it does about a scan."""
+    before = len(component.received(SPEED))
+    component.send("LaserPub.pushLaserData", seen)
+    component.wait_for(lambda: len(component.received(SPEED)) > before)
+    return component.received(SPEED)[-1]
+
+
+def test_told_nothing_it_does_not_drive() -> None:
+    with wander() as component:
+        component.send("LaserPub.pushLaserData", scan())
+        component.wait_for_computes(5)
+    assert component.fine
+    assert not component.received(SPEED)
+
+
+def test_it_explores_at_once_if_so_configured() -> None:
+    with wander(explores=True) as component:
+        adv, _ = explore(component, scan(left=0.5))
+    assert adv > 500
+
+
+def test_told_to_go_anywhere_it_explores() -> None:
+    with wander() as component:
+        component.call("GotoPoint.go", "anywhere", 0.0, 0.0, 0.0)
+        adv, rot = explore(component, scan(left=0.5))
+        assert adv > 500
+        assert abs(rot) < 0.8
+        assert not component.call("GotoPoint.atTarget")
+
+
+def test_it_turns_away_from_a_wall_and_does_not_drive_into_it() -> None:
+    with wander() as component:
+        component.call("GotoPoint.go", "anywhere", 0.0, 0.0, 0.0)
+        adv, rot = explore(component, scan(left=0.5, ahead=0.45))
+    assert adv == pytest.approx(0.0)
+    assert rot > 1.0
+
+
+def test_every_exploration_has_the_other_hand_at_the_wall() -> None:
+    with wander() as component:
+        turns = []
+        for _ in range(4):
+            component.call("GotoPoint.go", "anywhere", 0.0, 0.0, 0.0)
+            turns.append(explore(component, scan(ahead=0.6))[1] > 0)
+    assert turns == [True, False, True, False]
+
+
+def test_a_scan_is_used_once() -> None:
+    with wander() as component:
+        component.call("GotoPoint.go", "anywhere", 0.0, 0.0, 0.0)
+        explore(component, scan())
+        component.wait_for_computes(5)
+    assert len(component.received(SPEED)) == 1
+
+
+def test_stop_stops_the_base_and_keeps_it_still() -> None:
+    with wander() as component:
+        component.call("GotoPoint.turn", 0.5)
+        component.wait_for(lambda: component.received(SPEED))
+        component.call("GotoPoint.stop")
+        component.wait_for(lambda: component.received(STOP))
+        driven = len(component.received(SPEED))
+        component.wait_for_computes(5)
+    assert len(component.received(SPEED)) == driven
+    assert len(component.received(STOP)) == 1
+
+
+def test_turning_is_said_again_and_again() -> None:
+    with wander() as component:
+        component.call("GotoPoint.turn", 0.5)
+        component.wait_for(lambda: len(component.received(SPEED)) >= 3)
+    assert set(component.received(SPEED)) == {(0.0, 0.5)}
+
+
+def test_it_goes_straight_to_a_place_that_is_in_sight() -> None:
+    with wander(lambda: (scan(), at(x=1.0, z=1.0))) as component:
+        component.call("GotoPoint.go", "", 1000.0, 3500.0, 0.0)
+        component.wait_for(lambda: component.received(SPEED))
+        assert not component.call("GotoPoint.atTarget")
+    assert component.received(SPEED)[0] == pytest.approx((1200.0, 0.0))
+
+
+def test_it_first_turns_to_a_place_that_is_behind() -> None:
+    with wander(lambda: (scan(), at(x=1.0, z=1.0))) as component:
+        component.call("GotoPoint.go", "", 0.0, 1000.0, 0.0)
+        component.wait_for(lambda: component.received(SPEED))
+    adv, rot = component.received(SPEED)[0]
+    assert adv == 0.0
+    assert rot < 0
+
+
+def test_it_slows_down_near_the_place() -> None:
+    with wander(lambda: (scan(), at(z=0.7))) as component:
+        component.call("GotoPoint.go", "", 0.0, 1000.0, 0.0)
+        component.wait_for(lambda: component.received(SPEED))
+    assert component.received(SPEED)[0][0] == pytest.approx(300, abs=1)
+
+
+def test_there_it_first_turns_to_where_it_was_told_to_look() -> None:
+    alpha = 0.0
+    with wander(lambda: (scan(), at(x=2.0, z=1.0, alpha=alpha))) as component:
+        component.call("GotoPoint.go", "", 2000.0, 1000.0, 1.5)
+        component.wait_for(lambda: component.received(SPEED))
+        assert not component.call("GotoPoint.atTarget")
+        assert component.received(SPEED)[-1][0] == 0.0
+        assert component.received(SPEED)[-1][1] > 0
+        alpha = 1.5
+        component.wait_for(lambda: component.call("GotoPoint.atTarget"))
+        component.wait_for(lambda: component.received(STOP))
+
+
+def test_a_new_place_is_not_yet_reached() -> None:
+    with wander(lambda: (scan(), at())) as component:
+        component.call("GotoPoint.go", "", 0.0, 0.0, 0.0)
+        component.wait_for(lambda: component.call("GotoPoint.atTarget"))
+        component.call("GotoPoint.go", "", 5000.0, 0.0, 0.0)
+        assert not component.call("GotoPoint.atTarget")
+
+
+def test_what_it_is_told_while_it_waits_for_a_scan_counts() -> None:
+    def stopped_meanwhile() -> tuple[list[TData], TBaseState]:
+        component.call("GotoPoint.stop")
+        return scan(), at()
+
+    with wander(stopped_meanwhile) as component:
+        component.call("GotoPoint.go", "", 5000.0, 0.0, 0.0)
+        component.wait_for_computes(5)
+    assert component.fine
+    assert not component.received(SPEED)

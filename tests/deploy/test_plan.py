@@ -1,0 +1,248 @@
+"""A network is checked whole before anything starts."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+from robocomp_py.cli.rcgen import main as rcgen
+from robocomp_py.deploy.plan import Overrides, Plan, make_plan
+from robocomp_py.dsl.diagnostics import Diagnostic
+from robocomp_py.dsl.workspace import Workspace
+
+SENSOR = """
+import "Laser.idsl"; import "LaserPub.idsl";
+Component sensor { Communications { implements Laser; publishes LaserPub; }; language python; params "sensor.pdsl"; };
+"""
+PARAMS = 'ComponentParams sensor { range "m" float 10 0:30; };'
+DRIVER = """
+import "Laser.idsl"; import "LaserPub.idsl";
+Component driver { Communications { requires Laser; subscribesTo LaserPub; }; language python; };
+"""
+FUSION = """
+import "Laser.idsl";
+Component fusion { Communications { requires Laser, Laser; }; language python; };
+"""
+RECORDER = """
+import "LaserPub.idsl";
+Component recorder { Communications { subscribesTo LaserPub qos(reliable); }; language python; };
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four generated components."""
+    root = tmp_path_factory.mktemp("network")
+    for name, text in {"sensor": SENSOR, "driver": DRIVER, "fusion": FUSION, "recorder": RECORDER}.items():
+        (root / name).mkdir()
+        (root / name / f"{name}.cdsl").write_text(text)
+        (root / name / "sensor.pdsl").write_text(PARAMS)
+        assert rcgen([str(root / name / f"{name}.cdsl")]) == 0
+    return root
+
+
+def plan(folder: Path, body: str, overrides: Overrides | None = None) -> tuple[Plan | None, list[Diagnostic]]:
+    path = folder / "net.ddsl"
+    imports = "".join(f'import "{name}/{name}.cdsl";\n' for name in ("sensor", "driver", "fusion", "recorder"))
+    path.write_text(f"{imports}Deployment net {{\n{body}\n}};\n")
+    workspace = Workspace()
+    found = make_plan(path, workspace, overrides)
+    return found, workspace.report.diagnostics
+
+
+def errors(folder: Path, body: str, overrides: Overrides | None = None) -> list[str]:
+    """The codes of what is wrong, which must make it impossible to start."""
+    found, diagnostics = plan(folder, body, overrides)
+    wrong = [each.code for each in diagnostics if each.severity == "error"]
+    assert (found is None) == bool(wrong)
+    return wrong
+
+
+def command(found: Plan | None, name: str) -> str:
+    assert found is not None
+    return " ".join(next(each.command for each in found.processes if each.name == name))
+
+
+def test_a_right_network_becomes_processes_in_order(folder: Path) -> None:
+    found, diagnostics = plan(
+        folder,
+        """
+        namespace robot1;
+        middleware zeromq;
+        Component driver { dependences laser; args "--verbose"; env ROBOT "viriato"; };
+        Component laser : sensor { port 10003; ip localhost; };
+        """,
+    )
+    assert diagnostics == []
+    assert found is not None
+    laser, driver = found.processes
+    assert (laser.name, laser.component, laser.after) == ("laser", "sensor", ())
+    assert (driver.name, driver.after, dict(driver.env)) == ("driver", ("laser",), {"ROBOT": "viriato"})
+    assert laser.command[0] == sys.executable
+    for part in ("--name laser", "namespace=robot1", "middleware=zeromq", "zeromq.bind=tcp://127.0.0.1:10003"):
+        assert part in command(found, "laser")
+    for part in ("ports.laser.from=laser", "ports.LaserPub.from=laser", "--verbose"):
+        assert part in command(found, "driver")
+    assert [(link.interface, link.provider) for link in found.links] == [("Laser", "laser"), ("LaserPub", "laser")]
+
+
+def test_the_command_line_overrides_the_network(folder: Path) -> None:
+    body = "middleware nowhere; Component sensor { middleware zeromq; };"
+    overrides = Overrides("zeromq", (("sensor", "params.range=5"), ("*", "component.log=debug")))
+    assert errors(folder, body, overrides) == ["unknown-middleware"]
+    found, _ = plan(folder, "Component sensor { };", overrides)
+    assert "--set middleware=zeromq --set params.range=5 --set component.log=debug" in command(found, "sensor")
+
+
+def test_a_configuration_of_its_own_is_passed_on(folder: Path) -> None:
+    (folder / "far.toml").write_text("[params]\nrange = 25\n")
+    found, _ = plan(folder, 'Component sensor { config "far.toml"; };')
+    assert f"--config {folder}/far.toml" in command(found, "sensor")
+
+
+def test_with_several_instances_wiring_says_who_uses_whom(folder: Path) -> None:
+    found, _ = plan(
+        folder,
+        """
+        Component left : sensor { };
+        Component right : sensor { };
+        Component fusion { requires Laser from left; requires Laser1 from right; };
+        Component driver { requires Laser from right; subscribesTo LaserPub from left; };
+        """,
+    )
+    assert "ports.laser.from=left --set ports.laser1.from=right" in command(found, "fusion")
+    assert "ports.laser.from=right --set ports.LaserPub.from=left" in command(found, "driver")
+
+
+def test_a_subscriber_hears_all_publishers_unless_told_otherwise(folder: Path) -> None:
+    found, _ = plan(
+        folder,
+        """
+        Component left : sensor { };
+        Component right : sensor { };
+        Component driver { requires Laser from right; };
+        """,
+    )
+    assert "LaserPub.from" not in command(found, "driver")
+    assert found is not None
+    assert sum(link.interface == "LaserPub" for link in found.links) == 2
+
+
+def test_a_program_of_ones_own_is_run_as_it_is(folder: Path) -> None:
+    script = folder / "own.sh"
+    script.write_text("#!/bin/sh\n")
+    script.chmod(0o755)
+    found, _ = plan(folder, 'Component sensor { path "own.sh"; args "a b", "c"; };')
+    assert found is not None
+    (process,) = found.processes
+    assert process.command == (str(script), "a b", "c")
+    assert (process.cwd, process.notifies) == (folder, False)
+
+
+WRONG = {
+    "Component driver { };": ["nobody-provides"],
+    "Component a : sensor {}; Component b : sensor {}; Component driver { };": ["ambiguous-provider"],
+    "Component sensor {}; Component fusion { requires Laser2 from sensor; };": ["unknown-port"],
+    "Component sensor {}; Component driver { requires Laser from senser; };": ["unknown-instance"],
+    "Component sensor {}; Component d : driver {}; Component driver { requires Laser from d; };": ["nobody-provides"],
+    "Component sensor {}; Component sensor {};": ["duplicate"],
+    "Component sensor : sensr { };": ["unknown-component"],
+    "Component sensor { dependences laser; };": ["unknown-instance"],
+    "Component a : sensor { dependences b; }; Component b : sensor { dependences a; };": ["dependence-cycle"],
+    "Component sensor { dependences sensor; };": ["dependence-cycle"],
+    "Component a : sensor { port 7; }; Component b : sensor { port 7; };": ["port-clash"],
+    "Component sensor { port 70000; };": ["bad-port"],
+    'Component sensor { path "nowhere"; };': ["missing-file"],
+    'Component sensor { path "net.ddsl"; };': ["not-executable"],
+    'Component sensor { config "nowhere.toml"; };': ["missing-file"],
+    'Component sensor { config "bad.toml"; };': ["configuration"],
+    'Component sensor { ip "192.168.1.10"; };': ["not-yet"],
+    "Component sensor { restart always; };": ["not-yet"],
+    "host onboard { }; Component sensor { };": ["not-yet"],
+    "middleware zeromp; Component sensor { };": ["unknown-middleware"],
+    "Component sensor { middleware inproc; };": ["unfit-middleware"],
+    "Component sensor { }; Component recorder { };": ["qos-mismatch"],
+}
+
+
+@pytest.mark.parametrize("body", WRONG)
+def test_what_is_wrong_is_found_before_anything_starts(folder: Path, body: str) -> None:
+    (folder / "bad.toml").write_text("[params]\nrange = 99\n")
+    assert errors(folder, body) == WRONG[body]
+
+
+def test_several_mistakes_are_told_at_once(folder: Path) -> None:
+    body = "Component driver { dependences nobody; }; Component sensor : lidar { }; Component fusion { port 0; };"
+    assert set(errors(folder, body)) >= {"unknown-instance", "unknown-component", "bad-port"}
+
+
+def test_a_wrong_configuration_is_told_with_its_file_and_line(folder: Path) -> None:
+    (folder / "bad.toml").write_text("[params]\nrange = 99\nrnage = 1\n")
+    _, (found,) = plan(folder, 'Component sensor { config "bad.toml"; };')
+    assert f"{folder}/bad.toml:2: `range` is 99; allowed: float, 0.0 to 30.0" in found.message
+    assert f"{folder}/bad.toml:3: unknown parameter `rnage`; did you mean `range`?" in found.message
+
+
+def test_a_wrong_override_is_told_as_it_was_given(folder: Path) -> None:
+    _, (found,) = plan(folder, "Component sensor { };", Overrides(settings=(("sensor", "params.range=99"),)))
+    assert "--set params.range=99: `range` is 99" in found.message
+    assert errors(folder, "Component sensor { };", Overrides(settings=(("senser", "a=1"),))) == ["unknown-instance"]
+
+
+def test_a_subscription_nobody_publishes_is_a_warning(folder: Path) -> None:
+    found, diagnostics = plan(folder, "Component recorder { };")
+    assert found is not None
+    assert [(each.code, each.severity) for each in diagnostics] == [("nobody-publishes", "warning")]
+
+
+def test_an_empty_network_is_a_warning(folder: Path) -> None:
+    found, diagnostics = plan(folder, "")
+    assert found is not None
+    assert [each.code for each in diagnostics] == ["empty-deployment"]
+
+
+def test_a_component_that_was_not_generated_says_how(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "sensor.cdsl").write_text(SENSOR.replace("sensor.pdsl", str(folder / "sensor" / "sensor.pdsl")))
+    (tmp_path / "net.ddsl").write_text('import "sensor.cdsl"; Deployment net { Component sensor { }; };')
+    workspace = Workspace()
+    assert make_plan(tmp_path / "net.ddsl", workspace) is None
+    ((code, hint),) = [(each.code, each.hint) for each in workspace.report.errors]
+    assert (code, hint) == ("not-generated", f"run: rcgen {tmp_path}/sensor.cdsl")
+
+
+def test_two_definitions_of_one_interface_are_told_apart(folder: Path, tmp_path: Path) -> None:
+    for name, width in (("server", "float"), ("client", "double")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "Speed.idsl").write_text(
+            f"module RoboCompSpeed {{ interface Speed {{ {width} get(); }}; }};"
+        )
+        verb = "implements" if name == "server" else "requires"
+        (tmp_path / name / f"{name}.cdsl").write_text(
+            f'import "Speed.idsl"; Component {name} {{ Communications {{ {verb} Speed; }}; language python; }};'
+        )
+        assert rcgen([str(tmp_path / name / f"{name}.cdsl")]) == 0
+    (tmp_path / "net.ddsl").write_text(
+        'import "server/server.cdsl"; import "client/client.cdsl";'
+        "Deployment net { Component server { }; Component client { }; };"
+    )
+    workspace = Workspace()
+    assert make_plan(tmp_path / "net.ddsl", workspace) is None
+    (found,) = workspace.report.errors
+    assert found.code == "contract-mismatch"
+    assert "SpeedGetResponse.ret: float64 here, float32 there" in found.message
+
+
+def test_mistakes_in_what_is_imported_are_told_where_they_are(tmp_path: Path) -> None:
+    (tmp_path / "broken.cdsl").write_text("Component broken { Communications { implements Lasr; } language python; };")
+    (tmp_path / "net.ddsl").write_text('import "broken.cdsl"; Deployment net { Component broken { }; };')
+    workspace = Workspace()
+    assert make_plan(tmp_path / "net.ddsl", workspace) is None
+    assert {os.path.basename(each.span.source.path) for each in workspace.report.errors} == {"broken.cdsl"}
+
+
+def test_a_plan_is_the_same_every_time(folder: Path) -> None:
+    body = "Component sensor { }; Component driver { };"
+    assert plan(folder, body)[0] == plan(folder, body)[0]

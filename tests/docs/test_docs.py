@@ -1,0 +1,111 @@
+"""What the documentation says is so: its commands are run, its files are used, its examples are checked."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from robocomp_py.contract.parameters import check
+from robocomp_py.dsl.workspace import Workspace
+from robocomp_py.testing.patience import SOON, wait_until
+
+from .pages import ROOT, Command, File, blocks, steps
+
+DOCS = ROOT / "docs"
+LANGUAGES = ("idsl", "cdsl", "pdsl", "ddsl")
+
+
+def do(step: File | Command, folder: Path) -> None:
+    if isinstance(step, File):
+        path = folder / step.path
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(step.text, encoding="utf-8")
+        return
+    environment = os.environ | {
+        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+        "PYTEST_ADDOPTS": "-p no:cacheprovider",
+        "COLUMNS": "120",
+    }
+    process = subprocess.Popen(
+        ["bash", "-c", f"exec {step.text}"], cwd=folder, env=environment, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    )  # fmt: skip
+    said: list[str] = []
+    assert process.stdout is not None
+    reader = threading.Thread(target=said.extend, args=(process.stdout,))
+    reader.start()
+    try:
+        if step.interrupted:
+            wait_until(lambda: step.pattern.match("".join(said)), SOON * 3, f"{step.text}: {step.output}")
+            process.send_signal(signal.SIGINT)
+        process.wait(SOON * 6)
+    finally:
+        process.kill()
+        reader.join()
+        process.stdout.close()
+    output = "".join(said)
+    assert step.pattern.match(output), f"$ {step.text}\n{output}\n--- expected:\n" + "\n".join(step.output)
+    assert process.returncode == (130 if step.interrupted else step.exit_code), output
+
+
+def test_the_tutorial_works_as_written(tmp_path: Path) -> None:
+    done = list(steps(DOCS / "tutorial.md"))
+    assert len(done) > 15
+    for step in done:
+        do(step, tmp_path)
+
+
+def test_the_minute_of_the_readme_works_as_written(tmp_path: Path) -> None:
+    done = list(steps(ROOT / "README.md"))
+    assert len(done) > 6
+    for step in done:
+        do(step, tmp_path)
+
+
+def test_the_transport_of_the_guide_keeps_the_contract(tmp_path: Path) -> None:
+    for step in steps(DOCS / "transports.md"):
+        do(step, tmp_path)
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_counting.py", "--timeout", "120"]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert " passed" in result.stdout
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_examples_in_the_language_reference_are_right(language: str) -> None:
+    page = DOCS / "languages" / f"{language}.md"
+    texts = {f"example{n}.{kind}": text for kind in LANGUAGES for n, text in enumerate(blocks(page, kind))}
+    assert texts
+    for name in texts:
+        workspace = Workspace(read=lambda path: _read(path, texts))
+        workspace.check(ROOT / "components" / name)  # where its imports would be found
+        missing = [each for each in workspace.report.errors if each.code not in ("missing-file",)]
+        assert not missing, [each.render() for each in missing]
+
+
+def _read(path: Path, texts: dict[str, str]) -> bytes:
+    return texts[path.name].encode() if path.name in texts else path.read_bytes()
+
+
+def test_the_configuration_in_the_reference_fits_its_parameters() -> None:
+    page = DOCS / "languages" / "pdsl.md"
+    (pdsl,), (toml,) = blocks(page, "pdsl"), blocks(page, "toml")
+    spec = Workspace(read=lambda _: pdsl.encode()).parameters(Path("explorer.pdsl"))
+    assert spec is not None
+    assert check(spec, tomllib.loads(toml)["params"])[1] == []
+
+
+def test_links_between_pages_lead_somewhere() -> None:
+    import re
+
+    for page in [ROOT / "README.md", *DOCS.rglob("*.md")]:
+        for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
+            if "://" not in target:
+                assert (page.parent / target).exists(), f"{page.name}: {target}"
