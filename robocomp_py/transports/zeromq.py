@@ -242,6 +242,21 @@ def as_transport_error(doing: str) -> Iterator[None]:
         raise TransportError(f"zeromq: {doing}: {exc}") from exc
 
 
+def send_frames(socket: zmq.Socket[Any], frames: Frames, flags: int = 0) -> None:
+    """What `send_multipart` does, in half the time."""
+    for frame in frames[:-1]:
+        socket.send(frame, flags | zmq.SNDMORE)
+    socket.send(frames[-1], flags)
+
+
+def receive_frames(socket: zmq.Socket[Any], flags: int = 0) -> Frames:
+    """What `recv_multipart` does, in half the time."""
+    frames: Frames = [socket.recv(flags)]
+    while socket.get(zmq.RCVMORE):
+        frames.append(socket.recv(flags))
+    return frames
+
+
 class _Socket:
     """A ZeroMQ socket that several threads may use, because nothing here waits.
 
@@ -256,6 +271,8 @@ class _Socket:
         self.fileno = int(raw.FD)
         self.raw = raw
         self.closed = False
+        self.awaited = False
+        """Whether it will be looked at anyway."""
         self.on_input = on_input
         self._attend = attend
 
@@ -265,11 +282,11 @@ class _Socket:
             if self.closed:
                 return False
             try:
-                self.raw.send_multipart(frames, zmq.NOBLOCK)
+                send_frames(self.raw, frames, zmq.NOBLOCK)
                 sent = True
             except zmq.Again:
                 sent = False
-            if int(self.raw.EVENTS) & zmq.POLLIN:
+            if not self.awaited and int(self.raw.get(zmq.EVENTS)) & zmq.POLLIN:
                 self._attend(self)
             return sent
 
@@ -289,7 +306,7 @@ class _Socket:
             if self.closed:
                 return None
             try:
-                return self.raw.recv_multipart(zmq.NOBLOCK)
+                return receive_frames(self.raw, zmq.NOBLOCK)
             except zmq.Again:
                 return None
 
@@ -328,6 +345,7 @@ class _Loop:
 
     def attend(self, socket: _Socket) -> None:
         """Look at this socket next, whatever its file descriptor says."""
+        socket.awaited = True
         self._ready.append(socket)
         if self._sleeping:
             self._interrupt()
@@ -353,6 +371,7 @@ class _Loop:
         jobs: list[Job] = []
         for _ in range(len(self._ready)):
             socket = self._ready.popleft()
+            socket.awaited = False
             jobs += socket.on_input(socket)
         return jobs
 
@@ -764,7 +783,7 @@ class _Caller(_AskingLink):
     def _send(self, peer: _Peer, socket: zmq.Socket[bytes], frames: Frames, end: float, deadline: float) -> None:
         while True:
             try:
-                socket.send_multipart(frames)
+                send_frames(socket, frames)
                 return
             except zmq.Again:
                 self.still(peer)
@@ -781,7 +800,7 @@ class _Caller(_AskingLink):
             try:
                 if left * 1000 < _SLICE_MS and not socket.poll(max(1, int(left * 1000))):
                     continue
-                frames = socket.recv_multipart()
+                frames = receive_frames(socket)
                 return read_reply(frames[0]), frames[1:]
             except zmq.Again:
                 self.still(peer)
@@ -833,17 +852,12 @@ class _Router:
             log.warning("a reply was dropped: who asked does not take it")
 
     def _on_request(self, socket: _Socket) -> list[Job]:
-        jobs: list[Job] = []
-        for _ in range(BATCH):
-            frames = socket.receive()
-            if frames is None:
-                break
-            job = self._accept(frames)
-            if job:
-                jobs.append(job)
-        else:
-            self._transport.attend(socket)
-        return jobs
+        frames = socket.receive()
+        if frames is None:
+            return []
+        job = self._accept(frames)
+        self._transport.attend(socket)  # whether there is more is found out after this one was answered
+        return [job] if job else []
 
     def _accept(self, frames: Frames) -> Job | None:
         identity, channel, head, *payload = [*frames, b"", b""] if len(frames) < 3 else frames

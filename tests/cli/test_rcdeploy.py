@@ -19,7 +19,7 @@ from robocomp_py.cli.rcgen import main as rcgen
 from robocomp_py.testing.patience import SOON, wait_until
 
 ASKER = """
-import "Hello.idsl";
+import "../hello/Hello.idsl";
 Component asker { Communications { requires Hello; }; language python; period 20 ms; };
 """
 NETWORK = """
@@ -38,7 +38,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert rcgen(["--new", "Hello", "-o", str(root / "hello")]) == 0
     (root / "asker").mkdir()
     (root / "asker" / "asker.cdsl").write_text(ASKER)
-    assert rcgen([str(root / "asker" / "asker.cdsl"), "-I", str(root / "hello")]) == 0
+    assert rcgen([str(root / "asker" / "asker.cdsl")]) == 0
     worker = root / "asker" / "specificworker.py"
     worker.write_text(
         worker.read_text()
