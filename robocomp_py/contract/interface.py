@@ -126,27 +126,48 @@ class Interface:
 
 def differences(ours: str, theirs: str) -> list[str]:
     """Where two canonical texts differ, as sentences: ours first."""
-    mine, other = _entries(ours), _entries(theirs)
+    mine, other = _sections(ours), _sections(theirs)
     found = []
-    for key in dict.fromkeys([*mine, *other]):
-        if mine.get(key) != other.get(key):
-            found.append(f"{key}: {mine.get(key, 'absent')} here, {other.get(key, 'absent')} there")
-    return found or ["the order of fields or members"]
+    for name in dict.fromkeys([*mine, *other]):
+        found += _compare(name, mine.get(name, _ABSENT), other.get(name, _ABSENT))
+        if found and name == "operation":
+            break  # of another module: every name differs
+    return found or ["the order in which they are described"]
 
 
-def _entries(text: str) -> dict[str, str]:
-    """`struct X` / `  field type` lines as {"X.field": "type"}."""
-    entries: dict[str, str] = {}
-    owner = ""
+_Section = tuple[str, dict[str, str]]
+"""What something is, and its members."""
+
+_ABSENT: _Section = ("absent", {})
+
+
+def _sections(text: str) -> dict[str, _Section]:
+    """`struct X` and its `  field type` lines as {"X": ("struct", {"field": "type"})}."""
+    sections: dict[str, _Section] = {}
+    members: dict[str, str] = {}
     for line in text.splitlines():
+        first, _, second = line.strip().partition(" ")
         if line.startswith("  "):
-            name, _, value = line.strip().partition(" ")
-            entries[f"{owner}.{name}"] = value or "present"
+            members[first] = second
         else:
-            kind, _, owner = line.partition(" ")
-            if kind in ("operation", "pattern"):
-                entries[kind] = owner
-    return entries
+            members = {}
+            name, what = (first, second) if first in ("operation", "pattern") else (second, first)
+            sections[name] = (what, members)
+    return sections
+
+
+def _compare(name: str, mine: _Section, other: _Section) -> list[str]:
+    (here, members), (there, others) = mine, other
+    if here != there:
+        return [f"{name}: {here} here, {there} there"]
+    found = [
+        f"{name}.{member}: {members.get(member, 'absent')} here, {others.get(member, 'absent')} there"
+        for member in dict.fromkeys([*members, *others])
+        if members.get(member) != others.get(member)
+    ]
+    if not found and list(members) != list(others):
+        found = [f"{name}: {', '.join(members)} here, {', '.join(others)} there"]
+    return found
 
 
 def _describe(operation: Operation[R]) -> Iterator[str]:

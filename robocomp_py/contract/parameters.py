@@ -8,6 +8,7 @@ wrong with each; it knows keys, not files, so that whoever read the file can add
 from __future__ import annotations
 
 import difflib
+import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -25,10 +26,6 @@ class ParameterKind(StrEnum):
     STRING = "string"
     BOOL = "bool"
     ENUM = "enum"
-
-    @property
-    def is_number(self) -> bool:
-        return self in (ParameterKind.INT, ParameterKind.FLOAT, ParameterKind.DOUBLE)
 
 
 @dataclass(frozen=True)
@@ -185,14 +182,18 @@ def _value(parameter: Parameter, given: Any) -> tuple[Any, list[str]]:
         return parameter.default, [f"`{parameter.name}`: {unknown('value', given, parameter.choices)}"]
     if not parameter.admits(given):
         return parameter.default, [f"`{parameter.name}` is {given!r}; allowed: {parameter.allowed()}"]
-    return float(given) if parameter.kind in (ParameterKind.FLOAT, ParameterKind.DOUBLE) else given, []
+    return float(given) if parameter.kind in _FLOATS else given, []
+
+
+_FLOATS = (ParameterKind.FLOAT, ParameterKind.DOUBLE)
 
 
 def _is_a(kind: ParameterKind, value: Any) -> bool:
-    if kind.is_number:
-        whole = kind is ParameterKind.INT
-        return isinstance(value, int if whole else int | float) and not isinstance(value, bool)
-    return isinstance(value, bool if kind is ParameterKind.BOOL else str)
+    if kind is ParameterKind.BOOL or isinstance(value, bool):
+        return kind is ParameterKind.BOOL and isinstance(value, bool)
+    if kind in _FLOATS:
+        return isinstance(value, float) or (isinstance(value, int) and abs(value) <= sys.float_info.max)
+    return isinstance(value, int if kind is ParameterKind.INT else str)
 
 
 def unknown(what: str, name: str, known: Iterable[str]) -> str:

@@ -13,6 +13,7 @@ where a run begins, there are eight layouts of each run, chosen by `n & 7`.
 
 from __future__ import annotations
 
+import operator
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,6 +21,8 @@ from typing import Any
 
 from ..contract.types import (
     BOOL,
+    FLOATS,
+    INTEGERS,
     STRING,
     TIME,
     Dictionary,
@@ -30,9 +33,9 @@ from ..contract.types import (
     Struct,
     Type,
 )
-from ..errors import EncodeError
-from .codec import MAX_BYTES, Decoder, Encoder, Program, as_array, guard_decoder, guard_encoder, structs_in, view_of
-from .plain import as_bool, as_list
+from .codec import Decoder, Encoder, check_size, guard_decoder, guard_encoder
+from .program import Program, is_loop
+from .values import as_array, as_bool, as_dict, as_list, as_member, as_str, view_of
 
 ENCAPSULATION = b"\x00\x01\x00\x00"
 
@@ -40,26 +43,24 @@ _Layouts = tuple[struct.Struct, ...]
 _LETTERS = dict(zip(Primitive, "BbBhHiIqQfd", strict=False))
 _PADDING = tuple(bytes(-n & 7) for n in range(8))
 _BOOLS = (False, True)
+_NUMBERS = INTEGERS | FLOATS
 
 
 class Cdr:
-    """The binary format of DDS; on Zenoh and shared memory and in recordings, too."""
+    """The binary format of DDS; on Zenoh and shared memory and in recordings, too.
+
+    Received arrays are views of the payload. Those of 8-byte numbers are aligned in memory only if
+    the payload begins 4 octets before a multiple of 8, which a transport with buffers of its own
+    should see to; numpy copes with others, but some of it (matrix products) is slow with them.
+    """
 
     name = "cdr"
 
     def encoder(self, message: Struct) -> Encoder:
-        encode = _EncodeProgram().compile(message)
-
-        def limited(values: tuple[Any, ...]) -> bytes:
-            payload = encode(values)
-            if len(payload) > MAX_BYTES:
-                raise EncodeError(f"{message.name}: {len(payload)} bytes; a message may have {MAX_BYTES}")
-            return payload
-
-        return guard_encoder(message, limited)
+        return guard_encoder(message, _EncodeProgram(message).compile())
 
     def decoder(self, message: Struct, *, prefix: bool = False) -> Decoder:
-        return guard_decoder(message, _DecodeProgram().compile(message, prefix))
+        return guard_decoder(message, _DecodeProgram(message).compile(prefix))
 
 
 # What has a fixed size is a run of primitives, its leaves.
@@ -75,12 +76,14 @@ class _Leaf:
 
 
 def _leaves(kind: Type, path: str = "") -> list[_Leaf] | None:
-    """The leaves of a type, in order; None if its size varies."""
+    """The leaves of a type, in order; None if its size varies, or if its parts have no names in Python."""
     match kind:
         case Primitive():
             return None if kind is STRING else [_Leaf(_LETTERS.get(kind, "iI"), path, kind)]
         case Enumeration():
             return [_Leaf("i", path, kind)]
+        case Struct(python=None):
+            return None
         case Struct(fields=()):
             return [_Leaf("B", path, kind)]
         case Struct(fields=fields):
@@ -107,37 +110,33 @@ def _aligned(letters: str, start: int) -> str:
 class _EncodeProgram:
     """Writes `encode(values) -> bytes`. In it, `n` counts the bytes so far and `add` appends some."""
 
-    def __init__(self) -> None:
-        self._program = Program()
-        self._structs: dict[str, str] = {}
+    def __init__(self, message: Struct) -> None:
+        self._message = message
+        self._program = Program(message)
         self._letters = ""
         self._values: list[str] = []
 
-    def compile(self, message: Struct) -> Callable[[tuple[Any, ...]], bytes]:
+    def compile(self) -> Callable[[tuple[Any, ...]], bytes]:
         p = self._program
-        for each in structs_in(message):
-            if _leaves(each) is None:
-                self._define(each)
-        names = [p.fresh() for _ in message.fields]
-        p.line("def encode(values):")
-        p.indent()
-        p.line(f"out = [{ENCAPSULATION!r}]; add = out.append; n = 0")
-        p.line(f"[{', '.join(names)}] = values")
-        self._fields(message.fields, names)
-        p.line("return b''.join(out)")
+        fields = self._message.fields
+        names = [p.fresh() for _ in fields]
+        with p.block("def encode(values)"):
+            p.line(f"out = [{ENCAPSULATION!r}]; add = out.append; n = 0")
+            p.line(f"[{', '.join(names)}] = values")
+            self._fields(fields, names)
+            p.line(f"{p.name(check_size)}(n + {len(ENCAPSULATION)})")
+            p.line("return b''.join(out)")
+        p.write_functions(self._write)
         return p.compile("encode")
 
-    def _define(self, kind: Struct) -> None:
+    def _write(self, function: str, kind: Type) -> None:
         p = self._program
-        function = self._structs[kind.name] = p.fresh("encode_")
-        names = [p.fresh() for _ in kind.fields]
-        p.line(f"def {function}(value, n, add):")
-        p.indent()
-        for variable, field in zip(names, kind.fields, strict=True):
-            p.line(f"{variable} = value.{field.attribute}")
-        self._fields(kind.fields, names)
-        p.line("return n")
-        p.dedent()
+        with p.block(f"def {function}(value, n, add)"):
+            if isinstance(kind, Struct):
+                self._fields(kind.fields, p.take_apart(kind, "value"))
+            else:
+                self._value(kind, "value")
+            p.line("return n")
 
     def _fields(self, fields: tuple[Field, ...], names: list[str]) -> None:
         if not fields:
@@ -166,13 +165,12 @@ class _EncodeProgram:
         match kind:
             case Primitive():
                 text = p.fresh()
-                p.line(f"{text} = {x}.encode()")
+                p.line(f"{text} = ({x} if type({x}) is str else {p.name(as_str)}({x})).encode()")
                 self._run("I", f"len({text}) + 1")
                 self._end_run()
                 p.line(f"add({text}); add(b'\\0'); n += len({text}) + 1")
-            case Struct(name=name):
-                self._end_run()
-                p.line(f"n = {self._structs[name]}({x}, n, add)")
+            case Struct():
+                self._call(kind, x)
             case Sequence() if kind.dtype is not None:
                 array = p.fresh()
                 p.line(f"{array} = {p.name(as_array)}({x}, {p.name(kind.dtype)})")
@@ -188,15 +186,11 @@ class _EncodeProgram:
                 self._end_run()
                 self._items(item, items)
             case Dictionary(key, item):
-                k, v = p.fresh(), p.fresh()
-                self._run("I", f"len({x})")
+                entries, k, v = p.fresh(), p.fresh(), p.fresh()
+                p.line(f"{entries} = {p.name(as_dict)}({x})")
+                self._run("I", f"len({entries})")
                 self._end_run()
-                p.line(f"for {k}, {v} in {x}.items():")
-                p.indent()
-                self._value(key, k)
-                self._value(item, v)
-                self._end_run()
-                p.dedent()
+                self._loop(f"{k}, {v} in {entries}.items()", (key, k), (item, v))
             case Enumeration():
                 raise AssertionError("enumerations have leaves")
 
@@ -204,69 +198,81 @@ class _EncodeProgram:
         p = self._program
         each = p.fresh()
         leaves = _leaves(item) or []
-        letters = "".join(leaf.letters for leaf in leaves)
-        if letters and len(set(letters)) == 1:  # all of one kind: no padding inside, so one call packs them all
-            size = struct.calcsize("<" + letters[0])
-            values = ", ".join(text for leaf in leaves for text in self._leaf(leaf, each))
-            flat = f"[v for {each} in {items} for v in ({values},)]"
-            p.line(f"if {items}:")
-            p.indent()
-            p.line(f"add(bytes(-n % {size})); n += -n % {size}")
-            p.line(f"s = {p.name(struct.pack)}(f'<{{len({items}) * {len(letters)}}}{letters[0]}', *{flat})")
-            p.line("add(s); n += len(s)")
-            p.dedent()
+        kinds = {leaf.kind for leaf in leaves}
+        if len(kinds) != 1 or not kinds <= _NUMBERS:
+            self._loop(f"{each} in {items}", (item, each))
             return
-        p.line(f"for {each} in {items}:")
-        p.indent()
-        self._value(item, each)
+        # All numbers of one kind: no padding inside, so one call packs them all.
+        letter = leaves[0].letters
+        size = struct.calcsize("<" + letter)
+        values = "".join(f"{each}{leaf.path}, " for leaf in leaves)
+        with p.block(f"if {items}"):
+            if size > 4:
+                p.line(f"add({p.name(_PADDING)}[n & 7]); n += -n & 7")
+            p.line(f"s = [v for {each} in {items} for v in ({values})]")
+            p.line(f"s = {p.name(struct.pack)}(f'<{{len(s)}}{letter}', *s)")
+            p.line("add(s); n += len(s)")
+
+    def _loop(self, head: str, *parts: tuple[Type, str]) -> None:
+        with self._program.block(f"for {head}"):
+            for kind, x in parts:
+                if is_loop(kind):
+                    self._call(kind, x)
+                else:
+                    self._value(kind, x)
+            self._end_run()
+
+    def _call(self, kind: Type, x: str) -> None:
         self._end_run()
-        p.dedent()
+        self._program.line(f"n = {self._program.function_for(kind)}({x}, n, add)")
 
     def _leaf(self, leaf: _Leaf, x: str) -> tuple[str, ...]:
+        """What is packed for a leaf of the value `x`. Numbers are checked by `struct`, and are what it takes."""
+        p = self._program
         at = x + leaf.path
         match leaf.kind:
-            case Enumeration(members=members):
-                return (f"{self._program.name({number: number for _, number in members}, 'enum')}[{at}]",)
             case Struct():
                 return ("0",)
-        if leaf.kind is TIME:
-            return f"{at} // 1000000000", f"{at} % 1000000000"
-        if leaf.kind is BOOL:
-            return (f"{at} if {at} is True or {at} is False else {self._program.name(as_bool)}({at})",)
-        return (at,)
+            case Primitive() if leaf.kind in _NUMBERS:
+                return (at,)
+        each = p.fresh()
+        p.line(f"{each} = {at}")
+        match leaf.kind:
+            case Enumeration(members=members, python=python):
+                table = p.name({number: number for _, number in members}, "enum")
+                plain = f"type({each}) is {p.name(python or int)}"
+                return (f"{table}[{each}] if {plain} else {p.name(as_member)}({each}, {table})",)
+            case Primitive.BOOL:
+                return (f"{each} if {each} is True or {each} is False else {p.name(as_bool)}({each})",)
+        p.line(f"{each} = {p.name(operator.index)}({each})")
+        return f"{each} // 1000000000", f"{each} % 1000000000"
 
 
 class _DecodeProgram:
     """Writes `decode(payload) -> values`. In it, `data` is what follows the encapsulation, `n` how much was read."""
 
-    def __init__(self) -> None:
-        self._program = Program()
-        self._structs: dict[str, str] = {}
+    def __init__(self, message: Struct) -> None:
+        self._message = message
+        self._program = Program(message)
         self._letters = ""
         self._names: list[str] = []
 
-    def compile(self, message: Struct, prefix: bool) -> Callable[[Any], tuple[Any, ...]]:
+    def compile(self, prefix: bool) -> Callable[[Any], tuple[Any, ...]]:
         p = self._program
-        for each in structs_in(message):
-            if _leaves(each) is None:
-                self._define(each)
-        p.line("def decode(payload):")
-        p.indent()
-        p.line(f"data = {p.name(_body)}(payload); n = 0")
-        values = self._fields(message.fields)
-        if not prefix:
-            p.line(f"{p.name(_check_end)}(data, n)")
-        p.line(f"return ({values})")
+        with p.block("def decode(payload)"):
+            p.line(f"data = {p.name(_body)}(payload); n = 0")
+            values = self._fields(self._message.fields)
+            if not prefix:
+                p.line(f"{p.name(_check_end)}(data, n)")
+            p.line(f"return ({values})")
+        p.write_functions(self._write)
         return p.compile("decode")
 
-    def _define(self, kind: Struct) -> None:
+    def _write(self, function: str, kind: Type) -> None:
         p = self._program
-        function = self._structs[kind.name] = p.fresh("decode_")
-        p.line(f"def {function}(data, n):")
-        p.indent()
-        values = self._fields(kind.fields)
-        p.line(f"return {self._made(kind, values)}, n")
-        p.dedent()
+        with p.block(f"def {function}(data, n)"):
+            value = self._made(kind, self._fields(kind.fields)) if isinstance(kind, Struct) else self._value(kind)
+            p.line(f"return {value}, n")
 
     def _made(self, kind: Struct, values: str) -> str:
         return f"{self._program.name(kind.python)}({values})" if kind.python else f"({values})"
@@ -303,9 +309,8 @@ class _DecodeProgram:
                 (length,) = self._run("I")
                 self._end_run()
                 p.line(f"{result} = {p.name(_text)}(data, n, {length}); n += {length}")
-            case Struct(name=name):
-                self._end_run()
-                p.line(f"{result}, n = {self._structs[name]}(data, n)")
+            case Struct():
+                return self._call(kind)
             case Sequence() if kind.dtype is not None:
                 (count,) = self._run("I")
                 self._end_run()
@@ -337,12 +342,16 @@ class _DecodeProgram:
             p.line(f"s, n = {rows}; {result} = [{value} for [{', '.join(names)}] in s]")
             return
         p.line(f"{p.name(_check_count)}(data, n, {count})")
-        p.line(f"for _ in range({count}):")
-        p.indent()
-        values = [self._value(kind) for kind in kinds]
+        with p.block(f"for _ in range({count})"):
+            values = [self._call(kind) if is_loop(kind) else self._value(kind) for kind in kinds]
+            self._end_run()
+            p.line(store.format(*values))
+
+    def _call(self, kind: Type) -> str:
         self._end_run()
-        p.line(store.format(*values))
-        p.dedent()
+        result = self._program.fresh()
+        self._program.line(f"{result}, n = {self._program.function_for(kind)}(data, n)")
+        return result
 
     def _fixed(self, kind: Type, take: Callable[[], str]) -> str:
         """An expression for a value of fixed size from the variables of its leaves."""
@@ -356,7 +365,7 @@ class _DecodeProgram:
             case Struct(fields=fields):
                 return self._made(kind, "".join(f"{self._fixed(f.type, take)}, " for f in fields))
         if kind is TIME:
-            return f"{take()} * 1000000000 + {take()}"
+            return f"{self._program.name(_instant)}({take()}, {take()})"
         return f"{self._program.name(_BOOLS)}[{take()}]" if kind is BOOL else take()
 
 
@@ -365,8 +374,9 @@ class _DecodeProgram:
 
 def _body(payload: Any) -> memoryview:
     data = memoryview(payload)
-    if data.nbytes < 4 or data[:2] != ENCAPSULATION[:2]:
+    if data.nbytes < 4 or data[0] != 0 or data[1] != 1:
         raise ValueError("not XCDR1 little-endian")
+    check_size(data.nbytes)
     return data[4:]
 
 
@@ -378,6 +388,12 @@ def _check_end(data: memoryview, n: int) -> None:
 def _check_count(data: memoryview, n: int, count: int) -> None:
     if count > data.nbytes - n:  # every item has a byte at least: refuse before anything is allocated
         raise ValueError(f"{count} items in {data.nbytes - n} bytes")
+
+
+def _instant(seconds: int, nanoseconds: int) -> int:
+    if nanoseconds > 999999999:
+        raise ValueError(f"{nanoseconds} nanoseconds are more than a second")
+    return seconds * 1000000000 + nanoseconds
 
 
 def _text(data: memoryview, n: int, length: int) -> str:

@@ -59,8 +59,10 @@ _REQUEST, _REPLY, _PUBLICATION = struct.Struct("<BBQQQI"), struct.Struct("<BBQQQ
 
 
 def pack_request(flags: int, fingerprint: int, client: int, sequence: int, remaining: float | None) -> bytes:
-    """`remaining` in seconds; None means without deadline."""
-    ms = NO_DEADLINE if remaining is None else min(max(0, int(remaining * 1000)), NO_DEADLINE - 1)
+    """`remaining` in seconds; None, or more than fits (seven weeks), means without deadline."""
+    ms = NO_DEADLINE
+    if remaining is not None and remaining * 1000 < NO_DEADLINE:
+        ms = max(0, int(remaining * 1000))
     return _REQUEST.pack(VERSION, flags, fingerprint, client, sequence, ms)
 
 

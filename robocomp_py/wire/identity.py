@@ -1,9 +1,9 @@
 """Codec `identity`: values stay values, for threads of one process.
 
 What travels is a snapshot (a plain tree and read-only arrays), so that sender and receivers, which
-may have been generated separately, share nothing that either could change. An array that is
-writable is copied when it is sent; one that is not (a received one, or one frozen by
-`array.flags.writeable = False`) travels as it is.
+may have been generated separately, share nothing that either could change. An array that somebody
+can write to is copied when it is sent; one that nobody can (a received one, or one frozen by
+`array.flags.writeable = False`) is shared.
 """
 
 from __future__ import annotations
@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from ..contract.types import Struct
-from .codec import Decoder, Encoder, as_array, guard_decoder, guard_encoder
+from .codec import Decoder, Encoder, check_size, guard_decoder, guard_encoder
 from .plain import Frames, compile_planter, compile_reader
+from .values import snapshot
 
 
 class Identity:
@@ -24,22 +25,29 @@ class Identity:
 
     def encoder(self, message: Struct) -> Encoder:
         plant = compile_planter(message, _freeze)
-        return guard_encoder(message, lambda values: plant(values, []))
+
+        def encode(values: tuple[Any, ...]) -> list[Any]:
+            sizes: Frames = []
+            tree = plant(values, sizes)
+            if sizes:
+                check_size(sum(sizes))
+            return tree
+
+        return guard_encoder(message, encode)
 
     def decoder(self, message: Struct, *, prefix: bool = False) -> Decoder:
-        read = compile_reader(message, _same, prefix=prefix)
+        read = compile_reader(message, _view, prefix=prefix)
         return guard_decoder(message, lambda payload: read(payload, []))
 
 
-def _freeze(value: Any, dtype: np.dtype[Any], frames: Frames) -> np.ndarray[Any, Any]:
-    array = as_array(value, dtype)
-    if array.flags.writeable:
-        array = array.copy() if isinstance(value, np.ndarray | bytearray) else array
-        array.flags.writeable = False
+def _freeze(value: Any, dtype: np.dtype[Any], sizes: Frames) -> np.ndarray[Any, Any]:
+    array = snapshot(value, dtype)
+    sizes.append(array.nbytes)
     return array
 
 
-def _same(value: Any, dtype: np.dtype[Any], frames: Frames) -> np.ndarray[Any, Any]:
+def _view(value: Any, dtype: np.dtype[Any], frames: Frames) -> np.ndarray[Any, Any]:
+    """An array object of the receiver's own: it may reshape it in place."""
     if not isinstance(value, np.ndarray) or value.dtype != dtype:
-        raise ValueError(f"expected an array of {dtype}, found {type(value).__name__}")
-    return value
+        raise ValueError(f"expected an array of {dtype.name}, found {type(value).__name__}")
+    return value.view()

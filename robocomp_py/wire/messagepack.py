@@ -19,9 +19,9 @@ import msgpack
 import numpy as np
 
 from ..contract.types import DTYPES, Struct
-from ..errors import DecodeError, EncodeError
-from .codec import MAX_BYTES, Decoder, Encoder, as_array, guard_decoder, guard_encoder, read_only, view_of
+from .codec import Decoder, Encoder, check_size, guard_decoder, guard_encoder
 from .plain import Frames, compile_planter, compile_reader
+from .values import as_array, read_only, snapshot, view_of
 
 APART = 64 * 1024
 """Arrays of so many bytes travel in a buffer of their own."""
@@ -30,6 +30,11 @@ INLINE_EXT, APART_EXT = 1, 2
 _LETTERS = {dtype: {"bool": "?", "int64": "q", "uint64": "Q"}.get(dtype.name, dtype.char) for dtype in DTYPES.values()}
 _DTYPES = {ord(letter): dtype for dtype, letter in _LETTERS.items()}
 _REFERENCE = struct.Struct("<BI")
+_OCTET = ord("B")
+_NUMBERS = {bool, int, float}
+
+_SHORT = 2 * 1024
+"""A tree of fewer bytes cannot make the library allocate much, whatever it claims to hold."""
 
 
 class MessagePack:
@@ -45,8 +50,7 @@ class MessagePack:
             frames: Frames = []
             tree = plant(values, frames)
             payload = [packb(tree), *frames]
-            if frames or len(payload[0]) > MAX_BYTES:
-                _refuse_oversize(message, payload)
+            _check_size(payload)
             return payload
 
         return guard_encoder(message, encode)
@@ -56,21 +60,29 @@ class MessagePack:
         unpackb = msgpack.unpackb
 
         def decode(payload: list[Any]) -> tuple[Any, ...]:
+            _check_size(payload)
+            if len(payload[0]) > _SHORT:
+                _check_whole(payload[0])
             return read(unpackb(payload[0], strict_map_key=False), payload)
 
         return guard_decoder(message, decode)
 
 
-def _refuse_oversize(message: Struct, payload: list[Any]) -> None:
-    size = sum(memoryview(part).nbytes for part in payload)
-    if size > MAX_BYTES:
-        raise EncodeError(f"{message.name}: {size} bytes; a message may have {MAX_BYTES}")
+def _check_size(payload: list[Any]) -> None:
+    check_size(sum(memoryview(part).nbytes for part in payload) if len(payload) > 1 else len(payload[0]))
+
+
+def _check_whole(packed: Any) -> None:
+    """Refuse lists that claim more items than there are: the library would make room for them first."""
+    unpacker = msgpack.Unpacker(max_buffer_size=len(packed), strict_map_key=False)
+    unpacker.feed(packed)
+    unpacker.skip()
 
 
 def _pack_array(value: Any, dtype: np.dtype[Any], frames: Frames) -> Any:
     array = as_array(value, dtype)
     if array.nbytes >= APART:
-        frames.append(array.data)
+        frames.append(snapshot(array, dtype).data)
         return msgpack.ExtType(APART_EXT, _REFERENCE.pack(ord(_LETTERS[dtype]), len(frames)))
     if dtype == np.uint8:
         return array.tobytes()
@@ -79,21 +91,24 @@ def _pack_array(value: Any, dtype: np.dtype[Any], frames: Frames) -> Any:
 
 def _read_array(value: Any, dtype: np.dtype[Any], payload: Frames) -> np.ndarray[Any, Any]:
     if type(value) is bytes:
-        return _view(value, _DTYPES[ord("B")], dtype, 0)
+        return _view(value, _OCTET, dtype)
     if type(value) is msgpack.ExtType:
         if value.code == INLINE_EXT:
-            return _view(value.data, _DTYPES[value.data[0]], dtype, 1)
+            return _view(value.data[1:], value.data[0], dtype)  # a copy: behind the letter nothing is aligned
         if value.code == APART_EXT:
             letter, index = _REFERENCE.unpack(value.data)
             if index == 0:
-                raise DecodeError("an array refers to buffer 0, which holds no array")
-            return _view(payload[index], _DTYPES[letter], dtype, 0)
-    if type(value) is list:
+                raise ValueError("an array refers to buffer 0, which holds no array")
+            return _view(payload[index], letter, dtype)
+    if type(value) is list and set(map(type, value)) <= _NUMBERS:
         return read_only(as_array(value, dtype))
-    raise DecodeError(f"expected an array of {dtype.name}, found {type(value).__name__}")
+    raise ValueError(f"expected an array of {dtype.name}, found {type(value).__name__}")
 
 
-def _view(data: Any, found: np.dtype[Any], expected: np.dtype[Any], offset: int) -> np.ndarray[Any, Any]:
-    if found != expected:
-        raise DecodeError(f"expected an array of {expected.name}, found one of {found.name}")
-    return view_of(data, expected, (memoryview(data).nbytes - offset) // expected.itemsize, offset)
+def _view(data: Any, letter: int, dtype: np.dtype[Any]) -> np.ndarray[Any, Any]:
+    if _DTYPES[letter] != dtype:
+        raise ValueError(f"expected an array of {dtype.name}, found one of {_DTYPES[letter].name}")
+    count, rest = divmod(memoryview(data).nbytes, dtype.itemsize)
+    if rest:
+        raise ValueError(f"{rest} bytes more than {count} of {dtype.name}")
+    return view_of(data, dtype, count, 0)

@@ -3,12 +3,14 @@
     struct → list of its fields · sequence → list, or one leaf made by the codec if it is an array
     dictionary → dict · enumerator → int · everything else → itself
 
-Both directions validate, so that a tree is right whoever made it.
+Both directions validate, so that a tree is right whoever made it. A float32 is rounded when it is
+planted: all those of a struct by one `struct` call.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import struct
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -16,11 +18,8 @@ import numpy as np
 from ..contract.types import (
     BOOL,
     FLOAT32,
-    FLOAT32_MAX,
     FLOATS,
-    INTEGERS,
     STRING,
-    TIME,
     Dictionary,
     Enumeration,
     Field,
@@ -28,9 +27,9 @@ from ..contract.types import (
     Sequence,
     Struct,
     Type,
-    integer_range,
 )
-from .codec import TIME_MAX, TIME_MIN, Program, structs_in
+from .program import Program, is_loop
+from .values import RANGES, as_bool, as_dict, as_float, as_float32, as_int, as_list, as_member, as_str
 
 Frames = list[Any]
 """Buffers beside the tree, for arrays too large to be copied into it."""
@@ -38,62 +37,105 @@ Frames = list[Any]
 PackArray = Callable[[Any, "np.dtype[Any]", Frames], Any]
 ReadArray = Callable[[Any, "np.dtype[Any]", Frames], "np.ndarray[Any, Any]"]
 
+_FLOAT32_LIMIT = 2.0**128 - 2.0**103
+"""What is smaller is rounded to a float32; what is not would be to infinity."""
+
 
 def compile_planter(message: Struct, array: PackArray) -> Callable[[tuple[Any, ...], Frames], list[Any]]:
     """A function from a message's fields to a tree. What it raises is for `explain` to explain."""
-    return _Planter(array).compile(message)
+    return _Planter(message, array).compile()
 
 
 def compile_reader(message: Struct, array: ReadArray, *, prefix: bool) -> Callable[[Any, Frames], tuple[Any, ...]]:
     """A function from a tree, which may hold anything, to a message's fields."""
-    return _Reader(array).compile(message, prefix)
+    return _Reader(message, array).compile(prefix)
+
+
+def _is_flat(kind: Type) -> bool:
+    """Whether a struct is cheap to write out wherever it is an item: it has a class, and only scalars."""
+    return (
+        isinstance(kind, Struct)
+        and kind.python is not None
+        and all(isinstance(f.type, Primitive | Enumeration) for f in kind.fields)
+    )
 
 
 class _Planter:
-    def __init__(self, array: PackArray) -> None:
-        self._program = Program()
+    def __init__(self, message: Struct, array: PackArray) -> None:
+        self._message = message
+        self._program = Program(message)
         self._array = self._program.name(array, "array")
-        self._structs: dict[str, str] = {}
 
-    def compile(self, message: Struct) -> Callable[[tuple[Any, ...], Frames], list[Any]]:
-        for struct in structs_in(message):
-            self._define(struct)
-        names = [self._program.fresh() for _ in message.fields]
-        self._function("plant(values, frames)", f"[{', '.join(names)}] = values", message.fields, names)
-        return self._program.compile("plant")
-
-    def _define(self, struct: Struct) -> None:
-        function = self._structs[struct.name] = self._program.fresh("plant_")
-        names = [self._program.fresh() for _ in struct.fields]
-        getters = "; ".join(f"{n} = value.{f.attribute}" for n, f in zip(names, struct.fields, strict=True))
-        self._function(f"{function}(value, frames)", getters or "pass", struct.fields, names)
-
-    def _function(self, signature: str, first: str, fields: tuple[Field, ...], names: list[str]) -> None:
+    def compile(self) -> Callable[[tuple[Any, ...], Frames], list[Any]]:
         p = self._program
-        p.line(f"def {signature}:")
-        p.indent()
-        p.line(first)
-        p.line(f"return [{', '.join(self._plant(f.type, n) for f, n in zip(fields, names, strict=True))}]")
-        p.dedent()
+        names = [p.fresh() for _ in self._message.fields]
+        with p.block("def plant(values, frames)"):
+            p.line(f"[{', '.join(names)}] = values")
+            self._return_row(self._message.fields, names)
+        p.write_functions(self._write)
+        return p.compile("plant")
+
+    def _write(self, function: str, kind: Type) -> None:
+        with self._program.block(f"def {function}(value, frames)"):
+            if isinstance(kind, Struct):
+                self._return_row(kind.fields, self._program.take_apart(kind, "value"))
+            else:
+                self._program.line(f"return {self._plant(kind, 'value')}")
+
+    def _return_row(self, fields: tuple[Field, ...], names: list[str]) -> None:
+        singles = [n for f, n in zip(fields, names, strict=True) if f.type is FLOAT32]
+        if singles:
+            self._program.line(f"[{', '.join(singles)}] = {self._rounded(singles)}")
+        self._program.line(f"return {self._row(fields, names)}")
+
+    def _rounded(self, singles: list[str]) -> str:
+        layout = struct.Struct(f"<{len(singles)}f")
+        unpack, pack = self._program.name(layout.unpack), self._program.name(layout.pack)
+        return f"{unpack}({pack}({', '.join(singles)}))"
+
+    def _row(self, fields: tuple[Field, ...], names: list[str]) -> str:
+        """The list of a struct's fields, of which those that are float32 are rounded already."""
+        trees = (n if f.type is FLOAT32 else self._plant(f.type, n) for f, n in zip(fields, names, strict=True))
+        return f"[{', '.join(trees)}]"
 
     def _plant(self, kind: Type, x: str) -> str:
+        """An expression for the tree of the value `x`."""
         p = self._program
         match kind:
-            case Struct(name=name):
-                return f"{self._structs[name]}({x}, frames)"
+            case Struct():
+                return f"{p.function_for(kind)}({x}, frames)"
             case Sequence(item) if kind.dtype is not None:
                 return f"{self._array}({x}, {p.name(kind.dtype, 'dtype')}, frames)"
             case Sequence(item):
-                each = p.fresh()
-                items = f"({x} if type({x}) is list else {p.name(as_list)}({x}))"
-                return f"[{self._plant(item, each)} for {each} in {items}]"
+                return self._list(item, f"({x} if type({x}) is list else {p.name(as_list)}({x}))")
             case Dictionary(key, item):
                 k, v = p.fresh(), p.fresh()
-                return f"{{{self._plant(key, k)}: {self._plant(item, v)} for {k}, {v} in {x}.items()}}"
-            case Enumeration(members=members):
-                return f"{p.name({number: number for _, number in members}, 'enum')}[{x}]"
+                items = f"({x} if type({x}) is dict else {p.name(as_dict)}({x})).items()"
+                return f"{{{self._plant(key, k)}: {self._item(item, v)} for {k}, {v} in {items}}}"
+            case Enumeration(members=members, python=python):
+                table = p.name({number: number for _, number in members}, "enum")
+                return f"({table}[{x}] if type({x}) is {p.name(python or int)} else {p.name(as_member)}({x}, {table}))"
             case Primitive():
                 return self._scalar(kind, x)
+
+    def _item(self, kind: Type, x: str) -> str:
+        return f"{self._program.function_for(kind)}({x}, frames)" if is_loop(kind) else self._plant(kind, x)
+
+    def _list(self, item: Type, items: str) -> str:
+        each = self._program.fresh()
+        if not isinstance(item, Struct) or not _is_flat(item):
+            return f"[{self._item(item, each)} for {each} in {items}]"
+        names = [self._program.fresh() for _ in item.fields]
+        sources = {n: f"{each}.{f.attribute}" for n, f in zip(names, item.fields, strict=True)}
+        singles = [n for n, f in zip(names, item.fields, strict=True) if f.type is FLOAT32]
+        if singles and singles == names:
+            return f"[{self._rounded(list(sources.values()))} for {each} in {items}]"
+        lets = [(n, source) for n, source in sources.items() if n not in singles]
+        if singles:
+            lets.append((f"[{', '.join(singles)}]", self._rounded([sources[n] for n in singles])))
+        # `for x in (y,)` in a comprehension is an assignment, and compiled as one
+        assigned = "".join(f" for {n} in ({source},)" for n, source in lets)
+        return f"[{self._row(item.fields, names)} for {each} in {items}{assigned}]"
 
     def _scalar(self, kind: Primitive, x: str) -> str:
         p = self._program
@@ -102,64 +144,75 @@ class _Planter:
         if kind is STRING:
             return f"({x} if type({x}) is str and {x}.isascii() else {p.name(as_str)}({x}))"
         if kind is FLOAT32:
-            within = f"{-FLOAT32_MAX!r} <= {x} <= {FLOAT32_MAX!r}"
-            return f"({x} if type({x}) is float and {within} else {p.name(as_float32)}({x}))"
+            return f"{p.name(as_float32)}({x})"
         if kind in FLOATS:
             return f"({x} if type({x}) is float else {p.name(as_float)}({x}))"
-        low, high = _range(kind)
+        low, high = RANGES[kind]
         return f"({x} if type({x}) is int and {low} <= {x} <= {high} else {p.name(as_int)}({x}, {low}, {high}))"
 
 
 class _Reader:
-    def __init__(self, array: ReadArray) -> None:
-        self._program = Program()
+    def __init__(self, message: Struct, array: ReadArray) -> None:
+        self._message = message
+        self._program = Program(message)
         self._array = self._program.name(array, "array")
-        self._structs: dict[str, str] = {}
 
-    def compile(self, message: Struct, prefix: bool) -> Callable[[Any, Frames], tuple[Any, ...]]:
-        for struct in structs_in(message):
-            self._define(struct)
-        source = f"tree[:{len(message.fields)}]" if prefix else "tree"
-        self._function("read(tree, frames)", source, message)
+    def compile(self, prefix: bool) -> Callable[[Any, Frames], tuple[Any, ...]]:
+        self._write_struct("read", self._message, f"tree[:{len(self._message.fields)}]" if prefix else "tree")
+        self._program.write_functions(self._write)
         return self._program.compile("read")
 
-    def _define(self, struct: Struct) -> None:
-        function = self._structs[struct.name] = self._program.fresh("read_")
-        self._function(f"{function}(tree, frames)", "tree", struct)
+    def _write(self, function: str, kind: Type) -> None:
+        if isinstance(kind, Struct):
+            self._write_struct(function, kind, "tree")
+            return
+        with self._program.block(f"def {function}(tree, frames)"):
+            self._program.line(f"return {self._read(kind, 'tree')}")
 
-    def _function(self, signature: str, source: str, struct: Struct) -> None:
+    def _write_struct(self, function: str, kind: Struct, source: str) -> None:
         p = self._program
-        names = [p.fresh() for _ in struct.fields]
-        values = "".join(f"{self._read(f.type, n)}, " for f, n in zip(struct.fields, names, strict=True))
-        p.line(f"def {signature}:")
-        p.indent()
-        p.line(f"if type(tree) is not list: {p.name(_wrong)}('a list', tree)")
-        p.line(f"[{', '.join(names)}] = {source}")
-        p.line(f"return {p.name(struct.python)}({values})" if struct.python else f"return ({values})")
-        p.dedent()
+        names = [p.fresh() for _ in kind.fields]
+        with p.block(f"def {function}(tree, frames)"):
+            p.line(f"if type(tree) is not list: {p.name(_wrong)}('a list', tree)")
+            p.line(f"[{', '.join(names)}] = {source}")
+            p.line(f"return {self._made(kind, names)}")
+
+    def _made(self, kind: Struct, names: list[str]) -> str:
+        values = "".join(f"{self._read(f.type, n)}, " for f, n in zip(kind.fields, names, strict=True))
+        return f"{self._program.name(kind.python)}({values})" if kind.python else f"({values})"
 
     def _read(self, kind: Type, x: str) -> str:
+        """An expression for the value of the tree `x`."""
         p = self._program
         wrong = p.name(_wrong)
         match kind:
-            case Struct(name=name):
-                return f"{self._structs[name]}({x}, frames)"
+            case Struct():
+                return f"{p.function_for(kind)}({x}, frames)"
             case Sequence(item) if kind.dtype is not None:
                 return f"{self._array}({x}, {p.name(kind.dtype, 'dtype')}, frames)"
             case Sequence(item):
-                each = p.fresh()
-                return (
-                    f"[{self._read(item, each)} for {each} in ({x} if type({x}) is list else {wrong}('a list', {x}))]"
-                )
+                return self._list(item, x)
             case Dictionary(key, item):
                 k, v = p.fresh(), p.fresh()
                 items = f"({x} if type({x}) is dict else {wrong}('a map', {x})).items()"
-                return f"{{{self._read(key, k)}: {self._read(item, v)} for {k}, {v} in {items}}}"
+                return f"{{{self._read(key, k)}: {self._item(item, v)} for {k}, {v} in {items}}}"
             case Enumeration(members=members, python=python):
                 table = {number: python(number) if python else number for _, number in members}
-                return f"{p.name(table, 'enum')}[{x}]"
+                return f"{p.name(table, 'enum')}[{x} if type({x}) is int else {wrong}('an enumerator', {x})]"
             case Primitive():
                 return self._scalar(kind, x)
+
+    def _item(self, kind: Type, x: str) -> str:
+        return f"{self._program.function_for(kind)}({x}, frames)" if is_loop(kind) else self._read(kind, x)
+
+    def _list(self, item: Type, x: str) -> str:
+        p = self._program
+        if not isinstance(item, Struct) or not _is_flat(item):
+            each = p.fresh()
+            items = f"({x} if type({x}) is list else {p.name(_wrong)}('a list', {x}))"
+            return f"[{self._item(item, each)} for {each} in {items}]"
+        names = [p.fresh() for _ in item.fields]
+        return f"[{self._made(item, names)} for [{', '.join(names)}] in {p.name(_rows)}({x})]"
 
     def _scalar(self, kind: Primitive, x: str) -> str:
         p = self._program
@@ -168,64 +221,32 @@ class _Reader:
             return f"({x} if {x} is True or {x} is False else {wrong}('a bool', {x}))"
         if kind is STRING:
             return f"({x} if type({x}) is str else {wrong}('a string', {x}))"
+        if kind is FLOAT32:
+            small = f"{-_FLOAT32_LIMIT!r} < {x} < {_FLOAT32_LIMIT!r}"
+            return f"({x} if type({x}) is float and {small} else {p.name(_float32)}({x}))"
         if kind in FLOATS:
             return f"({x} if type({x}) is float else {p.name(_number)}({x}))"
-        low, high = _range(kind)
+        low, high = RANGES[kind]
         return f"({x} if type({x}) is int and {low} <= {x} <= {high} else {wrong}('{kind}', {x}))"
 
 
-def _range(kind: Primitive) -> tuple[int, int]:
-    if kind is TIME:
-        return TIME_MIN, TIME_MAX
-    assert kind in INTEGERS
-    return integer_range(kind)
-
-
-# What compiled code calls when a value is not of the plainest type: numpy scalars, subclasses, mistakes.
-
-
-def as_list(value: Any) -> list[Any]:
-    if isinstance(value, str | bytes | Mapping):
-        raise TypeError(f"{type(value).__name__} is not a list")
-    return list(value)
-
-
-def as_bool(value: Any) -> bool:
-    if isinstance(value, np.bool_):
-        return bool(value)
-    raise TypeError(f"{value!r} is not a bool")
-
-
-def as_str(value: Any) -> str:
-    if not isinstance(value, str):
-        raise TypeError(f"{value!r} is not a str")
-    value.encode()
-    return str(value)
-
-
-def as_int(value: Any, low: int, high: int) -> int:
-    if not isinstance(value, int | np.integer):
-        raise TypeError(f"{value!r} is not an int")
-    if not low <= int(value) <= high:
-        raise OverflowError(f"{value} is not from {low} to {high}")
-    return int(value)
-
-
-def as_float(value: Any) -> float:
-    if not isinstance(value, int | float | np.number | np.bool_):
-        raise TypeError(f"{value!r} is not a float")
-    return float(value)
-
-
-def as_float32(value: Any) -> float:
-    number = as_float(value)
-    if FLOAT32_MAX < abs(number) < float("inf"):
-        raise OverflowError(f"{number} exceeds float32")
-    return number
+# What compiled readers call.
 
 
 def _number(value: Any) -> float:
-    return float(value if type(value) is int else _wrong("a number", value))
+    return float(value if type(value) in (float, int) else _wrong("a number", value))
+
+
+def _float32(value: Any) -> float:
+    return as_float32(_number(value))
+
+
+def _rows(tree: Any) -> list[Any]:
+    """A list of lists (or of the tuples that `struct` makes), or an error."""
+    if type(tree) is not list or not set(map(type, tree)) <= {list, tuple}:
+        _wrong("a list of lists", tree)
+    rows: list[Any] = tree
+    return rows
 
 
 def _wrong(expected: str, value: Any) -> Any:

@@ -1,0 +1,99 @@
+"""Python source in the making: codecs compile their functions once per message type.
+
+A type whose code does not fit where it is needed gets a function of its own (`function_for`),
+written later (`write_functions`). Loops never nest within one function: Python allows 20.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from ..contract.types import MAX_DEPTH, Dictionary, Sequence, Struct, Type, children
+from ..errors import CodecError
+from .values import as_tuple
+
+
+class Program:
+    """Lines of source, and the objects they refer to."""
+
+    def __init__(self, message: Struct) -> None:
+        if _height(message, {}) > MAX_DEPTH:
+            raise CodecError(f"{message.name}: types nest deeper than {MAX_DEPTH} levels")
+        self._lines: list[str] = []
+        self._names: dict[str, Any] = {}
+        self._known: dict[int, str] = {}
+        self._functions: dict[int, str] = {}
+        self._unwritten: list[Type] = []
+        self._depth = 0
+        self._count = 0
+
+    def line(self, text: str) -> None:
+        self._lines.append("    " * self._depth + text)
+
+    @contextmanager
+    def block(self, head: str) -> Iterator[None]:
+        """What is written in it stands below `head`, a `def`, `for` or `if`."""
+        self.line(f"{head}:")
+        self._depth += 1
+        yield
+        self._depth -= 1
+
+    def fresh(self, stem: str = "v") -> str:
+        """A variable name not used before."""
+        self._count += 1
+        return f"{stem}{self._count}"
+
+    def name(self, thing: Any, stem: str = "g") -> str:
+        """The global name by which the program knows this object."""
+        key = id(thing)
+        if key not in self._known:
+            self._known[key] = self.fresh(f"_{stem}")
+            self._names[self._known[key]] = thing
+        return self._known[key]
+
+    def take_apart(self, kind: Struct, value: str) -> list[str]:
+        """Write what assigns the fields of a value to variables, whose names are returned."""
+        names = [self.fresh() for _ in kind.fields]
+        if kind.python is None:
+            self.line(f"[{', '.join(names)}] = {self.name(as_tuple)}({value}, {len(names)})")
+        else:
+            for name, field in zip(names, kind.fields, strict=True):
+                self.line(f"{name} = {value}.{field.attribute}")
+        return names
+
+    def function_for(self, kind: Type) -> str:
+        """The name of the function that treats values of this type."""
+        key = id(kind)  # types live as long as their message does
+        if key not in self._functions:
+            self._functions[key] = self.fresh("f")
+            self._unwritten.append(kind)
+        return self._functions[key]
+
+    def write_functions(self, write: Callable[[str, Type], None]) -> None:
+        """Have every function that is used written, by its name; writing one may use others."""
+        while self._unwritten:
+            kind = self._unwritten.pop()
+            write(self.function_for(kind), kind)
+
+    def compile(self, function: str) -> Callable[..., Any]:
+        source = "\n".join(self._lines)
+        scope: dict[str, Any] = dict(self._names)
+        # the text is made of contracts, which hold nothing but identifiers
+        exec(compile(source, f"<robocomp_py codec: {function}>", "exec"), scope)
+        compiled: Callable[..., Any] = scope[function]
+        return compiled
+
+
+def is_loop(kind: Type) -> bool:
+    """Whether values of this type are treated by a loop in Python."""
+    return isinstance(kind, Dictionary) or (isinstance(kind, Sequence) and kind.dtype is None)
+
+
+def _height(kind: Type, known: dict[int, int]) -> int:
+    """How many types with parts stand above each other; `known` are those measured already, by identity."""
+    if id(kind) not in known:
+        inside = children(kind)
+        known[id(kind)] = 1 + max((_height(each, known) for each in inside), default=0) if inside else 0
+    return known[id(kind)]

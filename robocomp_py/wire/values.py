@@ -1,0 +1,272 @@
+"""Which Python values fit a type, and as what they arrive: one answer for all codecs.
+
+    bool          bool, numpy's bool
+    integers      int and what `operator.index` takes for one (numpy's integers, enumerators, bool), in range
+    floats        float and what `struct` packs as one (int, numpy's numbers); a float32 is rounded, never overflows
+    string        str that encodes to UTF-8
+    time          as int64, within ROS 2's range
+    enumeration   an integer that is one of its members
+    struct        any object with its attributes; one without a Python class: a tuple
+    sequence      of numbers and bools: see `as_array`; others: list, tuple, anything with a length and an order
+    dictionary    any mapping
+
+Compiled encoders test for the plainest type first and call these functions for the rest; what
+they raise is explained by `explain`, which calls them again, field by field.
+"""
+
+from __future__ import annotations
+
+import operator
+import reprlib
+import struct
+from collections.abc import Callable, Mapping, Set
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ..contract.types import (
+    BOOL,
+    FLOAT32,
+    FLOAT64,
+    INTEGERS,
+    STRING,
+    TIME,
+    Dictionary,
+    Enumeration,
+    Primitive,
+    Sequence,
+    Struct,
+    Type,
+    integer_range,
+)
+
+TIME_MIN, TIME_MAX = -(2**31) * 10**9, 2**31 * 10**9 - 1
+"""The instants that fit: ROS 2's range, int32 seconds around 1970."""
+
+RANGES = {kind: integer_range(kind) for kind in INTEGERS} | {TIME: (TIME_MIN, TIME_MAX)}
+"""Smallest and largest value of what is an int in Python."""
+
+_Array = np.ndarray[Any, np.dtype[Any]]
+
+_SINGLE, _DOUBLE = struct.Struct("<f"), struct.Struct("<d")
+
+
+def as_bool(value: Any) -> bool:
+    if not isinstance(value, bool | np.bool_):
+        raise TypeError(f"{type(value).__name__} is not a bool")
+    return bool(value)
+
+
+def as_int(value: Any, low: int, high: int) -> int:
+    number = operator.index(value)
+    if not low <= number <= high:
+        raise OverflowError(f"{number} is not from {low} to {high}")
+    return int(number)
+
+
+def as_float(value: Any) -> float:
+    number: float = _DOUBLE.unpack(_DOUBLE.pack(value))[0]
+    return number
+
+
+def as_float32(value: Any) -> float:
+    number: float = _SINGLE.unpack(_SINGLE.pack(value))[0]
+    return number
+
+
+def as_str(value: Any) -> str:
+    if not isinstance(value, str):
+        raise TypeError(f"{type(value).__name__} is not a str")
+    value.encode()
+    return str.__str__(value)  # of a subclass, the text it is, not the one it shows
+
+
+def as_member(value: Any, members: Mapping[int, int]) -> int:
+    return members[int(operator.index(value))]
+
+
+def as_list(value: Any) -> list[Any]:
+    """A copy. No generators: they would be empty when sent again."""
+    if isinstance(value, str | bytes | bytearray | Mapping | Set) or not hasattr(value, "__len__"):
+        raise TypeError(f"{type(value).__name__} is not a list")
+    return list(value)
+
+
+def as_dict(value: Any) -> dict[Any, Any]:
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{type(value).__name__} is not a dict")
+    return dict(value)
+
+
+def as_tuple(value: Any, length: int) -> tuple[Any, ...]:
+    if not isinstance(value, tuple) or len(value) != length:
+        raise TypeError(f"not a tuple of {length}")
+    return value
+
+
+def as_array(value: Any, dtype: np.dtype[Any]) -> _Array:
+    """A contiguous one-dimensional array of that dtype, sharing the memory of `value` where it can.
+
+    Taken are arrays and buffers (of more dimensions, too: flattened in C order), flat lists, tuples
+    and ranges of numbers, and for octets bytes. Nothing is rounded to an integer or wrapped: a
+    value that does not fit raises OverflowError, one of another kind TypeError.
+    """
+    if isinstance(value, np.ndarray) and value.dtype == dtype and value.ndim:
+        return np.ascontiguousarray(value).reshape(-1)
+    if isinstance(value, bytes | bytearray):
+        if dtype != np.uint8:
+            raise TypeError(f"{type(value).__name__} is for sequences of octets")
+        return np.frombuffer(value, dtype)
+    array = _gathered(value)
+    if array.dtype != dtype and array.size:
+        _check_convertible(array, dtype)
+    with np.errstate(over="raise"):
+        try:
+            return np.ascontiguousarray(array, dtype).reshape(-1)
+        except FloatingPointError as exc:
+            raise OverflowError(f"values exceed {dtype.name}") from exc
+
+
+def _gathered(value: Any) -> _Array:
+    if isinstance(value, str | Mapping | Set) or not (hasattr(value, "__len__") or hasattr(value, "__array__")):
+        raise TypeError(f"{type(value).__name__} is no array")
+    array = np.asarray(value)
+    if array.ndim == 0 or (array.ndim > 1 and not hasattr(value, "ndim")):
+        raise TypeError(f"{array.ndim} dimensions")
+    return array
+
+
+def _check_convertible(array: _Array, dtype: np.dtype[Any]) -> None:
+    kind = array.dtype.kind
+    if kind not in {"b": "b", "i": "iu", "u": "iu", "f": "iuf"}[dtype.kind]:
+        raise TypeError(f"{array.dtype} values")
+    if dtype.kind in "iu":
+        low, high = np.iinfo(dtype).min, np.iinfo(dtype).max
+        if int(array.min()) < low or int(array.max()) > high:
+            raise OverflowError(f"values from {array.min()} to {array.max()}")
+
+
+def snapshot(value: Any, dtype: np.dtype[Any]) -> _Array:
+    """`as_array`, read-only, and sharing nothing that anybody could still write to."""
+    array = as_array(value, dtype)
+    return array if _is_frozen(array) else read_only(array.copy())
+
+
+def _is_frozen(owner: Any) -> bool:
+    """Whether nobody can write to this memory: neither through this object, nor through one it is a view of."""
+    while isinstance(owner, np.ndarray | memoryview):
+        if isinstance(owner, memoryview):
+            writable, owner = not owner.readonly, owner.obj
+        else:
+            writable, owner = owner.flags.writeable, owner.base
+        if writable:
+            return False
+    return owner is None or isinstance(owner, bytes)  # None: the array had memory of its own
+
+
+def view_of(data: Any, dtype: np.dtype[Any], count: int, offset: int) -> _Array:
+    """A read-only array over received bytes, without a copy; it keeps the bytes alive.
+
+    Raises ValueError if there are not so many, or if a bool is neither 0 nor 1.
+    """
+    if not count:
+        return read_only(np.empty(0, dtype))
+    if dtype.kind == "b" and np.frombuffer(data, np.uint8, count, offset).max() > 1:
+        raise ValueError("a bool is neither 0 nor 1")
+    return read_only(np.frombuffer(data, dtype, count, offset))
+
+
+def read_only(array: _Array) -> _Array:
+    array.flags.writeable = False
+    return array
+
+
+def explain(message: Struct, values: Any) -> str | None:
+    """The first field whose value does not fit its type, in words; None if all do."""
+    if not isinstance(values, tuple) or len(values) != len(message.fields):
+        return f"{message.name}: expected {len(message.fields)} values, got {_show(values)}"
+    for field, value in zip(message.fields, values, strict=True):
+        wrong = _explain(field.type, value, field.name)
+        if wrong:
+            return f"{message.name}: {wrong}"
+    return None
+
+
+def _explain(kind: Type, value: Any, at: str) -> str | None:
+    match kind:
+        case Primitive():
+            return _misfit(partial(_FITS[kind], value), f"{at} must be {_WORDS[kind]}, not {_show(value)}")
+        case Enumeration(name=name, members=members):
+            table = {number: number for _, number in members}
+            return _misfit(partial(as_member, value, table), f"{at} must be a {_short(name)}, not {_show(value)}")
+        case Struct(name=name, fields=fields, python=python):
+            inside = _parts(kind, value)
+            if inside is None:
+                what = f"a {python.__name__}" if python else f"a tuple of {len(fields)}, the fields of {_short(name)}"
+                return f"{at} must be {what}, not {_show(value)}"
+            parts = ((f.type, part, f"{at}.{f.name}") for f, part in zip(fields, inside, strict=True))
+        case Sequence(item):
+            if kind.dtype is not None:
+                return _misfit(
+                    partial(as_array, value, kind.dtype), f"{at} must be an array of {kind.dtype.name}", value
+                )
+            wrong = _misfit(partial(as_list, value), f"{at} must be a list, not {_show(value)}")
+            if wrong:
+                return wrong
+            parts = ((item, part, f"{at}[{number}]") for number, part in enumerate(value))
+        case Dictionary(key, item):
+            if not isinstance(value, Mapping):
+                return f"{at} must be a dict, not {_show(value)}"
+            parts = (
+                each
+                for k, v in value.items()
+                for each in ((key, k, f"key {_REPR.repr(k)} of {at}"), (item, v, f"{at}[{_REPR.repr(k)}]"))
+            )
+    return next(filter(None, (_explain(*part) for part in parts)), None)
+
+
+def _misfit(fit: Callable[[], Any], otherwise: str, array: Any = None) -> str | None:
+    try:
+        fit()
+    except Exception as exc:  # whatever a foreign object raises when it is looked at
+        return otherwise if array is None else f"{otherwise}, not {_show(array)}: {exc}"
+    return None
+
+
+def _parts(kind: Struct, value: Any) -> tuple[Any, ...] | None:
+    """The values of a struct's fields, or None if this is no such struct."""
+    try:
+        if kind.python is None:
+            return as_tuple(value, len(kind.fields))
+        return tuple(getattr(value, f.attribute) for f in kind.fields)
+    except Exception:  # whatever a foreign object raises when it is looked at
+        return None
+
+
+def _short(name: str) -> str:
+    return name.rpartition("::")[2]
+
+
+def _show(value: Any) -> str:
+    return f"{type(value).__name__} {_REPR.repr(value)}"
+
+
+_REPR = reprlib.Repr()
+_REPR.maxstring = _REPR.maxother = 60
+
+_FITS: dict[Primitive, Callable[[Any], Any]] = {
+    BOOL: as_bool,
+    STRING: as_str,
+    FLOAT32: as_float32,
+    FLOAT64: as_float,
+    **{kind: partial(as_int, low=low, high=high) for kind, (low, high) in RANGES.items()},
+}
+_WORDS = {
+    BOOL: "a bool",
+    STRING: "a str that encodes to UTF-8",
+    FLOAT32: "a float (float32)",
+    FLOAT64: "a float (float64)",
+    **{kind: f"an int from {low} to {high}" for kind, (low, high) in RANGES.items()},
+    TIME: "an int, nanoseconds since 1970",
+}

@@ -1,0 +1,70 @@
+"""Ports: what they are called in the worker, in the settings and on the wire."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robocomp_py.contract.component import Port, numbers
+from robocomp_py.contract.interface import Interface, Verb
+
+LASER = Interface("RoboCompLaser::Laser", ())
+
+
+@pytest.mark.parametrize(
+    ("verb", "number", "name", "segment"),
+    [
+        (Verb.REQUIRES, "", "laser", "Laser"),
+        (Verb.REQUIRES, "1", "laser1", "Laser1"),
+        (Verb.PUBLISHES, "2", "laser2", "Laser2"),
+        (Verb.IMPLEMENTS, "", "Laser", "Laser"),
+        (Verb.SUBSCRIBES, "1", "Laser1", "Laser1"),
+    ],
+)
+def test_a_port_is_named_after_its_interface_and_number(verb: Verb, number: str, name: str, segment: str) -> None:
+    port = Port(verb, LASER, number)
+    assert (port.name, port.segment) == (name, segment)
+
+
+def test_user_code_finds_proxies_and_handlers_under_these_names() -> None:
+    assert Port(Verb.REQUIRES, LASER, "1").attribute == "laser1_proxy"
+    assert Port(Verb.IMPLEMENTS, LASER, "1").handler("getLaserData") == "Laser1_getLaserData"
+
+
+REQUIRES, IMPLEMENTS, PUBLISHES, SUBSCRIBES = Verb.REQUIRES, Verb.IMPLEMENTS, Verb.PUBLISHES, Verb.SUBSCRIBES
+
+
+@pytest.mark.parametrize(
+    ("uses", "expected"),
+    [
+        ([], []),
+        ([(REQUIRES, "Laser")], [""]),
+        ([(REQUIRES, "Laser"), (REQUIRES, "Laser"), (REQUIRES, "Laser")], ["", "1", "2"]),
+        ([(REQUIRES, "Laser"), (REQUIRES, "Bumper"), (REQUIRES, "Laser")], ["", "", "1"]),
+        ([(REQUIRES, "Laser"), (PUBLISHES, "Laser")], ["", "1"]),
+        ([(IMPLEMENTS, "Laser"), (SUBSCRIBES, "Laser")], ["", "1"]),
+        ([(REQUIRES, "Laser"), (IMPLEMENTS, "Laser"), (PUBLISHES, "Laser"), (SUBSCRIBES, "Laser")], ["", "", "1", "1"]),
+        ([(REQUIRES, "Laser"), (REQUIRES, "LASER")], ["", "1"]),
+        ([(IMPLEMENTS, "Laser"), (IMPLEMENTS, "LASER")], ["", ""]),
+    ],
+)
+def test_proxies_are_numbered_together_and_so_are_handlers(uses: list[tuple[Verb, str]], expected: list[str]) -> None:
+    assert numbers(uses) == expected
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(st.sampled_from(Verb), st.sampled_from(["Laser", "laser", "Bumper", "LaserPub"]))))
+def test_no_two_ports_have_the_same_attribute_or_the_same_handlers(uses: list[tuple[Verb, str]]) -> None:
+    ports = list(_ports(uses))
+    attributes = [port.attribute for port in ports if port.verb.has_proxy]
+    handlers = [port.handler("stop") for port in ports if not port.verb.has_proxy]
+    assert len(set(attributes)) == len(attributes)
+    assert len(set(handlers)) == len(handlers)
+
+
+def _ports(uses: list[tuple[Verb, str]]) -> Iterator[Port]:
+    for (verb, interface), number in zip(uses, numbers(uses), strict=True):
+        yield Port(verb, Interface(f"Test::{interface}", ()), number)
