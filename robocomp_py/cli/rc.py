@@ -6,9 +6,13 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..errors import ComponentError
-from .common import FINE, WRONG, add_include, complain, parser, show
+from .common import FINE, USAGE, WRONG, add_include, command, complain, parser, show
+
+if TYPE_CHECKING:
+    from ..dsl.workspace import Workspace  # running a component must not import the languages
 
 _EXAMPLES = """\
 examples:
@@ -16,9 +20,12 @@ examples:
   rc lint --json net.ddsl             ... one diagnostic a line, for machines
   rc run components/wander            run a component until Ctrl-C
   rc run . --set component.period=0.02 --name left
+
+exit status: 0 fine, 1 wrong input or a component failed, 2 usage, 130/143 by a signal
 """
 
 
+@command
 def main(arguments: Sequence[str] | None = None) -> int:
     made = parser("rc", "Check and run components.", _EXAMPLES)
     commands = made.add_subparsers(dest="command", metavar="COMMAND", required=True)
@@ -36,22 +43,34 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _lint(options: argparse.Namespace) -> int:
-    from ..dsl.workspace import Workspace  # running a component must not import the languages
+    from ..dsl.workspace import Workspace
 
     workspace = Workspace(options.include)
     for path in options.files:
-        workspace.check(path)
+        if path.suffix.lower() == ".ddsl":
+            _check_network(path, workspace)
+        else:
+            workspace.check(path)
     show(workspace.report.diagnostics, as_json=options.json)
     return WRONG if workspace.report.errors else FINE
 
 
+def _check_network(path: Path, workspace: Workspace) -> None:
+    """Check a network as the deployer would, except for what only a start needs."""
+    from ..deploy.plan import make_plan
+
+    make_plan(path, workspace)
+    report = workspace.report
+    report.diagnostics = [each for each in report.diagnostics if each.code != "not-generated"]
+
+
 def _run(options: argparse.Namespace, rest: list[str], usage: argparse.ArgumentParser) -> int:
-    from ..runtime.load import load_worker  # see above
+    from ..runtime.load import load_worker
     from ..runtime.run import main as run_component
 
     if options.folder is None:
         usage.print_help(sys.stdout if options.help else sys.stderr)
-        return FINE if options.help else 2
+        return FINE if options.help else USAGE
     try:
         worker = load_worker(options.folder)
     except ComponentError as exc:

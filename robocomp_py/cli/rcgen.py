@@ -4,16 +4,24 @@ from __future__ import annotations
 
 import argparse
 import re
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from ..codegen.generate import DEFAULT_MIDDLEWARE, Artifact, Model, Owner, generate, starter, starter_specifics
-from ..codegen.stubs import missing_imports, missing_methods
-from ..codegen.write import GenerationError, outdated, write
-from ..dsl.workspace import Workspace
-from .common import FINE, USAGE, WRONG, add_include, complain, parser, show
+from ..codegen.generate import (
+    DEFAULT_MIDDLEWARE,
+    Artifact,
+    GenerationError,
+    Model,
+    Owner,
+    generate,
+    starter,
+    starter_specifics,
+)
+from ..codegen.stubs import find_stubs
+from ..codegen.write import compare, write
+from ..dsl.workspace import Workspace, installed_middlewares, read_file
+from .common import FINE, WRONG, add_include, command, complain, no_such, parser, show
 
 _EXAMPLES = """\
 examples:
@@ -27,9 +35,12 @@ The folder generic/ is rewritten on every run. specificworker.py, etc/config.tom
 and tests/ are written once and then yours. Imports are looked for beside the importing file,
 in -I folders, $ROBOCOMP_INTERFACES, $ROBOCOMP/interfaces/IDSLs, ~/robocomp/interfaces/IDSLs,
 /opt/robocomp/interfaces/IDSLs and among the interfaces shipped with robocomp_py.
+
+exit status: 0 fine, 1 wrong input or (with --check) out of date, 2 usage
 """
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*\Z")
+_MIDDLEWARE = re.compile(r'^    middleware = "(\w+)"$', re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -41,20 +52,25 @@ class _Job:
     artifacts: tuple[Artifact, ...]
 
 
+@command
 def main(arguments: Sequence[str] | None = None) -> int:
-    options = _parser().parse_args(arguments)
-    if options.new:
-        return _new(options.new, options.output or Path(options.new.lower()), options.middleware)
-    if not options.models:
-        _parser().print_usage(sys.stderr)
-        return USAGE
-    if options.output and len(options.models) > 1:
-        print("rcgen: -o takes one component only", file=sys.stderr)
-        return USAGE
-    jobs = _jobs(options.models, options.include, options.output, options.middleware)
-    if jobs is None:
-        return WRONG
-    return _check(jobs) if options.check else _write(jobs)
+    made = _parser()
+    options = made.parse_args(arguments)
+    if bool(options.new) == bool(options.models):
+        made.error("give it components or networks (.cdsl, .ddsl), or --new NAME")
+    if options.new and options.check:
+        made.error("--check is for components that are there")
+    if options.middleware and options.middleware not in installed_middlewares():
+        return complain(f"rcgen: {no_such('middleware', options.middleware, installed_middlewares())}")
+    try:
+        if options.new:
+            return _new(options.new, options.output or Path(options.new.lower()), options.middleware)
+        jobs = _jobs(options.models, options.include, options.output, options.middleware)
+        if jobs is None:
+            return WRONG
+        return _check(jobs) if options.check else _write(jobs)
+    except GenerationError as exc:
+        return complain(f"rcgen: {exc}")
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -73,17 +89,22 @@ def _parser() -> argparse.ArgumentParser:
 def _jobs(models: list[Path], include: list[Path], output: Path | None, middleware: str | None) -> list[_Job] | None:
     """What is to be generated; None if a model is wrong, which has been said then."""
     workspace = Workspace(include)
-    jobs = []
-    for path in _components(models, workspace):
-        found = workspace.component(path)
-        if found is None:
-            continue
-        root = output or path.parent
-        chosen = middleware or _middleware_before(root) or DEFAULT_MIDDLEWARE
-        model = Model(found.component, found.modules, path.name, found.params, chosen)
-        jobs.append(_Job(model, root, generate(model)))
+    paths = _components(models, workspace)
+    found = [(path, workspace.component(path)) for path in paths]
     show(workspace.report.diagnostics)
-    return None if workspace.report.errors else jobs
+    if workspace.report.errors:
+        return None
+    jobs: dict[Path, _Job] = {}
+    for path, linked in found:
+        root = output or path.parent
+        if root.resolve() in jobs:
+            other = jobs[root.resolve()].model.cdsl
+            raise GenerationError(f"{other} and {path.name} would share {root}/; nothing was written")
+        assert linked is not None, "there was no error"
+        chosen = middleware or _middleware_before(root) or DEFAULT_MIDDLEWARE
+        model = Model(linked.component, linked.modules, path.name, linked.params, chosen)
+        jobs[root.resolve()] = _Job(model, root, generate(model))
+    return list(jobs.values())
 
 
 def _components(models: list[Path], workspace: Workspace) -> list[Path]:
@@ -95,82 +116,74 @@ def _components(models: list[Path], workspace: Workspace) -> list[Path]:
                 found.append(path)
             case ".ddsl":
                 found += workspace.components_of(path)
+            case ".idsl" | ".pdsl":
+                raise GenerationError(f"{path} is no component: give rcgen a .cdsl or .ddsl that uses it")
             case _:
                 workspace.check(path)
-                if path.suffix.lower() in (".idsl", ".pdsl"):
-                    at = workspace.source(path)
-                    if at:
-                        message = "rcgen generates components: give it a .cdsl or .ddsl that uses this file"
-                        workspace.report.error("not-a-component", message, at.span(0, 0))
     return list(dict.fromkeys(found))
 
 
 def _middleware_before(root: Path) -> str | None:
     """What an existing generic part was generated for."""
-    path = root / "generic" / "genericworker.py"
-    if not path.is_file():
+    try:
+        text = read_file(root / "generic" / "genericworker.py").decode(errors="replace")
+    except OSError:
         return None
-    found = re.search(r'^    middleware = "(\w+)"$', path.read_text(encoding="utf-8"), re.MULTILINE)
+    found = _MIDDLEWARE.search(text)
     return found[1] if found else None
 
 
 def _check(jobs: list[_Job]) -> int:
-    try:
-        lines = [line for job in jobs for line in outdated(job.artifacts, job.root)]
-    except GenerationError as exc:
-        return complain(exc)
+    lines = [line for job in jobs for line in compare(job.artifacts, job.root).lines(job.root)]
     for line in lines:
         print(line)
     return WRONG if lines else FINE
 
 
 def _write(jobs: list[_Job]) -> int:
-    code = FINE
     for job in jobs:
-        try:
-            changes = write(job.artifacts, job.root)
-        except GenerationError as exc:
-            code = complain(exc)
-            continue
+        compare(job.artifacts, job.root)  # refuses before anything is written
+    for job in jobs:
+        changes = write(job.artifacts, job.root)
         done = [f"{len(changes.written)} written"] if changes.written else []
         done += [f"{len(changes.removed)} removed"] if changes.removed else []
         print(f"{job.model.component.name}: {', '.join(done) or 'up to date'} in {job.root}/ ({job.model.middleware})")
-        _announce_missing(job)
-    return code
+        _announce_stubs(job)
+    return FINE
 
 
-def _announce_missing(job: _Job) -> None:
-    """Say which methods the specific part has to add, and how they begin."""
+def _announce_stubs(job: _Job) -> None:
+    """Say which methods the specific part has to add or change, and how they begin."""
     path = job.root / "specificworker.py"
-    source = path.read_text(encoding="utf-8")
-    stubs = missing_methods(source, job.model.component)
-    if not stubs:
-        return
-    print(f"\n{path} lacks {', '.join(stubs)}; add to SpecificWorker:\n")
-    imports = missing_imports(source, job.model.component)
-    if imports:
-        print(f"from .generic import {', '.join(imports)}\n")
-    print("\n".join(stubs.values()))
+    stubs = find_stubs(read_file(path).decode(errors="replace"), job.model)
+    if stubs.missing:
+        print(f"\n{path} lacks {', '.join(stubs.missing)}; add to SpecificWorker:\n")
+        if stubs.imports:
+            print(stubs.imports)
+        print("\n".join(stubs.missing.values()))
+    for name, begins in stubs.unfit.items():
+        print(f"\n{path}: {name} does not take what it is given; it must begin with:\n\n    {begins}")
 
 
 def _new(name: str, root: Path, middleware: str | None) -> int:
     if not _NAME.match(name):
         return complain(f"rcgen: {name!r} is no name for a component: letters and digits, a letter first")
     name = name[:1].upper() + name[1:]
-    if root.exists() and any(root.iterdir()):
-        return complain(f"rcgen: {root}/ exists and is not empty; nothing was written")
-    models = starter(name)
+    if root.exists() and (not root.is_dir() or any(root.iterdir())):
+        return complain(f"rcgen: {root} exists and is no empty folder; nothing was written")
+    models = {root / file: text for file, text in starter(name).items()}
     cdsl = f"{name.lower()}.cdsl"
-    workspace = Workspace(read=lambda path: models[path.name].encode() if path.name in models else path.read_bytes())
+    workspace = Workspace(read=lambda path: models[path].encode() if path in models else read_file(path))
     found = workspace.component(root / cdsl)
     assert found is not None, "the starter is right, as tests show"
     model = Model(found.component, found.modules, cdsl, found.params, middleware or DEFAULT_MIDDLEWARE)
     instead = starter_specifics(model, name)
-    artifacts = [Artifact(PurePosixPath(file), text, Owner.USER) for file, text in models.items()]
+    artifacts = [Artifact(PurePosixPath(path.name), text, Owner.USER) for path, text in models.items()]
     artifacts += [Artifact(a.path, instead.get(a.path, a.text), a.owner) for a in generate(model)]
-    try:
-        write(artifacts, root)
-    except GenerationError as exc:
-        return complain(exc)
+    write(artifacts, root)
     print(f"{root}/ holds a component that runs as it is:\n\n    rc run {root}\n    pytest {root}\n")
     return FINE
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from functools import cache
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -16,10 +18,16 @@ from ..contract import types as t
 from ..contract.component import Component, Port
 from ..contract.interface import Interface, Operation
 from ..contract.module import Constant, Module
-from ..contract.parameters import ParameterSet
-from . import python as py
+from ..errors import RobocompError
+from . import configuration, expressions, layout, names
+from .imports import bound_names, complete
+from .shadows import Shadows
 
 DEFAULT_MIDDLEWARE = "zeromq"
+
+
+class GenerationError(RobocompError):
+    """Nothing was written; the message says why."""
 
 
 class Owner(Enum):
@@ -49,14 +57,25 @@ class Model:
 
 def generate(model: Model) -> tuple[Artifact, ...]:
     """All files of a component: its generic part, and what is written once."""
-    return (*_generic(model), *_specific(model))
+    generic = {path: Artifact(PurePosixPath(path), text) for path, text in _generic(model).items()}
+    specific = [Artifact(PurePosixPath(path), text, Owner.USER) for path, text in _specific(model).items()]
+    return (*generic.values(), *specific)
 
 
-def generate_module(module: Module, ports: Sequence[Port] = ()) -> str:
-    """The Python module of an IDSL module, with proxies for these ports."""
+def generate_module(module: Module, ports: Sequence[Port] = (), siblings: Sequence[str] = ()) -> str:
+    """The Python module of an IDSL module, with proxies for these ports. `siblings` are the Python modules beside it.
+
+    Raises GenerationError if two things would have the same name.
+    """
     own = [port for port in ports if port.verb.has_proxy and port.interface.module == module.name]
-    unique = {py.proxy_class(port): port for port in own}
-    return _render("module.py.j2", module=module, ports=list(unique.values()))
+    proxies = {names.proxy_class(port): port for port in own}
+    text = _render("module.py.j2", module=module, ports=list(proxies.values()), aliases=_Aliases())
+    text = complete(text, siblings)
+    twice = [name for name, number in Counter(bound_names(text)).items() if number > 1]
+    if twice:
+        files = ", ".join(module.files)
+        raise GenerationError(f"{files}: two things would be called `{twice[0]}` in Python; give one another name")
+    return text
 
 
 def starter(name: str) -> dict[str, str]:
@@ -68,39 +87,47 @@ def starter(name: str) -> dict[str, str]:
 
 def starter_specifics(model: Model, name: str) -> dict[PurePosixPath, str]:
     """What a starter has instead of empty handlers."""
-    return {
-        PurePosixPath("specificworker.py"): _render("starter_worker.py.j2", component=model.component, name=name),
-        PurePosixPath(f"tests/test_{py.snake(model.component.name)}.py"): _render(
-            "starter_test.py.j2", component=model.component, name=name
-        ),
-    }
+    kinds = {"specificworker.py": "starter_worker.py.j2", _test(model.component): "starter_test.py.j2"}
+    return {PurePosixPath(path): _render(kind, component=model.component, name=name) for path, kind in kinds.items()}
 
 
-def _generic(model: Model) -> Iterator[Artifact]:
+def handlers(component: Component) -> list[tuple[Port, Operation[Any]]]:
+    """The operations that call a component."""
+    ports = [port for port in component.ports if not port.verb.has_proxy]
+    return [(port, operation) for port in ports for operation, _ in port.interface.under(port.verb)]
+
+
+def _generic(model: Model) -> dict[str, str]:
     component = model.component
-    yield Artifact(PurePosixPath("generic/__init__.py"), _render("generic_init.py.j2", **_common(model)))
+    siblings = [names.module_name(module.name) for module in model.modules]
+    texts = {"generic/__init__.py": _render("generic_init.py.j2", **_common(model))}
     for module in model.modules:
-        yield Artifact(PurePosixPath(f"generic/{module.name}.py"), generate_module(module, component.ports))
-    text = _render("genericworker.py.j2", **_common(model))
-    yield Artifact(PurePosixPath("generic/genericworker.py"), text)
+        text = generate_module(module, component.ports, siblings)
+        texts[f"generic/{names.module_name(module.name)}.py"] = text
+    texts["generic/genericworker.py"] = complete(_render("genericworker.py.j2", **_common(model)), siblings)
     if component.params:
-        scopes = list(_scopes(component.params))
-        text = _render("params.py.j2", component=component, scopes=scopes, pdsl=model.pdsl)
-        yield Artifact(PurePosixPath("generic/params.py"), text)
+        scopes = configuration.scopes_of(component.params)
+        text = _render("params.py.j2", component=component, scopes=scopes, pdsl=model.pdsl, aliases=_Aliases())
+        texts["generic/params.py"] = complete(text, [])
+    return texts
 
 
-def _specific(model: Model) -> Iterator[Artifact]:
+def _specific(model: Model) -> dict[str, str]:
     component = model.component
-    once = {
+    siblings = [names.module_name(module.name) for module in model.modules]
+    demanded = configuration.demanded(component.params) if component.params else []
+    return {
         "__init__.py": _render("init.py.j2", component=component),
         "__main__.py": _render("main.py.j2", component=component),
-        "specificworker.py": _render("specificworker.py.j2", **_common(model)),
+        "specificworker.py": complete(_render("specificworker.py.j2", **_common(model)), siblings, ".generic"),
         "etc/config.toml": _render("config.toml.j2", **_common(model)),
         "README.md": _render("readme.md.j2", **_common(model), pdsl=model.pdsl),
-        f"tests/test_{py.snake(component.name)}.py": _render("test_component.py.j2", component=component),
+        _test(component): _render("test_component.py.j2", component=component, demanded=demanded),
     }
-    for path, text in once.items():
-        yield Artifact(PurePosixPath(path), text, Owner.USER)
+
+
+def _test(component: Component) -> str:
+    return f"tests/test_{names.snake(component.name)}.py"
 
 
 def _common(model: Model) -> dict[str, Any]:
@@ -109,29 +136,28 @@ def _common(model: Model) -> dict[str, Any]:
         "component": component,
         "cdsl": model.cdsl,
         "middleware": model.middleware,
-        "handlers": list(_handlers(component)),
+        "handlers": handlers(component),
         "proxies": [port for port in component.ports if port.verb.has_proxy],
     }
 
 
-def _handlers(component: Component) -> Iterator[tuple[Port, Operation[Any]]]:
-    for port in component.ports:
-        if not port.verb.has_proxy:
-            for operation, _ in port.interface.under(port.verb):
-                yield port, operation
+class _Aliases:
+    """Remembers which aliases a file has already."""
 
+    def __init__(self) -> None:
+        self._made: set[str] = set()
 
-def _scopes(params: ParameterSet, name: str = "Params") -> Iterator[tuple[str, ParameterSet]]:
-    """Every scope with the name of its class, inner ones first."""
-    for each in params.lists:
-        yield from _scopes(each.items, py.item_class(each.items))
-    yield name, params
+    def new(self, shadows: Shadows) -> list[str]:
+        found = [alias for alias in shadows.aliases() if alias not in self._made]
+        self._made.update(found)
+        return found
 
 
 def _render(template: str, **values: Any) -> str:
-    return _ENVIRONMENT.get_template(template).render(version=__version__, **values)
+    return _environment().get_template(template).render(version=__version__, **values)
 
 
+@cache
 def _environment() -> Environment:
     environment = Environment(
         loader=PackageLoader("robocomp_py.codegen"),
@@ -141,15 +167,19 @@ def _environment() -> Environment:
         keep_trailing_newline=True,
         autoescape=False,  # Python and TOML, not HTML
     )
-    filters = {name: each for name, each in vars(py).items() if inspect.isfunction(each) and not name.startswith("_")}
-    environment.filters |= {name: each for name, each in filters.items() if each.__module__ == py.__name__}
-    environment.tests["kind"] = lambda value, *names: isinstance(value, tuple(_KINDS[name] for name in names))
+    for filters in (names, layout, expressions, configuration):
+        environment.filters |= {
+            name: each
+            for name, each in vars(filters).items()
+            if inspect.isfunction(each) and each.__module__ == filters.__name__ and not name.startswith("_")
+        }
+    environment.tests["kind"] = lambda value, *kinds: isinstance(value, tuple(_KINDS[kind] for kind in kinds))
     environment.filters["of"] = _definitions
     return environment
 
 
-def _definitions(module: Module, *names: str) -> list[Any]:
-    return [each for each in module.definitions if isinstance(each, tuple(_KINDS[name] for name in names))]
+def _definitions(module: Module, *kinds: str) -> list[Any]:
+    return [each for each in module.definitions if isinstance(each, tuple(_KINDS[kind] for kind in kinds))]
 
 
 _KINDS: Mapping[str, type] = {
@@ -161,4 +191,3 @@ _KINDS: Mapping[str, type] = {
     "Constant": Constant,
     "Interface": Interface,
 }
-_ENVIRONMENT = _environment()

@@ -1,39 +1,77 @@
-"""What an existing specific part still lacks."""
+"""What an existing specific part does not have yet, or has in another form than its generic part asks for."""
 
 from __future__ import annotations
 
 import ast
+import textwrap
+from collections.abc import Iterator
+from dataclasses import dataclass
 
-from ..contract.component import Component
-from . import python as py
+from .expressions import handler, handler_signature
+from .generate import Model, handlers
+from .imports import bound_names, import_statements, used_names
+from .names import module_name
 
 
-def missing_methods(source: str, component: Component) -> dict[str, str]:
-    """Handlers that the text of a specificworker.py does not define, each with the stub to paste.
+@dataclass(frozen=True)
+class Stubs:
+    """Methods to write, by name, and the imports they need besides those there."""
 
-    A text that is no Python, or whose class takes methods from elsewhere, is not judged.
+    missing: dict[str, str]
+    unfit: dict[str, str]
+    """Methods that do not take what they are given, each with the line it should begin with."""
+    imports: str
+
+
+def find_stubs(source: str, model: Model) -> Stubs:
+    """What the text of a specificworker.py lacks. One that is no Python, or whose class takes methods from
+    elsewhere, is not judged: the component says at its start what it lacks.
     """
+    worker = _worker(source)
+    if worker is None:
+        return Stubs({}, {}, "")
+    bound = set(_bound(worker.body))
+    methods = {node.name: node for node in worker.body if isinstance(node, ast.FunctionDef)}
+    wanted = {port.handler(operation.name): (port, operation) for port, operation in handlers(model.component)}
+    missing = {name: handler(port, operation) for name, (port, operation) in wanted.items() if name not in bound}
+    unfit = {
+        name: handler_signature(port, operation)
+        for name, (port, operation) in wanted.items()
+        if name in methods and not _takes(methods[name].args, len(operation.inputs))
+    }
+    used = used_names(textwrap.dedent("\n".join(missing.values()))) - set(bound_names(source))
+    siblings = [module_name(module.name) for module in model.modules]
+    return Stubs(missing, unfit, import_statements(used, siblings, ".generic"))
+
+
+def _worker(source: str) -> ast.ClassDef | None:
     try:
-        tree = ast.parse(source)
-    except SyntaxError:
-        return {}
-    worker = next((n for n in tree.body if isinstance(n, ast.ClassDef) and n.name == "SpecificWorker"), None)
-    if worker is None or len(worker.bases) > 1:
-        return {}
-    defined = {n.name for n in worker.body if isinstance(n, ast.FunctionDef | ast.AsyncFunctionDef)}
-    stubs = {}
-    for port in component.ports:
-        if port.verb.has_proxy:
-            continue
-        for operation, _ in port.interface.under(port.verb):
-            if port.handler(operation.name) not in defined:
-                body = py.zero_return(operation) if operation.outputs else "..."
-                doc = py.docstring(py.operation_doc(operation), 8)
-                signature = py.handler_signature(port, operation)
-                stubs[port.handler(operation.name)] = f"    {signature}\n        {doc}\n        {body}\n"
-    return stubs
+        body = ast.parse(source).body
+    except (SyntaxError, ValueError):
+        return None
+    worker = next((node for node in body if isinstance(node, ast.ClassDef) and node.name == "SpecificWorker"), None)
+    return worker if worker and len(worker.bases) == 1 else None
 
 
-def missing_imports(source: str, component: Component) -> list[str]:
-    """Modules whose types the handlers mention, but which a text does not import."""
-    return [name for name in py.modules_handled(component.ports) if name not in source]
+def _bound(body: list[ast.stmt]) -> Iterator[str]:
+    """The names that a class gives to something."""
+    for node in body:
+        match node:
+            case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name):
+                yield name
+            case ast.Assign(targets=targets):
+                yield from (target.id for target in targets if isinstance(target, ast.Name))
+            case ast.AnnAssign(target=ast.Name(id=name), value=ast.expr()):
+                yield name
+            case ast.If(body=then, orelse=otherwise):
+                yield from _bound([*then, *otherwise])
+            case _:
+                pass
+
+
+def _takes(arguments: ast.arguments, number: int) -> bool:
+    """Whether a method can be called with so many values, besides `self`."""
+    positional = len(arguments.posonlyargs) + len(arguments.args) - 1
+    needed = positional - len(arguments.defaults)
+    demanded = any(default is None for default in arguments.kw_defaults)
+    return needed <= number and (number <= positional or arguments.vararg is not None) and not demanded

@@ -37,9 +37,10 @@ class Diagnostic:
             lines.append(f"    {self.hint}")
         for text, span in self.related:
             lines += [f"  {_place(span)}: {text}", *_excerpt(span)]
-        return "\n".join(lines)
+        return _printable("\n".join(lines))
 
     def to_json(self) -> dict[str, Any]:
+        """For machines. The end is the place behind the last character."""
         line, column = self.span.source.position(self.span.start)
         end_line, end_column = self.span.source.position(self.span.end)
         return {
@@ -101,9 +102,22 @@ def _place(span: Span) -> str:
 
 
 def _excerpt(span: Span) -> Iterator[str]:
+    """The line (of a very long one, the part) a span begins in, and carets below; nothing if it is blank."""
     line, column = span.source.position(span.start)
-    text = span.source.line(line)
-    width = max(1, min(span.end - span.start, len(text) - column + 1))
-    margin = "".join(char if char == "\t" else " " for char in text[: column - 1])
-    yield f"    {text}"
-    yield f"    {margin}{'^' * width}"
+    whole = span.source.line(line)
+    cut = column - 1 - _EXCERPT // 2 if len(whole) > _EXCERPT and column > _EXCERPT // 2 else 0
+    text = whole[cut : cut + _EXCERPT]
+    before = text[: column - 1 - cut]
+    if text.strip():
+        width = max(1, min(span.end - span.start, len(text) - len(before)))
+        yield f"    {text}"
+        yield f"    {''.join(char if char == chr(9) else ' ' for char in before)}{'^' * width}"
+
+
+def _printable(text: str) -> str:
+    """What would move a terminal's cursor replaced, so that binary files do no harm."""
+    return "".join(char if char.isprintable() or char in "\n\t" else "\N{REPLACEMENT CHARACTER}" for char in text)
+
+
+_EXCERPT = 160
+"""Characters shown of a line."""

@@ -6,23 +6,27 @@ Where an import is looked for, in this order:
     $ROBOCOMP/interfaces/IDSLs · ~/robocomp/interfaces/IDSLs · /opt/robocomp/interfaces/IDSLs
     the interfaces shipped with robocomp_py
 
-An import may be a file name, with or without its ending, a relative path, or an absolute path of
-another machine; if there is no such file, its last part is looked for.
+An import may be a file name, a relative path, or an absolute path of another machine, each with or
+without its ending. All folders are searched for it as it is written; then, if there is no such file
+in any of them, for its last part.
 """
 
 from __future__ import annotations
 
+import codecs
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from importlib.metadata import entry_points
 from importlib.resources import files
 from pathlib import Path, PurePosixPath
+from typing import Generic, TypeVar
 
 from ..contract.component import Component
 from ..contract.interface import Interface
-from ..contract.module import Module
+from ..contract.module import Definition, Module
 from ..contract.parameters import ParameterSet
-from .cdsl.check import Interfaces
+from .cdsl.check import Surroundings
 from .cdsl.check import check as check_cdsl
 from .cdsl.link import link as link_cdsl
 from .cdsl.model import Component as CdslComponent
@@ -37,13 +41,32 @@ from .idsl.model import File as IdslFile
 from .idsl.parser import parse as parse_idsl
 from .pdsl.check import check as check_pdsl
 from .pdsl.link import link as link_pdsl
+from .pdsl.model import File as PdslFile
 from .pdsl.parser import parse as parse_pdsl
 from .source import Name, Source
+from .syntax import MAX_CHARACTERS
 
 ENDINGS = (".idsl", ".cdsl", ".pdsl", ".ddsl")
 SHIPPED = Path(str(files("robocomp_py") / "interfaces"))
 
+COMMON_BEHAVIOR = "RoboCompCommonBehavior"
+"""The module of the interface that every component has."""
+
+MAX_BYTES = 4 * MAX_CHARACTERS
+MAX_IMPORTS = 100
+"""Files that import one another in a row."""
+
 Read = Callable[[Path], bytes]
+
+
+def read_file(path: Path) -> bytes:
+    """A file's bytes; of one that is too large anyway, no more than it takes to see that."""
+    with path.open("rb") as file:
+        return file.read(MAX_BYTES + 1)
+
+
+def installed_middlewares() -> list[str]:
+    return sorted({entry.name for entry in entry_points(group="robocomp_py.transports")})
 
 
 @dataclass(frozen=True)
@@ -57,12 +80,15 @@ class LinkedComponent:
     """The name of its PDSL file, if it has one."""
 
 
-@dataclass(eq=False)
-class _Idsl:
-    """An IDSL file and what it imports. Without a module if it, or something it needs, is wrong."""
+F = TypeVar("F", IdslFile, PdslFile)
 
-    file: IdslFile
-    imports: list[_Idsl] = field(default_factory=list)
+
+@dataclass(eq=False)
+class _Loaded(Generic[F]):
+    """A file and what it imports. `module` is what an IDSL file comes to, if nothing it needs is wrong."""
+
+    file: F
+    imports: list[_Loaded[F]] = field(default_factory=list)
     module: Module | None = None
 
 
@@ -70,16 +96,22 @@ class Workspace:
     """Reads files of all the languages; everything wrong with them is in `report`.
 
     `read` returns a file's bytes and raises OSError: the disk's by default, an editor's buffers or
-    a test's dict otherwise.
+    a test's dict otherwise. `middlewares` are those a component may ask for, by default the installed ones.
     """
 
-    def __init__(self, include: Sequence[Path] = (), read: Read = Path.read_bytes) -> None:
+    def __init__(
+        self, include: Sequence[Path] = (), read: Read = read_file, middlewares: Collection[str] | None = None
+    ) -> None:
         self.report = Report()
         self._include = [Path(folder) for folder in include]
         self._read = read
+        self._middlewares = installed_middlewares() if middlewares is None else middlewares
         self._sources: dict[Path, Source | None] = {}
-        self._idsl: dict[Path, _Idsl | None] = {}
-        self._reading: list[Path] = []
+        self._idsl: dict[str, _Loaded[IdslFile] | None] = {}
+        self._pdsl: dict[str, _Loaded[PdslFile] | None] = {}
+        self._components: dict[str, LinkedComponent | None] = {}
+        self._deployments: dict[str, Deployment | None] = {}
+        self._reading: list[str] = []
 
     # One file of each language. None means: too wrong to go on; the report says why.
 
@@ -105,27 +137,23 @@ class Workspace:
 
     def parameters(self, path: Path) -> ParameterSet | None:
         """The parameters of a PDSL file, those it imports included."""
-        return self._load_pdsl(path, [])
+        found = self._load_pdsl(path)
+        every = _closure([found] if found else [])
+        if found is None or any(self._errors_in(each.file.source) for each in every):
+            return None
+        sets = [link_pdsl(each.file) for each in every]
+        return ParameterSet(
+            sets[-1].name,
+            tuple(each for part in sets for each in part.parameters),
+            tuple(each for part in sets for each in part.lists),
+        )
 
     def component(self, path: Path) -> LinkedComponent | None:
         """The component of a CDSL file."""
-        source = self.source(path)
-        model = parse_cdsl(source, self.report) if source else None
-        if source is None or model is None:
-            return None
-        roots = self._load_imports(model.imports, source)
-        common = self._load_idsl(SHIPPED / "CommonBehavior.idsl")
-        loaded = _closure([*roots, *([common] if common else [])])
-        interfaces = _interfaces_in(loaded)
-        complete = len(roots) == len(model.imports) and all(each.module for each in loaded)
-        self._check_component(model, interfaces, complete)
-        params = self._params_of(model)
-        if not complete or self._errors_in(source) or (model.params and params is None):
-            return None
-        component = link_cdsl(model, interfaces, params)
-        used = any(port.interface.module == "RoboCompCommonBehavior" for port in component.ports)
-        pdsl = PurePosixPath(model.params.text).name if model.params else ""
-        return LinkedComponent(path, component, _merged(loaded if used else _closure(roots)), pdsl)
+        key = os.path.realpath(path)
+        if key not in self._components:
+            self._components[key] = self._link_component(path)
+        return self._components[key]
 
     def components_of(self, path: Path) -> list[Path]:
         """The CDSL files that a DDSL file imports."""
@@ -139,8 +167,11 @@ class Workspace:
 
     def deployment(self, path: Path) -> Deployment | None:
         """The model of a DDSL file. What its network comes to is `robocomp_py.deploy.plan`'s to say."""
-        source = self.source(path)
-        return parse_ddsl(source, self.report) if source else None
+        key = os.path.realpath(path)
+        if key not in self._deployments:
+            source = self.source(path)
+            self._deployments[key] = parse_ddsl(source, self.report) if source else None
+        return self._deployments[key]
 
     # Finding and reading.
 
@@ -150,18 +181,15 @@ class Workspace:
         listed = [Path(each) for each in environment.get("ROBOCOMP_INTERFACES", "").split(os.pathsep) if each]
         robocomp = environment.get("ROBOCOMP")
         homes = [Path(robocomp)] if robocomp else []
-        homes += [Path.home() / "robocomp", Path("/opt/robocomp")]
+        homes += [Path(os.path.expanduser("~/robocomp")), Path("/opt/robocomp")]
         standard = [home / "interfaces" / "IDSLs" for home in homes]
         return list(dict.fromkeys([importing.parent, *self._include, *listed, *standard, SHIPPED]))
 
     def find(self, name: str, importing: Path, ending: str) -> Path | None:
         """The file an import means."""
         folders = self.search_path(importing)
-        for form in _forms(name, ending):
-            for folder in folders:
-                if self._exists(folder / form):
-                    return folder / form
-        return None
+        candidates = (folder / form for form in _forms(name, ending) for folder in folders)
+        return next(filter(self._exists, candidates), None)
 
     def source(self, path: Path) -> Source | None:
         """A file's text, read once."""
@@ -172,8 +200,13 @@ class Workspace:
     def _decode(self, path: Path) -> Source | None:
         try:
             data = self._read(path)
-        except OSError as exc:
-            self.report.error("unreadable", f"cannot be read: {exc.strerror or exc}", Source(path, "").span(0, 0))
+        except (OSError, ValueError) as exc:
+            reason = getattr(exc, "strerror", None) or exc
+            self.report.error("unreadable", f"cannot be read: {reason}", Source(path, "").span(0, 0))
+            return None
+        if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            at = Source(path, "").span(0, 0)
+            self.report.error("not-utf8", "this is UTF-16", at, "save the file as UTF-8")
             return None
         try:
             return Source(path, data.decode("utf-8-sig"))
@@ -183,11 +216,11 @@ class Workspace:
             return source
 
     def _exists(self, path: Path) -> bool:
-        if self._read is Path.read_bytes:
-            return path.is_file()
         try:
+            if self._read is read_file:
+                return path.is_file()
             self._read(path)
-        except OSError:
+        except (OSError, ValueError):  # a name that cannot be one, a folder that may not be entered
             return False
         return True
 
@@ -205,45 +238,61 @@ class Workspace:
             )
         return found
 
-    # IDSL.
-
-    def _load_imports(self, imports: Sequence[Name], importing: Source) -> list[_Idsl]:
+    def _load_imports(
+        self, imports: Sequence[Name], importing: Source, ending: str, load: Callable[[Path], _Loaded[F] | None]
+    ) -> list[_Loaded[F]]:
         found = []
         for name in imports:
-            path = self._resolve(name, importing, ".idsl")
+            path = self._resolve(name, importing, ending)
             if path is None:
                 continue
-            if path.resolve() in self._reading:
+            if os.path.realpath(path) in self._reading:
                 self.report.error("import-cycle", f"`{name}` imports this file, however indirectly", name.span)
-                continue
-            loaded = self._load_idsl(path)
-            if loaded:
+            elif len(self._reading) > MAX_IMPORTS:
+                self.report.error("too-deep", f"more than {MAX_IMPORTS} files import one another", name.span)
+            elif loaded := load(path):
                 found.append(loaded)
         return found
 
-    def _load_idsl(self, path: Path) -> _Idsl | None:
-        key = path.resolve()
+    # IDSL.
+
+    def _load_idsl(self, path: Path) -> _Loaded[IdslFile] | None:
+        key = os.path.realpath(path)
         if key not in self._idsl:
             self._reading.append(key)
             self._idsl[key] = self._read_idsl(path)
             self._reading.pop()
         return self._idsl[key]
 
-    def _read_idsl(self, path: Path) -> _Idsl | None:
+    def _read_idsl(self, path: Path) -> _Loaded[IdslFile] | None:
         source = self.source(path)
         file = parse_idsl(source, self.report) if source else None
         if source is None or file is None:
             return None
-        loaded = _Idsl(file, self._load_imports(file.imports, source))
+        loaded = _Loaded(file, self._load_imports(file.imports, source, ".idsl", self._load_idsl))
         if len(loaded.imports) < len(file.imports):
             return loaded  # names of what is missing would only seem to be wrong
         others = _closure(loaded.imports)
         scope = {qualified(d.name.text, each.file.module.text): d for each in others for d in each.file.definitions}
         check_idsl(file, scope, self.report)
         if not self._errors_in(source) and all(each.module for each in others):
-            known = {d.name: d for each in others if each.module for d in each.module.definitions}
-            loaded.module = link_idsl(file, known)
+            loaded.module = link_idsl(file, self._merge(others))
         return loaded
+
+    def _merge(self, loaded: Sequence[_Loaded[IdslFile]]) -> dict[str, Definition]:
+        """What these files define, by qualified name. Two files may define the same, but not differently."""
+        merged: dict[str, tuple[Definition, Name]] = {}
+        for each in loaded:
+            names = {qualified(d.name.text, each.file.module.text): d.name for d in each.file.definitions}
+            for definition in each.module.definitions if each.module else ():
+                name = names[definition.name]
+                first, where = merged.setdefault(definition.name, (definition, name))
+                if first != definition:
+                    message = f"`{definition.name}` is defined differently in another file that is imported, too"
+                    found = Report()
+                    found.error("duplicate", message, name.span, "", ("first defined here", where.span))
+                    self.report.extend(found.diagnostics)
+        return {name: definition for name, (definition, _) in merged.items()}
 
     # PDSL.
 
@@ -256,32 +305,57 @@ class Workspace:
             return None
         return self.parameters(path)
 
-    def _load_pdsl(self, path: Path, reading: list[Path]) -> ParameterSet | None:
+    def _load_pdsl(self, path: Path) -> _Loaded[PdslFile] | None:
+        key = os.path.realpath(path)
+        if key not in self._pdsl:
+            self._reading.append(key)
+            self._pdsl[key] = self._read_pdsl(path)
+            self._reading.pop()
+        return self._pdsl[key]
+
+    def _read_pdsl(self, path: Path) -> _Loaded[PdslFile] | None:
         source = self.source(path)
         file = parse_pdsl(source, self.report) if source else None
         if source is None or file is None:
             return None
-        check_pdsl(file, self.report)
-        parts = []
-        for name in file.imports:
-            found = self._resolve(name, source, ".pdsl")
-            if found and found.resolve() in (path.resolve(), *reading):
-                self.report.error("import-cycle", f"`{name}` imports this file, however indirectly", name.span)
-            elif found and (part := self._load_pdsl(found, [*reading, path.resolve()])):
-                parts.append(part)
-        if self._errors_in(source):
-            return None
-        own = link_pdsl(file)
-        return ParameterSet(
-            own.name,
-            tuple(p for part in (*parts, own) for p in part.parameters),
-            tuple(each for part in (*parts, own) for each in part.lists),
-        )
+        loaded = _Loaded(file, self._load_imports(file.imports, source, ".pdsl", self._load_pdsl))
+        check_pdsl(file, [each.file for each in _closure(loaded.imports)], self.report)
+        return loaded
 
-    def _check_component(self, model: CdslComponent, interfaces: Interfaces, complete: bool) -> None:
+    # CDSL.
+
+    def _link_component(self, path: Path) -> LinkedComponent | None:
+        source = self.source(path)
+        model = parse_cdsl(source, self.report) if source else None
+        if source is None or model is None:
+            return None
+        roots = self._load_imports(model.imports, source, ".idsl", self._load_idsl)
+        loaded = _closure([*roots, *self._common_behavior(roots)])
+        complete = len(roots) == len(model.imports) and all(each.module for each in loaded)
+        definitions = self._merge(loaded)
+        interfaces = _interfaces_in(definitions.values())
+        self._check_component(model, interfaces, complete)
+        params = self._params_of(model)
+        involved = [source, *(each.file.source for each in loaded)]
+        if not complete or any(map(self._errors_in, involved)) or (model.params and params is None):
+            return None
+        component = link_cdsl(model, interfaces, params)
+        used = any(port.interface.module == COMMON_BEHAVIOR for port in component.ports)
+        pdsl = PurePosixPath(model.params.text).name if model.params else ""
+        modules = _modules(loaded if used else _closure(roots))
+        return LinkedComponent(path, component, modules, pdsl)
+
+    def _common_behavior(self, roots: Sequence[_Loaded[IdslFile]]) -> list[_Loaded[IdslFile]]:
+        """The interface that is always known, unless the imports bring one along."""
+        if any(each.file.module.text == COMMON_BEHAVIOR for each in _closure(roots)):
+            return []
+        common = self._load_idsl(SHIPPED / "CommonBehavior.idsl")
+        return [common] if common else []
+
+    def _check_component(self, model: CdslComponent, interfaces: dict[str, list[Interface]], complete: bool) -> None:
         found = Report()
         importable = [f.stem for each in self.search_path(model.source.path) for f in sorted(each.glob("*.idsl"))]
-        check_cdsl(model, interfaces, importable, found)
+        check_cdsl(model, Surroundings(interfaces, importable, self._middlewares), found)
         follow_ups = () if complete else ("unknown-interface", "missing-import")
         self.report.extend(each for each in found.diagnostics if each.code not in follow_ups)
 
@@ -293,16 +367,17 @@ def _forms(name: str, ending: str) -> Iterator[PurePosixPath]:
     """The spellings under which an imported file may be found, the exact one first."""
     given = PurePosixPath(name.replace("\\", "/"))
     for path in dict.fromkeys((given, PurePosixPath(given.name))):
-        yield path
-        if path.suffix.lower() != ending:
-            yield path.with_name(path.name + ending)
+        if path.name:
+            yield path
+            if path.suffix.lower() != ending:
+                yield path.with_name(path.name + ending)
 
 
-def _closure(roots: Sequence[_Idsl]) -> list[_Idsl]:
+def _closure(roots: Sequence[_Loaded[F]]) -> list[_Loaded[F]]:
     """These files and all they import, each once, after those it imports."""
-    found: dict[_Idsl, None] = {}
+    found: dict[_Loaded[F], None] = {}
 
-    def visit(each: _Idsl) -> None:
+    def visit(each: _Loaded[F]) -> None:
         if each not in found:
             for imported in each.imports:
                 visit(imported)
@@ -313,21 +388,22 @@ def _closure(roots: Sequence[_Idsl]) -> list[_Idsl]:
     return list(found)
 
 
-def _interfaces_in(loaded: Sequence[_Idsl]) -> dict[str, list[Interface]]:
+def _interfaces_in(definitions: Iterable[Definition]) -> dict[str, list[Interface]]:
     found: dict[str, list[Interface]] = {}
-    for each in loaded:
-        for definition in each.module.definitions if each.module else ():
-            if isinstance(definition, Interface):
-                found.setdefault(definition.short, []).append(definition)
+    for definition in definitions:
+        if isinstance(definition, Interface):
+            found.setdefault(definition.short, []).append(definition)
     return found
 
 
-def _merged(loaded: Sequence[_Idsl]) -> tuple[Module, ...]:
+def _modules(loaded: Sequence[_Loaded[IdslFile]]) -> tuple[Module, ...]:
     """The modules of these files; files that share a module become one."""
     merged: dict[str, Module] = {}
     for module in (each.module for each in loaded if each.module):
         before = merged.get(module.name, Module(module.name, ()))
+        known = {definition.name for definition in before.definitions}
+        added = (definition for definition in module.definitions if definition.name not in known)
         merged[module.name] = Module(
-            module.name, (*before.definitions, *module.definitions), (*before.files, *module.files)
+            module.name, (*before.definitions, *added), tuple(dict.fromkeys((*before.files, *module.files)))
         )
     return tuple(merged.values())

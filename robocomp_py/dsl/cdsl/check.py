@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 
+from ...contract.component import numbers
 from ...contract.interface import Interface
 from ..diagnostics import Report, did_you_mean
 from ..source import Name
@@ -14,100 +15,162 @@ from .qos import read_qos
 OPTIONS = ("dsr", "agmagent", "innermodelviewer")
 """Options that RoboComp's generators know; none of them has an effect here."""
 
-Interfaces = Mapping[str, Sequence[Interface]]
-"""What the imports (and theirs) define, by unqualified name."""
+FOREIGN = ("ice", "ros")
+"""Markers of RoboComp's own middlewares, which are read, and left without effect."""
+
+_ONCE = ("language", "gui", "statemachine", "params", "period")
 
 
-def check(model: m.Component, interfaces: Interfaces, importable: Sequence[str], report: Report) -> None:
-    """`importable` are the names of the IDSL files that could be imported, without their ending."""
-    for item in model.items:
-        _check_item(item, model, interfaces, importable, report)
-    if model.language is None:
-        _warn_language(model, report)
-    elif "python" not in model.language.text.lower():
-        report.warning(
-            "not-python",
-            f"`language {model.language}`: a Python component is generated all the same",
-            model.language.span,
-            "write `language python;`",
-        )
-    for option in model.options:
-        known = option.text.lower() in OPTIONS
-        message = f"option `{option}` has no effect here" if known else f"unknown option `{option}`"
-        report.warning("ineffective-option" if known else "unknown-option", message, option.span)
-    if model.gui:
-        report.warning("ineffective-gui", "a `gui` has no effect yet", model.gui.span)
-    if model.statemachine:
-        report.warning("ineffective-statemachine", "a `statemachine` has no effect yet", model.statemachine.span)
-    for legacy in model.legacy:
-        report.warning(
-            "legacy-clause", f"`{legacy.word}` is from an older RoboComp and has no effect", legacy.span, "remove it"
-        )
-    if model.period is not None and model.period_span and not model.period > 0:
-        report.error("bad-period", "a period is longer than nothing", model.period_span)
+@dataclass(frozen=True)
+class Surroundings:
+    """What a component is checked against."""
+
+    interfaces: Mapping[str, Sequence[Interface]]
+    """What its imports (and theirs) define, by unqualified name."""
+    importable: Collection[str]
+    """The names of the IDSL files that could be imported, without their ending."""
+    middlewares: Collection[str]
+    """What is installed."""
 
 
-def _check_item(
-    item: m.Item, model: m.Component, interfaces: Interfaces, importable: Sequence[str], report: Report
-) -> None:
-    found = interfaces.get(item.interface.text, ())
-    if not found:
-        _report_unknown(item.interface, model, interfaces, importable, report)
-        return
-    if len(found) > 1:
-        names = " and ".join(each.name for each in found)
-        report.error(
-            "ambiguous-interface", f"`{item.interface}` is {names}", item.interface.span, "import one of them only"
-        )
-    interface = found[0]
-    if not interface.operations:
-        report.warning("empty-interface", f"`{item.interface}` has no operations", item.interface.span)
-    else:
-        _check_verb(item, interface, report)
-    if item.qos and not item.verb.is_topic:
-        report.error("qos-of-calls", "only what is published or subscribed to has a QoS", item.qos[0].name.span)
-    elif item.qos:
-        read_qos(item.qos, report)
-    if item.concurrent and item.verb.has_proxy:
-        report.error(
-            "concurrent-proxy", "only what is implemented or subscribed to can be concurrent", item.interface.span
-        )
-    if item.marker and item.marker.text.lower() in ("ice", "ros"):
-        report.warning(
-            "unknown-middleware",
-            f"middleware `{item.marker}` does not exist yet; the component's own is used",
-            item.marker.span,
-        )
+def check(model: m.Component, around: Surroundings, report: Report) -> None:
+    _Checker(model, around, report).check()
 
 
-def _check_verb(item: m.Item, interface: Interface, report: Report) -> None:
-    left_out = [operation for operation in interface.operations if not operation.carried(item.verb)]
-    twoway = [f"`{operation.name}`" for operation in left_out if operation.pattern is None]
-    if twoway:
-        message = f"{', '.join(twoway)} cannot be published: a publication gives nothing back"
-        report.warning("not-a-publication", message, item.interface.span, f"`{item.verb}` leaves it out")
-    elif len(left_out) == len(interface.operations):
-        report.error(
-            "wrong-verb",
-            f"no operation of `{item.interface}` takes part in `{item.verb}`",
-            item.interface.span,
-            "it has no publications" if item.verb.is_topic else "it has publications only",
-        )
+@dataclass
+class _Checker:
+    model: m.Component
+    around: Surroundings
+    report: Report
 
+    def check(self) -> None:
+        if self.model.name.text.startswith("__"):
+            message = "names that begin with two underscores are Python's own"
+            self.report.error("reserved-name", message, self.model.name.span, "give it another name")
+        for item in self.model.items:
+            self._check_item(item)
+        self._check_port_names()
+        self._check_clauses()
+        self._check_language()
+        self._check_period()
 
-def _report_unknown(
-    name: Name, model: m.Component, interfaces: Interfaces, importable: Sequence[str], report: Report
-) -> None:
-    if name.text in model.skipped:
-        return
-    if name.text in importable:
-        hint = f'add: import "{name}.idsl";'
-        report.error("missing-import", f"interface `{name}` is not imported", name.span, hint)
-        return
-    hint = did_you_mean(name.text, interfaces) or did_you_mean(name.text, importable)
-    report.error("unknown-interface", f"unknown interface `{name}`", name.span, hint)
+    # Ports.
 
+    def _check_item(self, item: m.Item) -> None:
+        found = self.around.interfaces.get(item.interface.text, ())
+        if not found:
+            self._report_unknown(item.interface)
+            return
+        if len(found) > 1:
+            names = " and ".join(each.name for each in found)
+            message = f"`{item.interface}` is {names}"
+            self.report.error("ambiguous-interface", message, item.interface.span, "import one of them only")
+        interface = found[0]
+        if not interface.operations:
+            self.report.warning("empty-interface", f"`{item.interface}` has no operations", item.interface.span)
+        else:
+            self._check_verb(item, interface)
+        if item.qos and not item.verb.is_topic:
+            message = "only what is published or subscribed to has a QoS"
+            self.report.error("qos-of-calls", message, item.qos[0].name.span)
+        elif item.qos:
+            read_qos(item.qos, self.report)
+        if item.concurrent and item.verb.has_proxy:
+            message = "only what is implemented or subscribed to can be concurrent"
+            self.report.error("concurrent-proxy", message, item.interface.span)
+        if item.marker:
+            self._check_marker(item.marker)
 
-def _warn_language(model: m.Component, report: Report) -> None:
-    if not re.search(r"\blanguage\b", model.skipped, re.IGNORECASE):
-        report.warning("no-language", "no language is given", model.name.span, "write `language python;`")
+    def _check_verb(self, item: m.Item, interface: Interface) -> None:
+        left_out = [operation for operation in interface.operations if not operation.carried(item.verb)]
+        twoway = [f"`{operation.name}`" for operation in left_out if operation.pattern is None]
+        if twoway:
+            message = f"{', '.join(twoway)} cannot be published: a publication gives nothing back"
+            hint = f"`{item.verb}` leaves {'it' if len(twoway) == 1 else 'them'} out"
+            self.report.warning("not-a-publication", message, item.interface.span, hint)
+        elif len(left_out) == len(interface.operations):
+            self.report.error(
+                "wrong-verb",
+                f"no operation of `{item.interface}` takes part in `{item.verb}`",
+                item.interface.span,
+                "it has no publications" if item.verb.is_topic else "it has publications only",
+            )
+
+    def _check_marker(self, marker: Name) -> None:
+        name = marker.text.lower()
+        if name in self.around.middlewares:
+            return
+        if name in FOREIGN:
+            message = f"middleware `{marker}` does not exist yet; the component's own is used"
+            self.report.warning("foreign-middleware", message, marker.span)
+            return
+        known = sorted(self.around.middlewares)
+        hint = did_you_mean(name, known) or f"installed: {', '.join(known)}"
+        self.report.error("unknown-middleware", f"no middleware `{marker}`", marker.span, hint)
+
+    def _report_unknown(self, name: Name) -> None:
+        if name.text in self.model.skipped:
+            return
+        if name.text in self.around.importable:
+            hint = f'add: import "{name}.idsl";'
+            self.report.error("missing-import", f"interface `{name}` is not imported", name.span, hint)
+            return
+        hint = did_you_mean(name.text, self.around.interfaces) or did_you_mean(name.text, self.around.importable)
+        self.report.error("unknown-interface", f"unknown interface `{name}`", name.span, hint)
+
+    def _check_port_names(self) -> None:
+        """`Laser` used twice and `Laser1` would share a name."""
+        seen: dict[tuple[bool, str], m.Item] = {}
+        uses = [(item.verb, item.interface.text) for item in self.model.items]
+        for item, number in zip(self.model.items, numbers(uses), strict=True):
+            proxy = item.verb.has_proxy
+            name = (item.interface.text.lower() if proxy else item.interface.text) + number
+            first = seen.setdefault((proxy, name), item)
+            if first is not item:
+                message = f"`{item.interface}` and `{first.interface}` are both called `{name}` here"
+                related = ("first here", first.interface.span)
+                self.report.error("same-port-name", message, item.interface.span, "", related)
+
+    # Clauses.
+
+    def _check_clauses(self) -> None:
+        for kind in _ONCE:
+            for extra in self.model.all(kind)[1:]:
+                related = ("first here", self.model.all(kind)[0].span)
+                self.report.error("duplicate", f"`{kind}` is given twice", extra.span, "", related)
+        for option in (name for clause in self.model.all("options") for name in clause.names):
+            if option.text.lower() in OPTIONS:
+                self.report.warning("ineffective-option", f"option `{option}` has no effect here", option.span)
+            else:
+                hint = did_you_mean(option.text, OPTIONS)
+                self.report.warning("unknown-option", f"unknown option `{option}`", option.span, hint)
+        for clause in self.model.all("gui"):
+            self.report.warning("ineffective-gui", "a `gui` has no effect yet", clause.span)
+        for clause in self.model.all("statemachine"):
+            self.report.warning("ineffective-statemachine", "a `statemachine` has no effect yet", clause.span)
+        for clause in self.model.all("legacy"):
+            message = f"`{clause.names[0]}` is from an older RoboComp and has no effect"
+            self.report.warning("legacy-clause", message, clause.span, "remove it")
+
+    def _check_language(self) -> None:
+        language = self.model.language
+        hint = "write `language python;`"
+        if language is None and "language" not in {word.lower() for word in self.model.skipped}:
+            self.report.warning("no-language", "no language is given", self.model.name.span, hint)
+        elif language and "python" not in language.text.lower():
+            message = f"`language {language}`: a Python component is generated all the same"
+            self.report.warning("not-python", message, language.span, hint)
+
+    def _check_period(self) -> None:
+        period = self.model.period
+        if period is None:
+            return
+        units = ", ".join(m.SECONDS)
+        if period.unit is None:
+            hint = f"write `period {period.span.text} ms;` (units: {units})"
+            self.report.error("bad-period", "a period needs a unit", period.span, hint)
+        elif period.seconds is None:
+            message = f"`{period.unit}` is no unit of time; there are {units}"
+            self.report.error("bad-period", message, period.unit.span, did_you_mean(period.unit.text, m.SECONDS))
+        elif not 0 < period.seconds < float("inf"):
+            self.report.error("bad-period", "a period is longer than nothing, and not endless", period.span)

@@ -7,14 +7,33 @@ from dataclasses import dataclass
 from ...contract.interface import Verb
 from ..source import Name, Source, Span
 
+SECONDS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0}
+"""The units of time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Amount:
+    """A number with or without a unit: `50 ms`."""
+
+    number: float
+    unit: Name | None
+    span: Span
+
+    @property
+    def seconds(self) -> float | None:
+        """None if it has no unit of time."""
+        factor = SECONDS.get(self.unit.text.lower()) if self.unit else None
+        return None if factor is None else self.number * factor
+
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """One word of a QoS, with its value if it has one: `depth 1`, `deadline 50 ms` (in seconds here)."""
+    """One word of a QoS, with its value if it has one: `depth 1`, `liveliness automatic`."""
 
     name: Name
-    word: str = ""
-    number: float | None = None
+    span: Span
+    word: Name | None = None
+    amount: Amount | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,17 +42,21 @@ class Item:
 
     verb: Verb
     interface: Name
+    span: Span
     marker: Name | None = None
     concurrent: bool = False
     qos: tuple[Setting, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Legacy:
-    """A clause that older generators knew."""
+class Clause:
+    """All a clause says: its kind, the names it gives, and how much."""
 
-    word: Name
+    kind: str
+    """Its first word in lower case; `legacy` for those of older generators, whose first name is that word."""
     span: Span
+    names: tuple[Name, ...] = ()
+    amount: Amount | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,15 +64,29 @@ class Component:
     source: Source
     imports: tuple[Name, ...]
     name: Name
+    span: Span
     items: tuple[Item, ...] = ()
-    language: Name | None = None
-    gui: Name | None = None
-    options: tuple[Name, ...] = ()
-    statemachine: Name | None = None
-    params: Name | None = None
-    period: float | None = None
-    """Seconds."""
-    period_span: Span | None = None
-    legacy: tuple[Legacy, ...] = ()
+    clauses: tuple[Clause, ...] = ()
+    """All but the communications."""
     doc: str = ""
-    skipped: str = ""
+    skipped: frozenset[str] = frozenset()
+    """The words that syntax errors left out of the model."""
+
+    def all(self, kind: str) -> list[Clause]:
+        return [clause for clause in self.clauses if clause.kind == kind]
+
+    @property
+    def language(self) -> Name | None:
+        return self._name("language")
+
+    @property
+    def params(self) -> Name | None:
+        """The path of its PDSL file."""
+        return self._name("params")
+
+    @property
+    def period(self) -> Amount | None:
+        return next((clause.amount for clause in self.all("period")), None)
+
+    def _name(self, kind: str) -> Name | None:
+        return next((clause.names[0] for clause in self.all(kind)), None)

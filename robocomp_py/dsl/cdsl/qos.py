@@ -4,53 +4,75 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 from ...contract.qos import PRESETS, Durability, History, Liveliness, QoS, Reliability
 from ..diagnostics import Report, did_you_mean
-from .model import Setting
+from . import model as m
 
-_FLAGS: dict[str, tuple[str, object]] = {
-    "reliable": ("reliability", Reliability.RELIABLE),
-    "best_effort": ("reliability", Reliability.BEST_EFFORT),
-    "volatile": ("durability", Durability.VOLATILE),
-    "transient_local": ("durability", Durability.TRANSIENT_LOCAL),
-    "keep_last": ("history", History.KEEP_LAST),
-    "keep_all": ("history", History.KEEP_ALL),
+_FLAGS: dict[str, tuple[str, Any]] = {
+    str(value): (key, value)
+    for key, values in (("reliability", Reliability), ("durability", Durability), ("history", History))
+    for value in values
 }
-_TIMES = {"deadline": "deadline", "lifespan": "lifespan", "lease": "lease"}
-_KINDS = {str(kind): kind for kind in Liveliness}
+_TIMES = ("deadline", "lifespan", "lease")
+_KNOWN = (*PRESETS, *_FLAGS, "depth", *_TIMES, "liveliness")
+_MOST = 1_000_000
 
 
-def read_qos(settings: Sequence[Setting], report: Report) -> QoS:
+class _Wrong(ValueError):
+    """What is wrong with a setting."""
+
+
+def read_qos(settings: Sequence[m.Setting], report: Report) -> QoS:
     """The QoS some settings ask for; what is wrong with them goes into the report."""
     qos = PRESETS["default"]
+    given: dict[str, m.Setting] = {}
     for setting in settings:
-        name = setting.name.text
-        if name in PRESETS and not setting.word and setting.number is None:
-            qos = PRESETS[name]
-        elif name in _FLAGS:
-            key, value = _FLAGS[name]
-            qos = replace(qos, **{key: value})  # type: ignore[arg-type]  # the table pairs keys with their values
-            if setting.number is not None:
-                qos = _with_depth(qos, setting, report)
-        elif name == "depth":
-            qos = _with_depth(qos, setting, report)
-        elif name in _TIMES:
-            if setting.number is None or setting.number <= 0:
-                report.error("bad-qos", f"`{name}` is a time, as in `{name} 50 ms`", setting.name.span)
-            else:
-                qos = replace(qos, **{_TIMES[name]: setting.number})  # type: ignore[arg-type]  # a time key
-        elif name == "liveliness" and setting.word in _KINDS:
-            qos = replace(qos, liveliness=_KINDS[setting.word])
-        else:
-            hint = did_you_mean(name, [*PRESETS, *_FLAGS, "depth", *_TIMES, "liveliness"])
-            report.error("bad-qos", f"`{name}` is no QoS setting", setting.name.span, hint)
+        name = setting.name.text.lower()
+        if name not in _KNOWN:
+            hint = did_you_mean(name, _KNOWN) or f"there are {', '.join(_KNOWN)}"
+            report.error("bad-qos", f"`{setting.name}` is no QoS setting", setting.name.span, hint)
+            continue
+        try:
+            values = _values(name, setting)
+        except _Wrong as wrong:
+            report.error("bad-qos", str(wrong), setting.span)
+            continue
+        if name in PRESETS and given:
+            message = f"the preset `{setting.name}` would undo what stands before it"
+            report.error("bad-qos", message, setting.span, "write it first")
+        for key in values if name not in PRESETS else ():
+            first = given.setdefault(key, setting)
+            if first is not setting:
+                message = f"`{setting.name}` contradicts or repeats `{first.name}`"
+                report.error("bad-qos", message, setting.span, "", ("first here", first.span))
+        qos = PRESETS[name] if name in PRESETS else replace(qos, **values)
     return qos
 
 
-def _with_depth(qos: QoS, setting: Setting, report: Report) -> QoS:
-    number = setting.number
-    if number is None or number != int(number) or not 1 <= number <= 1_000_000:
-        report.error("bad-qos", f"`{setting.name}` takes a whole number of messages, 1 or more", setting.name.span)
-        return qos
-    return replace(qos, depth=int(number))
+def _values(name: str, setting: m.Setting) -> dict[str, Any]:
+    """What a setting sets, by the name of the QoS's field."""
+    if name == "depth" or (name == "keep_last" and setting.amount):
+        keeps = {"history": History.KEEP_LAST} if name == "keep_last" else {}
+        return {**keeps, "depth": _depth(setting)}
+    if name in _TIMES:
+        seconds = setting.amount.seconds if setting.amount else None
+        if seconds is None or not 0 < seconds < float("inf"):
+            raise _Wrong(f"`{setting.name}` is a time, as in `{name} 50 ms`")
+        return {name: seconds}
+    if name == "liveliness":
+        kinds = {str(kind): kind for kind in Liveliness}
+        if setting.word is None or setting.word.text.lower() not in kinds:
+            raise _Wrong(f"`{setting.name}` is one of {', '.join(kinds)}")
+        return {name: kinds[setting.word.text.lower()]}
+    if setting.amount or setting.word:
+        raise _Wrong(f"`{setting.name}` stands alone")
+    return dict([_FLAGS[name]]) if name in _FLAGS else {}
+
+
+def _depth(setting: m.Setting) -> int:
+    amount = setting.amount
+    if amount is None or amount.unit or amount.number % 1 != 0 or not 1 <= amount.number <= _MOST:
+        raise _Wrong(f"`{setting.name}` takes a whole number of messages, 1 to {_MOST}")
+    return int(amount.number)

@@ -14,12 +14,16 @@ class Wiring:
     verb: Name
     port: Name
     instance: Name
+    span: Span
 
 
 @dataclass(frozen=True, slots=True)
 class Variable:
+    """Of an instance's environment."""
+
     name: Name
     value: Name
+    span: Span
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +43,7 @@ class Instance:
     args: tuple[Name, ...] = ()
     wirings: tuple[Wiring, ...] = ()
     later: tuple[Name, ...] = ()
+    """Words that are spoken for, but have no effect yet."""
 
     @property
     def component(self) -> Name:
@@ -50,8 +55,10 @@ class Deployment:
     source: Source
     imports: tuple[Name, ...]
     name: Name
+    span: Span
     instances: tuple[Instance, ...]
     middleware: Name | None = None
     namespace: str = ""
     later: tuple[Name, ...] = ()
-    skipped: str = ""
+    skipped: frozenset[str] = frozenset()
+    """The words that syntax errors left out of the model."""

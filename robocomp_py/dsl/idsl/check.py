@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from ...contract.interface import Pattern
-from ...contract.types import MAX_DEPTH, Primitive, integer_range, is_key
+from ...contract.types import MAX_DEPTH, Primitive, integer_range, is_key, python_name
 from ..diagnostics import Report, did_you_mean
+from ..numbers import whole
 from ..source import Name, Span
 from . import model as m
 from .literals import literal_value
@@ -23,12 +24,22 @@ BUILTIN: dict[str, Primitive] = {
 }
 """Slice's names, and those that tell their width."""
 
+_FOREIGN = {"char": "byte", "uchar": "byte", "uint": "uint32", "ulong": "uint64", "ushort": "uint16", "str": "string"}
+"""What people write who have other languages in mind."""
+
+_OF_EXCEPTIONS = ("args", "with_traceback", "add_note")
+"""What every Python exception has."""
+
 Scope = Mapping[str, m.Definition]
 """Definitions by qualified name: a file's own, and those of all it imports."""
 
 
 def qualified(name: str, module: str) -> str:
     return name if "::" in name else f"{module}::{name}"
+
+
+def module_of(name: str) -> str:
+    return name.rpartition("::")[0]
 
 
 def check(file: m.File, imported: Scope, report: Report) -> None:
@@ -48,10 +59,11 @@ class _Checker:
         self._check_unique()
         for definition in self.file.definitions:
             match definition:
-                case m.Struct(fields=fields) | m.Exception_(fields=fields):
+                case m.Struct(fields=fields):
                     self._check_fields(fields)
-                    if isinstance(definition, m.Exception_):
-                        self._check_exception(definition)
+                case m.Exception_(fields=fields):
+                    self._check_fields(fields)
+                    self._check_exception(definition)
                 case m.Sequence(item=item):
                     self._check_type(item)
                 case m.Dictionary(key=key, value=value):
@@ -68,7 +80,7 @@ class _Checker:
         self._check_shared_enumerators()
         self._check_nesting()
 
-    # Definitions.
+    # Names.
 
     def _check_unique(self) -> None:
         for definition in self.file.definitions:
@@ -81,6 +93,27 @@ class _Checker:
                 self._error("duplicate", f"`{definition.name}` is already defined", definition.name.span, "", related)
             else:
                 self.scope[name] = definition
+        self._check_reserved([self.file.module, *(definition.name for definition in self.file.definitions)])
+
+    def _check_names(self, names: Sequence[Name], what: str, code: str = "duplicate") -> None:
+        """No name stands for two things, here or in Python."""
+        seen: dict[str, Name] = {}
+        for name in names:
+            first = seen.setdefault(python_name(name.text), name)
+            if first.text == name.text and first is not name:
+                self._error(code, f"{what} `{name}` is there twice", name.span, "", ("first here", first.span))
+            elif first is not name:
+                message = f"{what} `{name}` and `{first}` have the same name in Python, `{python_name(name.text)}`"
+                self._error(code, message, name.span, "rename one of them", ("first here", first.span))
+        self._check_reserved(names)
+
+    def _check_reserved(self, names: Sequence[Name]) -> None:
+        for name in names:
+            if name.text.startswith("__"):
+                message = f"`{name}`: names that begin with two underscores are Python's own"
+                self._error("reserved-name", message, name.span, "give it another name")
+
+    # Definitions.
 
     def _check_fields(self, fields: tuple[m.Field, ...]) -> None:
         self._check_names([field.name for field in fields], "field")
@@ -89,23 +122,16 @@ class _Checker:
             if field.default:
                 self._check_literal(field.type, field.default)
 
-    def _check_names(self, names: list[Name], what: str, code: str = "duplicate") -> None:
-        seen: dict[str, Name] = {}
-        for name in names:
-            first = seen.setdefault(name.text, name)
-            if first is not name:
-                self._error(code, f"{what} `{name}` is there twice", name.span, "", ("first here", first.span))
-
     def _check_enum(self, enum: m.Enum) -> None:
         self._check_names([each.name for each in enum.members], "enumerator", "duplicate-enumerator")
         seen: dict[int, Name] = {}
+        low, high = integer_range(Primitive.INT32)
         for each, value in zip(enum.members, enum_values(enum), strict=True):
-            low, high = integer_range(Primitive.INT32)
             at = each.value.span if each.value else each.name.span
             if not low <= value <= high:
                 self._error("out-of-range", f"`{each.name}` is {value}; allowed: {low} to {high}", at)
-            elif value in seen and each.value:
-                self._error("duplicate-value", f"`{each.name}` has the value of `{seen[value]}`", at)
+            elif value in seen:
+                self._error("duplicate-value", f"`{each.name}` has the value of `{seen[value]}`, {value}", at)
             seen.setdefault(value, each.name)
 
     def _check_shared_enumerators(self) -> None:
@@ -123,50 +149,76 @@ class _Checker:
                     )
 
     def _check_exception(self, exception: m.Exception_) -> None:
+        for field in exception.fields:
+            if field.name.text in _OF_EXCEPTIONS:
+                message = f"every exception of Python has a `{field.name}` of its own"
+                self._error("reserved-name", message, field.name.span, "give it another name")
         for extra in exception.bases[1:]:
             self._error("several-bases", "an exception extends one other at most", extra.span)
+        bases = self._ancestors(exception)
         for base in exception.bases[:1]:
-            if self._look_up(base, "exception", m.Exception_, "not-an-exception") and self._circular(exception):
+            found = self._find(base, "unknown-exception", "exception")
+            if isinstance(found, m.Exception_) and found in bases and exception in bases:
                 self._error("circular-base", f"`{exception.name}` extends itself", base.span)
+            elif found and not isinstance(found, m.Exception_):
+                self._error("not-an-exception", f"`{base}` is not an exception", base.span)
+        inherited = {f.name.text: f for each in bases if isinstance(each, m.Exception_) for f in each.fields}
+        for field in exception.fields:
+            first = inherited.get(field.name.text)
+            if first and exception not in bases:
+                related = ("first here", first.name.span)
+                self._error("duplicate", f"field `{field.name}` is inherited already", field.name.span, "", related)
 
     def _check_interface(self, interface: m.Interface) -> None:
+        bases = self._ancestors(interface)
         for base in interface.bases:
-            if self._look_up(base, "interface", m.Interface, "not-an-interface") and self._circular(interface):
+            found = self._find(base, "unknown-interface", "interface")
+            if isinstance(found, m.Interface) and interface in bases:
                 self._error("circular-base", f"`{interface.name}` extends itself", base.span)
-                return
-        seen: dict[str, Name] = {}
-        for operation in self._operations(interface):
-            first = seen.setdefault(operation.name.text, operation.name)
-            if first is not operation.name:
-                self._error(
-                    "overload",
-                    f"operation `{operation.name}` is there twice; overloading is not possible",
-                    operation.name.span if operation in interface.operations else interface.name.span,
-                    "give it another name",
-                    ("first here", first.span),
-                )
+                break
+            if found and not isinstance(found, m.Interface):
+                self._error("not-an-interface", f"`{base}` is not an interface", base.span)
+        seen: dict[str, m.Operation] = {}
+        for each in dict.fromkeys([*reversed(bases), interface]):
+            for operation in each.operations if isinstance(each, m.Interface) else ():
+                first = seen.setdefault(operation.name.text, operation)
+                if first is not operation:
+                    self._error(
+                        "overload",
+                        f"operation `{operation.name}` is there twice; overloading is not possible",
+                        operation.name.span if each is interface else interface.name.span,
+                        "give it another name",
+                        ("first here", first.name.span),
+                    )
+        self._check_reserved([operation.name for operation in interface.operations])
         for operation in interface.operations:
             self._check_operation(operation)
 
-    def _operations(self, interface: m.Interface) -> Iterator[m.Operation]:
-        """Inherited ones first."""
-        for base in interface.bases:
-            definition = self.scope.get(qualified(base.text, self.module))
-            if isinstance(definition, m.Interface):
-                yield from self._operations(definition)
-        yield from interface.operations
+    def _ancestors(self, definition: m.Interface | m.Exception_) -> list[m.Definition]:
+        """All it extends, however indirectly, nearest first; itself, too, if that is circular."""
+        found: dict[str, m.Definition] = {}
+        waiting = [(self.module, definition)]
+        while waiting:
+            module, each = waiting.pop(0)
+            for base in each.bases:
+                name = qualified(base.text, module)
+                extended = self.scope.get(name)
+                if extended is not None and name not in found:
+                    found[name] = extended
+                    if isinstance(extended, m.Interface | m.Exception_):
+                        waiting.append((module_of(name), extended))
+        return list(found.values())
 
     def _check_operation(self, operation: m.Operation) -> None:
-        if not (isinstance(operation.result, Name) and operation.result.text == "void"):
+        if operation.returns:
             self._check_type(operation.result)
         self._check_names([param.name for param in operation.params], "parameter")
         for param in operation.params:
             self._check_type(param.type)
-            returns = not (isinstance(operation.result, Name) and operation.result.text == "void")
-            if param.out and param.name.text == "ret" and returns:
+            if param.out and param.name.text == "ret" and operation.returns:
                 self._error("duplicate", "an output named `ret` beside a returned value", param.name.span, "rename it")
-        for thrown in operation.throws:
-            self._look_up(thrown, "exception", m.Exception_, "throws-non-exception")
+        self._check_param_defaults(operation)
+        self._check_throws(operation)
         pattern = operation.pattern
         if pattern and pattern.text != Pattern.QUERY and (operation.gives_back or operation.throws):
             self._error(
@@ -177,6 +229,28 @@ class _Checker:
                 ("declared here", pattern.span),
             )
 
+    def _check_param_defaults(self, operation: m.Operation) -> None:
+        given: Name | None = None
+        for param in operation.params:
+            if param.default and param.out:
+                self._error("bad-default", "an output has no default", param.default.span)
+            elif param.default:
+                self._check_literal(param.type, param.default)
+                given = param.name
+            elif given and not param.out:
+                message = f"`{param.name}` needs a default, because `{given}` before it has one"
+                self._error("bad-default", message, param.name.span)
+
+    def _check_throws(self, operation: m.Operation) -> None:
+        seen: dict[str, Name] = {}
+        for thrown in operation.throws:
+            found = self._find(thrown, "unknown-exception", "exception")
+            if found and not isinstance(found, m.Exception_):
+                self._error("throws-non-exception", f"`{thrown}` is not an exception", thrown.span)
+            first = seen.setdefault(qualified(thrown.text, self.module), thrown)
+            if first is not thrown:
+                self._error("duplicate", f"`{thrown}` is there twice", thrown.span, "", ("first here", first.span))
+
     # Types.
 
     def _check_type(self, kind: m.TypeName) -> None:
@@ -185,7 +259,7 @@ class _Checker:
         elif kind.text == "void":
             self._error("void-type", "nothing can have the type `void`; only operations return it", kind.span)
         elif kind.text not in BUILTIN:
-            found = self._find(kind, "type")
+            found = self._find(kind, "unknown-type", "type")
             if isinstance(found, m.Interface | m.Exception_ | m.Const):
                 self._error("not-a-value-type", f"`{kind}` is not a type of values", kind.span)
 
@@ -211,49 +285,34 @@ class _Checker:
         except ValueError as exc:
             self._error("bad-default", str(exc), literal.span)
 
-    def _look_up(self, name: Name, what: str, wanted: type[m.Definition], code: str) -> bool:
-        found = self._find(name, what)
-        if found is not None and not isinstance(found, wanted):
-            self._error(code, f"`{name}` is not an {what}", name.span)
-        return isinstance(found, wanted)
-
-    def _find(self, name: Name, what: str) -> m.Definition | None:
-        """The definition a name means; if there is none, say so."""
+    def _find(self, name: Name, code: str, what: str) -> m.Definition | None:
+        """The definition a name means; if there is none, say so, unless a syntax error may have hidden it."""
         found = self.scope.get(qualified(name.text, self.module))
-        if found is not None or name.text in BUILTIN or name.text.rpartition("::")[2] in self.file.skipped:
+        short = name.text.rpartition("::")[2]
+        if found is not None or short in self.file.skipped:
             return found
-        module = name.text.rpartition("::")[0]
-        modules = {each.rpartition("::")[0] for each in self.scope} | {self.module}
-        if module and module not in modules:
-            guess = module.removeprefix("RoboComp")
-            hint = did_you_mean(module, modules) or f'add: import "{guess}.idsl";'
+        module = module_of(name.text)
+        modules = {module_of(each) for each in self.scope} | {self.module}
+        if name.text in BUILTIN:
+            self._error(code, f"`{name}` is a built-in type, and no {what}", name.span)
+        elif module and module not in modules:
+            hint = did_you_mean(module, modules) or f'add: import "{module.removeprefix("RoboComp")}.idsl";'
             self._error("missing-import", f"module `{module}` is not imported", name.span, hint)
         else:
-            self._error(f"unknown-{what}", f"unknown {what} `{name}`", name.span, self._suggest(name))
+            self._error(code, f"unknown {what} `{name}`", name.span, self._suggest(name.text))
         return None
 
-    def _suggest(self, name: Name) -> str:
-        short = name.text.rpartition("::")[2]
+    def _suggest(self, name: str) -> str:
+        short = name.rpartition("::")[2]
         elsewhere = [each for each in self.scope if each.rpartition("::")[2] == short]
         if elsewhere:
             return f"did you mean `{elsewhere[0]}`?"
+        if name in _FOREIGN:
+            return f"did you mean `{_FOREIGN[name]}`?"
         own = f"{self.module}::"
-        return did_you_mean(name.text, [*BUILTIN, *(each.removeprefix(own) for each in self.scope)])
+        return did_you_mean(name, [*BUILTIN, *(each.removeprefix(own) for each in self.scope)])
 
     # Shapes.
-
-    def _circular(self, definition: m.Interface | m.Exception_) -> bool:
-        seen: set[str] = set()
-        waiting = [definition]
-        while waiting:
-            for base in waiting.pop().bases:
-                found = self.scope.get(qualified(base.text, self.module))
-                if found is definition:
-                    return True
-                if isinstance(found, m.Interface | m.Exception_) and base.text not in seen:
-                    seen.add(base.text)
-                    waiting.append(found)
-        return False
 
     def _check_nesting(self) -> None:
         """No type contains itself, or is nested too deeply for the codecs."""
@@ -271,8 +330,10 @@ class _Checker:
             levels = 1
             while isinstance(kind, m.SequenceOf):
                 kind, levels = kind.item, levels + 1
-            part = qualified(kind.text, name.rpartition("::")[0])
-            if part in (name, *inside):
+            part = qualified(kind.text, module_of(name))
+            if not isinstance(self.scope.get(part), m.Struct | m.Sequence | m.Dictionary):
+                heights[name] = max(heights[name], levels + 1)
+            elif part in (name, *inside):
                 self._error("recursive-type", f"`{definition.name}` contains itself", at)
             elif len(inside) <= MAX_DEPTH:
                 heights[name] = max(heights[name], levels + self._height(part, [*inside, name], heights))
@@ -284,17 +345,22 @@ class _Checker:
         self.report.error(code, message, span, hint, *related)
 
 
-def _parts(definition: m.Definition) -> list[tuple[m.TypeName, Span]]:
+def _parts(definition: m.Definition) -> Iterator[tuple[m.TypeName, Span]]:
     """The types a definition is made of, and where they stand."""
     match definition:
-        case m.Struct(fields=fields):
-            return [(field.type, field.type.span) for field in fields]
+        case m.Struct(fields=fields) | m.Exception_(fields=fields):
+            yield from ((field.type, field.type.span) for field in fields)
+        case m.Interface(operations=operations):
+            for operation in operations:
+                yield operation.result, operation.result.span
+                yield from ((param.type, param.type.span) for param in operation.params)
         case m.Sequence(item=item):
-            return [(item, item.span)]
+            yield item, item.span
         case m.Dictionary(key=key, value=value):
-            return [(key, key.span), (value, value.span)]
+            yield key, key.span
+            yield value, value.span
         case _:
-            return []
+            pass
 
 
 def enum_values(enum: m.Enum) -> list[int]:
@@ -302,5 +368,5 @@ def enum_values(enum: m.Enum) -> list[int]:
     values: list[int] = []
     for each in enum.members:
         previous = values[-1] if values else -1
-        values.append(int(each.value.text, 0) if each.value else previous + 1)
+        values.append(whole(each.value.text) if each.value else previous + 1)
     return values

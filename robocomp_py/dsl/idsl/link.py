@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -65,12 +65,7 @@ class _Linker:
 
     def _fields(self, fields: tuple[m.Field, ...]) -> tuple[t.Field, ...]:
         return tuple(
-            t.Field(
-                each.name.text,
-                self._type(each.type),
-                self._literal(each.type, each.default) if each.default else None,
-                each.doc,
-            )
+            t.Field(each.name.text, self._type(each.type), self._default(each.type, each.default), each.doc)
             for each in fields
         )
 
@@ -88,24 +83,31 @@ class _Linker:
         assert isinstance(found, t.ExceptionType)
         return found
 
+    def _default(self, kind: m.TypeName, literal: m.Literal | None) -> Any:
+        return self._literal(kind, literal) if literal else None
+
     def _literal(self, kind: m.TypeName, literal: m.Literal) -> Any:
         assert isinstance(kind, Name)
         if kind.text in BUILTIN:
             return literal_value(BUILTIN[kind.text], literal)
         return literal.text.rpartition("::")[2]  # an enumerator, by name
 
-    def _operations(self, interface: str, definition: m.Interface) -> list[c.Operation[Any]]:
-        found = []
+    def _operations(self, interface: str, definition: m.Interface) -> Iterable[c.Operation[Any]]:
+        """Inherited ones first; what comes by two ways is there once."""
+        found: dict[str, c.Operation[Any]] = {}
         for base in definition.bases:
             inherited = self._definition(qualified(base.text, self._module))
             assert isinstance(inherited, c.Interface)
-            found += [replace(operation, interface=interface) for operation in inherited.operations]
-        return found + [self._operation(interface, operation) for operation in definition.operations]
+            found |= {each.name: replace(each, interface=interface) for each in inherited.operations}
+        found |= {each.name.text: self._operation(interface, each) for each in definition.operations}
+        return found.values()
 
     def _operation(self, interface: str, operation: m.Operation) -> c.Operation[Any]:
-        void = isinstance(operation.result, Name) and operation.result.text == "void"
-        returned = () if void else (t.Field("ret", self._type(operation.result)),)
-        params = [(param.out, t.Field(param.name.text, self._type(param.type))) for param in operation.params]
+        returned = (t.Field("ret", self._type(operation.result)),) if operation.returns else ()
+        params = [
+            (each.out, t.Field(each.name.text, self._type(each.type), self._default(each.type, each.default)))
+            for each in operation.params
+        ]
         return c.Operation(
             interface,
             operation.name.text,
@@ -115,5 +117,5 @@ class _Linker:
             pattern=c.Pattern(operation.pattern.text) if operation.pattern else None,
             idempotent=operation.idempotent,
             doc=operation.doc,
-            source=" ".join(operation.span.text.split()).rstrip(";"),
+            source=operation.text,
         )

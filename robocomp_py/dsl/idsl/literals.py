@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import re
+import sys
 from typing import Any
 
 from ...contract.types import FLOAT32_MAX, Primitive, integer_range
+from ..numbers import real, whole
 from . import model as m
+
+FLOAT64_MAX = sys.float_info.max
 
 
 def literal_value(kind: Primitive | m.Enum, literal: m.Literal) -> Any:
@@ -14,8 +18,8 @@ def literal_value(kind: Primitive | m.Enum, literal: m.Literal) -> Any:
     text = literal.text
     if isinstance(kind, m.Enum):
         names = [member.name.text for member in kind.members]
-        short = text.rpartition("::")[2]
-        if literal.quoted or short not in names:
+        owner, _, short = text.rpartition("::")
+        if literal.quoted or short not in names or owner.rpartition("::")[2] not in ("", kind.name.text):
             raise ValueError(f"`{text}` is no enumerator of `{kind.name}`; there are {', '.join(names)}")
         return short
     if kind is Primitive.STRING:
@@ -36,16 +40,17 @@ def literal_value(kind: Primitive | m.Enum, literal: m.Literal) -> Any:
 def _float(kind: Primitive, text: str) -> float:
     if not re.fullmatch(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?[fF]?", text):
         raise ValueError(f"`{text}` is no number")
-    value = float(text.rstrip("fF"))
-    if kind is Primitive.FLOAT32 and abs(value) > FLOAT32_MAX:
-        raise ValueError(f"{text} exceeds float")
+    value = real(text)
+    if abs(value) > (FLOAT32_MAX if kind is Primitive.FLOAT32 else FLOAT64_MAX):
+        raise ValueError(f"{text} exceeds {kind}")
     return value
 
 
 def _integer(kind: Primitive, text: str) -> int:
-    if not re.fullmatch(r"[+-]?\d+", text):
+    if not re.fullmatch(r"[+-]?(0[xX][0-9a-fA-F]+|\d+)", text):
         raise ValueError(f"`{text}` is no integer")
+    value = whole(text)
     low, high = integer_range(Primitive.INT64 if kind is Primitive.TIME else kind)
-    if not low <= int(text) <= high:
+    if not low <= value <= high:
         raise ValueError(f"{text} does not fit; allowed: {low} to {high}")
-    return int(text)
+    return value

@@ -31,6 +31,7 @@ class Literal:
 class Field:
     type: TypeName
     name: Name
+    span: Span
     default: Literal | None = None
     doc: str = ""
 
@@ -39,12 +40,14 @@ class Field:
 class Struct:
     name: Name
     fields: tuple[Field, ...]
+    span: Span
     doc: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class Enumerator:
     name: Name
+    span: Span
     value: Literal | None = None
 
 
@@ -52,6 +55,7 @@ class Enumerator:
 class Enum:
     name: Name
     members: tuple[Enumerator, ...]
+    span: Span
     doc: str = ""
 
 
@@ -60,6 +64,7 @@ class Exception_:
     name: Name
     bases: tuple[Name, ...]
     fields: tuple[Field, ...]
+    span: Span
     doc: str = ""
 
 
@@ -67,6 +72,7 @@ class Exception_:
 class Sequence:
     name: Name
     item: TypeName
+    span: Span
     doc: str = ""
 
 
@@ -75,6 +81,7 @@ class Dictionary:
     name: Name
     key: TypeName
     value: TypeName
+    span: Span
     doc: str = ""
 
 
@@ -83,6 +90,7 @@ class Const:
     name: Name
     type: TypeName
     value: Literal
+    span: Span
     doc: str = ""
 
 
@@ -91,6 +99,8 @@ class Param:
     out: bool
     type: TypeName
     name: Name
+    span: Span
+    default: Literal | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,12 +113,17 @@ class Operation:
     throws: tuple[Name, ...]
     span: Span
     doc: str = ""
+    text: str = ""
+    """Its declaration on one line, without comments."""
+
+    @property
+    def returns(self) -> bool:
+        return not (isinstance(self.result, Name) and self.result.text == "void")
 
     @property
     def gives_back(self) -> bool:
         """Whether it returns something or has outputs."""
-        void = isinstance(self.result, Name) and self.result.text == "void"
-        return not void or any(param.out for param in self.params)
+        return self.returns or any(param.out for param in self.params)
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +131,7 @@ class Interface:
     name: Name
     bases: tuple[Name, ...]
     operations: tuple[Operation, ...]
+    span: Span
     doc: str = ""
 
 
@@ -128,5 +144,5 @@ class File:
     imports: tuple[Name, ...]
     module: Name
     definitions: tuple[Definition, ...]
-    skipped: str = ""
-    """What syntax errors left out of the model."""
+    skipped: frozenset[str] = frozenset()
+    """The words that syntax errors left out of the model."""

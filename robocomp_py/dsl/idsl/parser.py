@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from lark import Token, Tree
@@ -11,7 +12,16 @@ from ..source import Name, Source, Span
 from ..syntax import Grammar, Parsed, name_of, span_of, tree_span
 from . import model as m
 
-_GRAMMAR = Grammar("idsl")
+_GRAMMAR = Grammar(
+    "idsl",
+    {
+        r"\w\s*\[\s*\d*\s*\]": "arrays are sequences: define `sequence<float> Values;`, then use `Values`",
+        r"\w+\s+\w+\s*,(?!.*\))": "one name each: `int x; int y;`",
+        r"\bunsigned\b.*": "write uint8, uint16, uint32 or uint64",
+        r"\bin\s+\w+\s+\w+": "inputs have no `in`; remove it",
+        r"\b(vector|list|map)\s*<": "write `sequence<…>` or `dictionary<…, …>`",
+    },
+)
 
 
 def parse(source: Source, report: Report) -> m.File | None:
@@ -24,7 +34,7 @@ class _Builder:
     """Trees to models, a method for each kind of node."""
 
     def __init__(self, parsed: Parsed) -> None:
-        self._parsed, self._source = parsed, parsed.source
+        self._parsed, self._source = parsed, parsed.comments.source
 
     def file(self, tree: Tree[Token]) -> m.File:
         *imports, module = _trees(tree)
@@ -39,38 +49,39 @@ class _Builder:
 
     def _struct(self, tree: Tree[Token]) -> m.Struct:
         name, *fields = tree.children
-        return m.Struct(self._name(name), self._fields(fields), self._doc(tree))
+        return m.Struct(self._name(name), self._fields(fields), self._span(tree), self._doc(tree))
 
     def _enum(self, tree: Tree[Token]) -> m.Enum:
         name, *members = tree.children
-        return m.Enum(self._name(name), tuple(self._enumerator(each) for each in members), self._doc(tree))
+        return m.Enum(self._name(name), tuple(map(self._enumerator, members)), self._span(tree), self._doc(tree))
 
     def _enumerator(self, tree: Any) -> m.Enumerator:
         name, *value = tree.children
         literal = m.Literal(str(value[0]), span_of(self._source, value[0])) if value else None
-        return m.Enumerator(self._name(name), literal)
+        return m.Enumerator(self._name(name), self._span(tree), literal)
 
     def _exception(self, tree: Tree[Token]) -> m.Exception_:
         name, *rest = tree.children
         bases, fields = self._extends(rest)
-        return m.Exception_(self._name(name), bases, self._fields(fields), self._doc(tree))
+        return m.Exception_(self._name(name), bases, self._fields(fields), self._span(tree), self._doc(tree))
 
     def _dictionary(self, tree: Tree[Token]) -> m.Dictionary:
         key, value, name = tree.children
-        return m.Dictionary(self._name(name), self._type(key), self._type(value), self._doc(tree))
+        return m.Dictionary(self._name(name), self._type(key), self._type(value), self._span(tree), self._doc(tree))
 
     def _sequence(self, tree: Tree[Token]) -> m.Sequence:
         item, name = tree.children
-        return m.Sequence(self._name(name), self._type(item), self._doc(tree))
+        return m.Sequence(self._name(name), self._type(item), self._span(tree), self._doc(tree))
 
     def _const(self, tree: Tree[Token]) -> m.Const:
         kind, name, value = tree.children
-        return m.Const(self._name(name), self._type(kind), self._literal(value), self._doc(tree))
+        return m.Const(self._name(name), self._type(kind), self._literal(value), self._span(tree), self._doc(tree))
 
     def _interface(self, tree: Tree[Token]) -> m.Interface:
         name, *rest = tree.children
         bases, operations = self._extends(rest)
-        return m.Interface(self._name(name), bases, tuple(map(self._operation, operations)), self._doc(tree))
+        made = tuple(map(self._operation, operations))
+        return m.Interface(self._name(name), bases, made, self._span(tree), self._doc(tree))
 
     def _operation(self, tree: Any) -> m.Operation:
         rest = list(tree.children)
@@ -78,24 +89,34 @@ class _Builder:
         idempotent = _is(rest[0], "IDEMPOTENT")
         result, name, *rest = rest[1:] if idempotent else rest
         throws = tuple(map(self._qualified, rest.pop().children)) if rest and _is(rest[-1], "throws") else ()
-        params = tuple(self._param(each) for each in rest)
-        span = tree_span(self._source, tree)
+        span = self._span(tree)
         return m.Operation(
-            pattern, idempotent, self._type(result), self._name(name), params, throws, span, self._doc(tree)
+            pattern,
+            idempotent,
+            self._type(result),
+            self._name(name),
+            tuple(map(self._param, rest)),
+            throws,
+            span,
+            self._doc(tree),
+            _one_line(self._parsed.comments.bare[span.start : span.end]),
         )
 
     def _param(self, tree: Any) -> m.Param:
         out = _is(tree.children[0], "OUT")
-        kind, name = tree.children[-2:]
-        return m.Param(out, self._type(kind), self._name(name))
+        kind, name, *default = tree.children[out:]
+        return m.Param(out, self._type(kind), self._name(name), self._span(tree), self._default(default))
 
     def _fields(self, trees: list[Any]) -> tuple[m.Field, ...]:
         return tuple(map(self._field, trees))
 
     def _field(self, tree: Any) -> m.Field:
         kind, name, *default = tree.children
-        value = self._literal(default[0].children[0]) if default else None
-        return m.Field(self._type(kind), self._name(name), value, self._doc(tree))
+        value = self._default(default)
+        return m.Field(self._type(kind), self._name(name), self._span(tree), value, self._doc(tree))
+
+    def _default(self, trees: list[Any]) -> m.Literal | None:
+        return self._literal(trees[0].children[0]) if trees else None
 
     def _extends(self, rest: list[Any]) -> tuple[tuple[Name, ...], list[Any]]:
         if rest and _is(rest[0], "extends"):
@@ -122,7 +143,12 @@ class _Builder:
         return tree_span(self._source, tree)
 
     def _doc(self, tree: Tree[Token]) -> str:
-        return self._parsed.doc(self._span(tree))
+        return self._parsed.comments.doc(self._span(tree))
+
+
+def _one_line(text: str) -> str:
+    """A declaration without its `;`."""
+    return re.sub(r"\s+(?=[,);])", "", " ".join(text.split())).rstrip(";")
 
 
 def _trees(tree: Tree[Token]) -> list[Tree[Token]]:

@@ -2,32 +2,46 @@
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Sequence
 
 from ...contract.types import python_name
-from ..diagnostics import Report
-from ..source import Name
+from ..diagnostics import Report, did_you_mean
+from ..numbers import real, whole
+from ..source import Name, Span
 from . import model as m
 
+_NUMERIC = ("int", "float", "double")
+_INTEGER = re.compile(r"[+-]?(0[xX][0-9a-fA-F]+|\d+)")
 
-def check(file: m.File, report: Report) -> None:
-    _check_scope(file.scope, report)
 
-
-def _check_scope(scope: m.Scope, report: Report) -> None:
+def check(file: m.File, imported: Sequence[m.File], report: Report) -> None:
+    """Say what is wrong in a file, given those it imports, however indirectly."""
     seen: dict[str, Name] = {}
-    for name in (*(p.name for p in scope.params), *(each.scope.name for each in scope.lists)):
+    for other in imported:
+        for name in _names(other.scope):
+            seen.setdefault(name.text, name)
+    _check_scope(file.scope, seen, report)
+
+
+def _names(scope: m.Scope) -> list[Name]:
+    return [*(param.name for param in scope.params), *(each.scope.name for each in scope.lists)]
+
+
+def _check_scope(scope: m.Scope, seen: dict[str, Name], report: Report) -> None:
+    for name in _names(scope):
         first = seen.setdefault(name.text, name)
         if first is not name:
             report.error("duplicate", f"`{name}` is there twice", name.span, "", ("first here", first.span))
-        if python_name(name.text) != name.text:
+        if python_name(name.text) != name.text or name.text.startswith("__"):
             report.error("reserved-name", f"`{name}` is a word of Python", name.span, "give it another name")
     for param in scope.params:
         _check_param(param, report)
     for each in scope.lists:
         if each.items:
             _check_items(each.items, report)
-        _check_scope(each.scope, report)
+        _check_scope(each.scope, {}, report)
 
 
 def _check_items(items: tuple[Name, Name], report: Report) -> None:
@@ -35,33 +49,43 @@ def _check_items(items: tuple[Name, Name], report: Report) -> None:
         if not re.fullmatch(r"\d+", bound.text):
             report.error("bad-range", f"`{bound}` is no number of items", bound.span)
             return
-    if int(items[0].text) > int(items[1].text):
-        report.error("bad-range", f"{items[0]} is more than {items[1]}", items[0].span.to(items[1].span))
+    low, high = items
+    if whole(low.text) > whole(high.text):
+        report.error("bad-range", f"{low} is more than {high}", low.span.to(high.span))
+    elif whole(low.text) > m.MOST_ITEMS:
+        report.error("bad-range", f"more than {m.MOST_ITEMS} items cannot be asked for", low.span)
 
 
 def _check_param(param: m.Param, report: Report) -> None:
     if param.kind == "enum":
-        known = [value.text for value in param.values]
-        if param.default.text not in known:
-            report.error("bad-default", f"`{param.default}` is none of {', '.join(known)}", param.default.span)
-        for index, value in enumerate(param.values):
-            if value.text in known[:index]:
-                report.error("duplicate", f"`{value}` is there twice", value.span)
-        return
-    if param.kind not in ("int", "float", "double"):
-        return
-    numbers = [param.default, *(param.range or ())]
-    for number in numbers:
-        if param.kind == "int" and not re.fullmatch(r"[+-]?\d+", number.text):
+        _check_choices(param, report)
+    elif param.kind in _NUMERIC:
+        _check_numbers(param, report)
+
+
+def _check_choices(param: m.Param, report: Report) -> None:
+    seen: dict[str, Span] = {}
+    for value in param.values:
+        first = seen.setdefault(value.text, value.span)
+        if first is not value.span:
+            report.error("duplicate", f"`{value}` is there twice", value.span, "", ("first here", first))
+    if param.default.text not in seen:
+        message = f"`{param.default}` is none of {', '.join(seen)}"
+        report.error("bad-default", message, param.default.span, did_you_mean(param.default.text, seen))
+
+
+def _check_numbers(param: m.Param, report: Report) -> None:
+    for number in (param.default, *(param.range or ())):
+        if param.kind == "int" and not _INTEGER.fullmatch(number.text):
             report.error("bad-default", f"`{number}` is no integer", number.span)
+            return
+        if not math.isfinite(real(number.text)):
+            report.error("bad-default", f"`{number}` is too large", number.span)
             return
     if not param.range:
         return
-    low, high = (float(bound.text.rstrip("fF")) for bound in param.range)
-    if low > high:
-        span = param.range[0].span.to(param.range[1].span)
-        report.error("bad-range", f"{param.range[0]} is more than {param.range[1]}", span)
-    elif not low <= float(param.default.text.rstrip("fF")) <= high:
-        report.error(
-            "bad-default", f"{param.default} is not from {param.range[0]} to {param.range[1]}", param.default.span
-        )
+    low, high = param.range
+    if real(low.text) > real(high.text):
+        report.error("bad-range", f"{low} is more than {high}", low.span.to(high.span), "the smaller one comes first")
+    elif not real(low.text) <= real(param.default.text) <= real(high.text):
+        report.error("bad-default", f"{param.default} is not from {low} to {high}", param.default.span)

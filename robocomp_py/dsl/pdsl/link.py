@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ...contract.parameters import Parameter, ParameterKind, ParameterList, ParameterSet
+from ..numbers import real, whole
 from ..source import Name
 from . import model as m
 
@@ -18,7 +19,7 @@ def _scope(scope: m.Scope) -> ParameterSet:
 
 
 def _list(each: m.List) -> ParameterList:
-    low, high = (int(bound.text) for bound in each.items) if each.items else (0, None)
+    low, high = (whole(bound.text) for bound in each.items) if each.items else (0, None)
     return ParameterList(each.scope.name.text, _scope(each.scope), low, high, each.doc)
 
 
@@ -32,9 +33,9 @@ def _param(param: m.Param) -> Parameter:
 def _value(kind: ParameterKind, text: Name) -> Any:
     match kind:
         case ParameterKind.INT:
-            return int(text.text)
+            return whole(text.text)
         case ParameterKind.FLOAT | ParameterKind.DOUBLE:
-            return float(text.text.rstrip("fF"))
+            return real(text.text)
         case ParameterKind.BOOL:
             return text.text == "true"
         case ParameterKind.STRING | ParameterKind.ENUM:

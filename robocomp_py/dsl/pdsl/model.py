@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..source import Name, Source
+from ..source import Name, Source, Span
+
+MOST_ITEMS = 1000
+"""A list cannot demand more items: its example configuration holds all of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -12,6 +15,7 @@ class Param:
     name: Name
     kind: str
     default: Name
+    span: Span
     range: tuple[Name, Name] | None = None
     values: tuple[Name, ...] = ()
     mandatory: bool = False
@@ -23,6 +27,7 @@ class Scope:
     """Parameters and lists under one name: a file, or a list's item."""
 
     name: Name
+    span: Span
     params: tuple[Param, ...]
     lists: tuple[List, ...]
 

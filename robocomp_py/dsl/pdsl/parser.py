@@ -11,7 +11,13 @@ from ..source import Name, Source
 from ..syntax import Grammar, Parsed, name_of, tree_span
 from . import model as m
 
-_GRAMMAR = Grammar("pdsl")
+_GRAMMAR = Grammar(
+    "pdsl",
+    {
+        r"^\s*(int|float|double|string|bool|enum)\s+\w+": "the name comes first: `speed float 0.5;`",
+        r"\[[^\]]*:[^\]]*\]": "a range has no brackets: `speed float 0.5 0:2;`",
+    },
+)
 
 
 def parse(source: Source, report: Report) -> m.File | None:
@@ -22,7 +28,7 @@ def parse(source: Source, report: Report) -> m.File | None:
 
 class _Builder:
     def __init__(self, parsed: Parsed) -> None:
-        self._parsed, self._source = parsed, parsed.source
+        self._parsed, self._source = parsed, parsed.comments.source
 
     def file(self, tree: Tree[Token]) -> m.File:
         *imports, scope = tree.children
@@ -33,40 +39,42 @@ class _Builder:
         name, *rest = tree.children
         return m.Scope(
             self._name(name),
+            tree_span(self._source, tree),
             tuple(self._param(each) for each in rest if each.data == "param"),
             tuple(self._list(each) for each in rest if each.data == "list"),
         )
 
     def _list(self, tree: Any) -> m.List:
-        own = {each.data: each for each in tree.children if isinstance(each, Tree)}
-        low_high = tuple(map(self._name, own["items"].children)) if "items" in own else None
-        return m.List(self._scope(tree), low_high, self._doc(tree))  # type: ignore[arg-type]  # the grammar has two
+        items = [each for each in tree.children if isinstance(each, Tree) and each.data == "items"]
+        return m.List(self._scope(tree), self._pair(items), self._doc(tree))
 
     def _param(self, tree: Any) -> m.Param:
         name, *rest = tree.children
-        mandatory = isinstance(rest[-1], Token)
-        kind: Tree[Any] = rest[-2] if mandatory else rest[-1]
-        given = list(kind.children)
-        word = str(given.pop(0)) if kind.data == "number" else str(kind.data)
-        low_high = tuple(map(self._name, given[1].children)) if word in _NUMERIC and len(given) > 1 else None
+        kind = next(each for each in rest if each.data in ("number", "string", "bool", "enum"))
+        word, *values = kind.children if kind.data == "number" else (kind.data, *kind.children)
         return m.Param(
             self._name(name),
-            word,
-            self._name(given[0]),
-            low_high,  # type: ignore[arg-type]  # the grammar has two
-            tuple(map(self._name, given[1:])) if word == "enum" else (),
-            mandatory,
+            str(word),
+            self._name(values[0]),
+            tree_span(self._source, tree),
+            self._pair([each for each in values if isinstance(each, Tree)]),
+            tuple(map(self._name, values[1:])) if word == "enum" else (),
+            any(each.data == "mandatory" for each in rest),
             self._doc(tree),
         )
+
+    def _pair(self, trees: list[Tree[Any]]) -> tuple[Name, Name] | None:
+        """The two numbers of a range, if there is one."""
+        for tree in trees:
+            low, high = map(self._name, tree.children)
+            return low, high
+        return None
 
     def _doc(self, tree: Any) -> str:
         for child in tree.children:
             if isinstance(child, Tree) and child.data == "doc":
                 return self._name(child.children[0]).text
-        return self._parsed.doc(tree_span(self._source, tree))
+        return self._parsed.comments.doc(tree_span(self._source, tree))
 
     def _name(self, token: Any) -> Name:
         return name_of(self._source, token)
-
-
-_NUMERIC = ("int", "float", "double")

@@ -1,0 +1,334 @@
+"""Contracts as expressions of Python: annotations, zeros, and the literals that generated code carries."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from ..contract import types as t
+from ..contract.component import Port
+from ..contract.interface import Interface, Operation, Pattern
+from ..contract.module import Constant
+from ..contract.qos import QoS
+from .layout import WIDTH, assigned, call, commented, docstring, quoted, signature, spread, tuple_of
+from .names import (
+    argument,
+    class_name,
+    interface_constant,
+    member_name,
+    method,
+    module_name,
+    module_of,
+    operation_constant,
+    proxy_class,
+    reference,
+    short,
+    twin,
+)
+from .shadows import Shadows
+
+# Annotations.
+
+
+def hint(kind: t.Type, here: str) -> str:
+    """The annotation of a value."""
+    match kind:
+        case t.Primitive():
+            return _SCALARS[kind]
+        case t.Struct(name=name) | t.Enumeration(name=name):
+            return reference(name, here)
+        case t.Sequence(name=name) | t.Dictionary(name=name) if name:
+            return reference(name, here)
+        case _:
+            return expanded(kind, here)
+
+
+def expanded(kind: t.Sequence | t.Dictionary, here: str) -> str:
+    """The annotation of a sequence or dictionary, without its own name."""
+    match kind:
+        case t.Sequence(item):
+            return f"NDArray[{_dtype(kind)}]" if is_array(kind) else f"list[{hint(item, here)}]"
+        case t.Dictionary(key, value):
+            return f"dict[{hint(key, here)}, {hint(value, here)}]"
+
+
+def accepted(kind: t.Type, here: str) -> str:
+    """The annotation of a value to send: any array-like for an array."""
+    return "ArrayLike" if is_array(kind) else hint(kind, here)
+
+
+def returns(operation: Operation[Any], here: str) -> str:
+    """What an operation returns in Python."""
+    hints = [hint(output.type, here) for output in operation.outputs]
+    match hints:
+        case []:
+            return "None"
+        case [only]:
+            return only
+        case _:
+            return f"tuple[{', '.join(hints)}]"
+
+
+def is_array(kind: t.Type) -> bool:
+    return isinstance(kind, t.Sequence) and kind.dtype is not None
+
+
+def _dtype(kind: t.Sequence) -> str:
+    assert kind.dtype is not None
+    return f"np.{kind.dtype.name.replace('bool', 'bool_')}"
+
+
+# Values.
+
+
+def zero(kind: t.Type, here: str, default: Any = None) -> str:
+    """An expression for the value of something not set."""
+    match kind:
+        case t.Primitive():
+            return quoted(default) if default is not None else _ZEROS[kind]
+        case t.Enumeration(name=name, members=members):
+            return f"{reference(name, here)}.{member_name(default or members[0][0])}"
+        case t.Struct(name=name):
+            return f"{reference(name, here)}()"
+        case t.Sequence():
+            return f"np.empty(0, {_dtype(kind)})" if is_array(kind) else "[]"
+        case t.Dictionary():
+            return "{}"
+
+
+def constant_statement(constant: Constant) -> str:
+    value = zero(constant.type, module_of(constant.name), constant.value)
+    return commented(assigned(class_name(constant.name), value, 0), constant.doc, 0)
+
+
+# The members of generated classes. Names of earlier members shadow those of the module: see `Shadows`.
+
+
+def field_line(field: t.Field, here: str, shadows: Shadows) -> str:
+    """A field of a dataclass, with its documentation."""
+    head = f"{field.attribute}: {shadows.avoid(hint(field.type, here))}"
+    factory = _factory(field.type, here)
+    if factory:
+        arguments = [f"default_factory={shadows.avoid(factory)}"]
+        line = f"{head} = {call(shadows.avoid('field'), arguments, 4, len(head) + 3)}"
+    else:
+        line = assigned(head, shadows.avoid(zero(field.type, here, field.default)), 4)
+    return commented(line, field.doc, 4)
+
+
+def _factory(kind: t.Type, here: str) -> str:
+    """What makes the zero of a type that can be changed in place."""
+    match kind:
+        case t.Struct(name=name):
+            return reference(name, here)
+        case t.Sequence():
+            return f"lambda: {zero(kind, here)}" if is_array(kind) else "list"
+        case t.Dictionary():
+            return "dict"
+        case _:
+            return ""
+
+
+def field_shadows(fields: Sequence[t.Field], here: str) -> Shadows:
+    """What the fields of a class hide from those behind them."""
+    shadows = Shadows()
+    for field in fields:
+        factory = _factory(field.type, here)
+        value = f"field {factory}" if factory else zero(field.type, here, field.default)
+        shadows.member(field.attribute, f"{hint(field.type, here)} {value}")
+    shadows.member("__contract__", "ClassVar Struct ExceptionType")
+    return shadows
+
+
+def proxy_signature(operation: Operation[Any], here: str, shadows: Shadows) -> str:
+    """`def getLaserData(self, *, deadline: float | None = None) -> TLaserData:`."""
+    return _signature(method(operation), operation, returns(operation, here), here, shadows)
+
+
+def twin_signature(operation: Operation[Any], interface: Interface, here: str, shadows: Shadows) -> str:
+    """`def getLaserDataAsync(self, *, deadline: float | None = None) -> Future[TLaserData]:`."""
+    return _signature(twin(operation, interface), operation, f"Future[{returns(operation, here)}]", here, shadows)
+
+
+def _signature(name: str, operation: Operation[Any], returned: str, here: str, shadows: Shadows) -> str:
+    arguments = ["self"]
+    for field in operation.inputs:
+        annotation = shadows.avoid(accepted(field.type, here))
+        default = f" = {shadows.avoid(zero(field.type, here, field.default))}" if field.default is not None else ""
+        arguments.append(f"{argument(field)}: {annotation}{default}")
+    arguments += ["*", f"deadline: {shadows.avoid('float')} | None = None"]
+    return signature(name, arguments, shadows.avoid(returned))
+
+
+def proxy_shadows(port: Port, here: str) -> Shadows:
+    """What the methods of a proxy hide from those behind them."""
+    shadows = Shadows()
+    for operation, pattern in port.interface.under(port.verb):
+        uses = [accepted(each.type, here) for each in operation.inputs]
+        uses += [zero(each.type, here, each.default) for each in operation.inputs if each.default is not None]
+        uses += [returns(operation, here), "float", "Future"]
+        shadows.member(method(operation), " ".join(uses))
+        if pattern is Pattern.QUERY:
+            shadows.member(twin(operation, port.interface), " ".join(uses))
+    return shadows
+
+
+def handler_signature(port: Port, operation: Operation[Any]) -> str:
+    arguments = ["self", *(f"{argument(f)}: {hint(f.type, '')}" for f in operation.inputs)]
+    return signature(port.handler(operation.name), arguments, returns(operation, ""))
+
+
+def handler(port: Port, operation: Operation[Any]) -> str:
+    """A new handler: a method that returns zeros."""
+    lines = [handler_signature(port, operation), f"    {docstring(operation_doc(operation), 8)}"]
+    zeros = [zero(output.type, "") for output in operation.outputs]
+    line = f"return {', '.join(zeros)}"
+    if zeros and len(line) + 8 > WIDTH:
+        line = "return (\n" + "".join(f"            {each},\n" for each in zeros) + "        )"
+    lines += [f"    {line}"] if zeros else []
+    return "".join(f"    {line}\n" for line in lines)
+
+
+def proxy_attribute(port: Port) -> str:
+    """`laser_proxy: RoboCompLaser.LaserProxy`."""
+    kind = f"{module_name(port.interface.module)}.{proxy_class(port)}"
+    line = f"{port.attribute}: {kind}"
+    return line if len(line) + 4 <= WIDTH else f"{port.attribute}: (\n        {kind}\n    )"
+
+
+def passed(operation: Operation[Any]) -> str:
+    """The arguments of an operation as a tuple."""
+    names = [argument(f) for f in operation.inputs]
+    return f"({', '.join(names)}{',' if len(names) == 1 else ''})"
+
+
+# Contracts.
+
+
+def contract(kind: t.Type | t.ExceptionType, here: str) -> str:
+    """The expression for a type in a contract."""
+    match kind:
+        case t.Primitive():
+            return kind.name
+        case t.Struct(name=name) | t.Enumeration(name=name) | t.ExceptionType(name=name):
+            return f"{reference(name, here)}.__contract__"
+        case t.Sequence(item):
+            return f"Sequence({contract(item, here)})"
+        case t.Dictionary(key, value):
+            return f"Dictionary({contract(key, here)}, {contract(value, here)})"
+
+
+def field_literals(fields: Sequence[t.Field], here: str, indent: int = 8) -> list[str]:
+    """The `Field( … )` of a contract."""
+    return [call("Field", list(_field_arguments(each, here)), indent, 1) for each in fields]
+
+
+def _field_arguments(field: t.Field, here: str) -> Iterator[str]:
+    yield f'"{field.name}"'
+    yield contract(field.type, here)
+    if field.default is not None:
+        yield quoted(field.default)
+
+
+def member_literals(enumeration: t.Enumeration) -> list[str]:
+    return [f'("{name}", {value})' for name, value in enumeration.members]
+
+
+def operation_statement(operation: Operation[Any], here: str) -> str:
+    """`_Laser_getLaserData: Operation[TLaserData] = Operation( … )`."""
+    name, kind = operation_constant(operation), f"Operation[{returns(operation, here)}]"
+    head = f"{name}: {kind}"
+    if len(head) + len(" = Operation(") <= WIDTH:
+        return f"{head} = {_operation(operation, here, 0)}"
+    if len(head) + len(" = (") <= WIDTH:
+        return f"{head} = (\n    {_operation(operation, here, 4)}\n)"
+    return f"{name}: {spread(kind, 0, len(name) + 2, 13)} = {_operation(operation, here, 0)}"
+
+
+def _operation(operation: Operation[Any], here: str, indent: int) -> str:
+    arguments = [quoted(operation.interface), quoted(operation.name)]
+    inner = indent + 4
+    for key, fields in (("inputs", operation.inputs), ("outputs", operation.outputs)):
+        if fields:
+            literals = field_literals(fields, here, inner + 4)
+            arguments.append(f"{key}={tuple_of(literals, inner + len(key) + 1, inner)}")
+    if operation.raises:
+        literals = [contract(each, here) for each in operation.raises]
+        arguments.append(f"raises={tuple_of(literals, inner + 7, inner)}")
+    arguments += [f"pattern=Pattern.{operation.pattern.name}"] if operation.pattern else []
+    arguments += ["idempotent=True"] if operation.idempotent else []
+    margin = " " * indent
+    return "Operation(\n" + "".join(f"{margin}    {each},\n" for each in arguments) + f"{margin})"
+
+
+def type_alias(kind: t.Sequence | t.Dictionary, here: str) -> str:
+    """`TLaserData: TypeAlias = list[TData]`."""
+    head = f"{reference(kind.name, here)}: TypeAlias"
+    return f"{head} = {spread(expanded(kind, here), 0, len(head) + 3, 0)}"
+
+
+def port_expression(port: Port, indent: int) -> str:
+    """The `Port( … )` of a generated component."""
+    module = module_name(port.interface.module)
+    arguments = [f"Verb.{port.verb.name}", f"{module}.{interface_constant(port.interface)}"]
+    if port.number:
+        arguments.append(f'number="{port.number}"')
+    if port.qos != QoS():
+        arguments.append(f"qos={_qos(port.qos, indent + 4)}")
+    if port.concurrent:
+        arguments.append("concurrent=True")
+    if port.middleware:
+        arguments.append(f"middleware={quoted(port.middleware)}")
+    if port.verb.has_proxy:
+        arguments.append(f"proxy={module}.{proxy_class(port)}")
+    return call("Port", arguments, indent, 1)
+
+
+def _qos(qos: QoS, indent: int) -> str:
+    """`QoS(depth=1)`: what differs from the default."""
+    plain = QoS()
+    given = []
+    for name in QoS.__dataclass_fields__:
+        value = getattr(qos, name)
+        if value != getattr(plain, name):
+            spelt = f"{type(value).__name__}.{value.name}" if isinstance(value, enum.Enum) else repr(value)
+            given.append(f"{name}={spelt}")
+    return call("QoS", given, indent, len("qos=,"))
+
+
+# Documentation.
+
+
+def operation_doc(operation: Operation[Any]) -> str:
+    """What its IDSL says of an operation, then its declaration there."""
+    said = operation.doc.strip()
+    said = f"{said[:1].upper()}{said[1:]}" if said else ""
+    first = said or f"`{operation.name}` of {operation.interface.replace('::', '.')}."
+    return f"{_sentence(first)}\n\nIDSL: {operation.source}"
+
+
+def struct_doc(name: str, doc: str) -> str:
+    """What its IDSL says of a type, or else whose it is."""
+    said = doc.strip()
+    return _sentence(f"{said[:1].upper()}{said[1:]}" if said else f"{short(name)} of module {module_of(name)}")
+
+
+def _sentence(text: str) -> str:
+    return text if text[-1:] in ".!?:" else f"{text}."
+
+
+_SCALARS = {
+    t.BOOL: "bool",
+    t.STRING: "str",
+    t.TIME: "int",
+    **dict.fromkeys(t.INTEGERS, "int"),
+    **dict.fromkeys(t.FLOATS, "float"),
+}
+_ZEROS = {
+    t.BOOL: "False",
+    t.STRING: '""',
+    t.TIME: "0",
+    **dict.fromkeys(t.INTEGERS, "0"),
+    **dict.fromkeys(t.FLOATS, "0.0"),
+}

@@ -1,0 +1,133 @@
+"""What generated code imports: found out by looking at what it uses, so that the two always agree."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
+
+from .layout import WIDTH
+
+MARK = "# imports\n"
+"""Stands in a template where its imports go."""
+
+STANDARD = {
+    "abc": ("abstractmethod",),
+    "dataclasses": ("dataclass", "field"),
+    "enum": ("IntEnum",),
+    "typing": ("ClassVar", "Literal", "TypeAlias"),
+}
+NUMPY = {"numpy.typing": ("ArrayLike", "NDArray")}
+TYPES = (
+    *("BOOL", "FLOAT32", "FLOAT64", "INT8", "INT16", "INT32", "INT64", "STRING", "TIME"),
+    *("UINT8", "UINT16", "UINT32", "UINT64", "DeclaredError", "Dictionary", "Enumeration", "ExceptionType", "Field"),
+    *("Future", "Interface", "Operation", "Pattern", "Proxy", "Sequence", "Struct"),
+)
+"""What the modules of types use of the run time's front door."""
+
+API = (
+    *TYPES,
+    *("Component", "Durability", "History", "Liveliness", "Parameter", "ParameterKind", "ParameterList"),
+    *("Parameters", "ParameterSet", "Port", "QoS", "Reliability", "Verb", "Worker"),
+)
+BUILTINS = ("bool", "dict", "float", "int", "list", "str", "tuple")
+
+
+def complete(text: str, siblings: Collection[str], package: str = ".") -> str:
+    """Put the imports where the mark is: of libraries, and of those modules of a package that are used."""
+    used = used_names(text) - set(bound_names(text))
+    return excused(text).replace(MARK, import_statements(used, siblings, package), 1)
+
+
+def excused(text: str) -> str:
+    """The text with a word to linters where its models leave no other choice: a name `l`, a line too long to split."""
+    lines = text.splitlines()
+    reasons: dict[int, list[str]] = {}
+    for node in ast.walk(ast.parse(text)):
+        match node:
+            case ast.arg(arg=name) | ast.AnnAssign(target=ast.Name(id=name)) | ast.Assign(targets=[ast.Name(id=name)]):
+                rule = "E741"
+            case ast.ClassDef(name=name):
+                rule = "E742"
+            case ast.FunctionDef(name=name):
+                rule = "E743"
+            case ast.Constant(value=str(), lineno=line, end_lineno=end) if line == end:
+                name, rule = ("l", "E501") if len(lines[line - 1]) > WIDTH else ("", "")
+            case _:
+                continue
+        if name in ("l", "O", "I"):
+            reasons.setdefault(node.lineno, []).append(rule)
+    for number, rules in reasons.items():
+        lines[number - 1] += f"  # noqa: {', '.join(sorted(set(rules)))}"
+    return "\n".join(lines) + "\n"
+
+
+def import_statements(used: Collection[str], siblings: Collection[str], package: str) -> str:
+    """The imports of these names, in the order and the form that formatters want."""
+    standard = [import_from(source, names) for source, names in _using(STANDARD, used)]
+    standard = [*(f"import {name}" for name in ("builtins", "typing") if name in used), *standard]
+    libraries = ["import numpy as np"] if "np" in used else []
+    libraries += [import_from(source, names) for source, names in _using(NUMPY, used)]
+    libraries += [import_from(source, names) for source, names in _using({"robocomp_py.runtime.api": API}, used)]
+    own = [import_from(package, names) for _, names in _using({package: tuple(siblings)}, used)]
+    own += ["from .generic.genericworker import GenericWorker"] if "GenericWorker" in used else []
+    own += [import_from(".params", names) for _, names in _using({"": ("PARAMS", "Params")}, used)]
+    return "\n".join("\n".join(group) + "\n" for group in (standard, libraries, own) if group)
+
+
+def import_from(source: str, names: Sequence[str]) -> str:
+    """An import in one line, or one name a line if it would be too long."""
+    ordered = sorted(names, key=_order)
+    line = f"from {source} import {', '.join(ordered)}"
+    if len(line) <= WIDTH:
+        return line
+    return f"from {source} import (\n" + "".join(f"    {name},\n" for name in ordered) + ")"
+
+
+def used_names(text: str) -> set[str]:
+    """The names that a text takes from its module's scope."""
+    return set(_used(ast.parse(text)))
+
+
+def bound_names(text: str) -> list[str]:
+    """The names that a text gives to something in its module's scope, in order."""
+    found: list[str] = []
+    for node in ast.parse(text).body:
+        match node:
+            case ast.Import(names=aliases) | ast.ImportFrom(names=aliases):
+                found += [alias.asname or alias.name for alias in aliases]
+            case ast.ClassDef(name=name) | ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name):
+                found.append(name)
+            case ast.Assign(targets=targets):
+                found += [target.id for target in targets if isinstance(target, ast.Name)]
+            case ast.AnnAssign(target=ast.Name(id=name)):
+                found.append(name)
+            case _:
+                pass
+    return found
+
+
+def _used(node: ast.AST) -> Iterator[str]:
+    match node:
+        case ast.Name(id=name, ctx=ast.Load()):
+            yield name
+        case ast.FunctionDef(args=arguments, body=body, decorator_list=decorators, returns=returned):
+            yield from (name for each in (arguments, returned, *decorators) if each for name in _used(each))
+            own = {each.arg for each in (*arguments.args, *arguments.kwonlyargs)}
+            yield from (name for each in body for name in _used(each) if name not in own)
+        case _:
+            for child in ast.iter_child_nodes(node):
+                yield from _used(child)
+
+
+def _using(table: Mapping[str, tuple[str, ...]], used: Collection[str]) -> Iterator[tuple[str, list[str]]]:
+    for source, names in table.items():
+        wanted = [name for name in names if name in used]
+        if wanted:
+            yield source, wanted
+
+
+def _order(name: str) -> tuple[int, list[str | int]]:
+    """As isort has it: CONSTANTS, Classes, functions; numbers in names by their value."""
+    rank = 0 if name.isupper() and len(name) > 1 else 1 if name[:1].isupper() else 2
+    return rank, [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", name.lower())]

@@ -1,0 +1,140 @@
+"""Generated lines: as formatters lay them out, and no longer than they allow."""
+
+from __future__ import annotations
+
+import json
+import re
+import textwrap
+from collections.abc import Sequence
+from typing import Any
+
+WIDTH = 88
+"""What formatters take for granted."""
+
+
+def call(function: str, arguments: Sequence[str], indent: int, around: int = 0) -> str:
+    """A call in one line, or one argument a line if that, with what is `around` it, would be too long."""
+    line = f"{function}({', '.join(arguments)})"
+    if indent + len(line) + around <= WIDTH and "\n" not in line:
+        return line
+    margin = " " * indent
+    inner = "".join(f"{margin}    {each},\n" for each in arguments)
+    return f"{function}(\n{inner}{margin})"
+
+
+def tuple_of(items: Sequence[str], before: int, indent: int = 4) -> str:
+    """A tuple, one item a line; a single one in one line if there is room behind `before` characters."""
+    line = f"({', '.join(items)},)" if items else "()"
+    if not items or (len(items) == 1 and before + len(line) + 1 <= WIDTH and "\n" not in line):
+        return line
+    margin = " " * indent
+    inner = "".join(f"{margin}    {each},\n" for each in items)
+    return f"(\n{inner}{margin})"
+
+
+def signature(name: str, arguments: Sequence[str], returned: str, indent: int = 4) -> str:
+    """A `def` line, or one argument a line if it would be too long."""
+    line = f"def {name}({', '.join(arguments)}) -> {returned}:"
+    if indent + len(line) <= WIDTH:
+        return line
+    margin = " " * indent
+    inner = "".join(f"{margin}    {each},\n" for each in arguments)
+    return f"def {name}(\n{inner}{margin}) -> {spread(returned, indent, 5, 1)}:"
+
+
+def spread(annotation: str, indent: int, before: int, after: int) -> str:
+    """An annotation on several lines, if it would be too long for one, with so much around it."""
+    head, bracket, rest = annotation.partition("[")
+    if not bracket or indent + before + len(annotation) + after <= WIDTH:
+        return annotation
+    items = _top_level(rest[:-1])
+    margin, comma = " " * indent, "," if len(items) > 1 else ""
+    inner = "".join(f"{margin}    {spread(item, indent + 4, 0, len(comma))}{comma}\n" for item in items)
+    return f"{head}[\n{inner}{margin}]"
+
+
+def assigned(head: str, value: str, indent: int) -> str:
+    """`head = value`, the value in parentheses on a line of its own if that makes it fit."""
+    before = len(head.rpartition("\n")[2]) + (0 if "\n" in head else indent)
+    if before + len(f" = {value}") <= WIDTH or indent + 4 + len(value) > WIDTH:
+        return f"{head} = {value}"
+    margin = " " * indent
+    return f"{head} = (\n{margin}    {value}\n{margin})"
+
+
+def docstring(text: str, indent: int) -> str:
+    """A docstring of wrapped paragraphs."""
+    quote = '"""'
+    safe = printable(text).replace("\\", "\\\\").replace(quote, "'''").strip()
+    safe = f" {safe}" if safe.startswith('"') else safe
+    safe = f"{safe} " if safe.endswith('"') else safe
+    lines: list[str] = []
+    for line in (quote + safe).splitlines():
+        lines += _wrap(line, WIDTH - indent) or [""]
+    lines[0] = lines[0].removeprefix(quote)
+    margin = " " * indent
+    if len(lines) == 1 and indent + len(lines[0]) + 6 <= WIDTH:
+        return f"{quote}{lines[0]}{quote}"
+    if len(lines) == 1:  # the closing quotes need a line of their own: then the text gets two
+        lines = _wrap(lines[0], WIDTH - indent - 6)
+    body = "\n".join(f"{margin}{line}".rstrip() for line in lines[1:])
+    return f"{quote}{lines[0]}\n{body}\n{margin}{quote}".replace(f"\n\n{margin}{quote}", f"\n{margin}{quote}")
+
+
+def commented(line: str, text: str, indent: int) -> str:
+    """A statement with a comment behind it or, if that would be too long, above it."""
+    words = " ".join(printable(text).split())
+    if not words:
+        return line
+    if "\n" not in line and indent + len(line) + 4 + len(words) <= WIDTH:
+        return f"{line}  # {words}"
+    return f"{remark(words, indent)}\n{' ' * indent}{line}"
+
+
+def remark(text: str, indent: int) -> str:
+    """A comment on as many lines as it needs."""
+    return f"\n{' ' * indent}".join(f"# {line}" for line in _wrap(printable(text), WIDTH - indent - 2))
+
+
+def text(value: str, indent: int, around: int) -> str:
+    """A string in one line or, if that, with what is `around` it, would be too long, in several."""
+    if indent + len(quoted(value)) + around <= WIDTH:
+        return quoted(value)
+    margin = " " * indent
+    lines = textwrap.wrap(value, WIDTH - indent - 12, break_on_hyphens=False, drop_whitespace=False)
+    return "(\n" + "".join(f"{margin}    {quoted(line)}\n" for line in lines) + f"{margin})"
+
+
+def quoted(value: Any) -> str:
+    """A literal of Python and of TOML; texts in double quotes."""
+    if not isinstance(value, str):
+        return repr(value).replace("e+", "e")
+    escaped = json.dumps(value, ensure_ascii=False)
+    return "".join(char if char.isprintable() else f"\\U{ord(char):08x}" for char in escaped)
+
+
+def printable(text: str) -> str:
+    """A text without what could end a line or a file where none ends."""
+    return "".join(char if char.isprintable() or char == "\n" else " " for char in text)
+
+
+def one_line(text: str) -> str:
+    """The first paragraph of a documentation on one line."""
+    line = " ".join(printable(text).strip().split("\n\n")[0].split())
+    return line[:1].upper() + line[1:]
+
+
+def _wrap(text: str, width: int) -> list[str]:
+    return textwrap.wrap(text, width, break_long_words=False, break_on_hyphens=False)
+
+
+def _top_level(text: str) -> list[str]:
+    """The parts between commas that stand in no bracket and no string."""
+    parts, depth = [""], 0
+    for token in re.findall(r'"(?:[^"\\]|\\.)*"|.', text):
+        depth += {"[": 1, "]": -1}.get(token, 0)
+        if token == "," and depth == 0:
+            parts.append("")
+        else:
+            parts[-1] += token
+    return [part.strip() for part in parts]

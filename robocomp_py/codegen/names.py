@@ -1,0 +1,117 @@
+"""Names of the models as names of Python. What has two names in a model has two in Python."""
+
+from __future__ import annotations
+
+import keyword
+import re
+from collections.abc import Collection
+from typing import Any
+
+from ..contract import types as t
+from ..contract.component import Port
+from ..contract.interface import Interface, Operation
+from .imports import API, BUILTINS, TYPES
+
+_CLASSES = {
+    *TYPES,
+    *BUILTINS,
+    *("ArrayLike", "ClassVar", "IntEnum", "NDArray", "TypeAlias", "annotations", "builtins", "dataclass", "field"),
+    *("np", "typing"),
+}
+"""What modules of types use for themselves."""
+
+_MODULES = {
+    *_CLASSES,
+    *API,
+    *("GenericWorker", "PARAMS", "Params", "SpecificWorker", "abstractmethod", "component", "genericworker"),
+    *("middleware", "params"),
+}
+"""What is in the generic part beside the modules of types, and what it uses for itself."""
+
+_ARGUMENTS = {"self", "deadline"}
+_METHODS = {"interface", "_ask", "_ask_async", "_send", "_bound"}
+_MEMBERS = {
+    *("as_integer_ratio", "bit_count", "bit_length", "conjugate", "denominator", "from_bytes", "imag", "is_integer"),
+    *("mro", "name", "numerator", "real", "to_bytes", "value", "ClassVar", "Enumeration"),
+}
+"""What every IntEnum has, in all versions of Python."""
+
+
+def short(name: str) -> str:
+    """`RoboCompLaser::TData` → `TData`."""
+    return name.rpartition("::")[2]
+
+
+def module_of(name: str) -> str:
+    return name.rpartition("::")[0]
+
+
+def class_name(name: str) -> str:
+    """What a definition is called in its own module."""
+    return _free(short(name), _CLASSES)
+
+
+def module_name(name: str) -> str:
+    """What the Python module of an IDSL module is called."""
+    return _free(name, _MODULES)
+
+
+def reference(name: str, here: str) -> str:
+    """What a definition is called from a module; `here` is "" outside of all."""
+    module = module_of(name)
+    return class_name(name) if module == here else f"{module_name(module)}.{class_name(name)}"
+
+
+def member_name(name: str) -> str:
+    """An enumerator."""
+    sunder = name.startswith("_") and name.endswith("_")  # those are the enum module's
+    return f"{name}_" if sunder else _free(name, _MEMBERS)
+
+
+def argument(field: t.Field) -> str:
+    """A parameter of an operation."""
+    return _free(field.name, _ARGUMENTS)
+
+
+def method(operation: Operation[Any]) -> str:
+    """An operation of a proxy."""
+    return _free(operation.name, _METHODS)
+
+
+def twin(operation: Operation[Any], interface: Interface) -> str:
+    """An operation of a proxy that does not wait."""
+    return _free(f"{operation.name}Async", {other.name for other in interface.operations})
+
+
+def operation_constant(operation: Operation[Any]) -> str:
+    return f"_{short(operation.interface)}_{operation.name}"
+
+
+def interface_constant(interface: Interface) -> str:
+    return f"{interface.short.upper()}_INTERFACE"
+
+
+def proxy_class(port: Port) -> str:
+    return f"{port.interface.short}{'Publisher' if port.verb.is_topic else 'Proxy'}"
+
+
+def camel(name: str) -> str:
+    """`left_motors` → `LeftMotors`."""
+    return "".join(part[:1].upper() + part[1:] for part in re.split(r"[_\W]+", name))
+
+
+def snake(name: str) -> str:
+    """A name for a Python function or module."""
+    return re.sub(r"\W+", "_", name).lower()
+
+
+def self_dot(name: str) -> str:
+    return f"self.{name}"
+
+
+def _free(name: str, taken: Collection[str]) -> str:
+    """A name that is neither a keyword nor taken: with an underscore behind if it is; and if it is but for underscores
+    behind it, so that `list` and `list_` stay apart.
+    """
+    bare = name.rstrip("_")
+    return f"{name}_" if keyword.iskeyword(bare) or bare in taken else name

@@ -1,0 +1,165 @@
+"""Syntax errors: what is said of them, and how a text can be read on behind them.
+
+The text is mended where it is clear what was meant; else the statement is blanked. Nothing moves,
+so that all that is found later still stands where the file has it.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from dataclasses import dataclass
+
+from .diagnostics import Diagnostic, did_you_mean
+from .source import Source, Span
+
+_MOST_LISTED = 8
+
+END = "the end of the file"
+"""How the end is called among what was expected."""
+
+_ENDS = re.compile(r'"[^"\n]*"|[{};]')
+_OPENER = re.compile(r"\b(struct|enum|exception|interface)\s+\w+\s*\Z")
+_ALIKE = {**dict.fromkeys("({[<", "({[<"), **dict.fromkeys(")]>", ")}]>")}
+"""Brackets that are written for one another."""
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """A syntax error, and how to go on: with that part of the text blanked, and this put at its beginning."""
+
+    diagnostic: Diagnostic
+    start: int
+    end: int
+    instead: str = ""
+
+    def mend(self, text: str) -> str:
+        """The text to parse next; nothing moves, except that closers may be added at the very end."""
+        hole = self.instead + re.sub(r"[^\n]", " ", text[self.start + len(self.instead) : self.end])
+        return text[: self.start] + hole + text[self.end :]
+
+
+def explain_endless(source: Source, comment: Span) -> Diagnostic:
+    opening = source.span(comment.start, comment.start + 2)
+    return Diagnostic("syntax", "this comment has no end", opening, hint="close it by `*/`")
+
+
+def explain_character(source: Source, text: str, at: int) -> Mistake:
+    """A character that begins no word of the language."""
+    char, span = text[at], source.span(at, at + 1)
+    if char == "#":
+        end = text.find("\n", at) if "\n" in text[at:] else len(text)
+        span = source.span(at, at + len(text[at:end].rstrip()))
+        return Mistake(Diagnostic("stray-directive", "there is no preprocessor", span, hint="remove the line"), at, end)
+    if char == '"':
+        return Mistake(
+            Diagnostic("syntax", "this text has no end", span, hint='close it by `"`'), *_statement(text, at)
+        )
+    shown = f"`{char}`" if char.isprintable() else f"character U+{ord(char):04X}"
+    name = "" if char.isascii() else f" ({unicodedata.name(char, 'without a name').lower()})"
+    hint = ""
+    if char.isalpha():
+        hint = "names are made of the letters a to z, digits and `_`"
+    elif char in "“”„‘’‚«»\N{NO-BREAK SPACE}":
+        hint = "write a plain one"
+    return Mistake(Diagnostic("syntax", f"unexpected {shown}{name}", span, hint=hint), *_statement(text, at))
+
+
+def explain_end(source: Source, text: str, expected: list[str]) -> Mistake:
+    """A file that ends too early. Blocks that are not closed are closed, so that they can be checked."""
+    end = len(text.rstrip())
+    place = source.span(max(0, end - 1), end)
+    if not text.strip():
+        diagnostic = Diagnostic("syntax", f"there is nothing in this file; expected {_listed(expected)}", place)
+        return Mistake(diagnostic, len(text), len(text))
+    unclosed = _unclosed(text)
+    related = tuple((f"this `{text[at]}` is not closed", source.span(at, at + 1)) for at in unclosed[-1:])
+    diagnostic = Diagnostic("syntax", f"the file ends too early; expected {_listed(expected)}", place, related=related)
+    closers = "}" * len(unclosed) if "`}`" in expected and len(text) == len(source.text) else ""
+    return Mistake(diagnostic, len(text), len(text), closers)
+
+
+def explain_token(source: Source, text: str, span: Span, expected: list[str], missing: str) -> Mistake:
+    """A word that cannot stand where it stands. `missing` is what would make sense of it."""
+    found, before = text[span.start : span.end], text[: span.start].rstrip()
+    if found == ";" and before.endswith((";", "{")):
+        return Mistake(Diagnostic("stray-semicolon", "a `;` too many", span, hint="remove it"), span.start, span.end)
+    if END in expected and set(expected) <= {END, "`;`"}:
+        return _explain_rest(text, span)
+    block = _block_inside(text, span)
+    if block:
+        message, hint = f"unexpected `{block.text}` in a block", "add `};` above it, to close the block before"
+        return Mistake(Diagnostic("syntax", message, block, hint=hint), block.start - 1, block.start, "}")
+    hint = did_you_mean(found, [word.strip("`") for word in expected if word.startswith("`") and word[1].isalpha()])
+    if missing and not hint:
+        at = len(before)
+        diagnostic = Diagnostic(
+            "syntax", f"expected `{missing}` before `{found}`", source.span(at - 1, at), hint=f"add `{missing}` here"
+        )
+        mend = (at, at + 1, missing) if at < span.start else _statement(text, at - 1)
+        return Mistake(diagnostic, *mend)
+    message = f"unexpected `{found}`; expected {_listed(expected)}"
+    right = [mark for mark in _ALIKE.get(found, "") if f"`{mark}`" in expected]
+    if len(right) == 1:
+        hint = f"write `{right[0]}` instead"
+        return Mistake(Diagnostic("syntax", message, span, hint=hint), span.start, span.end, right[0])
+    return Mistake(Diagnostic("syntax", message, span, hint=hint), *_statement(text, span.start))
+
+
+def _explain_rest(text: str, span: Span) -> Mistake:
+    """Something behind the one definition of a file: all of it is left out."""
+    hint = "a file has one definition; remove what follows it"
+    if span.text == "}":
+        hint = "remove it, or a `}` above that is one too many"
+    return Mistake(
+        Diagnostic("trailing-text", f"unexpected `{span.text}` after the end", span, hint=hint), span.start, len(text)
+    )
+
+
+def _block_inside(text: str, span: Span) -> Span | None:
+    """The word that begins a definition where none can be, because the block before was not closed."""
+    opener = _OPENER.search(text, 0, span.start) if span.text == "{" else None
+    if opener and text[opener.start() - 1 : opener.start()].isspace():
+        return span.source.span(*opener.span(1))
+    return None
+
+
+def _listed(words: list[str]) -> str:
+    if len(words) > _MOST_LISTED:
+        words = [*words[:_MOST_LISTED], "…"]
+    return ", ".join(words[:-1]) + " or " + words[-1] if len(words) > 1 else "".join(words)
+
+
+def _statement(text: str, at: int) -> tuple[int, int]:
+    """The statement around an offset: from behind the last `;`, `{` or `}` to its `;`, a block of its own included."""
+    start = 0
+    for found in _ENDS.finditer(text, 0, at):
+        if found[0] in "{};":
+            start = found.end()
+    depth = 0
+    for found in _ENDS.finditer(text, at):
+        match found[0]:
+            case ";" if depth == 0:
+                return start, found.end()
+            case "{":
+                depth += 1
+            case "}" if depth == 0:
+                alone = found.start() == at and not text[start:at].strip()
+                return start, found.end() if alone else found.start()
+            case "}":
+                depth -= 1
+                if depth == 0:
+                    rest = re.match(r"\s*;", text[found.end() :])
+                    return start, found.end() + (rest.end() if rest else 0)
+    return start, len(text)
+
+
+def _unclosed(text: str) -> list[int]:
+    """Where the braces stand that nothing closes, outermost first."""
+    waiting: list[int] = []
+    for found in _ENDS.finditer(text):
+        if found[0] == "{":
+            waiting.append(found.start())
+        elif found[0] == "}" and waiting:
+            waiting.pop()
+    return waiting

@@ -1,0 +1,57 @@
+"""What is generated, to the byte."""
+
+from __future__ import annotations
+
+import difflib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from robocomp_py.cli.rcgen import main as rcgen
+
+from .generated import MODELS, NAMES, artifacts, copied
+from .golden import COMMON_BEHAVIOR, GOLDEN, expected
+
+FILES = dict(expected())
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: "/".join(path.parts[-3:]))
+def test_a_file_is_generated_as_expected(path: Path) -> None:
+    found, wanted = FILES[path], path.read_text(encoding="utf-8") if path.exists() else ""
+    changes = difflib.unified_diff(wanted.splitlines(), found.splitlines(), "expected", "generated", lineterm="")
+    assert found == wanted, "\n".join(["`make golden` if this is meant:", *changes])
+
+
+def test_no_expected_file_is_left_over() -> None:
+    there = {path for name in NAMES for path in (GOLDEN / name).rglob("*") if path.is_file() and path.suffix != ".pyc"}
+    assert there == set(FILES) - {COMMON_BEHAVIOR}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_same_model_gives_the_same_bytes_everywhere(name: str, tmp_path: Path) -> None:
+    """Other folders, other hash seeds, other working directories, other locales."""
+    wanted = {artifact.path: artifact.text.encode() for artifact in artifacts(name)}
+    for number, locale in enumerate(("C", "C.UTF-8")):
+        cdsl = copied(name, tmp_path / f"folder {number}")
+        environment = {**os.environ, "PYTHONHASHSEED": str(number), "LC_ALL": locale, "PYTHONUTF8": "0"}
+        command = [sys.executable, "-m", "robocomp_py.cli.rcgen", str(cdsl)]
+        subprocess.run(command, env=environment, cwd=tmp_path, check=True, capture_output=True)
+        assert {path: (cdsl.parent / path).read_bytes() for path in wanted} == wanted
+
+
+def test_a_second_run_changes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cdsl = copied("everything", tmp_path)
+    assert rcgen([str(cdsl)]) == 0
+    before = {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in tmp_path.rglob("*") if path.is_file()}
+    capsys.readouterr()
+    assert rcgen([str(cdsl)]) == 0
+    assert "everything: up to date in " in capsys.readouterr().out
+    assert {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in before} == before
+    assert rcgen(["--check", str(cdsl)]) == 0
+
+
+def test_every_model_has_a_golden_component() -> None:
+    assert {path.stem for path in MODELS.glob("*.cdsl")} == set(NAMES)

@@ -1,0 +1,213 @@
+"""What CDSL files mean."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from robocomp_py.contract.component import Component
+from robocomp_py.contract.interface import Verb
+from robocomp_py.contract.qos import PRESETS, Durability, History, Liveliness, QoS, Reliability
+from robocomp_py.dsl.cdsl.parser import parse
+from robocomp_py.dsl.diagnostics import Report
+from robocomp_py.dsl.source import Source
+
+from ..texts import FOLDER, component_of, rendered, workspace
+
+
+def arm(communications: str = "", clauses: str = "") -> Component:
+    imports = "".join(f'import "{name}.idsl"; ' for name in ("Laser", "LaserPub", "Speech", "GotoPoint"))
+    text = f"{imports} Component arm {{ Communications {{ {communications} }}; language python; {clauses} }};"
+    return component_of(text).component
+
+
+def ports(component: Component) -> list[tuple[Verb, str]]:
+    return [(port.verb, port.name) for port in component.ports]
+
+
+def test_each_verb_makes_a_port() -> None:
+    made = arm("requires Laser; implements Speech, GotoPoint; publishes LaserPub; subscribesTo LaserPub;")
+    assert ports(made) == [
+        (Verb.REQUIRES, "laser"),
+        (Verb.IMPLEMENTS, "Speech"),
+        (Verb.IMPLEMENTS, "GotoPoint"),
+        (Verb.PUBLISHES, "laserpub"),
+        (Verb.SUBSCRIBES, "LaserPub"),
+    ]
+
+
+def test_statements_may_repeat_and_end_in_a_comma() -> None:
+    made = arm("requires Laser,; requires Speech, GotoPoint,;")
+    assert [name for _, name in ports(made)] == ["laser", "speech", "gotopoint"]
+
+
+def test_an_interface_used_twice_is_numbered_from_its_second_use() -> None:
+    made = arm("requires Laser, Laser; requires Laser; subscribesTo LaserPub, LaserPub; publishes LaserPub;")
+    assert [name for _, name in ports(made)] == ["laser", "laser1", "laser2", "LaserPub", "LaserPub1", "laserpub"]
+    assert [port.attribute for port in made.ports[:3]] == ["laser_proxy", "laser1_proxy", "laser2_proxy"]
+    assert made.ports[4].handler("pushLaserData") == "LaserPub1_pushLaserData"
+
+
+@pytest.mark.parametrize("spelt", [str.upper, str.lower, str.title, str.swapcase])
+def test_keywords_are_written_in_any_case(spelt: type[str]) -> None:
+    words = ("Component", "Communications", "requires", "language", "gui", "options", "period", "import", "qos")
+    text = (
+        'import "Laser.idsl"; import "LaserPub.idsl"; Component Arm { gui Qt(QWidget); options dsr;'
+        " Communications { requires Laser; publishes LaserPub qos(sensor_data, depth 1); }; language PYTHON;"
+        " period 5 ms; };"
+    )
+    for word in words:
+        text = text.replace(f"{word} ", f"{spelt(word)} ").replace(f" {word}(", f" {spelt(word)}(")
+    made = component_of(text).component
+    assert (made.name, made.period, made.ports[1].qos.depth) == ("Arm", 0.005, 1)
+
+
+def test_keywords_are_not_reserved() -> None:
+    made = component_of(
+        'import "gui.idsl"; Component Component { Communications { requires gui, language1; }; language python; };',
+        gui_idsl="module requires { interface gui { void options(); }; interface language1 { void a(); }; };",
+    ).component
+    assert (made.name, [name for _, name in ports(made)]) == ("Component", ["gui", "language1"])
+
+
+@pytest.mark.parametrize("communications", ["", "Communications { };", "Communications { }"])
+def test_communications_may_be_empty_or_absent(communications: str) -> None:
+    assert component_of(f"Component arm {{ {communications} language python; }}").component.ports == ()
+
+
+def test_clauses_come_in_any_order() -> None:
+    made = component_of(
+        'import "Laser.idsl"; Component arm { period 2 s; language python; Communications { requires Laser; } }'
+    ).component
+    assert (made.period, len(made.ports)) == (2.0, 1)
+
+
+@pytest.mark.parametrize(
+    ("written", "seconds"),
+    [
+        ("50 ms", 0.05),
+        ("50ms", 0.05),
+        ("0.5 s", 0.5),
+        ("2 S", 2.0),
+        ("250 us", 0.00025),
+        ("1 min", 60.0),
+        ("1e2 ms", 0.1),
+    ],
+)
+def test_a_period_has_a_unit(written: str, seconds: float) -> None:
+    assert arm(clauses=f"period {written};").period == pytest.approx(seconds)
+
+
+def test_without_a_period_it_is_that_of_the_contract() -> None:
+    assert arm().period == Component("arm").period
+
+
+@pytest.mark.parametrize("gui", ["gui Qt(QWidget);", "gui Qt;", "gui (QWidget);", "gui;"])
+def test_every_form_of_a_gui_is_read(gui: str) -> None:
+    arm(clauses=gui)
+
+
+@pytest.mark.parametrize(
+    "clause",
+    [
+        'RoboCompClasses { laser, "agent", 1; };',
+        "RoboCompModules { a; b; };",
+        "worker isThread;",
+        "qtversion 5;",
+        "useQt true;",
+        "InnerModelViewer false;",
+        "modules a, b;",
+        "classes { a };",
+        'stateMachine "arm.smdsl";',
+        'statemachine "arm.smdsl" visual;',
+        "options;",
+        "options dsr, agmagent, InnerModelViewer;",
+    ],
+)
+def test_what_older_generators_knew_is_read_and_has_no_effect(clause: str) -> None:
+    assert arm(clauses=clause) == arm()
+
+
+@pytest.mark.parametrize("language", ["Cpp", "cpp", "Cpp11", "CPP", "C++", "Python", "python3", "PYTHON"])
+def test_every_language_becomes_python(language: str) -> None:
+    found = workspace(**{"arm.cdsl": f"Component arm {{ language {language}; }};"})
+    assert found.component(FOLDER / "arm.cdsl") is not None
+    warned = [each.code for each in found.report.diagnostics]
+    assert warned == ([] if "python" in language.lower() else ["not-python"]), rendered(found)
+
+
+@pytest.mark.parametrize(("marker", "middleware"), [("(zeromq)", "zeromq"), ("(ZeroMQ)", "zeromq"), ("(ice)", None)])
+def test_a_marker_chooses_the_middleware_of_a_port(marker: str, middleware: str | None) -> None:
+    [port] = arm(f"requires Laser{marker};").ports
+    assert port.middleware == middleware
+
+
+def test_an_interface_may_be_served_beside_other_code() -> None:
+    made = arm("implements Speech concurrent, GotoPoint; subscribesTo LaserPub concurrent qos(depth 1);")
+    assert [port.concurrent for port in made.ports] == [True, False, True]
+
+
+def test_the_comment_above_a_component_describes_it() -> None:
+    assert component_of("// Moves the arm.\nComponent arm { language python; };").component.description == (
+        "Moves the arm."
+    )
+
+
+def test_parameters_come_from_a_file_beside_it() -> None:
+    linked = component_of(
+        'Component arm { params "arm.pdsl"; language python; };', arm_pdsl="ComponentParams arm { speed float 1; };"
+    )
+    assert linked.params == "arm.pdsl"
+    assert linked.component.params is not None
+    assert [each.name for each in linked.component.params.parameters] == ["speed"]
+
+
+# Quality of service.
+
+
+@pytest.mark.parametrize(
+    ("words", "qos"),
+    [
+        ("", QoS()),
+        ("reliable", QoS(Reliability.RELIABLE)),
+        ("best_effort", QoS(Reliability.BEST_EFFORT)),
+        ("volatile", QoS(durability=Durability.VOLATILE)),
+        ("transient_local", QoS(durability=Durability.TRANSIENT_LOCAL)),
+        ("keep_last", QoS(history=History.KEEP_LAST)),
+        ("keep_last 3", QoS(depth=3)),
+        ("keep_all", QoS(history=History.KEEP_ALL)),
+        ("depth 1", QoS(depth=1)),
+        ("deadline 50 ms", QoS(deadline=0.05)),
+        ("lifespan 2 s", QoS(lifespan=2.0)),
+        ("lease 1 min", QoS(lease=60.0)),
+        ("liveliness automatic", QoS(liveliness=Liveliness.AUTOMATIC)),
+        ("liveliness manual_by_topic", QoS(liveliness=Liveliness.MANUAL_BY_TOPIC)),
+        ("reliable, transient_local, depth 2,", QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=2)),
+        ("RELIABLE, Keep_All", QoS(Reliability.RELIABLE, history=History.KEEP_ALL)),
+        ("sensor_data, depth 1", dataclasses.replace(PRESETS["sensor_data"], depth=1)),
+    ],
+)
+def test_a_quality_of_service_is_written_in_the_words_of_ros(words: str, qos: QoS) -> None:
+    [port] = arm(f"publishes LaserPub qos({words});").ports
+    assert port.qos == qos
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_every_preset_can_be_used(preset: str) -> None:
+    [port] = arm(f"subscribesTo LaserPub qos({preset});").ports
+    assert port.qos == PRESETS[preset]
+
+
+# Models.
+
+
+def test_a_model_knows_where_everything_stands() -> None:
+    text = 'import "Laser.idsl"; Component arm { Communications { requires Laser(ice) qos(depth 1); }; period 5 ms; };'
+    model = parse(Source(FOLDER / "arm.cdsl", text), Report())
+    assert model is not None
+    [item], [period] = model.items, model.clauses
+    assert model.span.text == text.partition("; ")[2]
+    assert (item.span.text, item.qos[0].span.text) == ("Laser(ice) qos(depth 1)", "depth 1")
+    assert (period.span.text, model.period and model.period.span.text) == ("period 5 ms;", "5 ms")
+    assert model.imports[0].span.text == "Laser.idsl"

@@ -1,0 +1,268 @@
+"""What authors get to read, to the letter: place, source line, caret, remedy."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from robocomp_py.dsl.diagnostics import Diagnostic, DslError, Report, Severity, did_you_mean, ordered
+from robocomp_py.dsl.source import Source
+
+from .texts import FOLDER, rendered, workspace
+
+pytestmark = pytest.mark.usefixtures("standard_folders_are_empty")
+
+MESSAGES = {
+    "an unknown type": (
+        "arm.idsl",
+        "module Arm {\n    interface Arm {\n        void move(Jiont j);\n    };\n    struct Joint { };\n};",
+        """\
+arm.idsl:3:19: error[unknown-type]: unknown type `Jiont`
+            void move(Jiont j);
+                      ^^^^^
+    did you mean `Joint`?""",
+    ),
+    "two definitions": (
+        "arm.idsl",
+        "module Arm {\n\tstruct Joint { };\n\tenum Joint { elbow };\n};",
+        """\
+arm.idsl:3:7: error[duplicate]: `Joint` is already defined
+    \tenum Joint { elbow };
+    \t     ^^^^^
+  arm.idsl:2:9: first defined here
+    \tstruct Joint { };
+    \t       ^^^^^""",
+    ),
+    "the type that the paper never defines": (
+        "speech.idsl",
+        "module Speech {\n    struct dataenableSynchronization { bool on; };\n"
+        "    interface Speech { [command]void sync(dataenableSynchronizationin pin); };\n};",
+        """\
+speech.idsl:3:43: error[unknown-type]: unknown type `dataenableSynchronizationin`
+        interface Speech { [command]void sync(dataenableSynchronizationin pin); };
+                                              ^^^^^^^^^^^^^^^^^^^^^^^^^^^
+    did you mean `dataenableSynchronization`?""",
+    ),
+    "a module that is not imported": (
+        "arm.idsl",
+        "module Arm { struct Joint { RoboCompLaser::TData scan; }; };",
+        """\
+arm.idsl:1:29: error[missing-import]: module `RoboCompLaser` is not imported
+    module Arm { struct Joint { RoboCompLaser::TData scan; }; };
+                                ^^^^^^^^^^^^^^^^^^^^
+    add: import "Laser.idsl";""",
+    ),
+    "a type of another language": (
+        "arm.idsl",
+        "module Arm { struct Joint { char name; }; };",
+        """\
+arm.idsl:1:29: error[unknown-type]: unknown type `char`
+    module Arm { struct Joint { char name; }; };
+                                ^^^^
+    did you mean `byte`?""",
+    ),
+    "a missing semicolon": (
+        "arm.idsl",
+        "module Arm {\n    struct Joint {\n        float angle\n        float speed;\n    };\n};",
+        """\
+arm.idsl:3:19: error[syntax]: expected `;` before `float`
+            float angle
+                      ^
+    add `;` here""",
+    ),
+    "a misspelt keyword": (
+        "arm.idsl",
+        "module Arm {\n    strut Joint { };\n};",
+        """\
+arm.idsl:2:5: error[syntax]: unexpected `strut`; expected `const`, `dictionary`, `enum`, `exception`, `interface`, \
+`sequence`, `struct` or `}`
+        strut Joint { };
+        ^^^^^
+    did you mean `struct`?""",
+    ),
+    "a block that is not closed": (
+        "arm.idsl",
+        "module Arm {\n    struct Joint {\n        float angle;\n    struct Hand { };\n};",
+        """\
+arm.idsl:4:5: error[syntax]: unexpected `struct` in a block
+        struct Hand { };
+        ^^^^^^
+    add `};` above it, to close the block before""",
+    ),
+    "a file that is not finished": (
+        "arm.idsl",
+        "module Arm\n{\n    struct Joint { };\n",
+        """\
+arm.idsl:3:21: error[syntax]: the file ends too early; expected `const`, `dictionary`, `enum`, `exception`, \
+`interface`, `sequence`, `struct` or `}`
+        struct Joint { };
+                        ^
+  arm.idsl:2:1: this `{` is not closed
+    {
+    ^""",
+    ),
+    "a wrong bracket": (
+        "arm.idsl",
+        "module Arm { struct Joint [ }; };",
+        """\
+arm.idsl:1:27: error[syntax]: unexpected `[`; expected `{`
+    module Arm { struct Joint [ }; };
+                              ^
+    write `{` instead""",
+    ),
+    "an array as in C": (
+        "arm.idsl",
+        "module Arm { struct Joint { float raw[16]; }; };",
+        """\
+arm.idsl:1:38: error[syntax]: unexpected `[`; expected `;` or `=`
+    module Arm { struct Joint { float raw[16]; }; };
+                                         ^
+    arrays are sequences: define `sequence<float> Values;`, then use `Values`""",
+    ),
+    "an input marked as such": (
+        "arm.idsl",
+        "module Arm { interface Arm { void move(in int x); }; };",
+        """\
+arm.idsl:1:47: error[syntax]: unexpected `x`; expected `)`, `,` or `=`
+    module Arm { interface Arm { void move(in int x); }; };
+                                                  ^
+    inputs have no `in`; remove it""",
+    ),
+    "an accent": (
+        "arm.idsl",
+        "module Arm { struct ángulo { }; };",
+        """\
+arm.idsl:1:21: error[syntax]: unexpected `á` (latin small letter a with acute)
+    module Arm { struct ángulo { }; };
+                        ^
+    names are made of the letters a to z, digits and `_`""",
+    ),
+    "the template's language": (
+        "arm.cdsl",
+        "Component arm\n{\n    language Cpp//Cpp11//python;\n    period 5 ms;\n};",
+        """\
+arm.cdsl:3:16: error[syntax]: expected `;` before `period`
+        language Cpp//Cpp11//python;
+                   ^
+    the `//` starts a comment: write one language, then `;`
+arm.cdsl:3:14: warning[not-python]: `language Cpp`: a Python component is generated all the same
+        language Cpp//Cpp11//python;
+                 ^^^
+    write `language python;`""",
+    ),
+    "an interface that is not imported": (
+        "arm.cdsl",
+        "Component arm { Communications { requires Laser; }; language python; };",
+        """\
+arm.cdsl:1:43: error[missing-import]: interface `Laser` is not imported
+    Component arm { Communications { requires Laser; }; language python; };
+                                              ^^^^^
+    add: import "Laser.idsl";""",
+    ),
+    "a misspelt word of a QoS": (
+        "arm.cdsl",
+        'import "LaserPub.idsl";\n'
+        "Component arm { Communications { publishes LaserPub qos(relible); }; language python; };",
+        """\
+arm.cdsl:2:57: error[bad-qos]: `relible` is no QoS setting
+    Component arm { Communications { publishes LaserPub qos(relible); }; language python; };
+                                                            ^^^^^^^
+    did you mean `reliable`?""",
+    ),
+    "a period without a unit": (
+        "arm.cdsl",
+        "Component arm { language python; period 50; };",
+        """\
+arm.cdsl:1:41: error[bad-period]: a period needs a unit
+    Component arm { language python; period 50; };
+                                            ^^
+    write `period 50 ms;` (units: us, ms, s, min)""",
+    ),
+    "a parameter as in C": (
+        "arm.pdsl",
+        "ComponentParams arm {\n    float speed 0.5;\n};",
+        """\
+arm.pdsl:2:11: error[syntax]: unexpected `speed`; expected a text in double quotes, `bool`, `double`, `enum`, \
+`float`, `int` or `string`
+        float speed 0.5;
+              ^^^^^
+    the name comes first: `speed float 0.5;`""",
+    ),
+    "a default out of its range": (
+        "arm.pdsl",
+        "ComponentParams arm {\n    speed float 5 0:2;\n};",
+        """\
+arm.pdsl:2:17: error[bad-default]: 5 is not from 0 to 2
+        speed float 5 0:2;
+                    ^""",
+    ),
+    "a misspelt clause of a deployment": (
+        "net.ddsl",
+        "Deployment net { Component arm { dependence leg; }; };",
+        """\
+net.ddsl:1:34: error[syntax]: unexpected `dependence`; expected `args`, `config`, `dependences`, `env`, `ip`, \
+`middleware`, `path`, `port` or …
+    Deployment net { Component arm { dependence leg; }; };
+                                     ^^^^^^^^^^
+    did you mean `dependences`?""",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MESSAGES)
+def test_a_message_is_clear(name: str) -> None:
+    file, text, wanted = MESSAGES[name]
+    found = workspace(**{file: text})
+    found.check(FOLDER / file)
+    assert rendered(found) == wanted
+
+
+# Diagnostics.
+
+SOURCE = Source(Path("arm.idsl"), "one\ntwo three\r\nfour")
+
+
+def test_lines_and_columns_count_from_one() -> None:
+    places = [SOURCE.position(offset) for offset in (0, 3, 4, 8, 15, len(SOURCE.text))]
+    assert places == [(1, 1), (1, 4), (2, 1), (2, 5), (3, 1), (3, 5)]
+    assert [SOURCE.line(number) for number in (1, 2, 3)] == ["one", "two three", "four"]
+
+
+def test_a_diagnostic_for_machines_ends_behind_its_last_character() -> None:
+    diagnostic = Diagnostic("bad", "this is bad", SOURCE.span(8, 13), Severity.WARNING, "do better")
+    assert diagnostic.to_json() == {
+        "file": "arm.idsl",
+        "line": 2,
+        "column": 5,
+        "end_line": 2,
+        "end_column": 10,
+        "severity": "warning",
+        "code": "bad",
+        "message": "this is bad",
+        "hint": "do better",
+    }
+    assert json.dumps(diagnostic.to_json()).isascii()
+
+
+def test_carets_end_with_the_line() -> None:
+    [_, line, carets] = Diagnostic("bad", "this is bad", SOURCE.span(8, 19)).render().splitlines()
+    assert (line.strip(), carets.strip()) == ("two three", "^^^^^")
+
+
+def test_an_error_shows_all_its_diagnostics_in_the_order_of_the_file() -> None:
+    report = Report()
+    report.error("later", "later", SOURCE.span(8, 13))
+    report.error("sooner", "sooner", SOURCE.span(0, 3))
+    assert [each.code for each in ordered(report.diagnostics)] == ["sooner", "later"]
+    shown = str(DslError(report.diagnostics))
+    assert shown.index("sooner") < shown.index("later")
+
+
+@pytest.mark.parametrize(
+    ("name", "proposal"),
+    [("Lazer", "did you mean `Laser`?"), ("laser", "did you mean `Laser`?"), ("Speech", ""), ("", "")],
+)
+def test_a_proposal_is_made_only_for_what_is_close(name: str, proposal: str) -> None:
+    assert did_you_mean(name, ["Laser", "Camera"]) == proposal

@@ -1,0 +1,144 @@
+"""Whatever a file holds, and whatever is wrong with it: a diagnostic, never a traceback."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import pytest
+
+from robocomp_py.dsl.diagnostics import Diagnostic
+from robocomp_py.dsl.syntax import MAX_CHARACTERS
+from robocomp_py.dsl.workspace import ENDINGS, Workspace
+
+pytestmark = pytest.mark.usefixtures("standard_folders_are_empty")
+
+EMPTY = {
+    ".idsl": "module Arm { };",
+    ".cdsl": "Component arm { language python; };",
+    ".pdsl": "ComponentParams arm { };",
+    ".ddsl": "Deployment arm { };",
+}
+"""The least there can be in a file of each language."""
+
+
+def lint(path: Path) -> list[Diagnostic]:
+    workspace = Workspace()
+    workspace.check(path)
+    for each in workspace.report.diagnostics:
+        assert each.render()
+        assert each.to_json()
+    return workspace.report.diagnostics
+
+
+def codes(path: Path) -> list[str]:
+    return [each.code for each in lint(path)]
+
+
+@pytest.fixture(params=ENDINGS)
+def path(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    """A file of each language that is not there yet."""
+    return tmp_path / f"arm{request.param}"
+
+
+def test_a_file_that_is_not_there_is_unreadable(path: Path) -> None:
+    assert codes(path) == ["unreadable"]
+
+
+def test_a_folder_with_the_name_of_a_file_is_unreadable(path: Path) -> None:
+    path.mkdir()
+    assert codes(path) == ["unreadable"]
+
+
+def test_a_link_to_itself_is_unreadable(path: Path) -> None:
+    path.symlink_to(path)
+    assert codes(path) == ["unreadable"]
+
+
+def test_what_the_disk_refuses_is_said_in_its_words(path: Path) -> None:
+    def read(_: Path) -> bytes:
+        raise PermissionError(13, "Permission denied")
+
+    workspace = Workspace(read=read)
+    workspace.check(path)
+    assert workspace.report.errors[0].message == "cannot be read: Permission denied"
+
+
+def test_the_least_there_can_be_is_fine(path: Path) -> None:
+    path.write_text(EMPTY[path.suffix])
+    assert codes(path) == []
+
+
+def test_dos_line_ends_and_a_byte_order_mark_are_fine(path: Path) -> None:
+    text = EMPTY[path.suffix].replace(" ", "\r\n")
+    path.write_bytes(b"\xef\xbb\xbf" + text.encode())
+    assert codes(path) == []
+
+
+def test_a_closing_brace_needs_no_semicolon(path: Path) -> None:
+    path.write_text(EMPTY[path.suffix].replace("};", "}"))
+    assert codes(path) == []
+
+
+@pytest.mark.parametrize("data", [b"", b" \r\n\t", b"\xef\xbb\xbf", b"// nothing"], ids=["empty", "blank", "BOM", "//"])
+def test_a_file_with_nothing_in_it_is_said_to_be_so(path: Path, data: bytes) -> None:
+    path.write_bytes(data)
+    [found] = lint(path)
+    assert found.message.startswith("there is nothing in this file; expected ")
+
+
+def test_latin_1_is_read_with_a_warning(path: Path) -> None:
+    path.write_bytes("// ñandú\n".encode("latin-1") + EMPTY[path.suffix].encode())
+    [found] = lint(path)
+    assert (found.code, found.span.source.position(found.span.start)) == ("not-utf8", (1, 4))
+
+
+def test_utf_16_is_called_by_its_name(path: Path) -> None:
+    path.write_text(EMPTY[path.suffix], encoding="utf-16")
+    [found] = lint(path)
+    assert (found.code, found.message) == ("not-utf8", "this is UTF-16")
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_binary_garbage_is_an_error_that_does_not_disturb_a_terminal(path: Path, seed: int) -> None:
+    path.write_bytes(random.Random(seed).randbytes(5000))
+    found = lint(path)
+    assert any(each.severity == "error" for each in found)
+    assert all(char.isprintable() or char in "\n\t" for each in found for char in each.render())
+
+
+def test_a_file_of_zeros_is_an_error(path: Path) -> None:
+    path.write_bytes(bytes(1000))
+    assert "syntax" in codes(path)
+
+
+def test_a_huge_file_is_refused_without_being_parsed(path: Path) -> None:
+    path.write_text(EMPTY[path.suffix] + " " * MAX_CHARACTERS)
+    assert codes(path) == ["too-large"]
+
+
+def test_of_an_endless_file_only_so_much_is_read() -> None:
+    workspace = Workspace()
+    source = workspace.source(Path("/dev/zero"))
+    assert source is not None
+    assert len(source.text) < 5 * MAX_CHARACTERS
+
+
+@pytest.mark.parametrize("opening", ["{", "<", "(", "seq<", "a {"])
+def test_nesting_a_hundred_thousand_deep_is_refused(path: Path, opening: str) -> None:
+    path.write_text(EMPTY[path.suffix].replace("{", "{" + opening * (100_000)))
+    assert codes(path)[-1] == "too-deep"
+
+
+@pytest.mark.parametrize("text", ["}", "};", "/", '"', "/*", "#\n", "\\", ";", "{}", "a ", "(", ")", ":", "0", "-"])
+def test_many_of_anything_end_in_a_few_diagnostics(path: Path, text: str) -> None:
+    path.write_text(EMPTY[path.suffix].replace("{", "{" + text * 50_000))
+    assert 1 <= len(codes(path)) <= 20
+
+
+def test_a_message_about_a_very_long_line_shows_a_part_of_it(path: Path) -> None:
+    path.write_text(EMPTY[path.suffix] + " " * 100_000 + "?" + " " * 100_000)
+    [found] = lint(path)
+    assert max(map(len, found.render().splitlines())) < 200
+    excerpt, caret = found.render().splitlines()[1:3]
+    assert excerpt[caret.index("^")] == "?"
