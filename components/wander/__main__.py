@@ -1,6 +1,6 @@
 """Runs this component: `python -m` with its name, or `rc run` with its path."""
 
-from robocomp_py.runtime.api import main
+from robocomp_py.runtime.run import main
 
 from .specificworker import SpecificWorker
 

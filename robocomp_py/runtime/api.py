@@ -1,10 +1,8 @@
-"""The front door of generated code: everything it imports from this package."""
+"""What generated code is made of: everything its generic part imports from this package."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence as _Sequence
 from concurrent.futures import Future
-from typing import Any
 
 from ..contract.component import Component, Port
 from ..contract.interface import Interface, Operation, Pattern, Verb
@@ -75,12 +73,4 @@ __all__ = [
     "Struct",
     "Verb",
     "Worker",
-    "main",
 ]
-
-
-def main(worker_class: type[Worker[Any]], arguments: _Sequence[str] | None = None) -> int:
-    """Run a component as a program; returns its exit code. See `robocomp_py.runtime.run.main`."""
-    from .run import main as run  # it uses generated code itself, which imports this module
-
-    return run(worker_class, arguments)
