@@ -14,6 +14,7 @@
         Closed                 the link or its transport was closed
         ContractMismatch       both sides use the name, but mean different things by it
         UnsupportedQoS         asked for what this transport does not offer
+        AlreadyServed          another process serves this channel
         Busy                   the other side has too much to do to take this call
         Refused                the other side does not take this call
       DeclaredError            base of the exceptions that an IDSL operation `throws`
@@ -78,6 +79,10 @@ class UnsupportedQoS(TransportError):
     """This transport cannot keep what was asked of the channel."""
 
 
+class AlreadyServed(TransportError):
+    """There can be one server of a channel, and there is one; the message says whose it is."""
+
+
 class Busy(TransportError):
     """The other side has too many calls waiting; it did not execute this one."""
 
@@ -90,9 +95,11 @@ class DeclaredError(RobocompError):
     """Base of the exceptions declared in IDSL; generated subclasses carry their fields."""
 
     def __str__(self) -> str:
-        fields = getattr(self, "__dataclass_fields__", {})
-        values = [getattr(self, name) for name in fields]
-        return str(values[0]) if len(values) == 1 else ", ".join(f"{n}={getattr(self, n)!r}" for n in fields)
+        named = [name for name in getattr(self, "__dataclass_fields__", ()) if name != "__contract__"]
+        values = {name: getattr(self, name) for name in named}
+        if len(values) == 1:
+            return str(*values.values())
+        return ", ".join(f"{name}={value!r}" for name, value in values.items())
 
 
 class RemoteFailure(RobocompError):

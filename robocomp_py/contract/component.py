@@ -11,6 +11,9 @@ from .interface import Interface, Verb
 from .parameters import ParameterSet
 from .qos import DEFAULT_QOS, QoS
 
+MAX_SECONDS = 1e6
+"""No period and no deadline is longer: clocks and locks do not take every number."""
+
 
 @dataclass(frozen=True)
 class Port:
@@ -29,11 +32,11 @@ class Port:
     @property
     def name(self) -> str:
         """The key of its settings: `laser1` for a proxy, `Laser1` for handlers."""
-        return self.interface.short.lower() + self.number if self.verb.has_proxy else self.segment
+        return self.interface.short.lower() + self.number if self.verb.has_proxy else self.label
 
     @property
-    def segment(self) -> str:
-        """How it appears in the names of channels: `Laser1`."""
+    def label(self) -> str:
+        """What people call it, and the handlers of what it receives begin with: `Laser1`."""
         return self.interface.short + self.number
 
     @property
@@ -43,7 +46,7 @@ class Port:
 
     def handler(self, operation: str) -> str:
         """The method that handles an operation: `Laser1_getLaserData`."""
-        return f"{self.segment}_{operation}"
+        return f"{self.label}_{operation}"
 
 
 @dataclass(frozen=True)
@@ -57,12 +60,23 @@ class Component:
     """Seconds from one `compute` to the next."""
     description: str = ""
 
+    def segment(self, port: Port) -> str:
+        """How a port that provides something appears in the names of channels: `Laser`, `Laser1`, ...
+
+        Counted among the uses of its own verb, so that what else the component does with an
+        interface, and in which order it says so, is nothing that others have to know.
+        """
+        short = port.interface.short
+        same = [each for each in self.ports if each.verb is port.verb and each.interface.short == short]
+        before = same.index(port) if port in same else 0
+        return f"{short}{before}" if before else short
+
 
 def numbers(uses: Iterable[tuple[Verb, str]]) -> list[str]:
     """The one rule for using an interface several times: "" for the first, then "1", "2", ...
 
     Proxies (requires, publishes) are numbered together, and so are handlers (implements,
-    subscribesTo), because they share attribute and method names.
+    subscribesTo), because they share attribute and method names. See `Component.segment` for others.
     """
     seen: Counter[tuple[bool, str]] = Counter()
     result = []

@@ -165,7 +165,11 @@ def _fill(
 
 def _items(spec: ParameterList, given: Any, at: Key, complaints: list[Complaint]) -> Iterator[dict[str, Any]]:
     if not isinstance(given, list) or not all(isinstance(item, Mapping) for item in given):
-        complaints.append(Complaint(at, f"`{spec.name}` is a list: write its items as [[{spec.name}]] tables"))
+        complaints.append(
+            Complaint(
+                at, f"`{spec.name}` is a list: write its items as tables, each under [[{dotted(('params', *at))}]]"
+            )
+        )
         return
     complaints += spec.count(len(given), at)
     for number, item in enumerate(given):

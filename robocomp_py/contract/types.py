@@ -56,7 +56,9 @@ DTYPES: dict[Primitive, np.dtype[Any]] = {
 
 
 def integer_range(kind: Primitive) -> tuple[int, int]:
-    """Smallest and largest value of an integer type."""
+    """Smallest and largest value of an integer type; of TIME, what ROS 2 can carry: int32 seconds around 1970."""
+    if kind is TIME:
+        return -(2**31) * 10**9, 2**31 * 10**9 - 1
     info = np.iinfo(DTYPES[kind])
     return int(info.min), int(info.max)
 

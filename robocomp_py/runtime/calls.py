@@ -6,15 +6,26 @@ Pure: no threads, no sockets, no clock. Every transport gets its outcomes from h
 from __future__ import annotations
 
 import logging
-import traceback
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any, Generic, NoReturn, TypeVar
 
 from ..contract.interface import Operation
 from ..contract.types import STRING, ExceptionType, Field, Struct
-from ..errors import Busy, ContractMismatch, DeclaredError, DecodeError, EncodeError, Refused, RemoteFailure, Timeout
+from ..errors import (
+    Busy,
+    Closed,
+    ContractMismatch,
+    DeclaredError,
+    DecodeError,
+    EncodeError,
+    Refused,
+    RemoteFailure,
+    Timeout,
+)
 from ..transports.base import Reply, Status
-from ..wire.codec import Codec, Decoder, Payload
+from ..wire.codec import Codec, Decoder, Encoder, Payload
+from .trace import user_trace
 
 log = logging.getLogger("robocomp.worker")
 
@@ -51,7 +62,7 @@ class Call(Generic[R]):
             case Status.FAILED:
                 kind, reason, trace = ("", "no reason given", "")
                 if reply.payload is not None:
-                    kind, reason, trace = self._codec.decoder(_FAILURE)(reply.payload)
+                    kind, reason, trace = _decoder(self._codec, _FAILURE)(reply.payload)
                 raise RemoteFailure(name, kind, reason, trace)
             case Status.EXPIRED:
                 raise Timeout(f"{name}: its deadline was over before it could be executed")
@@ -65,12 +76,12 @@ class Call(Generic[R]):
                 raise AssertionError("not an error")
 
     def _thrown(self, payload: Payload) -> DeclaredError | RemoteFailure:
-        (lineage,) = self._codec.decoder(_THROWN, prefix=True)(payload)
+        (lineage,) = _decoder(self._codec, _THROWN)(payload)
         known = {each.name: each for declared in self.operation.raises for each in _family(declared)}
         for name in lineage.split(_LINEAGE):
             if name in known:
                 kind = known[name]
-                _, *fields = self._codec.decoder(_thrown_message(kind), prefix=True)(payload)
+                _, *fields = _decoder(self._codec, _thrown_message(kind))(payload)
                 assert kind.python is not None
                 exception: DeclaredError = kind.python(*fields)
                 return exception
@@ -94,18 +105,39 @@ class Answering:
         """Call the method and encode what comes of it. Never raises: whatever happens becomes a Reply."""
         try:
             value = self.method(*arguments)
-            return Reply(Status.OK, self._encode(self._values(value)))
         except self._declared as exc:
             return self._thrown(exc)
-        except Exception as exc:
-            log.exception("%s raised", self.method.__qualname__)
+        except Closed:
+            return Reply(Status.REFUSED)  # the component ends, and what the handler wanted to use is closed already
+        except (Exception, SystemExit) as exc:
+            self.blame(exc)
+            return self.failed(exc)
+        try:
+            return Reply(Status.OK, self._encode(self._values(value)))
+        except EncodeError as exc:
+            log.error("%s returned what its interface does not allow: %s", self.method.__qualname__, exc)
             return self.failed(exc)
 
+    def take(self, arguments: tuple[Any, ...]) -> None:
+        """Call the method for a message that nobody waits for an answer to. Never raises."""
+        try:
+            self.method(*arguments)
+        except Closed:
+            return
+        except (Exception, SystemExit) as exc:
+            self.blame(exc)
+
+    def blame(self, exc: BaseException) -> None:
+        """Tell the author of the method what it raised."""
+        if isinstance(exc, SystemExit):
+            log.error("%s called sys.exit(): a handler ends its component by self.stop()", self.method.__qualname__)
+        else:
+            log.error("%s raised\n%s", self.method.__qualname__, user_trace(exc))
+
     def failed(self, exc: BaseException) -> Reply:
-        trace = "".join(traceback.format_exception(exc))
-        values = (type(exc).__name__, str(exc), trace)
+        values = (type(exc).__name__, str(exc), user_trace(exc))
         safe = tuple(text.encode(errors="backslashreplace").decode() for text in values)
-        return Reply(Status.FAILED, self._codec.encoder(_FAILURE)(safe))
+        return Reply(Status.FAILED, _encoder(self._codec, _FAILURE)(safe))
 
     def _values(self, value: Any) -> tuple[Any, ...]:
         if self._outputs == 1:
@@ -123,7 +155,7 @@ class Answering:
         kind = next(kind for kind in map(_contract_of, type(exc).__mro__) if kind)
         fields = tuple(getattr(exc, field.attribute) for field in kind.all_fields)
         try:
-            payload = self._codec.encoder(_thrown_message(kind))((_LINEAGE.join(kind.lineage), *fields))
+            payload = _encoder(self._codec, _thrown_message(kind))((_LINEAGE.join(kind.lineage), *fields))
         except EncodeError as wrong:
             log.error("%s raised %s with wrong fields: %s", self.method.__qualname__, type(exc).__name__, wrong)
             return self.failed(wrong)
@@ -138,6 +170,21 @@ def read_arguments(answering: Answering, payload: Payload) -> tuple[Any, ...] | 
         return exc
 
 
+# Failures are compiled when they first happen, and then kept: some happen at every call.
+
+
+@lru_cache(maxsize=1024)
+def _encoder(codec: Codec, message: Struct) -> Encoder:
+    return codec.encoder(message)
+
+
+@lru_cache(maxsize=1024)
+def _decoder(codec: Codec, message: Struct) -> Decoder:
+    """A decoder that ignores what follows: an exception may be one derived from that one, with more fields."""
+    return codec.decoder(message, prefix=True)
+
+
+@lru_cache(maxsize=1024)
 def _thrown_message(kind: ExceptionType) -> Struct:
     return Struct(kind.name, (*_THROWN.fields, *kind.all_fields))
 

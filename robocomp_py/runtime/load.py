@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import ComponentError
+from .trace import user_trace
 from .worker import Worker
 
 
@@ -18,25 +19,35 @@ def load_worker(folder: Path) -> type[Worker[Any]]:
     """The SpecificWorker of a generated component, wherever its folder lies and whatever it is called.
 
     Its package is imported under the folder's name, so that its files can import each other. Raises
-    ComponentError if there is no such class; an exception in the user's files passes through.
+    ComponentError if there is no such class, or if importing its files fails.
     """
     folder = folder.resolve()
     for file in ("generic/genericworker.py", "specificworker.py"):
         if not (folder / file).is_file():
             raise ComponentError(f"{folder} is no generated component: it has no {file}; run rcgen on its .cdsl")
-    module = importlib.import_module(f"{_import_package(folder)}.specificworker")
+    try:
+        module = importlib.import_module(f"{_import_package(folder)}.specificworker")
+    except Exception as exc:
+        raise ComponentError(f"{folder.name} cannot be imported\n{user_trace(exc)}") from exc
     worker = getattr(module, "SpecificWorker", None)
     if not (inspect.isclass(worker) and issubclass(worker, Worker)):
         raise ComponentError(f"{folder / 'specificworker.py'} has no class SpecificWorker(GenericWorker)")
     return worker
 
 
+def _is_taken(name: str, folder: Path) -> bool:
+    """Whether something else is imported by this name, a library perhaps that will be needed later."""
+    found = importlib.util.find_spec(name)
+    places = found.submodule_search_locations if found else None
+    return found is not None and (places is None or str(folder) not in map(str, map(Path, places)))
+
+
 def _import_package(folder: Path) -> str:
     """Import a folder as a package, once; its name."""
     stem = re.sub(r"\W", "_", folder.name) or "component"
     name, number = stem, 1
-    while name in sys.modules:
-        if getattr(sys.modules[name], "__path__", None) == [str(folder)]:
+    while name in sys.modules or _is_taken(name, folder):
+        if getattr(sys.modules.get(name), "__path__", None) == [str(folder)]:
             return name
         number += 1
         name = f"{stem}_{number}"

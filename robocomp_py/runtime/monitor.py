@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
+from ..errors import Closed
 from ..transports.base import step_aside
 
 log = logging.getLogger("robocomp.worker")
@@ -38,6 +39,7 @@ class _Ticket:
     def __init__(self, early: bool) -> None:
         self.thread = threading.get_ident()
         self.early = early
+        self.refused = False
         self.called = threading.Lock()
         self.called.acquire()
 
@@ -63,11 +65,26 @@ class Monitor:
                 self._admit_next()
 
     def close(self) -> None:
-        """Forget the jobs that wait, and wait for those that run."""
+        """Forget who waits, and wait for the jobs that run."""
+        self.turn_away()
+        self._pool.shutdown()  # cancelling what it has not begun would leave our place to one who never comes
+
+    def turn_away(self) -> None:
+        """Let in nobody any more but who comes back from a wait, or is `early`; who waits is sent away."""
         with self._state:
             self._closed = True
-            self._queue = deque(entry for entry in self._queue if isinstance(entry, _Ticket))
-        self._pool.shutdown(cancel_futures=True)
+            waiting, self._queue = self._queue, deque()
+            for entry in waiting:
+                if isinstance(entry, _Ticket) and entry.early:
+                    self._queue.append(entry)
+                elif isinstance(entry, _Ticket):
+                    entry.refused = True
+                    entry.called.release()
+
+    @property
+    def closed(self) -> bool:
+        """Whether nobody new is let in any more."""
+        return self._closed
 
     @property
     def mine(self) -> bool:
@@ -84,7 +101,10 @@ class Monitor:
             self.leave()
 
     def enter(self, *, early: bool = False) -> None:
+        """Wait until it is our turn. Raises Closed if it will never be."""
         with self._state:
+            if self._closed and not early:
+                raise Closed("the component ends")
             if self._inside is None and not self._queue and (self._open or early):
                 self._inside = threading.get_ident()
                 return
@@ -94,11 +114,13 @@ class Monitor:
                 self._admit_next()  # before the opening, what waits in front of us may have to stay there
         step_aside()
         ticket.called.acquire()
+        if ticket.refused:
+            raise Closed("the component ends")
 
     def try_enter(self) -> bool:
         """Go inside if nobody is, and nobody waits, and jobs are let in."""
         with self._state:
-            if not self._open or self._inside is not None or self._queue:
+            if not self._open or self._closed or self._inside is not None or self._queue:
                 return False
             self._inside = threading.get_ident()
             return True
@@ -192,15 +214,16 @@ class Monitor:
         self._inside = threading.get_ident()
         try:
             job()
-        except Exception:
+        except (Exception, SystemExit):
             log.exception("a handler failed")
         finally:
             self.leave()
 
     def _run_beside(self, job: Job) -> None:
         try:
-            job()
-        except Exception:
+            if not self._closed:
+                job()
+        except (Exception, SystemExit):
             log.exception("a handler failed")
         finally:
             with self._state:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
@@ -11,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, ClassVar, TypeVar
 
-from ..contract.component import Port
+from ..contract.component import MAX_SECONDS, Port
 from ..contract.interface import Interface, Operation, Pattern
 from ..contract.qos import QoS
 from ..errors import Closed, DecodeError, RobocompError
@@ -215,7 +214,9 @@ class _Handling:
             reply.set_result(Reply(Status.EXPIRED) if late else self._answering.answer(arguments))
 
         submit = self._monitor.submit_beside if self._concurrent else self._monitor.submit
-        return reply if submit(job) else Reply(Status.BUSY)
+        if submit(job):
+            return reply
+        return Reply(Status.REFUSED if self._monitor.closed else Status.BUSY)
 
     def receive(self, payload: Payload) -> None:
         arguments = read_arguments(self._answering, payload)
@@ -223,15 +224,18 @@ class _Handling:
             self._count_malformed(arguments)
             return
         if self._concurrent:
-            self._answering.method(*arguments)
+            self._answering.take(arguments)
             return
-        with self._monitor.held():
-            self._answering.method(*arguments)
+        try:
+            with self._monitor.held():
+                self._answering.take(arguments)
+        except Closed:
+            return  # the component ends: what comes in now has no one to go to
 
     def _count_malformed(self, why: DecodeError) -> None:
-        self._stats.malformed += 1
-        if self._stats.malformed == 1:
+        if self._stats.malformed == 0:
             log.warning("%s: dropped a malformed message (further ones are only counted): %s", self._name, why)
+        self._stats.malformed += 1
 
     @property
     def _name(self) -> str:
@@ -239,8 +243,8 @@ class _Handling:
 
 
 def _positive(deadline: float) -> float:
-    if not 0 < deadline < math.inf:
-        raise ValueError(f"a deadline is a positive number of seconds, not {deadline!r}")
+    if not isinstance(deadline, int | float) or not 0 < deadline <= MAX_SECONDS:
+        raise ValueError(f"a deadline is a positive number of seconds, at most {MAX_SECONDS:g}, not {deadline!r}")
     return deadline
 
 

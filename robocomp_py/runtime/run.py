@@ -20,7 +20,15 @@ from .. import __version__
 from ..contract.component import Port
 from ..contract.interface import Operation, Verb
 from ..contract.parameters import build
-from ..errors import Closed, ComponentError, ConfigurationError, RobocompError, TransportError, Unreachable
+from ..errors import (
+    AlreadyServed,
+    Closed,
+    ComponentError,
+    ConfigurationError,
+    RobocompError,
+    TransportError,
+    Unreachable,
+)
 from ..transports.base import Link, Transport, TransportConfig, TransportFactory, find_transport
 from ..wire import names
 from . import ports, settings
@@ -29,12 +37,16 @@ from .lifecycle import Beat, Event, State, after
 from .monitor import Monitor
 from .notify import notify
 from .settings import Settings
-from .worker import Worker, check_handlers
+from .trace import user_trace
+from .worker import Worker, check_methods
 
 log = logging.getLogger("robocomp.worker")
 
 _REMIND = 5.0
 """Seconds between two messages that say for whom a component waits."""
+
+_STUCK = 2.0
+"""Seconds after which somebody who asked a component to stop is told what it still does."""
 
 
 class Running:
@@ -49,7 +61,7 @@ class Running:
         settings: Settings,
         find: Callable[[str], TransportFactory] = find_transport,
     ) -> None:
-        check_handlers(worker_class)
+        check_methods(worker_class)
         self.component = worker_class.component
         self.settings = settings
         self.ready = threading.Event()
@@ -66,6 +78,8 @@ class Running:
         self._links: list[Link] = []
         self._failed = False
         self._excuse = ""
+        self.doing = ""
+        """The hook that runs, if one does."""
         self.worker = self._build(worker_class)
 
     def run(self) -> bool:
@@ -74,7 +88,7 @@ class Running:
             self._connect()
             self._live()
         except (RobocompError, OSError) as exc:
-            self._fail(str(exc), None)
+            self._fail(str(exc))
         finally:
             notify("STOPPING=1")
             ports.close_all(self._links)
@@ -90,6 +104,8 @@ class Running:
     def signal(self, event: Event) -> None:
         with self._changing:
             self.state = after(self.state, event)
+        if self.state is State.FINISH:
+            self._monitor.turn_away()
         self._wake.set()
 
     # Starting.
@@ -103,9 +119,18 @@ class Running:
         worker._signal = self.signal
         worker._state = lambda: self.state
         worker._set_period = self._set_period
-        worker_class.__init__(worker)  # after the above, so that a user's __init__ has it
+        try:
+            worker_class.__init__(worker)  # after the above, so that a user's __init__ has it
+        except Exception as exc:
+            raise ComponentError(self._init_failed(exc)) from exc
         self._beat = Beat(worker.period, time.monotonic())
         return worker
+
+    def _init_failed(self, exc: Exception) -> str:
+        name = exc.name if isinstance(exc, AttributeError) else ""
+        early = name in {port.attribute for port in self.component.ports}
+        hint = f"\nproxies are there from `initialize` on: move what uses `{name}` there" if early else ""
+        return f"{user_trace(exc)}{hint}"
 
     def _connect(self) -> None:
         provided = [port for port in self.component.ports if port.verb.provides]
@@ -113,7 +138,13 @@ class Running:
         own = port_of(self.component)
         if own:
             servant = CommonBehavior(self.worker, dict(self.settings.params))
-            self._links += ports.bind_handlers(own, servant, self._route, self._monitor)
+            try:
+                self._links += ports.bind_handlers(own, servant, self._route, self._monitor)
+            except AlreadyServed as exc:
+                who = self.settings.instance
+                raise AlreadyServed(
+                    f"an instance `{who}` runs already; stop it, or choose another --name ({exc})"
+                ) from exc
         required: list[tuple[Port, Link]] = []
         for port in (*provided, *wanted):
             links = self._bind(port)
@@ -134,7 +165,7 @@ class Running:
     def _route(self, port: Port, operation: Operation[Any]) -> ports.Route:
         chosen = self.settings.port(port, operation.name)
         if port.verb.provides:
-            where = (self.settings.namespace, self.settings.instance, port.segment)
+            where = (self.settings.namespace, self.settings.instance, self.component.segment(port))
         else:
             where = names.resolve(chosen.source or "", self.settings.namespace, port.interface.short)
         middleware = chosen.middleware or self._middleware
@@ -213,25 +244,32 @@ class Running:
 
     def _call(self, hook: Callable[[], None], *, early: bool = False) -> None:
         """Run a hook; decide what becomes of the component if it raises."""
+        self.doing = hook.__qualname__
         try:
             with self._monitor.held(early=early):
                 hook()
             self._excuse = ""
         except TransportError as exc:
             self._hindered(hook, exc)
+        except SystemExit as exc:
+            if exc.code:
+                self._fail(f"{hook.__qualname__} called sys.exit({exc.code!r})")
+            self.stop()
         except Exception as exc:
-            self._fail(f"{hook.__qualname__} raised {type(exc).__name__}", exc)
+            self._fail(f"{hook.__qualname__} raised {type(exc).__name__}\n{user_trace(exc)}")
+        finally:
+            self.doing = ""
 
     def _hindered(self, hook: Callable[[], None], exc: TransportError) -> None:
         """The other side is away, slow or closed: an environment to live in, unless nothing can begin without it."""
         if self.state is State.INITIALIZE:
-            self._fail(f"initialize could not do without: {exc}", exc)
+            self._fail(f"initialize could not do without: {exc}")
         elif not isinstance(exc, Closed) and str(exc) != self._excuse:
             self._excuse = str(exc)
             log.warning("%s was cut short: %s", hook.__qualname__, exc)
 
-    def _fail(self, message: str, exc: BaseException | None) -> None:
-        log.error("%s", message, exc_info=exc)
+    def _fail(self, message: str) -> None:
+        log.error("%s", message)
         self._failed = True
         self.signal(Event.STOP)
 
@@ -250,7 +288,10 @@ class _Transports:
     def __getitem__(self, name: str) -> Transport:
         if name not in self._open:
             options: Mapping[str, Any] = self._settings.transports.get(name, {})
-            self._open[name] = self._find(name)(TransportConfig(options, self._settings.instance))
+            try:
+                self._open[name] = self._find(name)(TransportConfig(options, self._settings.instance))
+            except ConfigurationError as exc:
+                raise ConfigurationError(f"transports.{name}: {exc}") from exc
         return self._open[name]
 
     def close(self) -> None:
@@ -267,8 +308,7 @@ def main(worker_class: type[Worker[Any]], arguments: Sequence[str] | None = None
         document = _document(worker_class, options)
         chosen = settings.check(component, document, options.name)
         _configure_logging(chosen)
-        for middleware in _middlewares(worker_class, chosen):
-            find_transport(middleware)
+        _check_middlewares(worker_class, chosen, document)
         running = Running(worker_class, chosen)
     except (ConfigurationError, ComponentError) as exc:
         print(exc, file=sys.stderr)
@@ -316,10 +356,21 @@ def _short(path: Path) -> Path:
         return path
 
 
-def _middlewares(worker_class: type[Worker[Any]], chosen: Settings) -> set[str]:
-    named = {chosen.middleware or worker_class.middleware}
-    named |= {port.middleware for port in worker_class.component.ports if port.middleware}
-    return named | {each.middleware for each in chosen.ports.values() if each.middleware}
+def _check_middlewares(worker_class: type[Worker[Any]], chosen: Settings, document: settings.Document) -> None:
+    """Whether all that are named are installed. Raises ConfigurationError with the place of one that is not."""
+    generated = [worker_class.middleware, *(port.middleware for port in worker_class.component.ports)]
+    configured = {
+        ("middleware",): chosen.middleware,
+        **{("ports", *key, "middleware"): each.middleware for key, each in chosen.ports.items()},
+    }
+    for key, middleware in configured.items():
+        try:
+            if middleware:
+                find_transport(middleware)
+        except ConfigurationError as exc:
+            raise ConfigurationError(f"{document.place(key)}: {exc}") from exc
+    for middleware in filter(None, generated):
+        find_transport(middleware)
 
 
 def _configure_logging(chosen: Settings) -> None:
@@ -331,23 +382,47 @@ def _configure_logging(chosen: Settings) -> None:
 def _stop_by(running: Running, received: list[int], number: int) -> None:
     received.append(number)
     running.stop()
+    reminder = threading.Timer(_STUCK, _tell_stuck, [running])
+    reminder.daemon = True
+    reminder.start()
+
+
+def _tell_stuck(running: Running) -> None:
+    """Say what keeps a component from ending, and what can be done about it."""
+    if running.state is not State.ENDED:
+        doing = running.doing or "closing"
+        print(f"asked to stop {_STUCK:g} s ago, but still busy with {doing}; Ctrl-C again ends it now", file=sys.stderr)
 
 
 class _Signals:
-    """While entered, Ctrl-C and SIGTERM call a function. A second Ctrl-C has its usual effect."""
+    """While entered, Ctrl-C, SIGTERM and SIGHUP (the terminal was closed) call a function.
+
+    It is called on a thread of its own: the one that a signal interrupts may hold any lock. A
+    second Ctrl-C has its usual effect.
+    """
 
     def __init__(self, handle: Callable[[int], None]) -> None:
         self._handle = handle
         self._before: dict[int, Any] = {}
+        self._out, self._in = os.pipe()
+        self._thread = threading.Thread(target=self._pass_on, name="signals")
 
     def __enter__(self) -> None:
-        for number in (signal.SIGINT, signal.SIGTERM):
+        self._thread.start()
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             self._before[number] = signal.signal(number, self._received)
 
     def __exit__(self, *exc: object) -> None:
         for number, before in self._before.items():
             signal.signal(number, before)
+        os.close(self._in)
+        self._thread.join()
+        os.close(self._out)
 
     def _received(self, number: int, frame: FrameType | None) -> None:
         signal.signal(signal.SIGINT, self._before[signal.SIGINT])
-        self._handle(number)
+        os.write(self._in, bytes([number]))
+
+    def _pass_on(self) -> None:
+        while received := os.read(self._out, 1):
+            self._handle(received[0])

@@ -20,7 +20,6 @@ Everything is checked before anything is opened, and all complaints come at once
 
 from __future__ import annotations
 
-import math
 import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
@@ -28,11 +27,12 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from ..contract.component import Component, Port
+from ..contract.component import MAX_SECONDS, Component, Port
 from ..contract.parameters import Complaint, ParameterSet, dotted, unknown
 from ..contract.parameters import check as check_parameters
 from ..contract.qos import PRESETS, Durability, History, Liveliness, QoS, Reliability
 from ..errors import ConfigurationError
+from ..transports.base import installed_transports
 from ..wire import names
 
 DEADLINE = 5.0
@@ -136,7 +136,7 @@ def check(component: Component, document: Document, instance: str | None = None)
     checker = _Checker(component)
     settings = checker.settings(document.data, instance or component.name.lower())
     if checker.complaints:
-        lines = [f"{document.place(c.key)}: {c.message}" for c in checker.complaints]
+        lines = [f"{document.place(c.key)}: {c.message}" if c.key else c.message for c in checker.complaints]
         raise ConfigurationError("\n".join(lines))
     return settings
 
@@ -162,6 +162,7 @@ class _Checker:
         if not names.is_segment(instance):
             self._complain((), f"{instance!r} is no name for an instance: letters, digits, `_`, `-`")
         transports = self._table(data, "transports", ())
+        self._known(transports, ("transports",), installed_transports())
         return Settings(
             instance=instance,
             namespace=namespace.strip("/"),
@@ -245,9 +246,10 @@ class _Checker:
         value = data.get(name)
         if value is None:
             return None
-        if isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < math.inf:
+        if isinstance(value, int | float) and not isinstance(value, bool) and 0 < value <= MAX_SECONDS:
             return float(value)
-        self._complain((*at, name), f"`{name}` is {value!r}; allowed: a positive number of seconds")
+        allowed = f"a positive number of seconds, at most {MAX_SECONDS:g}"
+        self._complain((*at, name), f"`{name}` is {value!r}; allowed: {allowed}")
         return None
 
     def _choice(self, data: Mapping[str, Any], name: str, at: Key, allowed: Sequence[str]) -> str | None:

@@ -8,7 +8,7 @@ from abc import ABC
 from collections.abc import Callable, Iterator
 from typing import Any, ClassVar, Generic, TypeVar
 
-from ..contract.component import Component, Port
+from ..contract.component import MAX_SECONDS, Component, Port
 from ..contract.interface import Operation
 from ..errors import ComponentError
 from .lifecycle import Event, State
@@ -19,8 +19,9 @@ P = TypeVar("P")
 class Worker(ABC, Generic[P]):
     """A component's own code. Override the hooks, and write the handlers the generated class asks for.
 
-    None of it ever runs on two threads at once, so it needs no locks. While it waits for an answer
-    from another component, a handler may run.
+    None of it ever runs on two threads at once, so it needs no locks; only handlers of ports that
+    the CDSL calls `concurrent` run beside everything. While it waits for an answer from another
+    component, a handler may run.
     """
 
     component: ClassVar[Component]
@@ -76,30 +77,45 @@ class Worker(ABC, Generic[P]):
 
     @period.setter
     def period(self, seconds: float) -> None:
-        if not seconds > 0:
-            raise ValueError(f"a period is a positive number of seconds, not {seconds!r}")
+        if not 0 < seconds <= MAX_SECONDS:
+            raise ValueError(f"a period is a positive number of seconds, at most {MAX_SECONDS:g}, not {seconds!r}")
         self._set_period(seconds)
         self._period = seconds
 
     _period: float
 
 
-def check_handlers(worker: type[Worker[Any]]) -> None:
-    """Raise ComponentError if a handler is missing, asynchronous, or takes other arguments than its operation."""
+HOOKS = ("initialize", "compute", "emergency", "restore", "finish")
+
+
+def check_methods(worker: type[Worker[Any]]) -> None:
+    """Raise ComponentError if a hook or a handler is none.
+
+    That is: it is missing, is no method or an asynchronous one, or takes other arguments than it is given.
+    """
+    for name in HOOKS:
+        _check_method(worker, name, [])
     for port, operation in _handled(worker.component):
         name = port.handler(operation.name)
         declared = getattr(worker, name, None)
         if declared is None or getattr(declared, "__isabstractmethod__", False):
             raise ComponentError(f"{worker.__name__} lacks the method {name}; add:\n\n{_stub(worker, name)}")
-        if inspect.iscoroutinefunction(declared):
-            raise ComponentError(f"{worker.__name__}.{name} is `async def`; handlers are plain methods: write `def`")
-        try:
-            inspect.signature(declared).bind(None, *operation.inputs)
-        except TypeError:
-            wanted = ", ".join(("self", *(field.attribute for field in operation.inputs)))
-            raise ComponentError(
-                f"{worker.__name__}.{name} must take ({wanted}); make it:\n\n{_stub(worker, name)}"
-            ) from None
+        _check_method(worker, name, [field.attribute for field in operation.inputs])
+
+
+def _check_method(worker: type[Worker[Any]], name: str, arguments: list[str]) -> None:
+    method = getattr(worker, name)
+    if not callable(method):
+        raise ComponentError(f"{worker.__name__}.{name} is {method!r}, but has to be a method: the framework calls it")
+    if inspect.iscoroutinefunction(method):
+        raise ComponentError(f"{worker.__name__}.{name} is `async def`; what the framework calls is plain: write `def`")
+    try:
+        inspect.signature(method).bind(None, *arguments)
+    except TypeError:
+        wanted = ", ".join(("self", *arguments))
+        raise ComponentError(
+            f"{worker.__name__}.{name} must take ({wanted}); make it:\n\n{_stub(worker, name)}"
+        ) from None
 
 
 def _handled(component: Component) -> Iterator[tuple[Port, Operation[Any]]]:
@@ -113,6 +129,6 @@ def _stub(worker: type[Worker[Any]], name: str) -> str:
     """The method to paste, as the generated class declares it."""
     generic = next((c for c in worker.__mro__ if getattr(c.__dict__.get(name), "__isabstractmethod__", False)), None)
     if generic is None:
-        return f"    def {name}(self, ...): ..."
+        return f"    def {name}(self) -> None: ..." if name in HOOKS else f"    def {name}(self, ...): ..."
     signature = str(inspect.signature(generic.__dict__[name])).replace("'", "")
     return f"    def {name}{signature}:\n        raise NotImplementedError  # your code here"

@@ -14,6 +14,7 @@ what is not faked returns zeros.
 from __future__ import annotations
 
 import itertools
+import json
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -26,6 +27,7 @@ import numpy as np
 from ..contract import types as t
 from ..contract.component import Port
 from ..contract.interface import Operation, Verb
+from ..contract.parameters import unknown
 from ..runtime import ports, settings
 from ..runtime.load import load_worker
 from ..runtime.monitor import Monitor
@@ -33,6 +35,7 @@ from ..runtime.run import Running
 from ..runtime.worker import Worker
 from ..transports.base import Link, Transport, TransportConfig
 from ..transports.inproc import InprocTransport
+from ..wire import names
 from .patience import SOON, wait_until
 
 __all__ = ["ComponentTest", "load_component"]
@@ -62,11 +65,19 @@ class ComponentTest:
         config: Mapping[str, Any] | None = None,
         **fakes: Mapping[str, Any],
     ) -> None:
-        unknown = set(fakes) - {port.name for port in worker.component.ports}
-        if unknown:
-            raise ValueError(f"no port is called {', '.join(sorted(unknown))}")
+        self._operations = {
+            port.name: {operation.name: operation for operation, _ in port.interface.under(port.verb)}
+            for port in worker.component.ports
+        }
+        for name, faked in fakes.items():
+            for operation in faked:
+                self._known(f"{name}.{operation}")
+            self._known(name)
         document = settings.Document()
-        for key, value in {"component.patience": SOON, **(config or {})}.items():
+        sources = {
+            f"ports.{port.name}.from": _source(port) for port in worker.component.ports if not port.verb.provides
+        }
+        for key, value in {"component.patience": SOON, **(config or {}), **sources}.items():
             settings.override(document, f"{key}={_toml(value)}")
         bus = f"test-{next(_buses)}"
 
@@ -122,6 +133,7 @@ class ComponentTest:
 
     def received(self, operation: str) -> list[tuple[Any, ...]]:
         """The arguments of every call, command or publication so far: `received("batterypub.pushBattery")`."""
+        self._known(operation)
         return [arguments for name, arguments in list(self._received) if name == operation]
 
     def wait_for(self, condition: Callable[[], object], timeout: float = SOON) -> None:
@@ -147,16 +159,25 @@ class ComponentTest:
             self._links += links
 
     def _route(self, port: Port, operation: Operation[Any]) -> ports.Route:
-        channel = f"*/{port.segment}/{operation.name}"
-        if port.verb is Verb.IMPLEMENTS:
-            channel = channel.replace("*", "fake")
-        return ports.Route(self._transport, "inproc", channel, port.qos, SOON)
+        """The way to the component, from the fake that faces one of its ports."""
+        own = replace(port, verb=_OPPOSITE[port.verb], proxy=None)
+        place = _source(own) if port.verb.provides else f"{names.ANY}/{self._running.component.segment(own)}"
+        return ports.Route(self._transport, "inproc", f"{place}/{operation.name}", port.qos, SOON)
 
     def _proxy(self, name: str) -> tuple[ports.Proxy, Operation[Any]]:
-        port, _, operation = name.partition(".")
-        proxy = self._proxies[port]
-        found = next(p for p in self._running.component.ports if p.name == port)
-        return proxy, next(o for o in found.interface.operations if o.name == operation)
+        port, operation = self._known(name)
+        if operation is None or port not in self._proxies:
+            raise ValueError(f"`{name}` is nothing to call: the component calls it itself, or it is a whole port")
+        return self._proxies[port], operation
+
+    def _known(self, name: str) -> tuple[str, Operation[Any] | None]:
+        """A port, and its operation if the name has a second part. Raises ValueError for what is not there."""
+        port, dot, operation = name.partition(".")
+        if port not in self._operations:
+            raise ValueError(unknown("port", port, self._operations))
+        if dot and operation not in self._operations[port]:
+            raise ValueError(f"port `{port}`: {unknown('operation', operation, self._operations[port])}")
+        return port, self._operations[port].get(operation)
 
     def _answer(self, port: Port, operation: Operation[Any], arguments: tuple[Any, ...]) -> Any:
         self._received.append((f"{port.name}.{operation.name}", arguments))
@@ -185,6 +206,11 @@ class _Handler:
         return self._test._answer(self._port, self._operation, arguments)
 
 
+def _source(port: Port) -> str:
+    """Where a port of the component finds its fake."""
+    return f"fake/{port.label}"
+
+
 def _zeros(operation: Operation[Any]) -> Any:
     values = tuple(zero(output.type) for output in operation.outputs)
     return values if len(values) > 1 else values[0] if values else None
@@ -206,6 +232,15 @@ def zero(kind: t.Type) -> Any:
 
 
 def _toml(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    return repr(value) if isinstance(value, int | float) else f'"{value}"'
+    """A value of the configuration as TOML spells it, on one line."""
+    match value:
+        case bool():
+            return str(value).lower()
+        case int() | float():
+            return repr(value)
+        case Mapping():
+            return "{" + ", ".join(f"{json.dumps(key)} = {_toml(item)}" for key, item in value.items()) + "}"
+        case list() | tuple():
+            return f"[{', '.join(map(_toml, value))}]"
+        case _:
+            return json.dumps(str(value), ensure_ascii=False)

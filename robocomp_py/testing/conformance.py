@@ -10,7 +10,8 @@ demanded:
     topics      every subscriber gets every message, in order, whichever side came first · channels do not leak into
                 each other · 0 B to 64 MB · nothing after close · a sink that raises or is slow hurts nobody · a sink
                 may publish · latched is kept or refused · of what waits for a slow sink, the newest `depth` stay ·
-                reliable loses nothing, and gives up at its deadline · what is lost is counted · `*` hears all instances
+                reliable loses nothing, and gives up at its deadline · what is lost is counted · `*` hears all
+                instances but its own
     commands    in order, once, from many senders; to nobody: Unreachable
     queries     answers find their callers, 64 out of order · every status arrives · nobody serves: Unreachable ·
                 deadlines hold, and a late answer is nobody else's · cancelled calls leave nothing · a service may call
@@ -45,13 +46,13 @@ from ..contract.interface import Interface, Operation, Pattern, Verb
 from ..contract.qos import Durability, QoS, Reliability
 from ..contract.types import UINT8, Field, Sequence, Struct
 from ..errors import (
+    AlreadyServed,
     Busy,
     Closed,
     ContractMismatch,
     EncodeError,
     RemoteFailure,
     Timeout,
-    TransportError,
     Unreachable,
     UnsupportedQoS,
 )
@@ -356,6 +357,22 @@ class TransportConformance:
             outlet.send(blob(here, message))
         assert {inbox.get(timeout=SOON), inbox.get(timeout=SOON)} == {b"one", b"two"}
 
+    def test_a_star_is_never_oneself(self, here: Transport, there: Transport) -> None:
+        interface = f"C{uuid.uuid4().hex[:8]}"
+        inbox = _subscribe(here, topic(f"*/{interface}/news"))
+        own, other = (t.outlet(topic(f"{n}/{interface}/news")) for t, n in ((here, "one"), (there, "two")))
+        here.server(query(f"one/{interface}/ask"), answering(here, bytes.upper))
+        caller = here.caller(query(f"*/{interface}/ask"))
+        with pytest.raises(Unreachable):
+            _asker(here, caller, "ask")(b"self")
+        there.server(query(f"two/{interface}/ask"), answering(there, bytes.title))
+        assert caller.wait_peer(SOON)
+        assert _asker(here, caller, "ask")(b"two") == b"Two"
+        assert other.wait_peer(SOON)
+        own.send(blob(here, b"own"))
+        other.send(blob(there, b"other"))
+        assert inbox.get(timeout=SOON) == b"other"
+
     # Commands.
 
     def test_commands_arrive_once_and_in_order(self, here: Transport, there: Transport, name: str) -> None:
@@ -508,7 +525,7 @@ class TransportConformance:
 
     def test_a_second_server_is_refused(self, here: Transport, there: Transport, name: str) -> None:
         first = here.server(query(name), answering(here, bytes.upper))
-        with pytest.raises(TransportError):
+        with pytest.raises(AlreadyServed):
             there.server(query(name), answering(there, bytes.lower))
         first.close()
         there.server(query(name), answering(there, bytes.lower))
@@ -1123,7 +1140,7 @@ def _router(transport: Transport, name: str) -> ports.Router:
     instance = name.replace("/", "_")
 
     def route(port: Port, operation: Operation[Any]) -> ports.Route:
-        return ports.Route(transport, "tested", f"{instance}/{port.segment}/{operation.name}", port.qos, SOON)
+        return ports.Route(transport, "tested", f"{instance}/{port.interface.short}/{operation.name}", port.qos, SOON)
 
     return route
 

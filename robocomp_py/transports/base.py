@@ -22,10 +22,11 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from enum import Flag, IntEnum, auto
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any, NamedTuple, Protocol
 
 from ..contract.interface import Pattern, differences
+from ..contract.parameters import unknown
 from ..contract.qos import DEFAULT_QOS, History, Liveliness, QoS
 from ..errors import ConfigurationError, UnsupportedQoS
 from ..wire.codec import Codec, Payload
@@ -86,7 +87,10 @@ class TypeRef:
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """One operation on its way. `name`: see `wire.names`; its instance may be `*`."""
+    """One operation on its way. `name`: see `wire.names`; its instance may be `*`.
+
+    `*` is any instance but the transport's own ones: who filters what it hears hears not itself.
+    """
 
     name: str
     pattern: Pattern
@@ -185,11 +189,17 @@ class TransportConfig:
 TransportFactory = Callable[[TransportConfig], Transport]
 
 
+def installed_transports() -> dict[str, EntryPoint]:
+    """What every installed package offers as a transport, by name."""
+    entries = entry_points(group="robocomp_py.transports")
+    return {entry.name: entry for entry in sorted(entries, key=lambda entry: entry.name)}
+
+
 def find_transport(name: str) -> TransportFactory:
     """The installed transport of that name; raises ConfigurationError, naming those there are."""
-    known = {entry.name: entry for entry in entry_points(group="robocomp_py.transports")}
+    known = installed_transports()
     if name not in known:
-        raise ConfigurationError(f"no middleware {name!r}; installed: {', '.join(sorted(known)) or 'none'}")
+        raise ConfigurationError(unknown("middleware", name, known))
     try:
         factory: TransportFactory = known[name].load()
     except ImportError as exc:

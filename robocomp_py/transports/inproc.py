@@ -19,7 +19,7 @@ from functools import partial
 from typing import TypeVar
 
 from ..contract.interface import Pattern
-from ..errors import Closed, ContractMismatch, Timeout, TransportError, Unreachable
+from ..errors import AlreadyServed, Closed, ContractMismatch, Timeout, Unreachable
 from ..wire.codec import Codec, Payload
 from ..wire.identity import Identity
 from ..wire.names import matches
@@ -55,10 +55,10 @@ class _Bus:
         self.links: list[_Link] = []
 
     def add(self, link: _Link) -> None:
-        """Raises TransportError if the link serves a channel that is served already."""
+        """Raises AlreadyServed if the link serves a channel that is served already."""
         with self.changed:
             if link.alone and any(type(other) is type(link) and other.meets(link) for other in self.links):
-                raise TransportError(f"{link.channel.name}: already served")
+                raise AlreadyServed(f"{link.channel.name}: already served")
             self.links.append(link)
             faced = [other for other in self.links if isinstance(other, link.facing) and other.meets(link)]
             self.changed.notify_all()
@@ -181,18 +181,19 @@ class _Link:
             raise Closed(self.channel.name)
 
     def meets(self, other: _Link) -> bool:
-        """Whether the other end means the same channel."""
+        """Whether the other end means the same channel; "any instance" is never the own one."""
         mine, theirs = self.channel, other.channel
         same_name = matches(mine.name, theirs.name) or matches(theirs.name, mine.name)
-        return same_name and mine.pattern is theirs.pattern and not other.closed
+        itself = self.transport is other.transport and mine.name != theirs.name
+        return same_name and not itself and mine.pattern is theirs.pattern and not other.closed
 
     def compare(self, other: _Link) -> bool:
         """Whether the other end means the same by the name; if not, that is reported once."""
         same = self.channel.type.fingerprint == other.channel.type.fingerprint
         if not same and id(other) not in self._reported:
             self._reported.add(id(other))
-            self.stats.mismatched += 1
             log.error("%s", mismatch(self.channel, other.channel.type))
+            self.stats.mismatched += 1
         return same
 
 

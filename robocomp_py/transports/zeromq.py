@@ -35,7 +35,16 @@ import zmq
 
 from ..contract.interface import Pattern
 from ..contract.qos import History
-from ..errors import Closed, ConfigurationError, ContractMismatch, DecodeError, Timeout, TransportError, Unreachable
+from ..errors import (
+    AlreadyServed,
+    Closed,
+    ConfigurationError,
+    ContractMismatch,
+    DecodeError,
+    Timeout,
+    TransportError,
+    Unreachable,
+)
 from ..wire.codec import MAX_BYTES, Codec, Payload
 from ..wire.header import (
     NO_DEADLINE,
@@ -446,7 +455,11 @@ class _Link:
 
         With `strict`, raises ContractMismatch if there are only others.
         """
-        named = self.transport.directory.find(self.facing, self.channel.name)
+        named = [
+            (member, entry)
+            for member, entry in self.transport.directory.find(self.facing, self.channel.name)
+            if entry.channel == self.channel.name or member.id != self.transport.member.id
+        ]
         same = [found for found in named if found[1].fingerprint == self.channel.type.fingerprint]
         for member, entry in named:
             if entry.fingerprint != self.channel.type.fingerprint:
@@ -463,14 +476,14 @@ class _Link:
     def report_mismatch(self, who: object, other: TypeRef) -> None:
         if who not in self._reported:
             self._reported.add(who)
-            self.stats.mismatched += 1
             log.error("%s", mismatch(self.channel, other))
+            self.stats.mismatched += 1
 
     def malformed(self, why: object) -> None:
         """Count a message that is none of ours; the first one is logged."""
-        self.stats.malformed += 1
-        if self.stats.malformed == 1:
+        if self.stats.malformed == 0:
             log.warning("%s: dropped a malformed message (further ones are only counted): %s", self.channel.name, why)
+        self.stats.malformed += 1
 
 
 # -- topics -------------------------------------------------------------------
@@ -900,7 +913,7 @@ class _ServingLink(_Link):
     def open(self) -> None:
         for member, _ in self.transport.directory.find(self.role, self.channel.name):
             if self.transport.directory.alive(member.id):
-                raise TransportError(f"{self.channel.name}: already served by {member.owner} (pid {member.pid})")
+                raise AlreadyServed(f"{self.channel.name}: already served by {member.owner} (pid {member.pid})")
         router = self.transport.router()
         router.add(self)
         self.announce(router.address)

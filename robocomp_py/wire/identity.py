@@ -19,7 +19,7 @@ from .values import snapshot
 
 
 class Identity:
-    """No bytes, but the same checks as on every wire: what works here works there."""
+    """No bytes, but the same checks of every value as on a wire; only the size of texts is not limited."""
 
     name = "identity"
 

@@ -33,6 +33,9 @@ _REFERENCE = struct.Struct("<BI")
 _OCTET = ord("B")
 _NUMBERS = {bool, int, float}
 
+MAX_TREE = 16 * 1024 * 1024
+"""A tree of more bytes is refused: each of them may become an object of many times its size."""
+
 _SHORT = 2 * 1024
 """A tree of fewer bytes cannot make the library allocate much, whatever it claims to hold."""
 
@@ -69,6 +72,8 @@ class MessagePack:
 
 
 def _check_size(payload: list[Any]) -> None:
+    if len(payload[0]) > MAX_TREE:
+        raise ValueError(f"{len(payload[0])} bytes besides large arrays; a message may have {MAX_TREE}")
     check_size(sum(memoryview(part).nbytes for part in payload) if len(payload) > 1 else len(payload[0]))
 
 

@@ -4,7 +4,7 @@
 
 The namespace may be empty or have several segments. Whoever provides an operation gives the
 channel its instance; a client that was not told whom to use writes `*` for the instance, and
-any instance of its namespace will do (a subscriber hears all of them).
+any other instance of its namespace will do (a subscriber hears all of them).
 """
 
 from __future__ import annotations

@@ -41,10 +41,7 @@ from ..contract.types import (
     integer_range,
 )
 
-TIME_MIN, TIME_MAX = -(2**31) * 10**9, 2**31 * 10**9 - 1
-"""The instants that fit: ROS 2's range, int32 seconds around 1970."""
-
-RANGES = {kind: integer_range(kind) for kind in INTEGERS} | {TIME: (TIME_MIN, TIME_MAX)}
+RANGES = {kind: integer_range(kind) for kind in (*INTEGERS, TIME)}
 """Smallest and largest value of what is an int in Python."""
 
 _Array = np.ndarray[Any, np.dtype[Any]]
@@ -123,9 +120,11 @@ def as_array(value: Any, dtype: np.dtype[Any]) -> _Array:
         _check_convertible(array, dtype)
     with np.errstate(over="raise"):
         try:
-            return np.ascontiguousarray(array, dtype).reshape(-1)
+            result = np.ascontiguousarray(array, dtype)
         except FloatingPointError as exc:
             raise OverflowError(f"values exceed {dtype.name}") from exc
+    ours = array.dtype != dtype or isinstance(value, list | tuple | range)  # so `snapshot` need not copy it again
+    return (read_only(result) if ours else result).reshape(-1)
 
 
 def _gathered(value: Any) -> _Array:
@@ -268,5 +267,5 @@ _WORDS = {
     FLOAT32: "a float (float32)",
     FLOAT64: "a float (float64)",
     **{kind: f"an int from {low} to {high}" for kind, (low, high) in RANGES.items()},
-    TIME: "an int, nanoseconds since 1970",
+    TIME: "an int, nanoseconds since 1970, from {} to {}".format(*RANGES[TIME]),
 }

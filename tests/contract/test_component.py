@@ -8,14 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robocomp_py.contract.component import Port, numbers
+from robocomp_py.contract.component import Component, Port, numbers
 from robocomp_py.contract.interface import Interface, Verb
 
 LASER = Interface("RoboCompLaser::Laser", ())
 
 
 @pytest.mark.parametrize(
-    ("verb", "number", "name", "segment"),
+    ("verb", "number", "name", "label"),
     [
         (Verb.REQUIRES, "", "laser", "Laser"),
         (Verb.REQUIRES, "1", "laser1", "Laser1"),
@@ -24,9 +24,9 @@ LASER = Interface("RoboCompLaser::Laser", ())
         (Verb.SUBSCRIBES, "1", "Laser1", "Laser1"),
     ],
 )
-def test_a_port_is_named_after_its_interface_and_number(verb: Verb, number: str, name: str, segment: str) -> None:
+def test_a_port_is_named_after_its_interface_and_number(verb: Verb, number: str, name: str, label: str) -> None:
     port = Port(verb, LASER, number)
-    assert (port.name, port.segment) == (name, segment)
+    assert (port.name, port.label) == (name, label)
 
 
 def test_user_code_finds_proxies_and_handlers_under_these_names() -> None:
@@ -63,6 +63,20 @@ def test_no_two_ports_have_the_same_attribute_or_the_same_handlers(uses: list[tu
     handlers = [port.handler("stop") for port in ports if not port.verb.has_proxy]
     assert len(set(attributes)) == len(attributes)
     assert len(set(handlers)) == len(handlers)
+
+
+@pytest.mark.parametrize("uses", [[(REQUIRES, "Note"), (PUBLISHES, "Note")], [(PUBLISHES, "Note"), (REQUIRES, "Note")]])
+def test_what_is_published_is_found_whatever_else_is_said_of_it(uses: list[tuple[Verb, str]]) -> None:
+    component = Component("a", tuple(_ports(uses)))
+    (published,) = (port for port in component.ports if port.verb is PUBLISHES)
+    assert component.segment(published) == "Note"
+
+
+def test_what_is_offered_twice_is_told_apart_on_the_wire() -> None:
+    uses = [(SUBSCRIBES, "Note"), (IMPLEMENTS, "Note"), (IMPLEMENTS, "Pad"), (IMPLEMENTS, "Note"), (IMPLEMENTS, "Note")]
+    component = Component("a", tuple(_ports(uses)))
+    offered = [component.segment(port) for port in component.ports if port.verb is IMPLEMENTS]
+    assert offered == ["Note", "Pad", "Note1", "Note2"]
 
 
 def _ports(uses: list[tuple[Verb, str]]) -> Iterator[Port]:

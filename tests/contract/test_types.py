@@ -44,7 +44,13 @@ CLOUD = Struct("Test::Cloud", (Field("points", Sequence(POINT)), Field("by_name"
 
 @pytest.mark.parametrize(
     ("kind", "low", "high"),
-    [(INT8, -128, 127), (UINT8, 0, 255), (INT32, -(2**31), 2**31 - 1), (UINT64, 0, 2**64 - 1)],
+    [
+        (INT8, -128, 127),
+        (UINT8, 0, 255),
+        (INT32, -(2**31), 2**31 - 1),
+        (UINT64, 0, 2**64 - 1),
+        (TIME, -2147483648_000000000, 2147483647_999999999),
+    ],
 )
 def test_integers_have_the_range_of_their_width(kind: Primitive, low: int, high: int) -> None:
     assert integer_range(kind) == (low, high)

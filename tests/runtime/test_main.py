@@ -102,7 +102,11 @@ def test_a_wrong_configuration_is_said_and_nothing_is_opened(hello: Path, tmp_pa
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (["--middleware", "carrier-pigeon"], 1, "no middleware 'carrier-pigeon'; installed: inproc"),
+        (
+            ["--middleware", "carrier-pigeon"],
+            1,
+            "unknown middleware `carrier-pigeon`; known: inproc",
+        ),
         (["--config", "nowhere.toml"], 1, "nowhere.toml: cannot be read: No such file or directory"),
         (["--name", "two words"], 1, "'two words' is no name for an instance"),
         (["--unknown"], 2, "unrecognized arguments: --unknown"),
@@ -141,3 +145,54 @@ def test_folders_of_the_same_name_do_not_mix(tmp_path: Path) -> None:
     assert workers[0] is not workers[1]
     assert workers[0].__module__ != workers[1].__module__
     assert load_worker(tmp_path / "a" / "my-hello") is workers[0]
+
+
+@pytest.mark.parametrize(
+    ("broken", "said"),
+    [
+        ("def compute(self)\n    pass\n", 'specificworker.py", line 1'),
+        ("import no_such_library\n", "ModuleNotFoundError: No module named 'no_such_library'"),
+    ],
+)
+def test_a_mistake_in_user_code_is_shown_without_the_frameworks_frames(tmp_path: Path, broken: str, said: str) -> None:
+    folder = tmp_path / "hello"
+    assert rcgen(["--new", "Hello", "-o", str(folder)]) == 0
+    (folder / "specificworker.py").write_text(broken)
+    result = run("robocomp_py.cli.rc", "run", str(folder))
+    assert result.returncode == 1
+    assert said in result.stderr
+    assert len(result.stderr.splitlines()) < 9
+    assert "runtime/load.py" not in result.stderr
+
+
+def test_a_component_may_be_called_like_a_library(tmp_path: Path) -> None:
+    folder = tmp_path / "zmq"
+    assert rcgen(["--new", "Hello", "-o", str(tmp_path / "hello")]) == 0
+    (tmp_path / "hello").rename(folder)
+    with started("robocomp_py.cli.rc", "run", str(folder), cwd=tmp_path / "..") as process:
+        process.send_signal(signal.SIGINT)
+    assert process.returncode == 130
+
+
+def test_a_closed_terminal_ends_in_finish(hello: Path) -> None:
+    with started("robocomp_py.cli.rc", "run", str(hello)) as process:
+        process.send_signal(signal.SIGHUP)
+    assert process.returncode == 128 + signal.SIGHUP
+
+
+def test_a_stuck_component_says_how_to_end_it(hello: Path) -> None:
+    worker = hello / "specificworker.py"
+    before = worker.read_text()
+    worker.write_text(
+        before.replace("    def compute(self) -> None:", "    def compute(self) -> None:\n        while True: pass", 1)
+    )
+    try:
+        with started("robocomp_py.cli.rc", "run", str(hello)) as process:
+            process.send_signal(signal.SIGINT)
+            assert process.stderr is not None
+            told = next(line for line in process.stderr if "asked to stop" in line)
+            assert "still busy with SpecificWorker.compute; Ctrl-C again ends it now" in told
+            process.send_signal(signal.SIGINT)
+            process.stderr.read()
+    finally:
+        worker.write_text(before)

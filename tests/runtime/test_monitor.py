@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
+from robocomp_py.errors import Closed
 from robocomp_py.runtime.monitor import MAX_ASIDE, MAX_BESIDE, MAX_WAITING, Monitor
 from robocomp_py.testing.patience import SOON, wait_until
 
@@ -199,3 +200,56 @@ def test_after_closing_nothing_runs(opened: Monitor) -> None:
 def _enter_and(monitor: Monitor, work: Callable[[], object]) -> None:
     with monitor.held():
         work()
+
+
+def test_closing_waits_for_who_comes_back_from_a_wait_however_busy_the_pool_is() -> None:
+    monitor, release, out = Monitor("closing"), threading.Event(), threading.Semaphore(0)
+    monitor.open()
+    come_back: list[bool] = []
+
+    def waits() -> None:
+        with monitor.released():
+            out.release()
+            release.wait(SOON)
+        come_back.append(monitor.mine)
+
+    for _ in range(MAX_ASIDE):
+        assert monitor.submit(waits)
+    for _ in range(MAX_ASIDE):
+        assert out.acquire(timeout=SOON)
+    for _ in range(8):  # nobody of the pool is left to take what is let in next
+        assert monitor.submit_beside(lambda: release.wait(SOON))
+    assert monitor.submit(lambda: None, limited=False)
+    closing = threading.Thread(target=monitor.close)
+    closing.start()
+    wait_until(lambda: monitor.closed)
+    release.set()
+    closing.join(SOON)
+    assert not closing.is_alive()
+    assert come_back == [True] * MAX_ASIDE
+
+
+def test_who_waits_when_it_closes_is_sent_away(opened: Monitor) -> None:
+    refused: list[bool] = []
+
+    def enter() -> None:
+        try:
+            with opened.held():
+                refused.append(False)
+        except Closed:
+            refused.append(True)
+
+    opened.enter()
+    threads = [threading.Thread(target=enter) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    wait_until(lambda: len(opened._queue) == 3)
+    opened.turn_away()
+    for thread in threads:
+        thread.join(SOON)
+    opened.leave()
+    assert refused == [True] * 3
+    with pytest.raises(Closed):
+        opened.enter()
+    with opened.held(early=True):  # for what has to be done at the end
+        assert opened.mine

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -12,7 +13,7 @@ import pytest
 
 from robocomp_py.contract.component import Component, Port
 from robocomp_py.contract.interface import Verb
-from robocomp_py.errors import ComponentError, ConfigurationError, Timeout, Unreachable
+from robocomp_py.errors import ComponentError, ConfigurationError, Refused, RemoteFailure, Timeout, Unreachable
 from robocomp_py.runtime import ports, settings
 from robocomp_py.runtime.lifecycle import State
 from robocomp_py.runtime.monitor import Monitor
@@ -36,6 +37,9 @@ def find() -> Callable[[str], TransportFactory]:
     """In-process transports that reach only those of the same test."""
     bus = f"run-{next(_buses)}"
     return lambda name: lambda config: InprocTransport(TransportConfig({"bus": bus}, config.owner))
+
+
+async def _async_hook(self: object) -> None: ...
 
 
 def make(worker: type[Worker[Any]], find: Callable[[str], TransportFactory], *sets: str, name: str = "") -> Running:
@@ -382,8 +386,138 @@ def test_an_asynchronous_handler_is_refused(find: Any) -> None:
         async def Everything_poke(self, number: int) -> None:  # type: ignore[override]
             ...
 
-    with pytest.raises(ComponentError, match="handlers are plain methods"):
+    with pytest.raises(ComponentError, match="what the framework calls is plain"):
         make(Modern, find)
+
+
+HOOKS: list[tuple[Any, str]] = [
+    (5, "Odd.compute is 5, but has to be a method"),
+    (_async_hook, "Odd.compute is `async def`"),
+    (lambda self, dt: None, "Odd.compute must take (self); make it:"),
+]
+
+
+@pytest.mark.parametrize(("hook", "said"), HOOKS, ids=["value", "async", "arguments"])
+def test_what_is_no_hook_is_refused(find: Any, hook: Any, said: str) -> None:
+    with pytest.raises(ComponentError, match=re.escape(said)):
+        make(type("Odd", (Calculator,), {"compute": hook}), find)
+
+
+def test_a_proxy_is_not_there_when_init_runs_and_the_remedy_is_told(find: Any) -> None:
+    class Hasty(Pupil):
+        def __init__(self) -> None:
+            super().__init__()
+            self.everything_proxy.work("now")
+
+    with pytest.raises(
+        ComponentError, match=r"in __init__\n(.*\n)+proxies are there from `initialize` on: move"
+    ) as caught:
+        make(Hasty, find)
+    assert "runtime/run.py" not in str(caught.value)
+
+
+def test_exiting_in_compute_ends_it_after_finish(find: Any, caplog: pytest.LogCaptureFixture) -> None:
+    for code, fine in ((0, True), (3, False)):
+
+        class Leaving(Diary):
+            leave_with = code
+
+            def compute(self) -> None:
+                raise SystemExit(self.leave_with)
+
+        made = make(Leaving, find)
+        assert made.run() is fine
+        assert made.worker.entries[-1] == "finish"
+    assert "compute called sys.exit(3)" in caplog.text
+
+
+def test_exiting_in_a_handler_fails_its_call_and_nothing_else(find: Any, caplog: pytest.LogCaptureFixture) -> None:
+    class Leaving(Calculator):
+        def Everything_work(self, task: str) -> str:
+            raise SystemExit(task)
+
+        def Everything_poke(self, number: int) -> None:
+            raise SystemExit(number)
+
+    with running(make(Leaving, find)), running(make(Pupil, find)) as pupil:
+        with pytest.raises(RemoteFailure, match="SystemExit: bye"):
+            pupil.everything_proxy.work("bye")
+        pupil.everything_proxy.poke(1)
+        assert pupil.everything_proxy.divide(4, 2) == (2, 0)
+    assert caplog.text.count("called sys.exit(): a handler ends its component by self.stop()") == 2
+
+
+def test_the_authors_of_handlers_see_only_their_own_lines(find: Any, caplog: pytest.LogCaptureFixture) -> None:
+    class Careless(Calculator):
+        def Everything_work(self, task: str) -> Any:
+            return {}[task] if task else 5
+
+    with running(make(Careless, find)), running(make(Pupil, find)) as pupil:
+        with pytest.raises(RemoteFailure, match="KeyError: 'x'") as caught:
+            pupil.everything_proxy.work("x")
+        with pytest.raises(RemoteFailure, match="ret must be a str"):
+            pupil.everything_proxy.work("")
+    assert "return {}[task]" in caught.value.trace
+    assert "runtime/calls.py" not in caught.value.trace + caplog.text
+    assert "Everything_work returned what its interface does not allow: " in caplog.text
+
+
+def test_who_stops_does_not_wait_for_those_who_wait(find: Any) -> None:
+    begun, release = threading.Event(), threading.Event()
+
+    class Slow(Calculator):
+        def Everything_work(self, task: str) -> str:
+            begun.set()
+            release.wait(SOON)
+            return super().Everything_work(task)
+
+        def Everything_poke(self, number: int) -> None:
+            super().Everything_poke(number)
+
+    made = make(Slow, find)
+    with running(made) as slow, running(make(Pupil, find)) as pupil:
+        asking = [pupil.everything_proxy._ask_async(e.work, (str(n),), SOON) for n in range(3)]
+        pupil.everything_proxy.poke(1)
+        assert begun.wait(SOON)
+        made.stop()
+        release.set()
+        wait_until(lambda: made.state is State.ENDED)
+        assert slow.story[-1] == "finish"
+        assert len([entry for entry in slow.entries if entry.startswith("work")]) == 1
+        for waiting in asking[1:]:
+            with pytest.raises((Unreachable, Refused)):
+                waiting.result(SOON)
+
+
+def test_an_instance_that_runs_already_is_named(find: Any, caplog: pytest.LogCaptureFixture) -> None:
+    with running(make(Calculator, find, name="left")):
+        second = make(Calculator, find, name="left")
+        assert second.run() is False
+    assert "an instance `left` runs already; stop it, or choose another --name" in caplog.text
+
+
+def test_a_filter_neither_asks_nor_hears_itself(find: Any) -> None:
+    class Filter(Calculator):
+        component = Component(
+            "filter",
+            (
+                Port(Verb.REQUIRES, e.EVERYTHING, proxy=EverythingProxy),
+                Port(Verb.IMPLEMENTS, e.EVERYTHING),
+            ),
+            period=0.005,
+        )
+        everything_proxy: EverythingProxy
+
+        def Everything_work(self, task: str) -> str:
+            return self.everything_proxy.work(f"{task} filtered")
+
+    with (
+        running(make(Calculator, find)) as calculator,
+        running(make(Filter, find)),
+        running(make(Pupil, find, "ports.everything.from=filter")) as pupil,
+    ):
+        assert pupil.everything_proxy.work("task") == "task filtered"
+        assert "work task filtered" in calculator.entries
 
 
 def test_a_wrong_configuration_is_refused_before_anything_is_opened() -> None:

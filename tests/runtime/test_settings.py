@@ -139,6 +139,8 @@ WRONG = {
     "ports.Everything.qos = { reliable = true }": r":4: unknown key `reliable`; did you mean `reliability`",
     'ports.Everything.qos = "sensordata"': r":4: unknown QoS preset `sensordata`; did you mean `sensor_data`",
     "ports.Everything.qos = 3": r":4: a QoS is a table or the name of a preset",
+    "component.period = 1e300": r":4: `period` is 1e[+]300; allowed: a positive number of seconds, at most 1e[+]06",
+    "transports.zermq = {}": r":4: unknown key `zermq`; did you mean `zeromq`",
     "surprise = 1": r":4: unknown key `surprise`",
 }
 

@@ -26,7 +26,6 @@ from robocomp_py.contract.types import (
     Type,
     integer_range,
 )
-from robocomp_py.wire.values import TIME_MAX, TIME_MIN
 
 patiently = settings(deadline=None, max_examples=100, suppress_health_check=[HealthCheck.too_slow])
 """How properties of any message are tested: a loaded machine is no failure."""
@@ -109,7 +108,7 @@ def values(kind: Type) -> st.SearchStrategy[Any]:
 _SCALARS: dict[Primitive, st.SearchStrategy[Any]] = {
     BOOL: st.booleans(),
     STRING: st.text(),
-    TIME: st.integers(TIME_MIN, TIME_MAX),
+    TIME: st.integers(*integer_range(TIME)),
     FLOAT32: st.floats(width=32),
     FLOAT64: st.floats(),
     **{kind: st.integers(*integer_range(kind)) for kind in INTEGERS},

@@ -28,10 +28,10 @@ from robocomp_py.contract.types import (
     Struct,
     Type,
 )
-from robocomp_py.errors import DecodeError
+from robocomp_py.errors import DecodeError, EncodeError
 from robocomp_py.testing.conformance import assert_same
 from robocomp_py.testing.everything import Colour, Nothing, Point
-from robocomp_py.wire.messagepack import APART, MessagePack
+from robocomp_py.wire.messagepack import APART, MAX_TREE, MessagePack
 
 from .test_codecs import one, there_and_back
 
@@ -213,6 +213,15 @@ def test_two_arrays_may_refer_to_one_buffer() -> None:
     reference = msgpack.ExtType(2, b"h\x01\x00\x00\x00")
     arrays = received(Sequence(Sequence(INT16)), [reference, reference], b"\x01\x00")
     assert [array.tolist() for array in arrays] == [[1], [1]]
+
+
+def test_what_is_not_a_large_array_has_a_limit_of_its_own() -> None:
+    with pytest.raises(EncodeError, match="bytes besides large arrays"):
+        there_and_back(CODEC, STRING, "x" * MAX_TREE)
+    with pytest.raises(DecodeError, match="bytes besides large arrays"):
+        CODEC.decoder(one(STRING))([b"\x90" * (MAX_TREE + 1)])
+    array = np.zeros(MAX_TREE + 1, np.uint8)
+    assert_same(there_and_back(CODEC, Sequence(UINT8), array), array)
 
 
 def test_every_dtype_has_a_letter() -> None:

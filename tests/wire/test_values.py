@@ -37,10 +37,13 @@ from robocomp_py.errors import EncodeError
 from robocomp_py.testing.conformance import assert_same
 from robocomp_py.testing.everything import Colour, Nested, Nothing, Point, Scalars
 from robocomp_py.wire.codec import Codec
-from robocomp_py.wire.values import TIME_MAX, TIME_MIN
+from robocomp_py.wire.values import RANGES
 
 from .oddities import FLOAT32_LIMIT, ODDITIES, Direction, Mood, Place, Text
 from .test_codecs import CODECS, every_codec, one, there_and_back
+
+TIME_MIN, TIME_MAX = RANGES[TIME]
+TIME_WORDS = f"an int, nanoseconds since 1970, from {TIME_MIN} to {TIME_MAX}"
 
 LEVEL = Enumeration("Test::Level", (("low", 0), ("high", 1)))
 PAIR = Struct("Test::Pair", (Field("number", INT32), Field("name", STRING)))
@@ -204,8 +207,8 @@ REFUSED: list[tuple[Type, Any, str]] = [
     (FLOAT32, FLOAT32_LIMIT, "value must be a float (float32), not float 3.4028235677973366e+38"),
     (STRING, b"text", "value must be a str that encodes to UTF-8, not bytes b'text'"),
     (STRING, "\ud800", "value must be a str that encodes to UTF-8, not str '\\ud800'"),
-    (TIME, TIME_MAX + 1, "value must be an int, nanoseconds since 1970, not int 2147483648000000000"),
-    (TIME, 1.5, "value must be an int, nanoseconds since 1970, not float 1.5"),
+    (TIME, TIME_MAX + 1, f"value must be {TIME_WORDS}, not int 2147483648000000000"),
+    (TIME, 1.5, f"value must be {TIME_WORDS}, not float 1.5"),
     (COLOUR, 2, "value must be a Colour, not int 2"),
     (COLOUR, "red", "value must be a Colour, not str 'red'"),
     (COLOUR, 0.0, "value must be a Colour, not float 0.0"),

@@ -1,0 +1,50 @@
+"""What becomes of a call: results, declared exceptions, failures."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from robocomp_py.contract.types import Struct
+from robocomp_py.errors import RemoteFailure
+from robocomp_py.runtime.calls import Answering, Call
+from robocomp_py.testing import everything as e
+from robocomp_py.wire.codec import Decoder, Encoder
+from robocomp_py.wire.messagepack import MessagePack
+
+
+class CountingCodec(MessagePack):
+    """Counts how often a message is compiled."""
+
+    def __init__(self) -> None:
+        self.compiled = 0
+
+    def encoder(self, message: Struct) -> Encoder:
+        self.compiled += 1
+        return super().encoder(message)
+
+    def decoder(self, message: Struct, *, prefix: bool = False) -> Decoder:
+        self.compiled += 1
+        return super().decoder(message, prefix=prefix)
+
+
+def declared(dividend: int, divisor: int) -> Any:
+    raise e.FailedBadly("worse", 8, e.Point(1.0, 2.0))
+
+
+def undeclared(dividend: int, divisor: int) -> Any:
+    raise KeyError("on purpose")
+
+
+@pytest.mark.parametrize(("method", "error"), [(declared, e.FailedBadly), (undeclared, RemoteFailure)])
+def test_exceptions_are_compiled_once(method: Any, error: type[Exception]) -> None:
+    codec = CountingCodec()
+    answering, call = Answering(e.divide, codec, method), Call(e.divide, codec)
+    counts = []
+    for _ in range(3):
+        with pytest.raises(error):
+            call.result(answering.answer((1, 0)))
+        counts.append(codec.compiled)
+    assert counts[0] > 4
+    assert counts == [counts[0]] * 3

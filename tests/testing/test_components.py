@@ -1,0 +1,110 @@
+"""Components under test: faked, called, and told apart where a port occurs several times."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from robocomp_py.contract.component import Component, Port
+from robocomp_py.contract.interface import Verb
+from robocomp_py.contract.parameters import Parameter, ParameterKind, ParameterList, ParameterSet
+from robocomp_py.runtime.worker import Worker
+from robocomp_py.testing import everything as e
+from robocomp_py.testing.components import ComponentTest
+
+from ..runtime.components import Calculator, EverythingProxy
+
+
+class Comparing(Worker[None]):
+    """Asks two of a kind, and hears two of a kind."""
+
+    component = Component(
+        "comparing",
+        (
+            Port(Verb.REQUIRES, e.EVERYTHING, proxy=EverythingProxy),
+            Port(Verb.REQUIRES, e.EVERYTHING, "1", proxy=EverythingProxy),
+            Port(Verb.SUBSCRIBES, e.EVERYTHING),
+            Port(Verb.SUBSCRIBES, e.EVERYTHING, "1"),
+        ),
+        period=0.005,
+    )
+    middleware = "inproc"
+    everything_proxy: EverythingProxy
+    everything1_proxy: EverythingProxy
+
+    def __init__(self) -> None:
+        self.answers: list[str] = []
+        self.heard: list[tuple[str, int]] = []
+
+    def initialize(self) -> None:
+        self.answers = [self.everything_proxy.work("first"), self.everything1_proxy.work("second")]
+
+    def Everything_news(self, number: int, text: str) -> None:
+        self.heard.append(("first", number))
+
+    def Everything1_news(self, number: int, text: str) -> None:
+        self.heard.append(("second", number))
+
+
+def test_each_of_several_ports_has_a_fake_of_its_own() -> None:
+    fakes: dict[str, Any] = {"everything": {"work": str.upper}, "everything1": {"work": "faked"}}
+    with ComponentTest(Comparing, **fakes) as component:
+        component.send("Everything1.news", 1, "")
+        component.wait_for(lambda: component.worker.heard)
+        component.send("Everything.news", 2, "")
+        component.wait_for(lambda: len(component.worker.heard) == 2)
+        assert component.worker.answers == ["FIRST", "faked"]
+        assert component.received("everything1.work") == [("second",)]
+        assert component.worker.heard == [("second", 1), ("first", 2)]
+    assert component.fine
+
+
+def test_what_it_implements_can_be_called() -> None:
+    with ComponentTest(Calculator) as component:
+        assert component.call("Everything.divide", 7, 2) == (3, 1)
+        with pytest.raises(e.Failed):
+            component.call("Everything.divide", 7, 0)
+
+
+@pytest.mark.parametrize(
+    ("fakes", "said"),
+    [
+        ({"everyting": {}}, "unknown port `everyting`; did you mean `everything`?"),
+        ({"everything": {"wrok": 1}}, "port `everything`: unknown operation `wrok`; did you mean `work`?"),
+    ],
+)
+def test_a_fake_of_what_is_not_there_is_a_mistake(fakes: dict[str, Any], said: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(said)):
+        ComponentTest(Comparing, **fakes)
+
+
+def test_so_is_asking_for_what_is_not_there() -> None:
+    with ComponentTest(Comparing) as component:
+        for use in (
+            lambda: component.received("everything.wrok"),
+            lambda: component.send("Everything.nws", 1, ""),
+            lambda: component.call("Evrything.work", ""),
+            lambda: component.call("everything.work", ""),
+        ):
+            with pytest.raises(ValueError, match=r"did you mean|is nothing to call"):
+                use()
+
+
+def test_configuration_may_have_lists_and_any_text() -> None:
+    item = ParameterSet("motors", (Parameter("name", ParameterKind.STRING, ""),))
+    spec = ParameterSet("arm", (Parameter("word", ParameterKind.STRING, ""),), (ParameterList("motors", item, 1),))
+
+    class Arm(Calculator):
+        component = Component("arm", (), spec)
+
+    found: dict[str, Any] = {}
+    spec_of = replace(spec, python=lambda **values: found.update(values))
+    item_of = replace(item, python=dict)
+    Arm.component = Component("arm", (), replace(spec_of, lists=(ParameterList("motors", item_of, 1),)))
+    config = {"params.word": 'a "quoted" \\ wörd', "params.motors": [{"name": "left"}, {"name": "right"}]}
+    with ComponentTest(Arm, config):
+        pass
+    assert found == {"word": 'a "quoted" \\ wörd', "motors": ({"name": "left"}, {"name": "right"})}
