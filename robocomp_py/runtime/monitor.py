@@ -15,17 +15,21 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from typing import Any
 
 from ..errors import Closed
 from ..transports.base import step_aside
 
 log = logging.getLogger("robocomp.worker")
 
-Job = Callable[[], object]
+Job = Callable[[], Any]
+Then = Callable[[Any], object]
+"""What is done with a job's result once it has left, when nobody need wait for that any more."""
 
 MAX_ASIDE = 16
 """So many handlers may wait for answers; then new requests are turned away."""
 
+THREADS_BESIDE = 16
 MAX_BESIDE = 64
 """So many calls of `concurrent` interfaces may run or wait; then new ones are turned away."""
 
@@ -50,12 +54,13 @@ class Monitor:
     def __init__(self, name: str = "worker") -> None:
         self._state = threading.Lock()
         self._inside: int | None = None
-        self._queue: deque[_Ticket | Job] = deque()
+        self._queue: deque[_Ticket | tuple[Job, Then | None]] = deque()
         self._aside = 0
         self._beside = 0
         self._open = False
         self._closed = False
         self._pool = ThreadPoolExecutor(MAX_ASIDE + 8, thread_name_prefix=name)
+        self._pool_beside = ThreadPoolExecutor(THREADS_BESIDE, thread_name_prefix=f"{name}-beside")
 
     def open(self) -> None:
         """Let jobs in from now on."""
@@ -67,6 +72,7 @@ class Monitor:
     def close(self) -> None:
         """Forget who waits, and wait for the jobs that run."""
         self.turn_away()
+        self._pool_beside.shutdown()
         self._pool.shutdown()  # cancelling what it has not begun would leave our place to one who never comes
 
     def turn_away(self) -> None:
@@ -120,7 +126,8 @@ class Monitor:
     def try_enter(self) -> bool:
         """Go inside if nobody is, and nobody waits, and jobs are let in."""
         with self._state:
-            if not self._open or self._closed or self._inside is not None or self._queue:
+            taken = self._inside is not None or self._queue or self._aside >= MAX_ASIDE
+            if taken or not self._open or self._closed:
                 return False
             self._inside = threading.get_ident()
             return True
@@ -129,23 +136,23 @@ class Monitor:
         with self._state:
             self._admit_next()
 
-    def submit(self, job: Job, *, limited: bool = True) -> bool:
+    def submit(self, job: Job, then: Then | None = None, *, limited: bool = True) -> bool:
         """Run a job on the pool when it is its turn; False if too many wait already, unless not `limited`."""
         with self._state:
             if self._closed or (limited and (self._aside >= MAX_ASIDE or len(self._queue) >= MAX_WAITING)):
                 return False
-            self._queue.append(job)
+            self._queue.append((job, then))
             if self._inside is None and self._open:
                 self._admit_next()
             return True
 
-    def submit_beside(self, job: Job) -> bool:
+    def submit_beside(self, job: Job, then: Then | None = None) -> bool:
         """Run a job on the pool without keeping anybody out; False if too many do already."""
         with self._state:
             if self._closed or self._beside >= MAX_BESIDE:
                 return False
             self._beside += 1
-        self._pool.submit(self._run_beside, job)
+        self._pool_beside.submit(self._run_beside, job, then)
         return True
 
     def run(self, job: Job) -> None:
@@ -199,9 +206,9 @@ class Monitor:
             entry.called.release()
         elif entry is not None:
             self._inside = _POOL
-            self._pool.submit(self._run, entry)
+            self._pool.submit(self._run, *entry)
 
-    def _next(self) -> _Ticket | Job | None:
+    def _next(self) -> _Ticket | tuple[Job, Then | None] | None:
         if self._open:
             return self._queue.popleft() if self._queue else None
         for entry in self._queue:
@@ -210,24 +217,33 @@ class Monitor:
                 return entry
         return None
 
-    def _run(self, job: Job) -> None:
+    def _run(self, job: Job, then: Then | None) -> None:
         self._inside = threading.get_ident()
         try:
-            job()
+            result = job()
         except (Exception, SystemExit):
             log.exception("a handler failed")
+            return
         finally:
             self.leave()
+        self._pass_on(result, then)
 
-    def _run_beside(self, job: Job) -> None:
+    def _run_beside(self, job: Job, then: Then | None) -> None:
         try:
             if not self._closed:
-                job()
+                self._pass_on(job(), then)
         except (Exception, SystemExit):
             log.exception("a handler failed")
         finally:
             with self._state:
                 self._beside -= 1
+
+    def _pass_on(self, result: Any, then: Then | None) -> None:
+        try:
+            if then:
+                then(result)
+        except Exception:
+            log.exception("an answer was not passed on")
 
 
 _POOL = -1

@@ -209,12 +209,11 @@ class _Handling:
                 self._monitor.leave()
         reply: Future[Reply] = Future()
 
-        def job() -> None:
-            late = time.monotonic() >= expires
-            reply.set_result(Reply(Status.EXPIRED) if late else self._answering.answer(arguments))
+        def job() -> Reply:
+            return Reply(Status.EXPIRED) if time.monotonic() >= expires else self._answering.answer(arguments)
 
         submit = self._monitor.submit_beside if self._concurrent else self._monitor.submit
-        if submit(job):
+        if submit(job, then=reply.set_result):
             return reply
         return Reply(Status.REFUSED if self._monitor.closed else Status.BUSY)
 
@@ -255,5 +254,5 @@ def close_all(links: list[Link]) -> None:
             links.pop().close()
         except Closed:
             continue
-        except RobocompError:
+        except (RobocompError, OSError):
             log.exception("closing a link")

@@ -91,6 +91,7 @@ class Running:
             self._fail(str(exc))
         finally:
             notify("STOPPING=1")
+            self._monitor.turn_away()
             ports.close_all(self._links)
             self._monitor.close()
             self._transports.close()
@@ -101,10 +102,12 @@ class Running:
         """Ask it to end: after what runs now, `finish` is called and everything closed."""
         self.signal(Event.STOP)
 
-    def signal(self, event: Event) -> None:
+    def signal(self, event: Event, during: State | None = None) -> None:
+        """Let something happen; if `during` is given, only if that is still the state."""
         with self._changing:
-            self.state = after(self.state, event)
-        if self.state is State.FINISH:
+            if during is None or self.state is during:
+                self.state = after(self.state, event)
+        if self.state in (State.FINISH, State.ENDED):
             self._monitor.turn_away()
         self._wake.set()
 
@@ -119,11 +122,11 @@ class Running:
         worker._signal = self.signal
         worker._state = lambda: self.state
         worker._set_period = self._set_period
+        self._beat = Beat(self.settings.period, time.monotonic())
         try:
             worker_class.__init__(worker)  # after the above, so that a user's __init__ has it
         except Exception as exc:
             raise ComponentError(self._init_failed(exc)) from exc
-        self._beat = Beat(worker.period, time.monotonic())
         return worker
 
     def _init_failed(self, exc: Exception) -> str:
@@ -239,8 +242,7 @@ class Running:
     def _once(self, hook: Callable[[], None], *, early: bool = False) -> None:
         state = self.state
         self._call(hook, early=early)
-        if self.state is state:
-            self.signal(Event.DONE)
+        self.signal(Event.DONE, during=state)
 
     def _call(self, hook: Callable[[], None], *, early: bool = False) -> None:
         """Run a hook; decide what becomes of the component if it raises."""
@@ -296,8 +298,11 @@ class _Transports:
 
     def close(self) -> None:
         while self._open:
-            _, transport = self._open.popitem()
-            transport.close()
+            name, transport = self._open.popitem()
+            try:
+                transport.close()
+            except (RobocompError, OSError):
+                log.exception("closing the transport %s", name)
 
 
 def main(worker_class: type[Worker[Any]], arguments: Sequence[str] | None = None) -> int:

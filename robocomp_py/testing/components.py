@@ -102,24 +102,32 @@ class ComponentTest:
 
     def __enter__(self) -> Self:
         self._monitor.open()
-        for port in self._running.component.ports:
-            self._face(port)
-        self._thread.start()
-        wait_until(
-            lambda: self._running.ready.is_set() or not self._thread.is_alive(), SOON * 2, "the component is ready"
-        )
+        try:
+            for port in self._running.component.ports:
+                self._face(port)
+            self._thread.start()
+            wait_until(
+                lambda: self._running.ready.is_set() or not self._thread.is_alive(), SOON * 2, "the component is ready"
+            )
+        except BaseException:
+            self._stop()
+            raise
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._stop()
+        if self._thread.is_alive():
+            raise AssertionError("the component did not stop")
+
+    def _stop(self) -> None:
         self._running.stop()
-        self._thread.join(SOON)
+        if self._thread.ident is not None:
+            self._thread.join(SOON)
         ports.close_all(self._links)
         self._monitor.close()
         self._transport.close()
-        if self._thread.is_alive():
-            raise AssertionError("the component did not stop")
 
     def call(self, operation: str, *arguments: Any, deadline: float = SOON) -> Any:
         """Call what the component implements: `call("Speech.say", "hello")`."""

@@ -42,21 +42,37 @@ def started(*command: str, cwd: Path | None = None, **environment: str) -> Itera
             break
     else:
         raise AssertionError("".join(seen))
-    yield process
-    process.wait(30)
-    process.stderr.close()
+    try:
+        yield process
+        process.wait(30)
+    finally:
+        process.kill()
+        process.wait()
+        process.stderr.close()
+
+
+FINISH = """
+    def finish(self) -> None:
+        import os
+        self.log.info("finishing")
+        while not os.path.exists("go on"):
+            os.sched_yield()
+        self.log.info("finished")
+"""
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_a_signal_ends_in_finish(hello: Path, number: int, code: int) -> None:
+def test_a_signal_ends_in_finish(hello: Path, tmp_path: Path, number: int, code: int) -> None:
     worker = hello / "specificworker.py"
     before = worker.read_text()
-    worker.write_text(before + "\n    def finish(self) -> None:\n        self.log.info('finished')\n")
+    worker.write_text(before + FINISH)
     try:
-        with started("robocomp_py.cli.rc", "run", str(hello)) as process:
+        with started("robocomp_py.cli.rc", "run", str(hello), cwd=tmp_path) as process:
             process.send_signal(number)
-            process.send_signal(signal.SIGTERM)
             assert process.stderr is not None
+            assert any("finishing" in line for line in process.stderr)
+            process.send_signal(signal.SIGTERM)  # which does not interrupt it
+            (tmp_path / "go on").touch()
             assert "finished" in process.stderr.read()
         assert process.returncode == code
     finally:

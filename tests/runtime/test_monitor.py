@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -33,6 +34,7 @@ def test_nobody_else_gets_in_while_somebody_is_inside(opened: Monitor) -> None:
         nonlocal inside, most
         inside += 1
         most = max(most, inside)
+        os.sched_yield()  # whoever could get in now would
         inside -= 1
 
     def enter() -> None:
@@ -41,12 +43,29 @@ def test_nobody_else_gets_in_while_somebody_is_inside(opened: Monitor) -> None:
                 work()
 
     with ThreadPoolExecutor(8) as pool:
-        for _ in range(4):
-            pool.submit(enter)
+        entering = [pool.submit(enter) for _ in range(4)]
         for _ in range(200):
             opened.run(work)
             opened.submit(work)
+    for each in entering:
+        each.result()
     assert most == 1
+
+
+def test_a_result_is_passed_on_after_leaving(opened: Monitor) -> None:
+    seen: list[tuple[str, bool]] = []
+    opened.submit(lambda: "result", then=lambda result: seen.append((result, opened.mine)))
+    opened.submit_beside(lambda: "beside", then=lambda result: seen.append((result, opened.mine)))
+    wait_until(lambda: len(seen) == 2)
+    assert sorted(seen) == [("beside", False), ("result", False)]
+
+
+def test_slow_concurrent_calls_keep_nobody_out(opened: Monitor) -> None:
+    release, ran = threading.Event(), threading.Event()
+    assert all(opened.submit_beside(lambda: release.wait(SOON)) for _ in range(MAX_BESIDE))
+    assert opened.submit(ran.set)
+    assert ran.wait(SOON)
+    release.set()
 
 
 def test_who_comes_first_is_served_first(opened: Monitor) -> None:
@@ -154,6 +173,7 @@ def test_when_too_many_wait_for_answers_new_jobs_are_turned_away(opened: Monitor
     for _ in range(MAX_ASIDE):
         assert out.acquire(timeout=SOON)
     assert not opened.submit(lambda: None)
+    assert not opened.try_enter()
     ran = threading.Event()
     assert opened.submit(ran.set, limited=False)
     assert ran.wait(SOON)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import threading
 from dataclasses import replace
 from typing import Any
 
@@ -12,6 +13,7 @@ from robocomp_py.contract.component import Component, Port
 from robocomp_py.contract.interface import Verb
 from robocomp_py.contract.parameters import Parameter, ParameterKind, ParameterList, ParameterSet
 from robocomp_py.runtime.worker import Worker
+from robocomp_py.testing import components
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.components import ComponentTest
 
@@ -108,3 +110,14 @@ def test_configuration_may_have_lists_and_any_text() -> None:
     with ComponentTest(Arm, config):
         pass
     assert found == {"word": 'a "quoted" \\ wörd', "motors": ({"name": "left"}, {"name": "right"})}
+
+
+def test_one_that_does_not_start_leaves_nothing_running(monkeypatch: pytest.MonkeyPatch) -> None:
+    def given_up(*arguments: object) -> None:
+        raise AssertionError("not ready")
+
+    monkeypatch.setattr(components, "wait_until", given_up)
+    before = set(threading.enumerate())
+    with pytest.raises(AssertionError, match="not ready"), ComponentTest(Calculator):
+        raise AssertionError("it was entered")
+    assert set(threading.enumerate()) == before
