@@ -8,10 +8,12 @@ python components/demo.py --middleware zeromq    over that middleware
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from robocomp_py.cli import rcdeploy, rcgen
+from robocomp_py.deploy.routes import unfit
 
 NETWORK = Path(__file__).with_name("rescue.ddsl")
 
@@ -20,6 +22,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """The exit code of rcdeploy: 0 if somebody was found and help was called."""
     options = _parser().parse_args(arguments)
     picture = options.picture.resolve()
+    wrong = unfit(options.middleware) if options.middleware else None
+    if wrong:  # before anything is generated for it
+        print(f"demo.py: --middleware: {wrong}", file=sys.stderr)
+        return 2
     over = ["--middleware", options.middleware] if options.middleware else []
     code = rcgen.main([str(NETWORK), *over])
     if code:

@@ -1,28 +1,30 @@
-"""`rcdeploy`: networks of components, started, watched and stopped."""
+"""`rcdeploy`: networks of components, started, watched and stopped.
+
+What takes long to import is imported when `main` runs, which ends quietly on Ctrl-C even then.
+"""
 
 from __future__ import annotations
 
 import argparse
+import io
 import json
+import os
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from rich.console import Console, Group
-from rich.live import Live
-from rich.table import Table
-from rich.text import Text
+from ..dsl.diagnostics import Diagnostic, did_you_mean
+from .common import FINE, USAGE, WRONG, add_include, command, complain, parser, show
 
-from ..deploy.plan import Overrides, Plan, make_plan
-from ..deploy.policy import State
-from ..deploy.run import Display, Options, run
-from ..dsl.workspace import Workspace
-from .common import FINE, USAGE, WRONG, add_include, parser, show
+if TYPE_CHECKING:
+    from ..deploy.plan import Plan
+    from ..dsl.workspace import LinkedComponent, Workspace
 
 _EXAMPLES = """\
 examples:
-  rcdeploy net.ddsl                              start everything; Ctrl-C stops it
+  rcdeploy net.ddsl                              start everything; Ctrl-C stops it, twice kills it
   rcdeploy net.ddsl --middleware zeromq          ... over that middleware
   rcdeploy net.ddsl --for 30                     ... for half a minute
   rcdeploy net.ddsl --until mission              ... until that instance ends
@@ -33,64 +35,91 @@ The whole network is checked first; nothing is started while anything is wrong.
 Exit status: 0 fine, 1 wrong input or something failed, 2 usage, 130/143 stopped by a signal.
 """
 
-_COLOURS = ("cyan", "green", "yellow", "magenta", "blue", "bright_red", "bright_cyan", "bright_green")
-_STYLES = {
-    State.WAITING: "dim",
-    State.STARTING: "yellow",
-    State.READY: "green",
-    State.STOPPING: "yellow",
-    State.ENDED: "dim",
-    State.FAILED: "bold red",
-}
 
-
+@command
 def main(arguments: Sequence[str] | None = None) -> int:
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    planning = given[:1] == ["plan"]
-    options = _parser(planning).parse_args(given[1:] if planning else given)
-    workspace = Workspace(options.include)
+    _prepare_output()
+    options = _parse(arguments)
+    from ..deploy.plan import Overrides, make_plan
+    from ..dsl.workspace import Workspace
+
     try:
+        _check_middleware(options.middleware)
         overrides = Overrides(options.middleware, tuple(map(_assignment, options.set)))
     except ValueError as exc:
         print(f"rcdeploy: {exc}", file=sys.stderr)
         return USAGE
+    workspace = Workspace(options.include)
     plan = make_plan(options.network, workspace, overrides)
-    as_json = planning and options.json
-    show(workspace.report.diagnostics, as_json=as_json and plan is None)
+    if plan and not _check_generated(options.network, workspace):
+        plan = None
+    _show(workspace.report.diagnostics, as_json=options.json and plan is None)
     if plan is None:
         return WRONG
-    if planning:
-        _print_plan(plan, as_json)
-        return FINE
+    if options.plan:
+        return _print_plan(plan, options.json)
     if options.until and options.until not in [process.name for process in plan.processes]:
         print(f"rcdeploy: --until {options.until}: there is no such instance", file=sys.stderr)
         return USAGE
-    return _run(plan, Options(options.duration, options.until))
+    return _run(plan, options)
 
 
-def _parser(planning: bool) -> argparse.ArgumentParser:
-    name = "rcdeploy plan" if planning else "rcdeploy"
-    made = parser(name, "Start, watch and stop a network of components described in DDSL.", _EXAMPLES)
-    made.add_argument("network", type=Path, metavar="NET.ddsl")
+def _prepare_output() -> None:
+    """Nothing that is to be said may stop a network: not a closed output, not a character it lacks."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115 - for as long as we live
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")
+
+
+# Arguments.
+
+
+def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
+    made = _parser()
+    options = made.parse_intermixed_args(arguments)
+    words = options.words
+    options.plan = words[:1] == ["plan"]
+    if len(words) == 2 and not options.plan:
+        proposal = did_you_mean(words[0], ["plan"])
+        made.error(f"no command `{words[0]}`; {proposal or 'give it one network, or `plan` and a network'}")
+    if len(words) != 1 + options.plan:
+        made.error("give it one network (.ddsl)")
+    if options.json and not options.plan:
+        made.error("--json is for `rcdeploy plan`")
+    if options.plan and (options.duration is not None or options.until):
+        made.error("--for and --until are for running, not for `rcdeploy plan`")
+    options.network = Path(words[-1])
+    return options
+
+
+def _parser() -> argparse.ArgumentParser:
+    made = parser("rcdeploy", "Start, watch and stop a network of components described in DDSL.", _EXAMPLES)
+    made.usage = "rcdeploy [plan] [options] NET.ddsl"
+    made.add_argument(
+        "words", nargs="*", metavar="[plan] NET.ddsl", help="the network; after `plan`, only show what would run"
+    )
     made.add_argument("--middleware", metavar="NAME", help="what carries the messages, whatever the network says")
     made.add_argument(
         "--set", action="append", default=[], metavar="INSTANCE.KEY=VALUE", help="set a key; may be repeated"
     )
+    made.add_argument(
+        "--for", dest="duration", type=_seconds, metavar="SECONDS", help="stop so long after everything was ready"
+    )
+    made.add_argument("--until", metavar="INSTANCE", help="stop everything when this one ends")
+    made.add_argument("--json", action="store_true", help="plan: for machines")
     add_include(made)
-    if planning:
-        made.add_argument("--json", action="store_true", help="for machines")
-    else:
-        made.add_argument(
-            "--for", dest="duration", type=_seconds, metavar="SECONDS", help="stop so long after everything was ready"
-        )
-        made.add_argument("--until", metavar="INSTANCE", help="stop everything when this one ends")
     return made
 
 
 def _seconds(text: str) -> float:
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
     if not 0 <= value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is no number of seconds")
+        raise argparse.ArgumentTypeError(f"`{text}` is no number of seconds; write it as in --for 30 or --for 0.5")
     return value
 
 
@@ -101,77 +130,111 @@ def _assignment(text: str) -> tuple[str, str]:
     return instance, assignment
 
 
-def _print_plan(plan: Plan, as_json: bool) -> None:
+def _check_middleware(name: str | None) -> None:
+    """Raise ValueError for one that cannot carry a network: the option is wrong then, and not a file."""
+    from ..deploy.routes import unfit
+
+    fault = unfit(name) if name else None
+    if fault:
+        raise ValueError(f"--middleware {name}: {fault}")
+
+
+# What was generated.
+
+
+def _check_generated(path: Path, workspace: Workspace) -> bool:
+    """Report components whose generic part is not what their models come to. Whether there are none."""
+    model = workspace.deployment(path)
+    paths = workspace.components_of(path)
+    components = {linked.component.name.lower(): linked for each in paths if (linked := workspace.component(each))}
+    seen: set[str] = set()
+    for instance in model.instances if model else ():
+        kind = instance.component.text.lower()
+        if instance.path or kind in seen or kind not in components:
+            continue  # a program of one's own is none of ours
+        seen.add(kind)
+        lines = _outdated(components[kind])
+        if lines:
+            message = f"`{instance.component}` is not generated from its models as they are now\n  " + "\n  ".join(
+                lines
+            )
+            workspace.report.error(
+                "out-of-date", message, instance.component.span, f"run: rcgen {shlex.quote(str(path))}"
+            )
+    return not workspace.report.errors
+
+
+def _outdated(linked: LinkedComponent) -> list[str]:
+    from .. import __version__
+    from ..codegen.generate import DEFAULT_MIDDLEWARE, GenerationError, Model, Owner, generate
+    from ..codegen.write import compare
+    from ..deploy.routes import generated_for
+
+    folder = linked.path.parent
+    try:
+        first = (
+            (folder / "generic" / "genericworker.py").read_text(encoding="utf-8", errors="replace").partition("\n")[0]
+        )
+        if f" by rcgen {__version__}:" not in first:
+            return []  # another version writes other text for the same models: nothing can be told from that
+        middleware = generated_for(folder) or DEFAULT_MIDDLEWARE
+        artifacts = generate(Model(linked.component, linked.modules, linked.path.name, linked.params, middleware))
+        return compare([each for each in artifacts if each.owner is Owner.GENERATOR], folder).lines(folder)
+    except (OSError, GenerationError) as exc:
+        return [str(exc)]
+
+
+# Output.
+
+
+def _show(diagnostics: Iterable[Diagnostic], *, as_json: bool) -> None:
+    """Print diagnostics. That nobody can read them is no reason not to run a network that is right."""
+    from ..deploy.terminal import discard
+
+    stream = sys.stdout if as_json else sys.stderr
+    try:
+        show(diagnostics, as_json=as_json)
+        stream.flush()
+    except BrokenPipeError:
+        raise
+    except OSError:
+        discard(stream)
+
+
+def _print_plan(plan: Plan, as_json: bool) -> int:
+    from ..deploy.terminal import discard
+
+    try:
+        _write_plan(plan, as_json)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as exc:
+        discard(sys.stdout)
+        return complain(f"rcdeploy: the plan cannot be written: {exc.strerror}")
+    return FINE
+
+
+def _write_plan(plan: Plan, as_json: bool) -> None:
     if as_json:
         print(json.dumps(plan.to_json(), indent=2))
         return
+    from rich.console import Console
+    from rich.text import Text
+
+    from ..deploy.terminal import table_of
+
     console = Console()
-    table = Table(title=f"{plan.name} over {plan.middleware or 'what each component was generated for'}")
-    for column in ("instance", "component", "starts after", "uses"):
-        table.add_column(column)
-    for process in plan.processes:
-        uses = ", ".join(f"{link.interface} of {link.provider}" for link in plan.links if link.client == process.name)
-        table.add_row(process.name, process.component, ", ".join(process.after), uses)
-    console.print(table)
+    console.print(table_of(plan))
     for process in plan.processes:
         console.print(Text(f"{process.name}: {shlex.join(process.command)}", style="dim"), soft_wrap=True)
 
 
-def _run(plan: Plan, options: Options) -> int:
-    if not plan.processes:
-        return FINE
-    console = Console(highlight=False, soft_wrap=True)
-    display = _Terminal(plan, console)
-    if not console.is_terminal:
-        return run(plan, options, display)
-    with Live(display.table({}), console=console, auto_refresh=False, transient=True) as live:
-        display.live = live
-        return run(plan, options, display)
+def _run(plan: Plan, options: argparse.Namespace) -> int:
+    from ..deploy.run import Options
+    from ..deploy.terminal import run_on_terminal
 
-
-class _Terminal(Display):
-    """Lines with coloured names; on a terminal, a table of all states below them."""
-
-    def __init__(self, plan: Plan, console: Console) -> None:
-        self._plan, self._console = plan, console
-        names = [process.name for process in plan.processes]
-        self._width = max(map(len, names))
-        self._colours = {name: _COLOURS[n % len(_COLOURS)] for n, name in enumerate(names)}
-        self.live: Live | None = None
-
-    def line(self, name: str, text: str) -> None:
-        style = "red" if text.startswith(("ERROR", "CRITICAL")) else "yellow" if text.startswith("WARNING") else ""
-        self._console.print(
-            Text.assemble((f"{name:>{self._width}} │ ", self._colours[name]), (text.removeprefix("INFO: "), style))
-        )
-
-    def states(self, states: dict[str, State]) -> None:
-        if self.live:
-            self.live.update(self.table(states), refresh=True)
-
-    def up(self) -> None:
-        self._say(f"all {len(self._plan.processes)} components of {self._plan.name} are ready", "bold green")
-
-    def died(self, name: str, code: int, last: list[str]) -> None:
-        how = f"was ended by signal {-code}" if code < 0 else f"ended with exit code {code}" if code else "has ended"
-        self._say(f"{name} {how}", "bold red" if code else "yellow")
-        if code and last:
-            self._say(f"the last lines of {name}:", "red")
-            for text in last:
-                self._console.print(Text(f"    {text}", style="red"))
-
-    def stopping(self, why: str) -> None:
-        self._say(f"stopping: {why}", "bold")
-
-    def table(self, states: dict[str, State]) -> Group:
-        cells = []
-        for process in self._plan.processes:
-            state = states.get(process.name, State.WAITING)
-            cells.append(Text.assemble((process.name, self._colours[process.name]), " ", (str(state), _STYLES[state])))
-        return Group(Text("─" * 40, style="dim"), Text("  ").join(cells))
-
-    def _say(self, text: str, style: str) -> None:
-        self._console.print(Text(f"{'rcdeploy':>{self._width}} │ {text}", style=style))
+    return run_on_terminal(plan, Options(options.duration, options.until)) if plan.processes else FINE
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ from ..dsl.source import Name
 from ..dsl.workspace import LinkedComponent, Workspace
 from ..errors import ConfigurationError
 from ..runtime import settings
-from ..transports.base import Capability, find_transport
+from .routes import Configured, check_routes, generated_for, unfit
 
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
 
@@ -129,6 +128,9 @@ class _Planner:
         self._report: Report = workspace.report
         self._folder = model.source.path.parent
         self._links: list[Link] = []
+        self._configured: list[Configured] = []
+        self._unfit: set[str] = set()
+        """Middlewares that were complained about where the network names them."""
 
     def plan(self) -> Plan:
         self._check_network()
@@ -137,6 +139,7 @@ class _Planner:
             self._wire(node, nodes)
         order = self._start_order(nodes)
         processes = [self._process(node) for node in order]
+        self._check_routes(nodes)
         middleware = self._overrides.middleware or (self._model.middleware.text if self._model.middleware else "")
         return Plan(self._model.name.text, middleware, tuple(each for each in processes if each), tuple(self._links))
 
@@ -179,15 +182,10 @@ class _Planner:
                 self._error("port-clash", f"port {number} is taken", instance.port, "", first)
 
     def _check_middleware(self, name: Name | None) -> None:
-        known = [entry.name for entry in entry_points(group="robocomp_py.transports")]
-        if name and name.text not in known:
-            hint = did_you_mean(name.text, known) or f"installed: {', '.join(sorted(known))}"
-            self._error("unknown-middleware", f"no middleware `{name}`", name, hint)
-        elif name:
-            capabilities = getattr(find_transport(name.text), "capabilities", Capability.CROSS_PROCESS)
-            if Capability.CROSS_PROCESS not in capabilities:
-                message = f"`{name}` does not reach other processes, and every component is one"
-                self._error("unfit-middleware", message, name)
+        fault = unfit(name.text) if name else None
+        if name and fault:
+            self._unfit.add(name.text)
+            self._error(fault.code, fault.message, name, fault.hint)
 
     def _nodes(self) -> list[Node]:
         """The instances whose component could be read."""
@@ -226,14 +224,15 @@ class _Planner:
 
     def _wired_port(self, node: Node, wiring: Wiring) -> Port | None:
         verb = Verb(wiring.verb.text)
-        ports = {port.segment: port for port in node.component.ports if port.verb is verb}
+        ports = {port.label: port for port in node.component.ports if port.verb is verb}
         if wiring.port.text not in ports:
             message = f"`{node.component.name}` has no `{verb} {wiring.port}`"
             self._error("unknown-port", message, wiring.port, did_you_mean(wiring.port.text, ports))
         return ports.get(wiring.port.text)
 
     def _wire_port(self, node: Node, port: Port, wiring: Wiring | None, nodes: Sequence[Node], complete: bool) -> None:
-        offers = [(other, theirs) for other in nodes for theirs in _offered(other, port)]
+        others = nodes if wiring else [other for other in nodes if other is not node]
+        offers = [(other, theirs) for other in others for theirs in _offered(other, port)]
         at = wiring.instance if wiring else node.instance.name
         if wiring:
             offers = [offer for offer in offers if offer[0].name == wiring.instance.text]
@@ -247,16 +246,15 @@ class _Planner:
         providers = list(dict.fromkeys(other.name for other, _ in offers))
         if len(providers) > 1 and port.verb is Verb.REQUIRES:
             names = ", ".join(f"`{name}`" for name in providers)
-            hint = f"write in its block: requires {port.segment} from {providers[0]};"
-            self._error(
-                "ambiguous-provider", f"`{port.interface.short}` for `{node.name}`: {names} implement it", at, hint
-            )
+            likely = providers[min(int(port.number or 0), len(providers) - 1)]
+            hint = f"write in its block: requires {port.label} from {likely};"
+            self._error("ambiguous-provider", f"`{port.label}` for `{node.name}`: {names} implement it", at, hint)
             return
         for other, theirs in offers:
             self._check_match(port, other, theirs, at)
             self._links.append(Link(port.interface.short, other.name, node.name, port.verb))
         if len(providers) == 1:
-            segments = list(dict.fromkeys(theirs.segment for _, theirs in offers))
+            segments = list(dict.fromkeys(other.component.segment(theirs) for other, theirs in offers))
             exact = segments[0] != port.interface.short
             node.wires[port.name] = f"{providers[0]}/{segments[0]}" if exact else providers[0]
 
@@ -345,8 +343,8 @@ class _Planner:
         config = self._config(node)
         command += ["--config", str(config.resolve())] if node.instance.config and config else []
         assignments = list(self._assignments(node))
-        self._check_settings(node, config, assignments)
-        return [*command, *(part for each in assignments for part in ("--set", each)), *arguments]
+        self._configure(node, config, assignments)
+        return [*command, *(part for each, _ in assignments for part in ("--set", each)), *arguments]
 
     def _config(self, node: Node) -> Path | None:
         if node.instance.config:
@@ -358,32 +356,46 @@ class _Planner:
         path = node.linked.path.parent / "etc" / "config.toml"
         return path if path.is_file() else None
 
-    def _assignments(self, node: Node) -> Iterator[str]:
-        """What the deployment sets, weakest first."""
+    def _assignments(self, node: Node) -> Iterator[tuple[str, str]]:
+        """What the deployment sets, weakest first, and who says so."""
+        network = str(self._model.source.path)
         if self._model.namespace:
-            yield f"namespace={self._model.namespace}"
+            yield f"namespace={self._model.namespace}", network
         named = node.instance.middleware or self._model.middleware
-        middleware = self._overrides.middleware or (named.text if named else None)
-        if middleware:
-            yield f"middleware={middleware}"
+        if self._overrides.middleware:
+            yield f"middleware={self._overrides.middleware}", f"--middleware {self._overrides.middleware}"
+        elif named:
+            yield f"middleware={named}", network
         if node.instance.port:
-            yield f"transports.zeromq.bind=tcp://127.0.0.1:{int(node.instance.port.text, 0)}"
+            yield f"transports.zeromq.bind=tcp://127.0.0.1:{int(node.instance.port.text, 0)}", network
         for port, source in node.wires.items():
-            yield f"ports.{port}.from={source}"
-        yield from self._overrides.of(node.name)
+            yield f"ports.{port}.from={source}", network
+        for assignment in self._overrides.of(node.name):
+            yield assignment, f"--set {assignment}"
 
-    def _check_settings(self, node: Node, config: Path | None, assignments: Iterable[str]) -> None:
+    def _configure(self, node: Node, config: Path | None, assignments: Iterable[tuple[str, str]]) -> None:
         try:
             document = settings.read(config) if config else settings.Document()
-            for assignment in assignments:
+            for assignment, origin in assignments:
                 settings.override(document, assignment)
-            settings.check(node.component, document, node.name)
+                key, _ = document.overrides[-1]
+                document.overrides[-1] = (key, origin)
+            checked = settings.check(node.component, document, node.name)
         except ConfigurationError as exc:
             self._error(
                 "configuration",
                 f"`{node.name}` is configured wrongly\n  " + str(exc).replace("\n", "\n  "),
                 node.instance.config or node.instance.name,
             )
+            return
+        middleware = generated_for(node.linked.path.parent)
+        self._configured.append(Configured(node.name, node.component, checked, document, middleware))
+
+    def _check_routes(self, nodes: Sequence[Node]) -> None:
+        at = {node.name: node.instance.config or node.instance.name for node in nodes}
+        instances = [instance.name.text for instance in self._model.instances]
+        for fault in check_routes(self._configured, instances, self._unfit):
+            self._error(fault.code, fault.message, at[fault.instance], fault.hint)
 
     def _error(self, code: str, message: str, at: Name, hint: str = "", first: Name | None = None) -> None:
         related = (("first here", first.span),) if first else ()

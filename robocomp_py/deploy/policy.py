@@ -2,15 +2,16 @@
 
     WAITING ─Start→ STARTING ─Ready→ READY ─Stop→ STOPPING ─Exited→ GONE
 
-A process that dies before it was ready stops the network, which cannot come up any more. One
-that dies later is reported, and the others go on. Stopping goes backwards: a process is told
-to stop when those that depend on it are gone, and killed if it does not within its grace.
+A process that fails before everything was ready stops the network, which cannot come up any
+more; so does one that ends, however well, while another that needs it is still on its way. Whoever
+dies later is reported, and the others go on. Stopping goes backwards: a process is told to stop
+when those that depend on it are gone, and killed if it does not within its grace.
 """
 
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -30,7 +31,7 @@ class Exited:
 
 @dataclass(frozen=True, slots=True)
 class StopRequested:
-    """Somebody wants an end. `code` is what to exit with if all else is fine."""
+    """Somebody (`code` is what to exit with if all else is fine) or the clock (0) wants an end."""
 
     code: int = 0
 
@@ -89,21 +90,28 @@ _STOPPED_BY_US = frozenset({0, -signal.SIGTERM, -signal.SIGINT, 128 + signal.SIG
 class Supervisor:
     """`after` names, for each process, those that must be ready before it starts.
 
-    `until` names a process whose end is the end of the network.
+    `until` names a process whose end is the end of the network. `needs` names, for each process,
+    those without which it does not become ready.
     """
 
-    def __init__(self, after: Iterable[tuple[str, Iterable[str]]], until: str | None = None) -> None:
+    def __init__(
+        self,
+        after: Iterable[tuple[str, Iterable[str]]],
+        until: str | None = None,
+        needs: Mapping[str, Iterable[str]] | None = None,
+    ) -> None:
         self._after = {name: frozenset(others) for name, others in after}
+        self._needs = {name: frozenset(others) for name, others in (needs or {}).items()}
         self._until = until
         self.states = dict.fromkeys(self._after, State.WAITING)
+        self.up = False
+        """Whether everything has been ready, or has done its work."""
         self.stopping = False
+        self._done: set[str] = set()
+        """Who was ready, and then ended well: whoever starts after it may start."""
+        self._impatient = False
         self._code = 0
         self._finished = False
-
-    @property
-    def up(self) -> bool:
-        """Whether everything is ready."""
-        return all(state is State.READY for state in self.states.values())
 
     def begin(self) -> list[Action]:
         return self._next()
@@ -117,20 +125,36 @@ class Supervisor:
                 self._exited(name, code)
             case StopRequested(code):
                 if self.stopping:
-                    return self._kill_all()
+                    return self._kill_all(code) if code else []
                 self._stop(code)
             case GraceOver(name):
                 return [Kill(name)] if self.states[name] is State.STOPPING else []
+        if not self.stopping:
+            self.up = self.up or all(state in (State.READY, State.ENDED) for state in self.states.values())
         return self._next()
 
     def _exited(self, name: str, code: int) -> None:
         was = self.states[name]
-        fine = code in _STOPPED_BY_US if was is State.STOPPING else code == 0
-        self.states[name] = State.ENDED if fine else State.FAILED
-        if not fine:
+        self.states[name] = State.ENDED if self._is_fine(was, code) else State.FAILED
+        if self.states[name] is State.FAILED:
             self._code = FAILED
-        if name == self._until or (was is State.STARTING and not fine):
+        elif was is State.READY:
+            self._done.add(name)
+        if name == self._until:
             self._stop(self._code)
+        elif not (self.up or self.stopping) and (self.states[name] is State.FAILED or self._is_missed(name)):
+            self._stop(FAILED)
+
+    def _is_fine(self, was: State, code: int) -> bool:
+        if was is not State.STOPPING:
+            return code == 0
+        return code in _STOPPED_BY_US or (self._impatient and code == -signal.SIGKILL)
+
+    def _is_missed(self, name: str) -> bool:
+        """Whether somebody cannot become ready now that this one has ended."""
+        coming = [other for other, state in self.states.items() if state in (State.WAITING, State.STARTING)]
+        waiting = [other for other in coming if name in self._after[other] and name not in self._done]
+        return bool(waiting) or any(name in self._needs.get(other, ()) for other in coming)
 
     def _stop(self, code: int) -> None:
         self.stopping = True
@@ -152,7 +176,7 @@ class Supervisor:
         return actions
 
     def _can_start(self, name: str) -> bool:
-        return all(self.states[other] is State.READY for other in self._after[name])
+        return all(self.states[other] is State.READY or other in self._done for other in self._after[name])
 
     def _stop_if_free(self, name: str) -> list[Action]:
         dependents = [other for other, after in self._after.items() if name in after]
@@ -162,8 +186,10 @@ class Supervisor:
         self.states[name] = State.STOPPING
         return [Stop(name)]
 
-    def _kill_all(self) -> list[Action]:
-        """Somebody is out of patience."""
+    def _kill_all(self, code: int) -> list[Action]:
+        """Somebody is out of patience, and what is killed then has not failed."""
+        self._impatient = True
+        self._code = self._code or code
         alive = [name for name, state in self.states.items() if not state.gone]
         for name in alive:
             self.states[name] = State.STOPPING

@@ -20,14 +20,17 @@ from .plan import Process
 LINE = 4096
 """Longer lines of output are cut into pieces of so many characters."""
 
+_DRAIN = 1.0
+"""Seconds for which what a process said before it ended is still read."""
+
 _PR_SET_PDEATHSIG = 1
 
 
 class Launcher:
     """Starts processes, and calls back on the event loop.
 
-    `output(name, line)`, `ready(name)` and `exited(name, code)` are called as these things happen;
-    `exited` after the last line.
+    `output(name, line)`, `ready(name)`, `status(name, text)` and `exited(name, code)` are called as
+    these things happen; `exited` after the last line.
     """
 
     def __init__(
@@ -35,8 +38,9 @@ class Launcher:
         output: Callable[[str, str], None],
         ready: Callable[[str], None],
         exited: Callable[[str, int], None],
+        status: Callable[[str, str], None] = lambda name, text: None,
     ) -> None:
-        self._output, self._ready, self._exited = output, ready, exited
+        self._output, self._ready, self._exited, self._status = output, ready, exited, status
         self._running: dict[str, asyncio.subprocess.Process] = {}
         self._watchers: set[asyncio.Task[None]] = set()
         self._sockets: list[socket.socket] = []
@@ -61,23 +65,31 @@ class Launcher:
     async def start(self, process: Process) -> None:
         """Raises DeploymentError if there is no such program, or it cannot be run."""
         environment = os.environ | {"PYTHONUNBUFFERED": "1"} | dict(process.env)
-        environment["NOTIFY_SOCKET"] = str(self._listen(process.name))
+        try:
+            environment["NOTIFY_SOCKET"] = str(self._listen(process.name))
+        except OSError as exc:
+            raise DeploymentError(f"{process.name}: no socket in {self._folder.name}: {exc}; set TMPDIR") from exc
+        # A pipe of our own: asyncio takes a process for ended only once nobody holds the one it makes.
+        out, into = os.pipe()
         try:
             running = await asyncio.create_subprocess_exec(
                 *process.command,
                 cwd=process.cwd,
                 env=environment,
                 stdin=asyncio.subprocess.DEVNULL,
-                stdout=asyncio.subprocess.PIPE,
+                stdout=into,
                 stderr=asyncio.subprocess.STDOUT,
                 start_new_session=True,
                 preexec_fn=_die_with(os.getpid()),
             )
         except OSError as exc:
+            os.close(out)
             raise DeploymentError(f"{process.name}: {process.command[0]} cannot be started: {exc.strerror}") from exc
+        finally:
+            os.close(into)
         self._running[process.name] = running
         self._tell_keeper(f"+{running.pid}")
-        watcher = asyncio.create_task(self._watch(process.name, running), name=f"watch {process.name}")
+        watcher = asyncio.create_task(self._watch(process.name, running, out), name=f"watch {process.name}")
         self._watchers.add(watcher)
         watcher.add_done_callback(self._watchers.discard)
         if not process.notifies:
@@ -99,20 +111,31 @@ class Launcher:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(self._running[name].pid, number)
 
-    async def _watch(self, name: str, running: asyncio.subprocess.Process) -> None:
-        assert running.stdout is not None
-        code = asyncio.create_task(running.wait())
-        reader = asyncio.create_task(self._read(name, running.stdout))
-        await code
+    async def _watch(self, name: str, running: asyncio.subprocess.Process, output: int) -> None:
+        reader = asyncio.create_task(self._read(name, output))
+        code = await running.wait()
         # What it started may outlive it and hold the pipe: end that first, then read what is left.
         with contextlib.suppress(ProcessLookupError):
             os.killpg(running.pid, signal.SIGKILL)
-        await reader
+        done, _ = await asyncio.wait({reader}, timeout=_DRAIN)
+        if not done:  # somebody who left its process group holds the pipe, and is nobody we started
+            reader.cancel()
         del self._running[name]
         self._tell_keeper(f"-{running.pid}")
-        self._exited(name, code.result())
+        self._exited(name, code)
 
-    async def _read(self, name: str, stream: asyncio.StreamReader) -> None:
+    async def _read(self, name: str, output: int) -> None:
+        stream = asyncio.StreamReader()
+        with os.fdopen(output, "rb") as pipe:
+            transport, _ = await asyncio.get_running_loop().connect_read_pipe(
+                lambda: asyncio.StreamReaderProtocol(stream), pipe
+            )
+            try:
+                await self._read_lines(name, stream)
+            finally:
+                transport.close()
+
+    async def _read_lines(self, name: str, stream: asyncio.StreamReader) -> None:
         rest = b""
         while chunk := await stream.read(65536):
             *lines, rest = (rest + chunk).split(b"\n")
@@ -133,15 +156,18 @@ class Launcher:
         """A socket at which a process says how it is."""
         path = Path(self._folder.name, f"{len(self._sockets)}.notify")
         channel = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
-        channel.bind(str(path))
         self._sockets.append(channel)
+        channel.bind(str(path))
         asyncio.get_running_loop().add_reader(channel, self._notified, name, channel)
         return path
 
     def _notified(self, name: str, channel: socket.socket) -> None:
         with contextlib.suppress(BlockingIOError):
-            if b"READY=1" in channel.recv(4096).split(b"\n"):
-                self._ready(name)
+            for line in channel.recv(4096).decode(errors="replace").split("\n"):
+                if line == "READY=1":
+                    self._ready(name)
+                elif line.startswith("STATUS="):
+                    self._status(name, line.removeprefix("STATUS="))
 
     def _tell_keeper(self, line: str) -> None:
         if self._keeper and self._keeper.stdin and not self._keeper.stdin.is_closing():

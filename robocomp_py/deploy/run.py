@@ -9,13 +9,17 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Protocol
 
+from ..contract.interface import Verb
 from ..errors import DeploymentError
 from .plan import Plan
-from .policy import Event, Exited, Finish, GraceOver, Kill, Ready, Start, State, Stop, StopRequested, Supervisor
+from .policy import Action, Event, Exited, Finish, GraceOver, Kill, Ready, Start, State, Stop, StopRequested, Supervisor
 from .processes import Launcher
 
 GRACE = 5.0
 """Seconds a process has to end by itself, once told to."""
+
+REMIND = 5.0
+"""Seconds between two messages that say who is not ready yet."""
 
 LAST_LINES = 20
 
@@ -32,8 +36,14 @@ class Display(Protocol):
     def up(self) -> None:
         """Everything is ready."""
 
-    def died(self, name: str, code: int, last: list[str]) -> None:
-        """A component ended that should not have, or failed; its last lines."""
+    def waiting(self, whom: list[str]) -> None:
+        """Some are not ready yet: who, and why if that is known."""
+
+    def ended(self, name: str, how: str) -> None:
+        """A component is gone, which is worth a word, but nothing is wrong with it."""
+
+    def failed(self, name: str, how: str, last: list[str]) -> None:
+        """A component failed; its last lines."""
 
     def stopping(self, why: str) -> None: ...
 
@@ -44,6 +54,8 @@ class Options:
     """Seconds to stay up, counted from when everything is ready; None is until stopped."""
     until: str | None = None
     """The instance whose end is the end of the network."""
+    grace: float = GRACE
+    remind: float = REMIND
 
 
 async def run_plan(plan: Plan, options: Options, display: Display) -> int:
@@ -55,10 +67,13 @@ class _Run:
     def __init__(self, plan: Plan, options: Options, display: Display) -> None:
         self._processes = {process.name: process for process in plan.processes}
         self._options, self._display = options, display
-        self._supervisor = Supervisor(((p.name, p.after) for p in plan.processes), options.until)
+        self._supervisor = Supervisor(((p.name, p.after) for p in plan.processes), options.until, _needs(plan))
         self._events: asyncio.Queue[Event] = asyncio.Queue()
         self._last: dict[str, deque[str]] = {name: deque(maxlen=LAST_LINES) for name in self._processes}
-        self._launcher = Launcher(self._output, self._ready, self._exited)
+        self._launcher = Launcher(self._output, self._ready, self._exited, self._said)
+        self._statuses: dict[str, str] = {}
+        self._killed: dict[str, str] = {}
+        """Who was killed by us, and how to say so."""
         self._was_up = False
         self._timers: list[asyncio.TimerHandle] = []
 
@@ -67,6 +82,7 @@ class _Run:
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             loop.add_signal_handler(number, self._interrupted, number)
         await self._launcher.open()
+        self._remind_later()
         try:
             return await self._loop()
         finally:
@@ -78,20 +94,54 @@ class _Run:
         actions = self._supervisor.begin()
         while True:
             for action in actions:
-                match action:
-                    case Start(name):
-                        await self._start(name)
-                    case Stop(name):
-                        self._launcher.stop(name)
-                        self._after(GRACE, GraceOver(name))
-                    case Kill(name):
-                        self._launcher.kill(name)
-                    case Finish(code):
-                        return code
+                if isinstance(action, Finish):
+                    return action.code
+                await self._do(action)
             self._show()
-            event = await self._events.get()
-            self._report(event)
-            actions = self._supervisor.handle(event)
+            actions = self._handle(await self._events.get())
+
+    async def _do(self, action: Action) -> None:
+        match action:
+            case Start(name):
+                await self._start(name)
+            case Stop(name):
+                self._launcher.stop(name)
+                self._after(self._options.grace, GraceOver(name))
+            case Kill(name):
+                self._launcher.kill(name)
+            case Finish():
+                raise AssertionError("the end is no deed")
+
+    def _handle(self, event: Event) -> list[Action]:
+        """Have the policy decide, and tell what is worth telling."""
+        supervisor = self._supervisor
+        before, was_stopping = dict(supervisor.states), supervisor.stopping
+        actions = supervisor.handle(event)
+        match event:
+            case Exited(name, code):
+                self._report_exit(name, code, before[name])
+                if supervisor.stopping and not was_stopping:
+                    why = "has ended" if name == self._options.until else "is gone before everything was ready"
+                    self._display.stopping(f"{name} {why}")
+            case StopRequested(code):
+                if not was_stopping:
+                    self._display.stopping("asked to" if code else "time is over")
+                elif code:
+                    self._display.stopping("killing what is left")
+            case Ready() | GraceOver():
+                pass
+        for action in actions:
+            if isinstance(action, Kill):
+                late = f"did not stop within {self._options.grace:g} s; killed"
+                self._killed[action.name] = late if isinstance(event, GraceOver) else "was killed"
+        return actions
+
+    def _report_exit(self, name: str, code: int, was: State) -> None:
+        killed = self._killed.get(name) if code == -signal.SIGKILL else None
+        if self._supervisor.states[name] is State.FAILED:
+            self._display.failed(name, killed or _how(code), list(self._last[name]))
+        elif killed or (was is not State.STOPPING and name != self._options.until):
+            self._display.ended(name, killed or _how(code))
 
     async def _start(self, name: str) -> None:
         try:
@@ -108,20 +158,24 @@ class _Run:
             if self._options.duration is not None:
                 self._after(self._options.duration, StopRequested())
 
-    def _report(self, event: Event) -> None:
-        supervisor = self._supervisor
-        match event:
-            case Exited(name, code):
-                expected = supervisor.states[name] is State.STOPPING or (code == 0 and name == self._options.until)
-                if not expected or (code not in (0, 130, 143, -15, -2)):
-                    self._display.died(name, code, list(self._last[name]))
-                elif name == self._options.until:
-                    self._display.stopping(f"{name} has ended")
-            case StopRequested(code):
-                again = supervisor.stopping
-                self._display.stopping("killing what is left" if again else "asked to" if code else "time is over")
-            case Ready() | GraceOver():
-                pass
+    def _remind_later(self) -> None:
+        self._timers.append(asyncio.get_running_loop().call_later(self._options.remind, self._remind))
+
+    def _remind(self) -> None:
+        if self._supervisor.up or self._supervisor.stopping:
+            return
+        self._timers = [timer for timer in self._timers if timer.when() > asyncio.get_running_loop().time()]
+        self._display.waiting(
+            [self._reason(name) for name, state in self._supervisor.states.items() if state in _NOT_YET]
+        )
+        self._remind_later()
+
+    def _reason(self, name: str) -> str:
+        states = self._supervisor.states
+        if states[name] is State.WAITING:
+            missing = [each for each in self._processes[name].after if states[each] in _NOT_YET]
+            return f"{name} (after {', '.join(missing)})"
+        return f"{name} ({self._statuses[name]})" if self._statuses.get(name) else name
 
     def _after(self, seconds: float, event: Event) -> None:
         self._timers.append(asyncio.get_running_loop().call_later(seconds, self._events.put_nowait, event))
@@ -138,6 +192,27 @@ class _Run:
 
     def _exited(self, name: str, code: int) -> None:
         self._events.put_nowait(Exited(name, code))
+
+    def _said(self, name: str, status: str) -> None:
+        self._statuses[name] = status
+
+
+_NOT_YET = (State.WAITING, State.STARTING)
+
+
+def _needs(plan: Plan) -> dict[str, set[str]]:
+    """Without whom each does not become ready: a component waits for what it requires."""
+    found: dict[str, set[str]] = {}
+    for link in plan.links:
+        if link.verb is Verb.REQUIRES and link.client != link.provider:
+            found.setdefault(link.client, set()).add(link.provider)
+    return found
+
+
+def _how(code: int) -> str:
+    if code < 0:
+        return f"was ended by signal {-code}"
+    return f"ended with exit code {code}" if code else "has ended"
 
 
 def run(plan: Plan, options: Options, display: Display) -> int:

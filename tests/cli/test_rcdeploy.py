@@ -121,10 +121,16 @@ def test_a_network_is_started_in_order_run_for_a_while_and_stopped(folder: Path)
 def test_the_middleware_can_be_chosen(folder: Path) -> None:
     assert run(folder / "net.ddsl", "--middleware", "zeromq", "--for", 0).returncode == 0
     wrong = run(folder / "net.ddsl", "--middleware", "zeromk", "--for", 0)
-    assert wrong.returncode == 1
-    assert "no middleware `zeromk`" in wrong.stderr
-    assert "did you mean `zeromq`?" in wrong.stderr
+    assert wrong.returncode == 2
+    assert wrong.stderr == "rcdeploy: --middleware zeromk: no middleware `zeromk`; did you mean `zeromq`?\n"
     assert wrong.stdout == ""
+
+
+def test_an_option_is_blamed_for_a_middleware_that_stays_in_a_process(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert rcdeploy([str(folder / "net.ddsl"), "--middleware", "inproc"]) == 2
+    assert capsys.readouterr().err.startswith("rcdeploy: --middleware inproc: `inproc` does not reach other processes")
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
@@ -145,8 +151,11 @@ def test_a_mission_that_ends_ends_the_network(folder: Path) -> None:
 
 
 def test_a_component_that_dies_is_reported_with_its_last_lines(folder: Path) -> None:
-    path = network_of(folder, fragile="echo about to break; sleep 0.2; exit 3", sturdy="exec sleep 600")
+    breaks = "echo about to break; while ! [ -e break ]; do sleep 0.02; done; exit 3"
+    path = network_of(folder, fragile=breaks, sturdy="exec sleep 600")
     with deployed(path) as deployer:
+        deployer.wait_for("are ready")
+        (folder / "break").touch()
         deployer.wait_for("fragile ended with exit code 3")
         deployer.wait_for("the last lines of fragile:")
         deployer.send_signal(signal.SIGINT)
@@ -176,17 +185,114 @@ def test_a_program_that_is_none_fails_with_the_reason(folder: Path) -> None:
     assert "broken.sh cannot be started: No such file or directory" in result.stdout
 
 
-def test_a_program_that_ignores_being_told_is_killed_and_counts_as_failed(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_second_signal_kills_what_does_not_stop(folder: Path) -> None:
     path = network_of(folder, stubborn="trap '' TERM; echo here; while true; do sleep 0.1; done")
     with deployed(path) as deployer:
         deployer.wait_for("here")
         deployer.send_signal(signal.SIGINT)
         deployer.wait_for("stopping")
         deployer.send_signal(signal.SIGINT)  # no patience for its grace
-    assert deployer.returncode == 1
-    assert any("ended by signal 9" in line for line in deployer.lines)
+    assert deployer.returncode == 130
+    assert any("stubborn was killed" in line for line in deployer.lines)
+    assert not any("the last lines" in line for line in deployer.lines)
+
+
+def test_the_demonstration_generates_nothing_for_a_middleware_that_stays_in_a_process() -> None:
+    demo = Path(__file__).parents[2] / "components" / "demo.py"
+    command = [sys.executable, str(demo), "--middleware", "inproc"]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=SOON * 6)
+    assert (result.returncode, result.stdout) == (2, "")
+    assert "`inproc` does not reach other processes" in result.stderr
+
+
+def test_a_failure_before_all_are_ready_ends_the_start(folder: Path) -> None:
+    """The client would wait for its server for a minute."""
+    path = folder / "half.ddsl"
+    path.write_text(
+        'import "hello/hello.cdsl"; import "asker/asker.cdsl";'
+        'Deployment half { Component hello { path "/bin/false"; }; Component asker { }; };'
+    )
+    result = run(path, "--set", f"asker.component.patience={SOON * 100}")
+    assert result.returncode == 1
+    assert "hello ended with exit code 1" in result.stdout
+    assert "stopping: hello is gone before everything was ready" in result.stdout
+
+
+def test_components_must_be_generated_from_what_their_models_are_now(tmp_path: Path) -> None:
+    assert rcgen(["--new", "Hello", "-o", str(tmp_path / "hello")]) == 0
+    path = tmp_path / "net.ddsl"
+    path.write_text('import "hello/hello.cdsl"; Deployment net { Component hello { }; };')
+    assert rcdeploy(["plan", str(path)]) == 0
+    idsl = tmp_path / "hello" / "Hello.idsl"
+    idsl.write_text(idsl.read_text().replace("greet(", "welcome("))
+    result = run(path)
+    assert result.returncode == 1
+    assert "error[out-of-date]: `hello` is not generated from its models as they are now" in result.stderr
+    assert f"run: rcgen {path}" in result.stderr
+    assert rcgen([str(path)]) == 0
+    assert rcdeploy(["plan", str(path)]) == 0
+
+
+def test_a_program_of_ones_own_need_not_be_generated(tmp_path: Path) -> None:
+    assert rcgen(["--new", "Hello", "-o", str(tmp_path / "hello")]) == 0
+    (tmp_path / "hello" / "generic" / "genericworker.py").unlink()
+    path = tmp_path / "net.ddsl"
+    path.write_text('import "hello/hello.cdsl"; Deployment net { Component hello { path "/bin/true"; }; };')
+    assert rcdeploy(["plan", str(path)]) == 0
+
+
+def test_characters_that_the_output_lacks_are_replaced(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONIOENCODING", "ascii")
+    result = run(network_of(folder, polite="echo 'buenos días'"))
+    assert result.returncode == 0, result.stderr
+    assert "polite | buenos d?as" in result.stdout
+    assert "Traceback" not in result.stderr
+
+
+def run_without_room(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """With an output that takes nothing."""
+    command = [sys.executable, "-m", "robocomp_py.cli.rcdeploy", *map(str, arguments)]
+    with open("/dev/full", "w") as full:
+        return subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=SOON * 6)
+
+
+def test_a_network_goes_on_when_its_output_cannot_be_written(folder: Path) -> None:
+    path = network_of(folder, worker="echo one; echo two; touch went-on")
+    result = run_without_room(path)
+    assert (folder / "went-on").exists()
+    assert result.returncode == 0
+    assert result.stderr == "rcdeploy: output is lost from here on, the network goes on: No space left on device\n"
+
+
+def test_a_network_needs_no_output(folder: Path) -> None:
+    path = network_of(folder, worker="echo one; touch without-output")
+    command = ["sh", "-c", 'exec "$@" >&-', "sh", sys.executable, "-m", "robocomp_py.cli.rcdeploy", str(path)]
+    result = subprocess.run(command, stderr=subprocess.PIPE, text=True, timeout=SOON * 6)
+    assert (result.returncode, result.stderr) == (0, "")
+    assert (folder / "without-output").exists()
+
+
+@pytest.mark.parametrize("options", [[], ["--json"]])
+def test_a_plan_that_cannot_be_written_is_a_failure(folder: Path, options: list[str]) -> None:
+    result = run_without_room("plan", folder / "net.ddsl", *options)
+    assert result.returncode == 1
+    assert result.stderr == "rcdeploy: the plan cannot be written: No space left on device\n"
+
+
+@pytest.mark.parametrize("module", ["lark", "rich.console", "robocomp_py.deploy.plan", "asyncio"])
+def test_an_interrupt_while_modules_are_imported_ends_it_quietly(folder: Path, module: str) -> None:
+    code = f"""
+import os, signal, sys
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name == {module!r}:
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Finder())
+from robocomp_py.cli.rcdeploy import main
+sys.exit(main([{str(folder / "net.ddsl")!r}]))
+"""
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=SOON * 6)
+    assert (result.returncode, result.stderr) == (130, "")
 
 
 def test_what_a_component_started_ends_with_it(folder: Path) -> None:
@@ -272,11 +378,25 @@ def test_what_is_wrong_with_a_plan_can_be_read_by_machines(folder: Path, capsys:
 
 
 @pytest.mark.parametrize(
-    "arguments",
-    [[], ["net.ddsl", "--for", "soon"], ["net.ddsl", "--for", "-1"], ["--set", "x", "net.ddsl"], ["plan"]],
+    ("arguments", "says"),
+    [
+        ([], "give it one network"),
+        (["plan"], "give it one network"),
+        (["one.ddsl", "two.ddsl", "three.ddsl"], "give it one network"),
+        (["net.ddsl", "--for", "soon"], "--for: `soon` is no number of seconds"),
+        (["net.ddsl", "--for", "-1"], "--for: `-1` is no number of seconds"),
+        (["--set", "x", "net.ddsl"], "--set x: write it as INSTANCE.KEY=VALUE"),
+        (["paln", "net.ddsl"], "no command `paln`; did you mean `plan`?"),
+        (["net.ddsl", "--json"], "--json is for `rcdeploy plan`"),
+        (["plan", "net.ddsl", "--for", "1"], "not for `rcdeploy plan`"),
+    ],
 )
 def test_wrong_usage_exits_with_2(
-    folder: Path, arguments: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    folder: Path,
+    arguments: list[str],
+    says: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(folder)
     try:
@@ -284,7 +404,13 @@ def test_wrong_usage_exits_with_2(
     except SystemExit as exc:
         code = exc.code
     assert code == 2
-    assert capsys.readouterr().err
+    assert says in capsys.readouterr().err
+
+
+def test_options_may_stand_anywhere(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = str(folder / "net.ddsl")
+    for arguments in (["-I", "x", "plan", path], ["plan", "-I", "x", path], ["plan", path, "-I", "x"]):
+        assert rcdeploy(arguments) == 0
 
 
 def test_an_unknown_mission_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

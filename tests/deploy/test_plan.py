@@ -32,6 +32,25 @@ Component recorder { Communications { subscribesTo LaserPub qos(reliable); }; la
 """
 
 
+CARRIER = """
+from robocomp_py.transports.base import Capability
+class Carrier:
+    capabilities = ~Capability.NONE
+"""
+
+
+@pytest.fixture
+def carrier(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """A second middleware that could carry a network, installed as third parties do."""
+    metadata = tmp_path / "installed" / "carrier-1.dist-info"
+    metadata.mkdir(parents=True)
+    (metadata / "METADATA").write_text("Name: carrier\nVersion: 1\n")
+    (metadata / "entry_points.txt").write_text("[robocomp_py.transports]\ncarrier = carrier_of_test:Carrier\n")
+    (metadata.parent / "carrier_of_test.py").write_text(CARRIER)
+    monkeypatch.syspath_prepend(metadata.parent)
+    return "carrier"
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Four generated components."""
@@ -129,6 +148,33 @@ def test_a_subscriber_hears_all_publishers_unless_told_otherwise(folder: Path) -
     assert "LaserPub.from" not in command(found, "driver")
     assert found is not None
     assert sum(link.interface == "LaserPub" for link in found.links) == 2
+
+
+def test_who_offers_what_it_uses_is_not_wired_to_itself(tmp_path: Path) -> None:
+    text = """
+import "Laser.idsl"; import "LaserPub.idsl";
+Component sieve { Communications { requires Laser; implements Laser; publishes LaserPub; subscribesTo LaserPub; }; };
+"""
+    (tmp_path / "sieve.cdsl").write_text(text)
+    assert rcgen([str(tmp_path / "sieve.cdsl")]) == 0
+    (tmp_path / "sensor.cdsl").write_text(SENSOR)
+    (tmp_path / "sensor.pdsl").write_text(PARAMS)
+    assert rcgen([str(tmp_path / "sensor.cdsl"), "-o", str(tmp_path / "sensor")]) == 0
+    network = tmp_path / "net.ddsl"
+    network.write_text('import "sieve.cdsl";\nDeployment net { Component sieve { }; };')
+    workspace = Workspace()
+    assert make_plan(network, workspace) is None
+    codes = [each.code for each in workspace.report.diagnostics if each.code.startswith("nobody")]
+    assert codes == ["nobody-provides", "nobody-publishes"]
+
+
+def test_each_of_several_ports_is_told_apart_and_gets_a_proposal_of_its_own(folder: Path) -> None:
+    _, diagnostics = plan(folder, "Component left : sensor { }; Component right : sensor { }; Component fusion { };")
+    told = [(each.message, each.hint) for each in diagnostics if each.code == "ambiguous-provider"]
+    assert told == [
+        ("`Laser` for `fusion`: `left`, `right` implement it", "write in its block: requires Laser from left;"),
+        ("`Laser1` for `fusion`: `left`, `right` implement it", "write in its block: requires Laser1 from right;"),
+    ]
 
 
 def test_a_program_of_ones_own_is_run_as_it_is(folder: Path) -> None:
@@ -246,3 +292,86 @@ def test_mistakes_in_what_is_imported_are_told_where_they_are(tmp_path: Path) ->
 def test_a_plan_is_the_same_every_time(folder: Path) -> None:
     body = "Component sensor { }; Component driver { };"
     assert plan(folder, body)[0] == plan(folder, body)[0]
+
+
+INPROC = [
+    'middleware = "inproc"',
+    '[ports.laser]\nmiddleware = "inproc"',
+    '[ports.laser.getLaserData]\nmiddleware = "inproc"',
+]
+
+
+@pytest.mark.parametrize("text", INPROC)
+def test_a_configuration_cannot_choose_a_middleware_that_stays_in_a_process(folder: Path, text: str) -> None:
+    (folder / "inproc.toml").write_text(text)
+    found, diagnostics = plan(folder, 'Component driver { config "inproc.toml"; }; Component sensor { };')
+    assert found is None
+    assert {each.code for each in diagnostics} == {"unfit-middleware"}
+    assert (
+        f"`driver` ({folder}/inproc.toml:{text.count(chr(10)) + 1}): `inproc` does not reach" in diagnostics[0].message
+    )
+
+
+def test_neither_can_the_command_line(folder: Path) -> None:
+    overrides = Overrides(settings=(("sensor", "middleware=inproc"),))
+    _, (found,) = plan(folder, "Component sensor { };", overrides)
+    assert found.code == "unfit-middleware"
+    assert "`sensor` (--set middleware=inproc)" in found.message
+    port = Overrides(settings=(("sensor", "ports.laserpub.middleware=zeromk"),))
+    _, (found,) = plan(folder, "Component sensor { };", port)
+    assert (found.code, found.hint) == ("unknown-middleware", "did you mean `zeromq`?")
+
+
+def test_nor_what_a_component_was_generated_for(tmp_path: Path) -> None:
+    (tmp_path / "sensor.cdsl").write_text(SENSOR.replace(' params "sensor.pdsl";', ""))
+    assert rcgen([str(tmp_path / "sensor.cdsl"), "--middleware", "inproc"]) == 0
+    (tmp_path / "net.ddsl").write_text('import "sensor.cdsl"; Deployment net { Component sensor { }; };')
+    workspace = Workspace()
+    assert make_plan(tmp_path / "net.ddsl", workspace) is None
+    assert {each.code for each in workspace.report.errors} == {"unfit-middleware"}
+    assert make_plan(tmp_path / "net.ddsl", Workspace(), Overrides("zeromq")) is not None
+
+
+def test_both_ends_of_a_link_use_one_middleware(folder: Path, carrier: str) -> None:
+    (folder / "other.toml").write_text(f'[ports.laser]\nmiddleware = "{carrier}"\n')
+    body = 'Component driver { config "other.toml"; }; Component sensor { };'
+    _, (found,) = plan(folder, body)
+    assert found.code == "middleware-mismatch"
+    assert f"`driver` uses `Laser.getLaserData` over `carrier` ({folder}/other.toml:2)" in found.message
+    assert "`sensor` offers it over `zeromq` (generated for it)" in found.message
+    both = Overrides(settings=(("sensor", f"ports.Laser.middleware={carrier}"),))
+    assert errors(folder, body, both) == []
+
+
+def test_ends_are_those_that_configurations_name(folder: Path, carrier: str) -> None:
+    body = f"""
+        Component left : sensor {{ }};
+        Component right : sensor {{ middleware {carrier}; }};
+        Component driver {{ requires Laser from left; subscribesTo LaserPub from left; }};
+    """
+    assert errors(folder, body) == []
+    assert errors(folder, body, Overrides(settings=(("driver", "ports.laser.from=right"),))) == ["middleware-mismatch"]
+
+
+SOURCES = {
+    "senser": ["unknown-instance"],
+    "/senser/Laser": ["unknown-instance"],
+    "/robot2/senser/Laser": [],
+    "sensor": [],
+    "sensor/Laser1": ["nobody-provides"],
+    "driver": ["nobody-provides"],
+}
+
+
+@pytest.mark.parametrize("source", SOURCES)
+def test_whom_a_configuration_names_is_there(folder: Path, source: str) -> None:
+    overrides = Overrides(settings=(("driver", f"ports.laser.from={source}"),))
+    assert errors(folder, "Component sensor { }; Component driver { };", overrides) == SOURCES[source]
+
+
+def test_who_is_not_there_is_told_with_who_might_be_meant(folder: Path) -> None:
+    overrides = Overrides(settings=(("driver", "ports.laser.from=senser"),))
+    _, (found,) = plan(folder, "Component sensor { }; Component driver { };", overrides)
+    assert found.message == (
+        "`driver` (--set ports.laser.from=senser): unknown instance `senser`; did you mean `sensor`?"
+    )

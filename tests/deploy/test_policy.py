@@ -27,9 +27,12 @@ TERM = -int(signal.SIGTERM)
 
 
 def replay(
-    *events: Event, network: tuple[tuple[str, tuple[str, ...]], ...] = (LIDAR, FOLLOW), until: str | None = None
+    *events: Event,
+    network: tuple[tuple[str, tuple[str, ...]], ...] = (LIDAR, FOLLOW),
+    until: str | None = None,
+    needs: dict[str, tuple[str, ...]] | None = None,
 ) -> list[list[Action]]:
-    supervisor = Supervisor(network, until)
+    supervisor = Supervisor(network, until, needs)
     return [supervisor.begin(), *(supervisor.handle(event) for event in events)]
 
 
@@ -64,6 +67,16 @@ def test_out_of_patience_everything_is_killed() -> None:
     assert history[-1] == [Kill("follow"), Kill("lidar")]
 
 
+def test_what_was_killed_out_of_patience_has_not_failed() -> None:
+    history = replay(Ready("lidar"), StopRequested(130), StopRequested(130), Exited("lidar", -9), network=(LIDAR,))
+    assert history[-1] == [Finish(130)]
+
+
+def test_a_time_that_is_over_while_it_stops_already_kills_nobody() -> None:
+    history = replay(Ready("lidar"), StopRequested(130), StopRequested(0), Exited("lidar", 0), network=(LIDAR,))
+    assert history[2:] == [[Stop("lidar")], [], [Finish(130)]]
+
+
 def test_nothing_starts_once_stopping_has_begun() -> None:
     history = replay(StopRequested(), Ready("lidar"), Exited("lidar", 0))
     assert history == [[Start("lidar")], [Stop("lidar")], [], [Finish(0)]]
@@ -72,6 +85,25 @@ def test_nothing_starts_once_stopping_has_begun() -> None:
 def test_a_death_before_it_was_ready_stops_the_network() -> None:
     history = replay(Exited("speech", 1), Exited("lidar", TERM), network=(LIDAR, FOLLOW, SPEECH))
     assert history == [[Start("lidar"), Start("speech")], [Stop("lidar")], [Finish(1)]]
+
+
+def test_a_death_of_one_that_was_ready_stops_a_network_that_is_still_starting() -> None:
+    history = replay(Ready("speech"), Exited("speech", 1), Exited("lidar", TERM), network=(LIDAR, SPEECH))
+    assert history[2:] == [[Stop("lidar")], [Finish(1)]]
+
+
+def test_who_ends_well_while_others_start_stops_the_network_only_if_one_of_them_needs_it() -> None:
+    events = Ready("speech"), Exited("speech", 0), Ready("lidar"), StopRequested(130), Exited("lidar", 0)
+    alone = replay(*events, network=(LIDAR, SPEECH))
+    assert alone[2:] == [[], [], [Stop("lidar")], [Finish(130)]]
+    needed = replay(*events[:2], Exited("lidar", 0), network=(LIDAR, SPEECH), needs={"lidar": ("speech",)})
+    assert needed[2:] == [[Stop("lidar")], [Finish(1)]]
+
+
+def test_what_has_done_its_work_lets_those_after_it_start() -> None:
+    after_both = ("follow", ("lidar", "speech"))
+    history = replay(Ready("speech"), Exited("speech", 0), Ready("lidar"), network=(LIDAR, SPEECH, after_both))
+    assert history[-1] == [Start("follow")]
 
 
 def test_after_a_later_death_the_others_go_on_and_the_exit_code_tells() -> None:
@@ -87,9 +119,9 @@ def test_when_all_have_ended_by_themselves_it_is_over() -> None:
     assert history[-1] == [Finish(0)]
 
 
-def test_what_cannot_start_any_more_does_not_keep_it_alive() -> None:
-    history = replay(Exited("lidar", 0))
-    assert history == [[Start("lidar")], [Finish(0)]]
+def test_what_cannot_start_any_more_stops_the_network() -> None:
+    history = replay(Exited("lidar", 0), Exited("speech", 0), network=(LIDAR, FOLLOW, SPEECH))
+    assert history == [[Start("lidar"), Start("speech")], [Stop("speech")], [Finish(1)]]
 
 
 def test_the_end_of_the_mission_is_the_end_of_the_network() -> None:
@@ -119,6 +151,16 @@ def test_up_means_that_all_are_ready() -> None:
     supervisor.handle(Ready("lidar"))
     assert not supervisor.up
     supervisor.handle(Ready("speech"))
+    assert supervisor.up
+    supervisor.handle(Exited("speech", 1))
+    assert supervisor.up, "it stays a network that came up"
+
+
+def test_what_has_done_its_work_does_not_keep_a_network_from_being_up() -> None:
+    supervisor = Supervisor((LIDAR, SPEECH))
+    supervisor.begin()
+    for event in (Ready("speech"), Exited("speech", 0), Ready("lidar")):
+        supervisor.handle(event)
     assert supervisor.up
 
 

@@ -1,0 +1,150 @@
+"""What people are told while a network runs."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from robocomp_py.contract.interface import Verb
+from robocomp_py.deploy.plan import Link, Plan, Process
+from robocomp_py.deploy.policy import State
+from robocomp_py.deploy.run import Display, Options, run
+from robocomp_py.testing.patience import SOON
+
+FOREVER = "import signal; signal.pause()"
+NOTIFY = """
+import os, socket
+def notify(text):
+    socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM).sendto(text.encode(), os.environ["NOTIFY_SOCKET"])
+"""
+DEAF = "import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN); print('deaf', flush=True); signal.pause()"
+"""Takes no notice of being told to stop."""
+
+
+class Told(Display):
+    """Remembers, and reacts: `on` is what to do when something is told for the first time, by its first word."""
+
+    def __init__(self, **on: Callable[[], None]) -> None:
+        self.said: list[tuple[str, ...]] = []
+        self._on = on
+
+    def line(self, name: str, text: str) -> None:
+        self._say("line", name, text)
+
+    def states(self, states: dict[str, State]) -> None:
+        pass
+
+    def up(self) -> None:
+        self._say("up")
+
+    def waiting(self, whom: list[str]) -> None:
+        self._say("waiting", *whom)
+
+    def ended(self, name: str, how: str) -> None:
+        self._say("ended", name, how)
+
+    def failed(self, name: str, how: str, last: list[str]) -> None:
+        self._say("failed", name, how, *last)
+
+    def stopping(self, why: str) -> None:
+        self._say("stopping", why)
+
+    def _say(self, *words: str) -> None:
+        if words not in self.said:
+            self.said.append(words)
+            self._on.pop(words[0], lambda: None)()
+
+
+def interrupt() -> None:
+    os.kill(os.getpid(), signal.SIGINT)
+
+
+def network(*links: Link, notifies: bool = True, after: str = "", **programs: str) -> Plan:
+    """Programs in Python; the last one starts after the one named."""
+    last = list(programs)[-1]
+    processes = [
+        Process(
+            name,
+            name,
+            (sys.executable, "-ISc", text),
+            Path.cwd(),
+            after=(after,) if after and name == last else (),
+            notifies=notifies,
+        )
+        for name, text in programs.items()
+    ]
+    return Plan("net", "", tuple(processes), links)
+
+
+def test_who_is_not_ready_is_told_again_and_again_with_what_is_known() -> None:
+    status = f"{NOTIFY}\nnotify('STATUS=looking for a map')\n{FOREVER}"
+    reason = ("waiting", "hello (looking for a map)", "asker (after hello)")
+
+    class Patient(Told):
+        def waiting(self, whom: list[str]) -> None:
+            super().waiting(whom)
+            if ("waiting", *whom) == reason:
+                interrupt()
+
+    told = Patient()
+    assert run(network(hello=status, asker=FOREVER, after="hello"), Options(remind=0.01), told) == 130
+    assert reason in told.said
+
+
+def test_a_failure_while_others_start_stops_them_and_says_whose_it_was() -> None:
+    told = Told()
+    program = "print('no camera'); raise SystemExit(1)"
+    assert run(network(camera=program, waits=FOREVER), Options(), told) == 1
+    failed = ("failed", "camera", "ended with exit code 1", "no camera")
+    assert told.said[-2:] == [failed, ("stopping", "camera is gone before everything was ready")]
+
+
+def test_who_is_required_must_not_end_while_those_that_require_it_start() -> None:
+    told = Told()
+    link = Link("Hello", "hello", "visitor", Verb.REQUIRES)
+    assert run(network(link, hello="", visitor=FOREVER), Options(), told) == 1
+    assert told.said[-2:] == [
+        ("ended", "hello", "has ended"),
+        ("stopping", "hello is gone before everything was ready"),
+    ]
+
+
+def test_who_does_not_stop_in_time_is_said_to_be_killed() -> None:
+    told = Told(line=interrupt)
+    assert run(network(deaf=DEAF), Options(grace=0.01), told) == 1
+    assert told.said[-1] == ("failed", "deaf", "did not stop within 0.01 s; killed", "deaf")
+
+
+def test_who_is_killed_out_of_patience_is_not_blamed() -> None:
+    told = Told(line=interrupt, stopping=interrupt)
+    assert run(network(deaf=DEAF), Options(grace=SOON * 6), told) == 130
+    assert told.said[-1] == ("ended", "deaf", "was killed")
+
+
+LEAVES_A_CHILD = """
+import subprocess, sys
+child = subprocess.Popen([sys.executable, "-ISc", "import time; time.sleep(600)"], start_new_session=True)
+print(child.pid, flush=True)
+"""
+
+
+def test_somebody_who_left_its_group_and_holds_the_pipe_keeps_nobody_waiting() -> None:
+    told = Told()
+    assert run(network(daemon=LEAVES_A_CHILD, notifies=False), Options(), told) == 0
+    (pid,) = (words[2] for words in told.said if words[0] == "line")
+    os.kill(int(pid), signal.SIGKILL)
+
+
+def test_a_place_where_no_socket_can_be_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    deep = tmp_path / ("x" * 100)
+    deep.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(deep))
+    told = Told()
+    assert run(network(hello=FOREVER), Options(), told) == 1
+    assert any("path too long; set TMPDIR" in word for words in told.said for word in words)
