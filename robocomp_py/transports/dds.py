@@ -698,7 +698,7 @@ class _AskingLink(_Link):
         left = end - time.monotonic()
         fill_request(whole(sample), flags, left, self.channel.type.fingerprint, self.id, number, time.time_ns())
         try:
-            return line.requests.write_within(sample, end, self._pause)
+            return line.requests.write(sample) or line.requests.write_within(sample, end, self._pause)
         except TransportError:
             self.check_open()
             raise
@@ -725,6 +725,9 @@ class _CommandOutlet(_AskingLink):
             if not self.write(line, payload, Flag.ONEWAY, self._sent + 1, end):
                 raise Timeout(f"{self.channel.name}: its server did not take the command for {deadline:g} s")
             self._sent += 1
+
+
+_STATUSES = {status.value: status for status in Status}
 
 
 class _Asker:
@@ -877,7 +880,7 @@ class _Caller(_AskingLink):
             if self._receiver is not asker:
                 return
             self._receiver = None
-            for other in list(self._askers.values()):
+            for other in list(self._askers.values()) if len(self._askers) > 1 else ():
                 if other.woken and other.reply is None and other.error is None:
                     self._receiver = other
                     other.woken.put(None)
@@ -915,10 +918,10 @@ class _Caller(_AskingLink):
         for sample in line.replies.take(BATCH):
             try:
                 header = read_reply(sample)
-                status = Status(header.status)
+                status = _STATUSES[header.status]
                 ok = status is Status.OK
                 payload = self._response.payload(sample, tail=True) if ok else self._response.why(sample)
-            except (DecodeError, ValueError) as exc:
+            except (DecodeError, KeyError) as exc:
                 self.malformed(exc)
                 continue
             if header.client == self.id:
@@ -981,8 +984,12 @@ class _ServingLink(_Link):
 
     def _on_request(self) -> list[Job]:
         assert self._requests
-        jobs = [self._take(sample) for sample in self._requests.take(BATCH)]
-        return [job for job in jobs if job]
+        jobs = []
+        for sample in self._requests.take(BATCH):
+            job = self._take(sample)
+            if job:
+                jobs.append(job)
+        return jobs
 
     def _take(self, sample: bytes) -> Job | None:
         try:
@@ -997,10 +1004,8 @@ class _ServingLink(_Link):
             return None
         if not self._ledger.admit(request.client, request.sequence):
             return None
-        without = request.remaining_ms == NO_DEADLINE
-        return self.accept(
-            request, payload, float("inf") if without else time.monotonic() + request.remaining_ms / 1000
-        )
+        remaining = request.remaining_ms / 1000 if request.remaining_ms != NO_DEADLINE else float("inf")
+        return self.accept(request, payload, time.monotonic() + remaining)
 
     def _stranger(self, request: Request) -> TypeRef:
         asking = self.bus.endpoints.find(self.facing, self.channel.name)
@@ -1107,16 +1112,20 @@ class _Server(_ServingLink):
                 sample = self._response.failure(reply.payload)
             server = self.transport.incarnation
             fill_reply(sample, reply.status, request.client, request.sequence, server, time.time_ns())
-            self._send(request, sample, min(expires, time.monotonic() + PATIENCE))
+            self._send(request, sample, expires)
         except TransportError as exc:
             if not self.closed.is_set():
                 log.warning("%s: a reply was dropped: %s", self.channel.name, exc)
 
     def _send(self, request: Request, sample: bytearray, expires: float) -> None:
         writer = self._writers.get(_partition_of(request.client)) or self._writers.get("")
+        if writer and writer.write(sample):
+            return
+        now = time.monotonic()
+        expires = max(now + SOON, min(expires, now + PATIENCE))
         if writer is None:
             with self._order:
                 self._deferred.append((expires, request, sample))
             self.bus.loop.due(expires)
-        elif not writer.write_within(sample, max(expires, time.monotonic() + SOON), self.check_open):
+        elif not writer.write_within(sample, expires, self.check_open):
             log.warning("%s: a reply was dropped: who asked does not take it", self.channel.name)

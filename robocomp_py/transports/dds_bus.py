@@ -53,6 +53,7 @@ _ANY = SampleState.Any | ViewState.Any | InstanceState.Any
 _TIMEOUT = DDSException.DDS_RETCODE_TIMEOUT
 _DELETED = (DDSException.DDS_RETCODE_BAD_PARAMETER, DDSException.DDS_RETCODE_ALREADY_DELETED)
 _FOREVER = 2**63 - 1
+_NEVER = float("inf")
 
 
 class _Container(ctypes.Structure):
@@ -76,7 +77,7 @@ _write = _function("dds_write", _int, ctypes.c_void_p)
 _create_waitset = _function("dds_create_waitset", _int)
 _attach = _function("dds_waitset_attach", _int, _int, ctypes.c_ssize_t)
 _detach = _function("dds_waitset_detach", _int, _int)
-_wait = _function("dds_waitset_wait", _int, ctypes.POINTER(ctypes.c_ssize_t), ctypes.c_size_t, ctypes.c_int64)
+_wait = _function("dds_waitset_wait", _int, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int64)
 _create_guard = _function("dds_create_guardcondition", _int)
 _set_guard = _function("dds_set_guardcondition", _int, ctypes.c_bool)
 _create_condition = _function("dds_create_readcondition", _int, ctypes.c_uint32)
@@ -325,11 +326,9 @@ class Writer(_End):
     def write(self, sample: bytearray | bytes | memoryview) -> bool:
         """Whether it was written; if not, there is no room now. Safe to use from any thread."""
         code = ddspy_write(self.ref, sample) if len(sample) < LARGE else self._write_large(sample)
-        if code == 0:
-            return True
-        if code == _TIMEOUT:
-            return False
-        raise TransportError(f"dds: writing: {DDSException(code)}")
+        if code and code != _TIMEOUT:
+            raise TransportError(f"dds: writing: {DDSException(code)}")
+        return not code
 
     def _write_large(self, sample: bytearray | bytes | memoryview) -> int:
         size = len(sample)
@@ -363,8 +362,8 @@ class Reader(_End):
     def take(self, most: int) -> list[bytes]:
         """What came in, at most so many samples."""
         taken = ddspy_take(self.ref, _ANY, most)
-        if type(taken) is int:
-            return []  # there is nothing, or the reader was closed
+        if type(taken) is not list:
+            return []  # the reader was closed
         return [sample for sample, info in taken if info.valid_data]
 
     def close(self) -> None:
@@ -382,6 +381,7 @@ class Waiting:
         self._guard = _checked(_create_guard(participant), "waiting")
         _checked(_attach(self._set, self._guard, self._guard), "waiting")
         self._found = (ctypes.c_ssize_t * self.MOST)()
+        self._address = ctypes.addressof(self._found)
         self.closed = False
 
     def attach(self, condition: int) -> None:
@@ -396,7 +396,9 @@ class Waiting:
     def wait(self, timeout: float) -> list[int]:
         """The conditions that hold, at the latest after `timeout` seconds. For one thread at a time."""
         nanoseconds = int(timeout * 1e9) if timeout < 1e9 else _FOREVER
-        count = _wait(self._set, self._found, self.MOST, nanoseconds)
+        count = _wait(self._set, self._address, self.MOST, nanoseconds)
+        if count == 1 and self._found[0] != self._guard:
+            return self._found[:1]
         if count <= 0:
             if count < 0 and not self.closed:
                 time.sleep(0.01)  # deleted under us: whoever did that will say so, but until then do not spin
@@ -445,8 +447,9 @@ class Loop:
         if self._woken or time.monotonic() >= self._next_tick:
             self._woken = False  # before looking: what becomes due while we look is not missed
             self._next_tick = self.tick()
+        left = self._next_tick - time.monotonic() if self._next_tick < _NEVER else _NEVER
         jobs: list[Job] = []
-        for condition in self._waiting.wait(max(0.0, self._next_tick - time.monotonic())):
+        for condition in self._waiting.wait(max(0.0, left)):
             on_input = self._inputs.get(condition)
             if on_input:
                 jobs += on_input()

@@ -51,7 +51,7 @@ _making = threading.RLock()
 
 
 class Request(NamedTuple):
-    version: int
+    start: bytes
     flags: int
     remaining_ms: int
     fingerprint: int
@@ -61,7 +61,7 @@ class Request(NamedTuple):
 
 
 class ReplyHeader(NamedTuple):
-    version: int
+    start: bytes
     status: int
     client: int
     sequence: int
@@ -70,7 +70,7 @@ class ReplyHeader(NamedTuple):
 
 
 class Publication(NamedTuple):
-    version: int
+    start: bytes
     fingerprint: int
     source: int
     sequence: int
@@ -86,8 +86,9 @@ class Credit(NamedTuple):
     window: int
 
 
-_REQUEST, _REPLY = struct.Struct("<4xBBxxIQQQq"), struct.Struct("<4xBB6xQQQq")
-_PUBLICATION, _CREDIT = struct.Struct("<4xB7xQQQq"), struct.Struct("<4sQQQI")
+_REQUEST, _REPLY = struct.Struct("<5sBxxIQQQq"), struct.Struct("<5sB6xQQQq")
+_PUBLICATION, _CREDIT = struct.Struct("<5s7xQQQq"), struct.Struct("<4sQQQI")
+_START = ENCAPSULATION + bytes((VERSION,))
 _U32 = struct.Struct("<I")
 
 
@@ -96,18 +97,15 @@ def fill_request(
 ) -> None:
     """`remaining` in seconds; more than fits (seven weeks) means without deadline."""
     ms = max(0, int(remaining * 1000)) if remaining * 1000 < NO_DEADLINE else NO_DEADLINE
-    _REQUEST.pack_into(sample, 0, VERSION, flags, ms, fingerprint, client, sequence, stamp)
-    sample[:4] = ENCAPSULATION
+    _REQUEST.pack_into(sample, 0, _START, flags, ms, fingerprint, client, sequence, stamp)
 
 
 def fill_reply(sample: bytearray, status: int, client: int, sequence: int, server: int, stamp: int) -> None:
-    _REPLY.pack_into(sample, 0, VERSION, status, client, sequence, server, stamp)
-    sample[:4] = ENCAPSULATION
+    _REPLY.pack_into(sample, 0, _START, status, client, sequence, server, stamp)
 
 
 def fill_publication(sample: bytearray, fingerprint: int, source: int, sequence: int, stamp: int) -> None:
-    _PUBLICATION.pack_into(sample, 0, VERSION, fingerprint, source, sequence, stamp)
-    sample[:4] = ENCAPSULATION
+    _PUBLICATION.pack_into(sample, 0, _START, fingerprint, source, sequence, stamp)
 
 
 def pack_credit(credit: Credit) -> bytes:
@@ -132,8 +130,8 @@ def read_credit(sample: bytes) -> Credit:
     return Credit._make(_CREDIT.unpack(sample)[1:])
 
 
-def _read(layout: struct.Struct, sample: bytes) -> tuple[int, ...]:
-    if len(sample) < BODY or sample[4] != VERSION or not sample.startswith(ENCAPSULATION):
+def _read(layout: struct.Struct, sample: bytes) -> tuple[Any, ...]:
+    if len(sample) < BODY or sample[:5] != _START:
         raise DecodeError(f"not a version {VERSION} sample in little-endian XCDR1: {len(sample)} bytes")
     return layout.unpack_from(sample)
 
