@@ -86,6 +86,9 @@ BATCH = 32
 KEEP_ALL_DEPTH = 10_000
 COMMANDS_WAITING = 1000
 
+UNGREETED = 100
+"""Messages that a subscriber gets before it has said how many it takes."""
+
 SOON = 0.02
 """Seconds until the next look at what discovery has not finished."""
 
@@ -304,6 +307,8 @@ class _Link:
             fingerprint=kind.fingerprint,
             text=kind.text,
             id=self.id,
+            reliable=self.channel.qos.reliable,
+            latched=self.channel.qos.latched,
             owner=self.transport.owner,
             pid=os.getpid(),
         )
@@ -358,7 +363,8 @@ class _Publisher(_Link):
         self._credits: Reader | None = None
         self._room = threading.Condition()
         self._limits: dict[int, int] = {}
-        self._present: set[int] = set()
+        self._greeted: set[int] = set()
+        self._early: dict[int, Credit] = {}
         kind = publication_type(channel.type.name, channel.type.request)
         self._writer = self.bus.writer(f"rc/{channel.name}", kind, _topic_qos(channel, self.about()))
         if channel.qos.reliable:
@@ -383,15 +389,21 @@ class _Publisher(_Link):
                 raise Timeout(f"{self.channel.name}: the network did not take a message for {deadline:g} s")
 
     def visible(self) -> bool:
-        self.counterparts(strict=True)
-        return bool(self._writer.matched())
+        same = {endpoint.handle for endpoint in self.counterparts(strict=True)}
+        named = {endpoint.handle for endpoint in self.bus.endpoints.find(self.facing, self.channel.name)}
+        return bool(self._writer.matched() - (named - same))  # others than ours can only be right
 
     def looked(self, there: list[Endpoint]) -> None:
-        present = {endpoint.id for endpoint in there}
+        counting = {endpoint.id for endpoint in there if endpoint.reliable}
         with self._room:
-            for reader in self._present - present:
-                self._limits.pop(reader, None)
-            self._present = present
+            for reader in self._limits.keys() - counting:
+                del self._limits[reader]
+                self._greeted.discard(reader)
+            for reader in counting - self._limits.keys():
+                self._limits[reader] = self._sent + UNGREETED
+                if reader in self._early:
+                    self._grant(self._early[reader])
+            self._early.clear()
             self._room.notify_all()
 
     def release(self) -> None:
@@ -439,11 +451,21 @@ class _Publisher(_Link):
             if credit.source != self.id:
                 continue
             with self._room:
-                known = self._limits.get(credit.reader)
-                base = max(credit.sequence, self._sent) if known is None else credit.sequence
-                self._limits[credit.reader] = max(known or 0, base + credit.window)
-                self._room.notify_all()
+                if credit.reader in self._limits:
+                    self._grant(credit)
+                elif len(self._early) < BATCH:
+                    self._early[credit.reader] = credit  # its reader will be reported soon
         return []
+
+    def _grant(self, credit: Credit) -> None:
+        limit = credit.sequence + credit.window
+        if credit.reader in self._greeted:
+            limit = max(limit, self._limits[credit.reader])
+        else:
+            self._greeted.add(credit.reader)
+            limit = max(limit, self._sent + credit.window)  # what was sent before it came is no debt of its
+        self._limits[credit.reader] = limit
+        self._room.notify_all()
 
 
 class _Heard:
@@ -495,6 +517,15 @@ class _Subscriber(_Link):
                 self._hear(name)
         if self.channel.qos.reliable:
             self._greet()
+        if self.channel.qos.latched:
+            for endpoint in there:
+                if not endpoint.latched and endpoint.id not in self._reported:
+                    self._reported.add(endpoint.id)
+                    log.error(
+                        "%s: %s does not keep messages for late subscribers, as we ask: DDS does not connect us",
+                        self.channel.name,
+                        endpoint.owner,
+                    )
 
     def tick(self) -> float:
         if time.monotonic() >= self._due:
@@ -608,7 +639,7 @@ class _Line:
         self.replies: Reader | None = None
         if link.channel.pattern is Pattern.QUERY:
             about = link.about("hears", name)
-            made = reply_type(kind.name, kind.response)
+            made = reply_type(kind.response.name if kind.response else kind.name, kind.response)
             self.replies = bus.reader(f"rc/{name}Reply", made, _qos(_KEEP_ALL, about), _partition_of(link.id))
         about = link.about(channel=name)
         self.requests = bus.writer(f"rc/{name}Request", request_type(kind.name, kind.request), _qos(_KEEP_ALL, about))
@@ -1052,18 +1083,23 @@ class _Server(_ServingLink):
         self._gate = Gate(channel.name)
         self._response = Message(channel.type.response)
         self._writers: dict[str, Writer] = {}
+        self._others = False
+        """Whether there are clients that know nothing of our partitions."""
         self._deferred: list[tuple[float, Request, bytearray]] = []
         self._order = threading.Lock()
 
+    def open(self) -> None:
+        super().open()
+        self._writers[""] = self._writer("")  # whom others see, and where they read
+
     def looked(self, there: list[Endpoint]) -> None:
-        topic, kind = f"rc/{self.channel.name}Reply", self.channel.type
-        readers = [e for e in self.bus.endpoints.on_topic(topic) if e.role in ("hears", "") and not e.writes]
-        partitions = {endpoint.partition for endpoint in readers}
-        for gone in self._writers.keys() - partitions:
+        ends = self.bus.endpoints.on_topic(f"rc/{self.channel.name}Reply")
+        partitions = {endpoint.partition for endpoint in ends if not endpoint.writes}
+        self._others = "" in partitions
+        for gone in self._writers.keys() - partitions - {""}:
             self._writers.pop(gone).close()
         for new in partitions - self._writers.keys():
-            made = reply_type(kind.name, kind.response)
-            self._writers[new] = self.bus.writer(topic, made, _qos(_KEEP_ALL, self.about("answers")), new)
+            self._writers[new] = self._writer(new)
         with self._order:
             deferred, self._deferred = self._deferred, []
         for expires, request, sample in deferred:
@@ -1084,10 +1120,12 @@ class _Server(_ServingLink):
             self._answer(request, time.monotonic() + PATIENCE, Reply(Status.MISMATCH, text))
 
     def release(self) -> None:
+        if self._requests:
+            self.bus.loop.detach(self._requests.condition)
+        self._gate.close()
         for writer in self._writers.values():
             writer.close()  # before the reader, whose leaving tells callers that nothing will come any more
         super().release()
-        self._gate.close()
 
     def _serve(self, request: Request, payload: Payload, expires: float) -> None:
         answer = partial(self._answer, request, expires)
@@ -1118,14 +1156,22 @@ class _Server(_ServingLink):
                 log.warning("%s: a reply was dropped: %s", self.channel.name, exc)
 
     def _send(self, request: Request, sample: bytearray, expires: float) -> None:
-        writer = self._writers.get(_partition_of(request.client)) or self._writers.get("")
+        writer = self._writers.get(_partition_of(request.client))
         if writer and writer.write(sample):
             return
         now = time.monotonic()
         expires = max(now + SOON, min(expires, now + PATIENCE))
         if writer is None:
+            if self._others:
+                self._writers[""].write(sample)
             with self._order:
                 self._deferred.append((expires, request, sample))
             self.bus.loop.due(expires)
         elif not writer.write_within(sample, expires, self.check_open):
             log.warning("%s: a reply was dropped: who asked does not take it", self.channel.name)
+
+    def _writer(self, partition: str) -> Writer:
+        kind = self.channel.type
+        made = reply_type(kind.response.name if kind.response else kind.name, kind.response)
+        about = self.about("answers")
+        return self.bus.writer(f"rc/{self.channel.name}Reply", made, _qos(_KEEP_ALL, about), partition)

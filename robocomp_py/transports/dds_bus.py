@@ -22,6 +22,7 @@ from functools import partial
 from typing import Any
 from urllib.parse import unquote, urlparse
 from xml.etree import ElementTree
+from xml.sax.saxutils import quoteattr
 
 from cyclonedds._clayer import (  # type: ignore[import-not-found]  # compiled, without types
     ddspy_take,
@@ -137,9 +138,11 @@ def settings(interface: str) -> dict[tuple[str, str], str]:
         ("Tracing", "OutputFile"): "stderr",  # not a file in whatever folder we are in
     }
     if interface:
-        found["General", "Interfaces"] = f'<NetworkInterface name="{interface}"/>'
+        found["General", "Interfaces"] = f"<NetworkInterface name={quoteattr(interface)}/>"
     if here:
         found["General", "FragmentSize"] = "63000B"
+        found["Internal", "NackDelay"] = "10ms"  # what is lost here did not fit the socket's buffer: ask at once
+        found["Internal", "MaxQueuedRexmitBytes"] = "16MB"
         found["General", "AllowMulticast"] = "false"
         found["Discovery", "Peers"] = '<Peer Address="127.0.0.1"/>'
     return found
@@ -164,7 +167,9 @@ def compose(ours: Mapping[tuple[str, str], str], uri: str, domain: int) -> str:
             sections[section] = ElementTree.SubElement(inside, section)
         whole = value if value.startswith(f"<{name}") else f"<{name}>{value}</{name}>"
         sections[section].append(ElementTree.fromstring(whole))
-    text = ElementTree.tostring(out, encoding="unicode")
+    text = ElementTree.tostring(out).decode()
+    if not uri.isascii():
+        raise ConfigurationError("CYCLONEDDS_URI: Cyclone DDS takes ASCII only")
     return f"{text},{uri}" if uri.strip() else text
 
 
@@ -187,6 +192,7 @@ def _documents(uri: str) -> Iterator[str]:
         return
     for part in filter(None, map(str.strip, uri.split(","))):
         path = unquote(urlparse(part).path) if part.startswith("file:") else part
+        path = os.path.expanduser(os.path.expandvars(path))
         try:
             with open(path, encoding="utf-8") as file:
                 yield file.read()
@@ -260,14 +266,14 @@ class Bus:
     def __init__(self, domain: int, interface: str) -> None:
         self._domain = domain
         _open_domain(domain, interface)
-        try:
+        with contextlib.ExitStack() as undo:
+            undo.callback(_close_domain, domain)
             with _creating, as_transport_error("joining the domain"):
                 self.participant = DomainParticipant(domain)
+            undo.callback(_forget, self.participant)
             self.loop = Loop(self.participant._ref)
             self.endpoints = Endpoints(self.participant, self.loop)
-        except BaseException:
-            _close_domain(domain)
-            raise
+            undo.pop_all()
 
     def writer(self, topic: str, kind: DdsType, qos: Qos, partition: str = "") -> Writer:
         with _creating, as_transport_error(f"writing {topic}"):
@@ -478,6 +484,8 @@ class Endpoint:
     fingerprint: int = 0
     text: str = ""
     id: int = 0
+    reliable: bool = False
+    latched: bool = False
     owner: str = ""
     pid: int = 0
 
@@ -496,6 +504,7 @@ def _said(data: bytes) -> dict[str, Any]:
     try:
         said = json.loads(zlib.decompressobj().decompress(data[len(_MARK) :], 1 << 20))
         known = {"role": str, "channel": str, "fingerprint": int, "text": str, "id": int, "owner": str, "pid": int}
+        known |= {"reliable": bool, "latched": bool}
         return {key: kind(said[key]) for key, kind in known.items()}
     except (ValueError, TypeError, KeyError, zlib.error):
         return {}  # not written by us, or by another version

@@ -325,5 +325,11 @@ def _sequence(item: Any) -> Any:
 
 
 def _struct(name: str, fields: dict[str, Any]) -> DdsType:
-    # its members may have any name, Python's keywords included, which is why it becomes no dataclass
-    return make_idl_struct(name.rpartition("::")[2], name, fields, dataclassify=False)
+    made = make_idl_struct(name.rpartition("::")[2], name, fields, dataclassify=False)
+    made.__init__ = _init  # type: ignore[assignment]  # no dataclass: a member may be called `lambda`
+    return made
+
+
+def _init(self: IdlStruct, **members: Any) -> None:
+    """For whoever reads samples by the library's codec, as our tests do."""
+    vars(self).update(members)
