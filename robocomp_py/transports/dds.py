@@ -355,16 +355,21 @@ def _type_of(endpoint: Endpoint) -> TypeRef:
 class _Publisher(_Link):
     role, facing = "publishes", "subscribes"
 
-    def open(self) -> None:
-        channel = self.channel
+    def __init__(self, transport: DDSTransport, channel: Channel) -> None:
+        super().__init__(transport, channel)
         self._message = Message(channel.type.request)
         self._order = threading.Lock()
         self._sent = 0
+        self._writer: Writer | None = None
         self._credits: Reader | None = None
         self._room = threading.Condition()
         self._limits: dict[int, int] = {}
+        """By reader that counts: the number of the last message it takes."""
         self._greeted: set[int] = set()
         self._early: dict[int, Credit] = {}
+
+    def open(self) -> None:
+        channel = self.channel
         kind = publication_type(channel.type.name, channel.type.request)
         self._writer = self.bus.writer(f"rc/{channel.name}", kind, _topic_qos(channel, self.about()))
         if channel.qos.reliable:
@@ -383,7 +388,7 @@ class _Publisher(_Link):
             if self._credits is None:
                 self._sent += 1  # whether it gets away or not: who hears the next one knows what is missing
                 self.stats.dropped += not self._written(sample)
-            elif self._writer.write_within(sample, end, self._pause):
+            elif self._written_within(sample, end):
                 self._sent += 1
             else:
                 raise Timeout(f"{self.channel.name}: the network did not take a message for {deadline:g} s")
@@ -391,7 +396,8 @@ class _Publisher(_Link):
     def visible(self) -> bool:
         same = {endpoint.handle for endpoint in self.counterparts(strict=True)}
         named = {endpoint.handle for endpoint in self.bus.endpoints.find(self.facing, self.channel.name)}
-        return bool(self._writer.matched() - (named - same))  # others than ours can only be right
+        matched = self._writer.matched() if self._writer else set()
+        return bool(matched - (named - same))  # others than ours can only be right
 
     def looked(self, there: list[Endpoint]) -> None:
         counting = {endpoint.id for endpoint in there if endpoint.reliable}
@@ -413,14 +419,20 @@ class _Publisher(_Link):
             self.bus.loop.detach(self._credits.condition)
             self._credits.close()
         with self._order:
-            self._writer.close()
+            if self._writer:
+                self._writer.close()
 
     def _written(self, sample: bytearray | memoryview) -> bool:
+        assert self._writer
         try:
             return self._writer.write(sample)
         except TransportError:
             self.check_open()
             raise
+
+    def _written_within(self, sample: bytearray | memoryview, end: float) -> bool:
+        assert self._writer
+        return self._written(sample) or self._writer.write_within(sample, end, self._pause)
 
     def _pause(self) -> None:
         self.check_open()
@@ -636,6 +648,7 @@ class _Line:
     def __init__(self, link: _AskingLink, name: str) -> None:
         kind, bus = link.channel.type, link.bus
         self.name = name
+        self.order = threading.Lock()
         self.replies: Reader | None = None
         if link.channel.pattern is Pattern.QUERY:
             about = link.about("hears", name)
@@ -726,10 +739,14 @@ class _AskingLink(_Link):
     def write(self, line: _Line, payload: Payload, flags: int, number: int, end: float) -> bool:
         """Send a request, trying until `end`; whether it was sent."""
         sample = self._message.sample(payload)
-        left = end - time.monotonic()
-        fill_request(whole(sample), flags, left, self.channel.type.fingerprint, self.id, number, time.time_ns())
         try:
-            return line.requests.write(sample) or line.requests.write_within(sample, end, self._pause)
+            with line.order:  # a payload may be sent by several threads at once
+                left = end - time.monotonic()
+                fill_request(whole(sample), flags, left, self.channel.type.fingerprint, self.id, number, time.time_ns())
+                if line.requests.write(sample):
+                    return True
+                sample = bytearray(sample)
+            return line.requests.write_within(sample, end, self._pause)
         except TransportError:
             self.check_open()
             raise
@@ -1103,7 +1120,12 @@ class _Server(_ServingLink):
         with self._order:
             deferred, self._deferred = self._deferred, []
         for expires, request, sample in deferred:
-            self._send(request, sample, expires)
+            writer = self._writers.get(_partition_of(request.client))
+            if writer:
+                writer.write(sample)  # to a reader that has just come: there is room
+            else:
+                with self._order:
+                    self._deferred.append((expires, request, sample))
 
     def tick(self) -> float:
         now = time.monotonic()
@@ -1148,19 +1170,29 @@ class _Server(_ServingLink):
                 sample = whole(self._response.sample(reply.payload, tail=True))
             else:
                 sample = self._response.failure(reply.payload)
-            server = self.transport.incarnation
-            fill_reply(sample, reply.status, request.client, request.sequence, server, time.time_ns())
-            self._send(request, sample, expires)
+            with self._order:  # a service may answer several with the same payload
+                fill_reply(
+                    sample,
+                    reply.status,
+                    request.client,
+                    request.sequence,
+                    self.transport.incarnation,
+                    time.time_ns(),
+                )
+                writer = self._writers.get(_partition_of(request.client))
+                if writer and writer.write(sample):
+                    return
+                sample = bytearray(sample)
+            self._send_later(request, sample, expires)
         except TransportError as exc:
             if not self.closed.is_set():
                 log.warning("%s: a reply was dropped: %s", self.channel.name, exc)
 
-    def _send(self, request: Request, sample: bytearray, expires: float) -> None:
-        writer = self._writers.get(_partition_of(request.client))
-        if writer and writer.write(sample):
-            return
+    def _send_later(self, request: Request, sample: bytearray, expires: float) -> None:
+        """Send a reply for which there was no room, or no way to the client."""
         now = time.monotonic()
         expires = max(now + SOON, min(expires, now + PATIENCE))
+        writer = self._writers.get(_partition_of(request.client))
         if writer is None:
             if self._others:
                 self._writers[""].write(sample)
