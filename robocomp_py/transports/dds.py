@@ -335,8 +335,8 @@ class _Link:
     def report_mismatch(self, who: object, other: TypeRef) -> None:
         if who not in self._reported:
             self._reported.add(who)
-            self.stats.mismatched += 1
             log.error("%s", mismatch(self.channel, other))
+            self.stats.mismatched += 1  # at last: who sees the count finds the reason in the log
 
     def malformed(self, why: object) -> None:
         """Count a message that is none of ours; the first one is logged."""
