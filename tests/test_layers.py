@@ -19,6 +19,7 @@ FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py.transports.base": BUILD | MIDDLEWARES | {"robocomp_py.runtime", "msgpack"},
     "robocomp_py.transports.inproc": BUILD | MIDDLEWARES | {"robocomp_py.runtime", "msgpack"},
     "robocomp_py.transports.zeromq": BUILD | (MIDDLEWARES - {"zmq"}) | {"robocomp_py.runtime"},
+    "robocomp_py.transports.dds": BUILD | (MIDDLEWARES - {"cyclonedds"}) | {"robocomp_py.runtime", "msgpack"},
     "robocomp_py.runtime.api": BUILD | MIDDLEWARES | {"msgpack", "argparse"},
     "robocomp_py.runtime.run": BUILD | MIDDLEWARES | {"msgpack"},
     "robocomp_py.cli.rc": MIDDLEWARES | {"lark", "jinja2", "rich", "robocomp_py.codegen", "robocomp_py.deploy"},

@@ -146,10 +146,16 @@ def bind_handlers(port: Port, handlers: object, router: Router, monitor: Monitor
 
 def checked_channel(route: Route, operation: Operation[Any], pattern: Pattern) -> Channel:
     """The channel of an operation; raises UnsupportedQoS if its transport cannot keep what it asks for."""
-    kind = TypeRef(operation.request.name, operation.fingerprint, operation.text)
+    kind = type_of(operation, pattern)
     channel = Channel(route.channel, pattern, kind, route.qos, operation.idempotent)
     require(route.transport, route.middleware, channel)
     return channel
+
+
+def type_of(operation: Operation[Any], pattern: Pattern) -> TypeRef:
+    """The messages of an operation, as transports know them."""
+    response = operation.response if pattern is Pattern.QUERY else None
+    return TypeRef(operation.request.name, operation.fingerprint, operation.text, operation.request, response)
 
 
 class _Asked:

@@ -44,7 +44,7 @@ import pytest
 from ..contract.component import Port
 from ..contract.interface import Interface, Operation, Pattern, Verb
 from ..contract.qos import Durability, QoS, Reliability
-from ..contract.types import UINT8, Field, Sequence, Struct
+from ..contract.types import INT16, UINT8, Field, Sequence, Struct
 from ..errors import (
     AlreadyServed,
     Busy,
@@ -78,12 +78,10 @@ A_MOMENT = 0.3 * SCALE
 """How long a test makes something take that must not be waited for."""
 
 _BLOB = Struct("Conformance::Blob", (Field("data", Sequence(UINT8)),))
-_TYPE = TypeRef(
-    "Conformance::Blob", 1, "operation Conformance::Blob.send\nstruct Conformance::Blob\n  data sequence<uint8>"
-)
-_OTHER = TypeRef(
-    "Conformance::Blob", 2, "operation Conformance::Blob.send\nstruct Conformance::Blob\n  data sequence<int16>"
-)
+_OTHER_BLOB = Struct("Conformance::Blob", (Field("data", Sequence(INT16)),))
+_TEXT = "operation Conformance::Blob.send\nstruct Conformance::Blob\n  data sequence<{}>"
+_TYPE = TypeRef("Conformance::Blob", 1, _TEXT.format("uint8"), _BLOB, _BLOB)
+_OTHER = TypeRef("Conformance::Blob", 2, _TEXT.format("int16"), _OTHER_BLOB, _OTHER_BLOB)
 _MANY = QoS(depth=5000)
 _RELIABLE = QoS(Reliability.RELIABLE, depth=8)
 _LATCHED = QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=2)
@@ -800,7 +798,7 @@ class TransportConformance:
     ) -> None:
         handlers = _Handlers()
         route = _router(there, name)(Port(Verb.REQUIRES, e.EVERYTHING), e.poke)
-        channel = Channel(route.channel, Pattern.COMMAND, _ref(e.poke))
+        channel = Channel(route.channel, Pattern.COMMAND, ports.type_of(e.poke, Pattern.COMMAND))
         with _Served(here, name, handlers) as served:
             outlet = there.outlet(channel)
             assert outlet.wait_peer(SOON)
@@ -1028,10 +1026,6 @@ def _serve_stuck(transport: Transport, name: str, stuck: Any) -> None:
 
 
 # -- typed --------------------------------------------------------------------
-
-
-def _ref(operation: Operation[Any]) -> TypeRef:
-    return TypeRef(operation.request.name, operation.fingerprint, operation.text)
 
 
 class _Handlers:

@@ -28,6 +28,7 @@ from typing import Any, NamedTuple, Protocol
 from ..contract.interface import Pattern, differences
 from ..contract.parameters import unknown
 from ..contract.qos import DEFAULT_QOS, History, Liveliness, QoS
+from ..contract.types import Struct
 from ..errors import ConfigurationError, UnsupportedQoS
 from ..wire.codec import Codec, Payload
 
@@ -75,14 +76,18 @@ class Capability(Flag):
 
 @dataclass(frozen=True, slots=True)
 class TypeRef:
-    """The type of a channel's messages, as transports know it: compared, never looked into.
+    """The type of a channel's messages, as transports know it: compared, and shown where it differs.
 
     `text` is what the fingerprint stands for; two sides that differ show it to each other.
+    `request`, and `response` of a query, are for middleware that has types of its own and shows
+    them to others; without them its messages are octets there.
     """
 
     name: str
     fingerprint: int = 0
     text: str = ""
+    request: Struct | None = field(default=None, compare=False, repr=False)
+    response: Struct | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -38,10 +38,13 @@ from .program import Program, is_loop
 from .values import as_array, as_bool, as_dict, as_list, as_member, as_str, view_of
 
 ENCAPSULATION = b"\x00\x01\x00\x00"
+TAIL = bytes(4)
+"""What follows a payload that has room for a header: the count of an empty sequence."""
 
 _Layouts = tuple[struct.Struct, ...]
 _LETTERS = dict(zip(Primitive, "BbBhHiIqQfd", strict=False))
 _PADDING = tuple(bytes(-n & 7) for n in range(8))
+_TAILS = tuple(bytes(-n & 3) + TAIL for n in range(4))
 _BOOLS = (False, True)
 _NUMBERS = INTEGERS | FLOATS
 
@@ -52,15 +55,22 @@ class Cdr:
     Received arrays are views of the payload. Those of 8-byte numbers are aligned in memory only if
     the payload begins 4 octets before a multiple of 8, which a transport with buffers of its own
     should see to; numpy copes with others, but some of it (matrix products) is slow with them.
+
+    With `room`, a multiple of 8, so many octets of a payload lie free between encapsulation and
+    fields, for the header of a transport that sends both as one sample. Payloads are then bytearrays,
+    padded to a multiple of four and followed by `TAIL`, which the transport may use or leave out.
     """
 
     name = "cdr"
 
+    def __init__(self, room: int = 0) -> None:
+        self._room = room
+
     def encoder(self, message: Struct) -> Encoder:
-        return guard_encoder(message, _EncodeProgram(message).compile())
+        return guard_encoder(message, _EncodeProgram(message, self._room).compile())
 
     def decoder(self, message: Struct, *, prefix: bool = False) -> Decoder:
-        return guard_decoder(message, _DecodeProgram(message).compile(prefix))
+        return guard_decoder(message, _DecodeProgram(message, self._room).compile(prefix))
 
 
 # What has a fixed size is a run of primitives, its leaves.
@@ -110,8 +120,8 @@ def _aligned(letters: str, start: int) -> str:
 class _EncodeProgram:
     """Writes `encode(values) -> bytes`. In it, `n` counts the bytes so far and `add` appends some."""
 
-    def __init__(self, message: Struct) -> None:
-        self._message = message
+    def __init__(self, message: Struct, room: int) -> None:
+        self._message, self._room = message, room
         self._program = Program(message)
         self._letters = ""
         self._values: list[str] = []
@@ -121,11 +131,13 @@ class _EncodeProgram:
         fields = self._message.fields
         names = [p.fresh() for _ in fields]
         with p.block("def encode(values)"):
-            p.line(f"out = [{ENCAPSULATION!r}]; add = out.append; n = 0")
+            p.line(f"out = [{p.name(ENCAPSULATION + bytes(self._room))}]; add = out.append; n = 0")
             p.line(f"[{', '.join(names)}] = values")
             self._fields(fields, names)
             p.line(f"{p.name(check_size)}(n + {len(ENCAPSULATION)})")
-            p.line("return b''.join(out)")
+            if self._room:
+                p.line(f"add({p.name(_TAILS)}[n & 3])")
+            p.line(f"return {'bytearray' if self._room else 'bytes'}().join(out)")
         p.write_functions(self._write)
         return p.compile("encode")
 
@@ -251,8 +263,8 @@ class _EncodeProgram:
 class _DecodeProgram:
     """Writes `decode(payload) -> values`. In it, `data` is what follows the encapsulation, `n` how much was read."""
 
-    def __init__(self, message: Struct) -> None:
-        self._message = message
+    def __init__(self, message: Struct, room: int) -> None:
+        self._message, self._room = message, room
         self._program = Program(message)
         self._letters = ""
         self._names: list[str] = []
@@ -260,10 +272,10 @@ class _DecodeProgram:
     def compile(self, prefix: bool) -> Callable[[Any], tuple[Any, ...]]:
         p = self._program
         with p.block("def decode(payload)"):
-            p.line(f"data = {p.name(_body)}(payload); n = 0")
+            p.line(f"data = {p.name(_body)}(payload, {len(ENCAPSULATION) + self._room}); n = 0")
             values = self._fields(self._message.fields)
             if not prefix:
-                p.line(f"{p.name(_check_end)}(data, n)")
+                p.line(f"{p.name(_check_end)}(data, n, {len(_TAILS[1]) if self._room else 3})")
             p.line(f"return ({values})")
         p.write_functions(self._write)
         return p.compile("decode")
@@ -372,16 +384,16 @@ class _DecodeProgram:
 # What compiled decoders call.
 
 
-def _body(payload: Any) -> memoryview:
+def _body(payload: Any, start: int) -> memoryview:
     data = memoryview(payload)
-    if data.nbytes < 4 or data[0] != 0 or data[1] != 1:
+    if data.nbytes < start or data[0] != 0 or data[1] != 1:
         raise ValueError("not XCDR1 little-endian")
     check_size(data.nbytes)
-    return data[4:]
+    return data[start:]
 
 
-def _check_end(data: memoryview, n: int) -> None:
-    if not 0 <= data.nbytes - n < 4:  # DDS may pad a payload to a multiple of four
+def _check_end(data: memoryview, n: int, slack: int) -> None:
+    if not 0 <= data.nbytes - n <= slack:  # DDS may pad a payload to a multiple of four
         raise ValueError(f"{data.nbytes - n} bytes left over")
 
 

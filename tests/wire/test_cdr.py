@@ -29,8 +29,10 @@ from robocomp_py.contract.types import (
     Type,
 )
 from robocomp_py.errors import DecodeError, EncodeError
+from robocomp_py.testing import everything as e
+from robocomp_py.testing.conformance import assert_same, everything_odd
 from robocomp_py.testing.everything import Colour, Nothing, Point
-from robocomp_py.wire.cdr import Cdr
+from robocomp_py.wire.cdr import TAIL, Cdr
 from robocomp_py.wire.codec import MAX_BYTES
 
 from .messages import messages, patiently
@@ -240,3 +242,19 @@ WRONG: list[tuple[Type, str, str]] = [
 def test_a_value_that_does_not_fit_is_refused(kind: Type, body: str, reason: str) -> None:
     with pytest.raises(DecodeError, match=reason):
         CODEC.decoder(one(kind))(bytes.fromhex("00010000" + body))
+
+
+@pytest.mark.parametrize("value", [e.Nested(), everything_odd()])
+def test_with_room_for_a_header_the_fields_are_the_same_bytes(value: e.Nested) -> None:
+    message, roomy = e.echo_nested.request, Cdr(room=40)
+    plain, payload = CODEC.encoder(message)((value,)), roomy.encoder(message)((value,))
+    assert isinstance(payload, bytearray)
+    assert payload[:4] == plain[:4]
+    assert payload[44 : 44 + len(plain) - 4] == plain[4:]
+    assert payload.endswith(TAIL)
+    assert (len(payload) % 4, len(payload) - len(plain) - 40 - len(TAIL) < 4) == (0, True)
+    for received in (payload, bytes(payload), memoryview(payload)[: -len(TAIL)]):
+        (found,) = roomy.decoder(message)(received)
+        assert_same(found, value)
+    with pytest.raises(DecodeError):
+        roomy.decoder(message)(payload + bytes(8))

@@ -1,0 +1,335 @@
+"""The types of our DDS topics, made from contracts, and the bytes of their samples.
+
+    publication   {PublicationHeader header; fields of the message}           topic rc/<channel>
+    request       {RequestHeader header; fields of the request}               topic rc/<channel>Request
+    reply         {ReplyHeader header; fields of the response; octets error}  topic rc/<channel>Reply
+    credit        {reader, source, sequence, window}                          topic rc/<channel>Credit
+
+Others see every field, and can read and write every sample: a reply that is not OK holds an empty
+response, and its payload as `error`. All headers have the same size, a multiple of 8, so the same
+bytes serve as payload of our codec and, once the header is filled in, as sample. The library's own
+codec is never used. A message whose fields are not known travels as octets.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+import threading
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from cyclonedds.idl import IdlStruct, make_idl_struct
+from cyclonedds.idl import types as idl
+
+from ..contract.types import STRING, TIME, Dictionary, Enumeration, Primitive, Sequence, Struct, Type, spell
+from ..errors import DecodeError
+from ..wire.cdr import ENCAPSULATION, TAIL, Cdr
+from ..wire.codec import Payload
+from ..wire.header import NO_DEADLINE, VERSION
+
+ROOM = 40
+"""Octets of a header."""
+
+BODY = len(ENCAPSULATION) + ROOM
+"""Where the fields of a message begin in a sample."""
+
+CODEC = Cdr(ROOM)
+
+DdsType = type[IdlStruct]
+
+_PRIMITIVES: dict[Primitive, Any] = {
+    kind: getattr(idl, kind.value, None) for kind in Primitive if kind not in (Primitive.BOOL, STRING, TIME)
+} | {Primitive.BOOL: bool, STRING: str}
+_SIZES = {"bool": 1, "int8": 1, "uint8": 1, "int16": 2, "uint16": 2, "int64": 8, "uint64": 8, "float64": 8}
+
+_made: dict[tuple[str, int], tuple[object, DdsType]] = {}
+_making = threading.RLock()
+
+
+# -- headers ------------------------------------------------------------------
+
+
+class Request(NamedTuple):
+    start: bytes
+    flags: int
+    remaining_ms: int
+    fingerprint: int
+    client: int
+    sequence: int
+    stamp: int
+
+
+class ReplyHeader(NamedTuple):
+    start: bytes
+    status: int
+    client: int
+    sequence: int
+    server: int
+    stamp: int
+
+
+class Publication(NamedTuple):
+    start: bytes
+    fingerprint: int
+    source: int
+    sequence: int
+    stamp: int
+
+
+class Credit(NamedTuple):
+    """A reader of a reliable topic has consumed a source's messages up to `sequence`, and takes `window` more."""
+
+    reader: int
+    source: int
+    sequence: int
+    window: int
+
+
+_REQUEST, _REPLY = struct.Struct("<5sBxxIQQQq"), struct.Struct("<5sB6xQQQq")
+_PUBLICATION, _CREDIT = struct.Struct("<5s7xQQQq"), struct.Struct("<4sQQQI")
+_START = ENCAPSULATION + bytes((VERSION,))
+_U32 = struct.Struct("<I")
+
+
+def fill_request(
+    sample: bytearray, flags: int, remaining: float, fingerprint: int, client: int, sequence: int, stamp: int
+) -> None:
+    """`remaining` in seconds; more than fits (seven weeks) means without deadline."""
+    ms = max(0, int(remaining * 1000)) if remaining * 1000 < NO_DEADLINE else NO_DEADLINE
+    _REQUEST.pack_into(sample, 0, _START, flags, ms, fingerprint, client, sequence, stamp)
+
+
+def fill_reply(sample: bytearray, status: int, client: int, sequence: int, server: int, stamp: int) -> None:
+    _REPLY.pack_into(sample, 0, _START, status, client, sequence, server, stamp)
+
+
+def fill_publication(sample: bytearray, fingerprint: int, source: int, sequence: int, stamp: int) -> None:
+    _PUBLICATION.pack_into(sample, 0, _START, fingerprint, source, sequence, stamp)
+
+
+def pack_credit(credit: Credit) -> bytes:
+    return _CREDIT.pack(ENCAPSULATION, *credit)
+
+
+def read_request(sample: bytes) -> Request:
+    return Request._make(_read(_REQUEST, sample))
+
+
+def read_reply(sample: bytes) -> ReplyHeader:
+    return ReplyHeader._make(_read(_REPLY, sample))
+
+
+def read_publication(sample: bytes) -> Publication:
+    return Publication._make(_read(_PUBLICATION, sample))
+
+
+def read_credit(sample: bytes) -> Credit:
+    if len(sample) != _CREDIT.size or not sample.startswith(ENCAPSULATION):
+        raise DecodeError(f"not a credit: {len(sample)} bytes")
+    return Credit._make(_CREDIT.unpack(sample)[1:])
+
+
+def _read(layout: struct.Struct, sample: bytes) -> tuple[Any, ...]:
+    if len(sample) < BODY or sample[:5] != _START:
+        raise DecodeError(f"not a version {VERSION} sample in little-endian XCDR1: {len(sample)} bytes")
+    return layout.unpack_from(sample)
+
+
+# -- messages -----------------------------------------------------------------
+
+
+class Message:
+    """How payloads of one message become samples, and back. `kind` is None if its fields are not known."""
+
+    def __init__(self, kind: Struct | None) -> None:
+        self.kind = kind
+        self._empty = _zero(kind) if kind else TAIL
+        """An empty message, padded to where the count of octets behind it stands."""
+
+    def sample(self, payload: Payload, tail: bool = False) -> bytearray | memoryview:
+        """A payload as a sample whose header is still to be filled in; with `tail`, an empty sequence follows it."""
+        if self.kind is None:
+            octets = b"" if payload is None else bare(payload)
+            whole = bytearray(b"").join((bytes(BODY), _counted(octets), TAIL))
+        elif type(payload) is bytearray:
+            whole = payload
+        elif payload is None:
+            whole = bytearray(b"").join((bytes(BODY), self._empty, TAIL))
+        else:  # one that was received
+            whole = bytearray(b"").join((payload, bytes(-len(payload) & 3), TAIL))
+        return whole if tail else memoryview(whole)[: -len(TAIL)]
+
+    def payload(self, sample: bytes, tail: bool = False) -> Payload:
+        """The payload in a sample, not copied. Raises DecodeError."""
+        if self.kind is not None:
+            return memoryview(sample)[: -len(TAIL)] if tail else sample
+        return dressed(_octets(sample, BODY))
+
+    def failure(self, payload: Payload) -> bytearray:
+        """A sample that carries a payload of another type behind an empty message."""
+        octets = b"" if payload is None else bare(payload)
+        return bytearray(b"").join((bytes(BODY), self._empty, _counted(octets)))
+
+    def why(self, sample: bytes) -> Payload:
+        """The payload of another type in a sample, if there is one. Raises DecodeError."""
+        octets = _octets(sample, BODY + len(self._empty))
+        return dressed(octets) if len(octets) else None
+
+
+def bare(payload: Payload) -> memoryview:
+    """The fields of a payload alone."""
+    fields = memoryview(payload)[BODY:]
+    return fields[: -len(TAIL)] if type(payload) is bytearray else fields
+
+
+def dressed(octets: memoryview | bytes) -> Payload:
+    """A payload whose fields are these octets."""
+    return b"".join((ENCAPSULATION, bytes(ROOM), octets))
+
+
+def _counted(octets: memoryview | bytes) -> bytes:
+    return b"".join((_U32.pack(len(octets)), octets, bytes(-len(octets) & 3)))
+
+
+def _octets(sample: bytes, start: int) -> memoryview:
+    if len(sample) < start + 4:
+        raise DecodeError(f"a sample of {len(sample)} bytes has no octets behind {start}")
+    (count,) = _U32.unpack_from(sample, start)
+    if count > len(sample) - start - 4:
+        raise DecodeError(f"{count} octets in a sample of {len(sample)} bytes")
+    return memoryview(sample)[start + 4 : start + 4 + count]
+
+
+def _zero(kind: Struct) -> bytes:
+    """The octets of a struct whose fields are all zero or empty, padded to a multiple of four."""
+    out = bytearray()
+    _append_zero(kind, out)
+    return bytes(out) + bytes(-len(out) & 3)
+
+
+def _append_zero(kind: Type, out: bytearray) -> None:
+    match kind:
+        case Struct(fields=fields) if fields:
+            for field in fields:
+                _append_zero(field.type, out)
+        case Struct():
+            out += b"\0"
+        case Primitive() if kind is STRING:
+            out += bytes(-len(out) & 3) + b"\1\0\0\0\0"
+        case Primitive() if kind is TIME:
+            out += bytes((-len(out) & 3) + 8)
+        case Primitive():
+            size = _SIZES.get(kind.value, 4)
+            out += bytes(-len(out) % size + size)
+        case Enumeration() | Sequence() | Dictionary():
+            out += bytes((-len(out) & 3) + 4)
+
+
+# -- types --------------------------------------------------------------------
+
+
+def publication_type(name: str, message: Struct | None) -> DdsType:
+    return _cached("publication", name, message, lambda: _message(name, "PublicationHeader", message))
+
+
+def request_type(name: str, message: Struct | None) -> DdsType:
+    return _cached("request", name, message, lambda: _message(name, "RequestHeader", message))
+
+
+def reply_type(name: str, message: Struct | None) -> DdsType:
+    return _cached("reply", name, message, lambda: _message(name, "ReplyHeader", message, error=_sequence(idl.uint8)))
+
+
+def credit_type() -> DdsType:
+    fields = {"reader": idl.uint64, "source": idl.uint64, "sequence": idl.uint64, "window": idl.uint32}
+    return _cached("credit", "", None, lambda: _struct("robocomp::Credit", fields))
+
+
+_HEADERS: dict[str, dict[str, Any]] = {
+    "PublicationHeader": {
+        "version": idl.uint8, "fingerprint": idl.uint64, "source": idl.uint64, "sequence": idl.uint64,
+        "stamp": idl.int64,
+    },
+    "RequestHeader": {
+        "version": idl.uint8, "flags": idl.uint8, "remaining_ms": idl.uint32, "fingerprint": idl.uint64,
+        "client": idl.uint64, "sequence": idl.uint64, "stamp": idl.int64,
+    },
+    "ReplyHeader": {
+        "version": idl.uint8, "status": idl.uint8, "client": idl.uint64, "sequence": idl.uint64,
+        "server": idl.uint64, "stamp": idl.int64,
+    },
+}  # fmt: skip
+
+
+def _cached(role: str, name: str, message: Struct | None, make: Callable[[], DdsType]) -> DdsType:
+    """One class per message and role, however many transports use it: the library compares them by identity."""
+    key = (f"{role} {name}", id(message))
+    with _making:  # the library builds types on a global stack
+        if key not in _made:
+            _made[key] = message, make()
+        return _made[key][1]
+
+
+def _message(name: str, header: str, message: Struct | None, **more: Any) -> DdsType:
+    made: dict[str, DdsType] = {}
+    fields: dict[str, Any] = {}
+    first = _cached("header", header, None, lambda: _struct(f"robocomp::{header}", _HEADERS[header]))
+    _add(fields, "header", first)
+    if message is None:
+        _add(fields, "data", _sequence(idl.uint8))
+    else:
+        for member, kind in _members(message, made).items():
+            _add(fields, member, kind)
+    for member, kind in more.items():
+        _add(fields, member, kind)
+    return _struct(name, fields)
+
+
+def _add(fields: dict[str, Any], name: str, kind: Any) -> None:
+    while name in fields:
+        name += "_"
+    fields[name] = kind
+
+
+def _members(kind: Struct, made: dict[str, DdsType]) -> dict[str, Any]:
+    found = {field.name: _type(field.type, made) for field in kind.fields}
+    return found or {"structure_needs_at_least_one_member": idl.uint8}
+
+
+def _type(kind: Type, made: dict[str, DdsType]) -> Any:
+    match kind:
+        case Primitive() if kind is TIME:
+            return _once("robocomp::Time", lambda: {"sec": idl.int32, "nanosec": idl.uint32}, made)
+        case Primitive():
+            return _PRIMITIVES[kind]
+        case Enumeration():
+            return idl.int32
+        case Struct(name=name):
+            return _once(name, lambda: _members(kind, made), made)
+        case Sequence(item):
+            return _sequence(_type(item, made))
+        case Dictionary(key, value, name):
+            name = f"{name}Entry" if name else "robocomp::Entry_" + re.sub(r"\W+", "_", spell(kind))
+            return _sequence(_once(name, lambda: {"key": _type(key, made), "value": _type(value, made)}, made))
+
+
+def _once(name: str, members: Callable[[], dict[str, Any]], made: dict[str, DdsType]) -> DdsType:
+    if name not in made:
+        made[name] = _struct(name, members())
+    return made[name]
+
+
+def _sequence(item: Any) -> Any:
+    return idl.sequence[item]  # type: ignore[misc]  # it becomes an annotation; only the library knows how
+
+
+def _struct(name: str, fields: dict[str, Any]) -> DdsType:
+    made = make_idl_struct(name.rpartition("::")[2], name, fields, dataclassify=False)
+    made.__init__ = _init  # type: ignore[assignment]  # no dataclass: a member may be called `lambda`
+    return made
+
+
+def _init(self: IdlStruct, **members: Any) -> None:
+    """For whoever reads samples by the library's codec, as our tests do."""
+    vars(self).update(members)
