@@ -1,7 +1,7 @@
 """Transport `zenoh`: every component is a client of one router (see `zenoh_session`).
 
     rc/<domain>/<channel>                 messages: payload in CDR, our header as the attachment
-    rc_lv/<domain>/…/<link>/<channel>     a liveliness token for each link: who is there (`_Token`)
+    rc_lv/<domain>/…/<link>/<channel>     a liveliness token for each link: who is there (`Token`)
     rc_ack/<domain>/<transport>/<number>  to a link: "this message of yours was taken"
     rc_ask/<domain>/<transport>/<number>  of a link: `/text`, its contract; `/history`, its latched messages
 
@@ -10,7 +10,7 @@ of its own number, so whoever has got a message from it knows where to acknowled
 
 Zenoh drops messages, or closes the connection, where a reader is slow. What must not be lost
 (reliable publications, commands) is therefore sent only to readers that have room for it: they
-acknowledge what they took, and a sender is at most so many messages ahead (`_Credit`).
+acknowledge what they took, and a sender is at most so many messages ahead (`Credit`).
 
 Threads. Callbacks run on Zenoh's own threads, and one that is slow delays everybody. So they only
 queue what came in, and a `Crew` does the rest. They must not log either: `logging` would have
@@ -41,7 +41,6 @@ import zenoh
 from ..contract.interface import Pattern
 from ..contract.qos import History
 from ..errors import Closed, ConfigurationError, ContractMismatch, DecodeError, Timeout, TransportError, Unreachable
-from ..wire import names
 from ..wire.cdr import Cdr
 from ..wire.codec import Codec, Payload
 from ..wire.header import (
@@ -71,12 +70,14 @@ from .base import (
     options_of,
     serve,
 )
+from .credit import Credit
 from .crew import Crew, Gate, Job, Lane, abandoned
 from .directory import runtime_dir
 from .exclusive import Claim, claim
 from .ledger import Ledger
 from .pending import Pending
 from .zenoh_session import Network, as_transport_error
+from .zenoh_table import Table, Token
 
 log = logging.getLogger("robocomp.transport.zenoh")
 
@@ -96,6 +97,9 @@ COMMANDS_AHEAD = 64
 COMMANDS_WAITING = 1000
 QUERIES_WAITING = 1000
 """Requests that may wait at one server, or be under way there; more are turned away."""
+
+STRANGERS = 100
+"""So many that mean something else by a channel's name are told about; the others are ignored."""
 
 INBOX = 10_000
 """Messages that may wait for the crew at one inlet; more are dropped."""
@@ -119,7 +123,7 @@ class ZenohTransport:
             self.capabilities |= Capability.CROSS_HOST
         self.owner, self.incarnation = config.owner, random_id()
         self.closed = False
-        self.table = _Table()
+        self.table = Table()
         self._id, self._numbers = secrets.randbits(40), itertools.count(1)
         self._links: dict[int, _Link] = {}
         self._lock = threading.RLock()
@@ -356,71 +360,6 @@ class _Query:
         self._query.drop()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
 
 
-# -- who is there -------------------------------------------------------------
-
-
-class _Token(NamedTuple):
-    """One link, as all can see it: `rc_lv/<domain>/<role>/<traits>/<fingerprint>/<pid>/<link>/<channel>`.
-
-    Traits: `r` reliable, `l` latched, `-` neither. A `*` in the channel is written as a dot.
-    """
-
-    role: str
-    traits: str
-    fingerprint: int
-    pid: int
-    link: int
-    channel: str
-
-    def key(self) -> str:
-        channel = self.channel.replace(names.ANY, ".")
-        return f"{self.role}/{self.traits}/{self.fingerprint:016x}/{self.pid}/{self.link:016x}/{channel}"
-
-    @classmethod
-    def parse(cls, key: str) -> _Token:
-        """Raises ValueError if that is none."""
-        _, _, role, traits, fingerprint, pid, link, channel = key.split("/", 7)
-        return cls(role, traits, int(fingerprint, 16), int(pid), int(link, 16), channel.replace(".", names.ANY))
-
-
-class _Table:
-    """The tokens of all links of this domain. Safe to use from any thread."""
-
-    def __init__(self) -> None:
-        self.changed = threading.Condition()
-        self.version = 0
-        self._index: dict[tuple[str, str], dict[int, _Token]] = {}
-
-    def hear(self, key: str, there: bool) -> bool:
-        """Note that a token came or went; whether that is news."""
-        try:
-            token = _Token.parse(key)
-        except ValueError:
-            return False
-        with self.changed:
-            known = self._index.setdefault((token.role, _tail(token.channel)), {})
-            if (token.link in known) == there:
-                return False
-            if there:
-                known[token.link] = token
-            else:
-                del known[token.link]
-            self.version += 1
-            self.changed.notify_all()
-        return True
-
-    def find(self, role: str, channel: str) -> list[_Token]:
-        """Links in that role whose channel matches, either of which may have `*` for its instance."""
-        with self.changed:
-            candidates = list(self._index.get((role, _tail(channel)), {}).values())
-        return [t for t in candidates if names.matches(channel, t.channel) or names.matches(t.channel, channel)]
-
-
-def _tail(channel: str) -> str:
-    """Interface and operation: what a channel has in common with all that it may match."""
-    return "/".join(channel.split("/")[-2:])
-
-
 # -- links --------------------------------------------------------------------
 
 
@@ -441,7 +380,7 @@ class _Link:
         self._token: zenoh.LivelinessToken | None = None
         self._claim: Claim | None = None
         self._declared: list[Any] = []
-        self._reported: set[object] = set()
+        self._reported: set[int] = set()
         self._texts: dict[int, str] = {}
 
     def open(self) -> None:
@@ -498,10 +437,10 @@ class _Link:
         return declared
 
     def announce(self) -> None:
-        token = _Token(self.role, self.traits, self.channel.type.fingerprint, os.getpid(), self.id, self.channel.name)
+        token = Token(self.role, self.traits, self.channel.type.fingerprint, os.getpid(), self.id, self.channel.name)
         self._token = self.transport.session.liveliness().declare_token(self.transport.key("rc_lv", token.key()))
 
-    def counterparts(self, *, strict: bool = False) -> list[_Token]:
+    def counterparts(self, *, strict: bool = False) -> list[Token]:
         """Those we face who mean the same by the name; the others are reported, once each.
 
         With `strict`, raises ContractMismatch if there are only others.
@@ -512,23 +451,28 @@ class _Link:
             return same
         others = [token for token in named if token.fingerprint != self.channel.type.fingerprint]
         for token in others:
-            if token.link not in self._reported:
-                self.report_mismatch(token.link, self._type_of(token))
+            self.report_mismatch(token.link, token.fingerprint)
         if strict and not same:
-            raise ContractMismatch(mismatch(self.channel, self._type_of(others[0])))
+            raise ContractMismatch(mismatch(self.channel, self._type_of(others[0].link, others[0].fingerprint)))
         return same
 
     def check_open(self) -> None:
         if self.closed.is_set() or self.transport.closed:
             raise Closed(f"{self.channel.name}: the link is closed")
 
-    def report_mismatch(self, who: object, other: TypeRef) -> None:
+    def report_mismatch(self, link: int, fingerprint: int) -> None:
+        """Count and log, once, that another link means something else. May wait for its answer."""
         with self._closing:
-            if who in self._reported:
+            if link in self._reported or len(self._reported) >= STRANGERS:
                 return
-            self._reported.add(who)
-            self.stats.mismatched += 1
-        log.error("%s", mismatch(self.channel, other))
+            self._reported.add(link)
+        log.error("%s", mismatch(self.channel, self._type_of(link, fingerprint)))
+        self.stats.mismatched += 1
+
+    def meet_stranger(self, link: int, fingerprint: int) -> None:
+        """The same, without waiting."""
+        if link not in self._reported and len(self._reported) < STRANGERS:
+            self.transport.do(partial(self.report_mismatch, link, fingerprint))
 
     def malformed(self, why: object) -> None:
         """Count a message that is none of ours; the first one is logged."""
@@ -536,47 +480,12 @@ class _Link:
         if self.stats.malformed == 1:
             log.warning("%s: dropped a malformed message (further ones are only counted): %s", self.channel.name, why)
 
-    def _type_of(self, token: _Token) -> TypeRef:
+    def _type_of(self, link: int, fingerprint: int) -> TypeRef:
         """What another link means by the name, in its own words."""
-        if token.link not in self._texts:
-            answers = self.transport.inquire(token.link, "text")
-            self._texts[token.link] = answers[0].payload.to_bytes().decode(errors="replace") if answers else ""
-        return TypeRef("", token.fingerprint, self._texts[token.link])
-
-
-class _Credit:
-    """How far a sender may go ahead of its readers: `ahead` messages that a reader has not taken yet."""
-
-    def __init__(self, ahead: int, readers: Callable[[], set[int]]) -> None:
-        self._ahead, self._readers = ahead, readers
-        self._changed = threading.Condition()
-        self._taken: dict[int, int] = {}
-        self.sent = 0
-
-    def wait(self, end: float, still: Callable[[], object]) -> bool:
-        """Wait until one more may be sent, and count it; `still` is called meanwhile, and may raise."""
-        while True:
-            with self._changed:
-                if self._room():
-                    self.sent += 1
-                    return True
-                left = end - time.monotonic()
-                if left > 0:
-                    self._changed.wait(min(left, 0.05))
-            still()
-            if left <= 0:
-                return False
-
-    def took(self, reader: int, sequence: int) -> None:
-        with self._changed:
-            if sequence > self._taken.get(reader, sequence):
-                self._taken[reader] = min(sequence, self.sent)
-                self._changed.notify_all()
-
-    def _room(self) -> bool:
-        there = self._readers()
-        self._taken = {reader: self._taken.get(reader, self.sent) for reader in there}
-        return all(self.sent - taken < self._ahead for taken in self._taken.values())
+        if not self._texts.get(link):
+            answers = self.transport.inquire(link, "text")
+            self._texts[link] = answers[0].payload.to_bytes().decode(errors="replace") if answers else ""
+        return TypeRef("", fingerprint, self._texts[link])
 
 
 # -- topics -------------------------------------------------------------------
@@ -592,7 +501,7 @@ class _Publisher(_Link):
         self.traits = "".join(("r" * lossless, "l" * qos.latched)) or "-"
         self._lossless = lossless
         self._readers: tuple[int, set[int]] = -1, set()
-        self._credit = _Credit(_depth(channel), self._reliable_readers)
+        self._credit = Credit(_depth(channel), self._reliable_readers)
         self._history: deque[tuple[bytes, Payload]] = deque(maxlen=qos.depth if qos.latched else 0)
         self._order = threading.Lock()
 
@@ -633,7 +542,7 @@ class _Publisher(_Link):
             self._readers = version, {token.link for token in self._same() if "r" in token.traits}
         return self._readers[1]
 
-    def _same(self) -> Iterator[_Token]:
+    def _same(self) -> Iterator[Token]:
         fingerprint = self.channel.type.fingerprint
         found = self.transport.table.find(self.facing, self.channel.name)
         return (token for token in found if token.fingerprint == fingerprint)
@@ -741,7 +650,7 @@ class _Subscriber(_Receiving):
     def take(self, message: _Message) -> tuple[int, int] | None:
         header = read_publication(_bytes(message.header))
         if header.fingerprint != self.channel.type.fingerprint:
-            self.report_mismatch(header.source, TypeRef("", header.fingerprint))
+            self.meet_stranger(header.source, header.fingerprint)
             return None
         if self.channel.qos.latched and not self._is_next(header, message):
             return None
@@ -783,9 +692,9 @@ class _Asking(_Link):
 
     def __init__(self, transport: ZenohTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
-        self._found: tuple[int, _Token, zenoh.KeyExpr] | None = None
+        self._found: tuple[int, Token, zenoh.KeyExpr] | None = None
 
-    def server(self) -> tuple[_Token, zenoh.KeyExpr]:
+    def server(self) -> tuple[Token, zenoh.KeyExpr]:
         """Who serves this channel, and the key to reach it. Raises Unreachable."""
         found, version = self._found, self.transport.table.version
         if found is None or found[0] != version:
@@ -804,7 +713,7 @@ class _CommandOutlet(_Asking):
     def __init__(self, transport: ZenohTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
         self._order = threading.Lock()
-        self._credit = _Credit(COMMANDS_AHEAD, lambda: {self.server()[0].link})
+        self._credit = Credit(COMMANDS_AHEAD, lambda: {self.server()[0].link})
 
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
         end = time.monotonic() + deadline
@@ -968,7 +877,7 @@ class _CommandInlet(_Receiving):
     def take(self, message: _Message) -> tuple[int, int] | None:
         request = read_request(_bytes(message.header))
         if request.fingerprint != self.channel.type.fingerprint:
-            self.report_mismatch(request.client, TypeRef("", request.fingerprint))
+            self.meet_stranger(request.client, request.fingerprint)
             return None
         if self._ledger.admit(request.client, request.sequence):
             self.lane.put((_expires(request, message.arrived), message.payload))
@@ -1047,7 +956,7 @@ class _Server(_Link):
         """Note that a request is under way, or say how to refuse it; OK means without a word."""
         mine = self.channel.type
         if request.fingerprint != mine.fingerprint:
-            self._report(request)
+            self.meet_stranger(request.client, request.fingerprint)
             return Reply(Status.MISMATCH, mine.text.encode())
         with self._lock:
             if not self._ledger.admit(request.client, request.sequence):
@@ -1094,11 +1003,6 @@ class _Server(_Link):
 
     def _header(self, status: Status, request: Request) -> bytes:
         return pack_reply(status, request.client, request.sequence, self.transport.incarnation)
-
-    def _report(self, request: Request) -> None:
-        tokens = self.transport.table.find(self.facing, self.channel.name)
-        token = next((token for token in tokens if token.link == request.client), None)
-        self.report_mismatch(request.client, self._type_of(token) if token else TypeRef("", request.fingerprint))
 
 
 def _expires(request: Request, arrived: float) -> float:
