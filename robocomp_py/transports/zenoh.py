@@ -526,7 +526,8 @@ class _Publisher(_Link):
                 self._publisher.put(payload, attachment=header)
 
     def visible(self) -> bool:
-        return bool(self.counterparts(strict=True)) and self._publisher.matching_status
+        status: Any = self._publisher.matching_status  # its stub says bool, which it is not
+        return bool(self.counterparts(strict=True)) and bool(status.matching)
 
     def answer(self, what: str) -> Iterable[tuple[bytes, Payload]]:
         return list(self._history) if what == "history" else super().answer(what)
@@ -750,13 +751,14 @@ class _Caller(_Asking):
         try:
             with as_transport_error(self.channel.name):
                 answers = self.transport.session.get(key, payload=payload, **options)
-                for answer in answers:
-                    reply = self._understood(number, answer)
-                    if reply:
-                        return reply
+            while True:
+                reply = self._understood(number, answers.recv())  # quicker than iterating
+                if reply:
+                    return reply
+        except zenoh.ZError:  # that was all
+            raise self._unanswered(end, deadline) from None
         finally:
             del self._under_way[number]
-        raise self._unanswered(end, deadline)
 
     def call(self, payload: Payload, deadline: float) -> Future[Reply]:
         end = time.monotonic() + deadline

@@ -67,6 +67,22 @@ def open_router(endpoint: str) -> zenoh.Session:
         return zenoh.open(_config("router", {"listen/endpoints": [endpoint]}))
 
 
+def open_client(endpoint: str) -> zenoh.Session:
+    """A client of the router there, which need not stay there all the time.
+
+    Raises ZError if it does not answer within a second.
+    """
+    retry = _RETRY_HERE if endpoint.startswith("unixsock-stream/") else _RETRY
+    settings = {
+        "connect/endpoints": [endpoint],
+        "connect/timeout_ms": _ATTEMPT_MS,
+        "connect/exit_on_failure": True,
+        "connect/retry": retry,
+        "listen/endpoints": [],
+    }
+    return zenoh.open(_config("client", settings))
+
+
 class Network:
     """A session that stays connected. `tick` has to be called now and then."""
 
@@ -91,22 +107,11 @@ class Network:
         self._close_router()
 
     def _open(self) -> zenoh.Session:
-        retry = _RETRY_HERE if self.endpoint.startswith("unixsock-stream/") else _RETRY
-        config = _config(
-            "client",
-            {
-                "connect/endpoints": [self.endpoint],
-                "connect/timeout_ms": _ATTEMPT_MS,
-                "connect/exit_on_failure": True,
-                "connect/retry": retry,
-                "listen/endpoints": [],
-            },
-        )
         end = time.monotonic() + OPEN_PATIENCE
         while True:
             self.tick()
             try:
-                return zenoh.open(config)
+                return open_client(self.endpoint)
             except zenoh.ZError as exc:
                 if time.monotonic() >= end:
                     raise TransportError(f"no Zenoh router answers at {self._where()}") from exc
@@ -170,5 +175,8 @@ def _folder() -> Path:
 def _config(mode: str, settings: dict[str, Any]) -> zenoh.Config:
     config = zenoh.Config()
     for key, value in ({"mode": mode} | _COMMON | settings).items():
-        config.insert_json5(key, json.dumps(value))
+        try:
+            config.insert_json5(key, json.dumps(value))
+        except zenoh.ZError as exc:
+            raise ConfigurationError(f"zenoh does not take {value!r} for `{key}`: {exc}") from exc
     return config
