@@ -768,8 +768,9 @@ class _Caller(_Asking):
         answered: list[bool] = []
 
         def answer(reply: zenoh.Reply) -> None:
-            answered.append(True)
-            self.transport.do(partial(self._settle, number, reply, end, deadline))
+            if self._is_ours(number, reply):
+                answered.append(True)
+            self.transport.do(partial(self._settle, number, reply))
 
         def no_more() -> None:
             if not answered:
@@ -818,6 +819,13 @@ class _Caller(_Asking):
             },
         )
 
+    def _is_ours(self, number: int, answer: zenoh.Reply) -> bool:
+        try:
+            header = read_reply(_bytes(answer.ok.attachment) if answer.ok else b"")
+            return (header.client, header.sequence, Status(header.status)) == (self.id, number, header.status)
+        except ValueError:
+            return False
+
     def _understood(self, number: int, answer: zenoh.Reply) -> Reply | None:
         """What was answered; None if that was nothing of ours."""
         sample = answer.ok
@@ -843,7 +851,7 @@ class _Caller(_Asking):
             return Timeout(f"{self.channel.name}: no answer in {deadline:g} s")
         return Unreachable(f"{self.channel.name}: its server left")
 
-    def _settle(self, number: int, answer: zenoh.Reply, end: float, deadline: float) -> None:
+    def _settle(self, number: int, answer: zenoh.Reply) -> None:
         try:
             reply = self._understood(number, answer)
         except ContractMismatch as exc:
@@ -851,8 +859,6 @@ class _Caller(_Asking):
             return
         if reply:
             self._pending.settle(number, reply)
-        elif answer.ok is None:
-            self._pending.fail(number, self._unanswered(end, deadline))
 
     def _ended(self, number: int, future: Future[Reply]) -> None:
         _, token = self._under_way.pop(number)
