@@ -951,10 +951,11 @@ class _Server(_Link):
             self.malformed(exc)
             asked.close()
             return
-        refusal = self._admit(request, asked, _expires(request, arrived))
+        expires = _expires(request, arrived)
+        refusal = self._admit(request, asked, expires)
         if refusal is None:
             payload = query.payload
-            self._serve(request, payload.to_bytes() if payload is not None else b"", _expires(request, arrived))
+            self._serve(request, payload.to_bytes() if payload is not None else b"", expires)
             return
         if refusal.status is not Status.OK:
             self._send(asked, request, refusal)
