@@ -16,7 +16,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="rc-") as folder:
         os.environ["ROBOCOMP_RUNTIME_DIR"] = folder
         print("query round trip")
-        roundtrip.run(options.only or ["inproc", "zeromq"])
+        roundtrip.run(options.only or ["inproc", "zeromq", "zenoh"])
 
 
 if __name__ == "__main__":

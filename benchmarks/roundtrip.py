@@ -157,7 +157,63 @@ class RawZeroMQ:
         self._folder.cleanup()
 
 
-RAW: dict[str, Any] = {"zeromq": RawZeroMQ}
+def _zenoh_server(endpoint: str, ready: Event, stop: Event) -> None:
+    """As with ours, the serving process runs the router as well."""
+    from robocomp_py.transports.zenoh_session import open_client, open_router
+
+    router, session = open_router(endpoint), open_client(endpoint)
+
+    def answer(query: Any) -> None:
+        query.reply(query.key_expr, _to_cdr(_of_cdr(query.payload.to_bytes())))
+
+    session.declare_queryable("raw/echo", answer, complete=True)
+    ready.set()
+    stop.wait()
+    session.close()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
+    router.close()  # type: ignore[no-untyped-call]
+
+
+def _to_cdr(data: Any) -> bytes:
+    return b"".join((b"\0\1\0\0", data.size.to_bytes(4, "little"), data.data))
+
+
+def _of_cdr(payload: bytes) -> Any:
+    return np.frombuffer(payload, np.uint8, offset=8)
+
+
+class RawZenoh:
+    def __init__(self, name: str) -> None:
+        import zenoh
+
+        from robocomp_py.transports.zenoh_session import open_client
+
+        self._folder = tempfile.TemporaryDirectory(prefix="rc-bench-")
+        endpoint = f"unixsock-stream/{self._folder.name}/raw"
+        spawn = multiprocessing.get_context("spawn")  # Zenoh's threads, once used, do not survive a fork
+        ready, self._stop = spawn.Event(), spawn.Event()
+        self._server = spawn.Process(target=_zenoh_server, args=(endpoint, ready, self._stop))
+        self._server.start()
+        ready.wait()
+        self._session = open_client(endpoint)
+        self._querier = self._session.declare_querier(
+            "raw/echo", consolidation=zenoh.ConsolidationMode.NONE, timeout=5.0, express=True
+        )
+        while not self._querier.matching_status.matching:  # type: ignore[attr-defined]  # its stub says bool
+            time.sleep(0.01)
+
+    def ask(self, data: Any) -> object:
+        sample = self._querier.get(payload=_to_cdr(data)).recv().ok
+        assert sample is not None
+        return _of_cdr(sample.payload.to_bytes())
+
+    def close(self) -> None:
+        self._stop.set()
+        self._server.join()
+        self._session.close()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
+        self._folder.cleanup()
+
+
+RAW: dict[str, Any] = {"zeromq": RawZeroMQ, "zenoh": RawZenoh}
 
 
 def run(names: list[str]) -> None:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import weakref
 from collections import deque
 from collections.abc import Callable, Iterable
 
@@ -33,6 +34,20 @@ STUCK = 5.0
 
 _QUIET_LOOKS = 50
 """After so many looks without traffic the lookout sleeps until there is some."""
+
+
+_THREADS: weakref.WeakSet[threading.Thread] = weakref.WeakSet()
+"""All threads of all crews."""
+
+
+def abandoned() -> bool:
+    """Whether the program has ended, but for threads of crews: somebody forgot to close a transport.
+
+    Interpreters wait for their threads before anything else, so only such a thread can notice.
+    """
+    if threading.main_thread().is_alive():
+        return False
+    return all(thread.daemon or thread in _THREADS for thread in threading.enumerate() if thread.is_alive())
 
 
 class Crew:
@@ -74,6 +89,7 @@ class Crew:
     def _hire(self, work: Callable[[], None], suffix: str) -> None:
         thread = threading.Thread(target=work, name=f"{self._name}-{suffix}")
         self._threads.append(thread)
+        _THREADS.add(thread)
         thread.start()
 
     def _serve(self) -> None:

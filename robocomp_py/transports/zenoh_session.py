@@ -1,0 +1,182 @@
+"""How the Zenoh transport reaches the others: a client's session, and the router it needs.
+
+Every component is a client of one router. Told an address (`connect`), it uses the router there.
+Otherwise the components of a run-time folder find or host one behind a socket in that folder:
+whoever claims it runs the router in a session of its own; when that process ends, another one
+claims it, and Zenoh's clients reconnect by themselves.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import os
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import zenoh
+
+from ..errors import ConfigurationError, TransportError
+from ..wire.codec import MAX_BYTES
+from .directory import runtime_dir
+from .exclusive import Claim, holder, try_claim
+
+log = logging.getLogger("robocomp.transport.zenoh")
+
+OPEN_PATIENCE = 10.0
+"""Seconds after which opening gives up to reach a router."""
+
+_ATTEMPT_MS = 1000
+"""One attempt to connect; between two of them we look whether the router has become ours to run."""
+
+_COMMON: dict[str, Any] = {
+    "scouting/multicast/enabled": False,
+    "scouting/gossip/enabled": False,
+    "scouting/delay": 0,  # a router waits for so long when it opens: 0.5 s, unless told
+    "timestamping/enabled": False,
+    "transport/shared_memory/enabled": False,  # leaves files behind when killed
+    "transport/link/rx/max_message_size": MAX_BYTES + 65536,
+    "transport/link/tx/lease": 2000,  # ms after which a hung process counts as gone
+    "transport/link/tx/keep_alive": 4,
+    "transport/link/tx/queue/size/data": 16,  # batches of 64 KiB; a burst of small messages finds room
+    "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 1_000_000,  # µs; of large ones
+    "transport/unicast/open_timeout": 2000,
+    "transport/unicast/accept_timeout": 2000,
+    "transport/unicast/accept_pending": 1000,
+    "transport/unicast/max_sessions": 10_000,
+}
+_RETRY = {"period_init_ms": 50, "period_max_ms": 1000, "period_increase_factor": 2}
+_RETRY_HERE = _RETRY | {"period_max_ms": 200}  # a socket file costs nothing to try
+
+
+@contextlib.contextmanager
+def as_transport_error(doing: str) -> Iterator[None]:
+    try:
+        yield
+    except zenoh.ZError as exc:
+        raise TransportError(f"zenoh: {doing}: {exc}") from exc
+
+
+def open_router(endpoint: str) -> zenoh.Session:
+    """A router listening there, and nowhere else. Close it."""
+    with as_transport_error(f"listening at {endpoint}"):
+        return zenoh.open(_config("router", {"listen/endpoints": [endpoint]}))
+
+
+def open_client(endpoint: str) -> zenoh.Session:
+    """A client of the router there, which need not stay there all the time.
+
+    Raises ZError if it does not answer within a second.
+    """
+    retry = _RETRY_HERE if endpoint.startswith("unixsock-stream/") else _RETRY
+    settings = {
+        "connect/endpoints": [endpoint],
+        "connect/timeout_ms": _ATTEMPT_MS,
+        "connect/exit_on_failure": True,
+        "connect/retry": retry,
+        "listen/endpoints": [],
+    }
+    return zenoh.open(_config("client", settings))
+
+
+class Network:
+    """A session that stays connected. `tick` has to be called now and then."""
+
+    def __init__(self, connect: str, owner: str) -> None:
+        self._owner = owner
+        self._router = None if connect else _SharedRouter(owner)
+        self.endpoint = connect or _SharedRouter.endpoint()
+        try:
+            self.session = self._open()
+        except BaseException:
+            self._close_router()
+            raise
+
+    def tick(self) -> None:
+        """Run the router if nobody does any more."""
+        if self._router:
+            self._router.run_if_nobody_does()
+
+    def close(self) -> None:
+        with contextlib.suppress(zenoh.ZError):
+            self.session.close()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
+        self._close_router()
+
+    def _open(self) -> zenoh.Session:
+        end = time.monotonic() + OPEN_PATIENCE
+        while True:
+            self.tick()
+            try:
+                return open_client(self.endpoint)
+            except zenoh.ZError as exc:
+                if time.monotonic() >= end:
+                    raise TransportError(f"no Zenoh router answers at {self._where()}") from exc
+
+    def _where(self) -> str:
+        return f"{self.endpoint} (run by {self._router.holder()})" if self._router else self.endpoint
+
+    def _close_router(self) -> None:
+        if self._router:
+            self._router.close()
+
+
+class _SharedRouter:
+    """The router of a run-time folder, run by one of those who need it."""
+
+    def __init__(self, owner: str) -> None:
+        self._folder, self._owner = _folder(), owner
+        self._claim: Claim | None = None
+        self._session: zenoh.Session | None = None
+        self._lock = threading.Lock()
+        self._closed = False
+
+    @staticmethod
+    def endpoint() -> str:
+        return f"unixsock-stream/{_folder() / 'router.sock'}"
+
+    def run_if_nobody_does(self) -> None:
+        with self._lock:
+            if self._session or self._closed:
+                return
+            self._claim = self._claim or try_claim(self._folder, "router", self._owner)
+            if self._claim:
+                (self._folder / "router.sock").unlink(missing_ok=True)  # left by one that was killed
+                self._session = open_router(self.endpoint())
+
+    def holder(self) -> str:
+        return holder(self._folder, "router")
+
+    def close(self) -> None:
+        with self._lock:
+            self._closed = True
+            if self._session:
+                self._session.close()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
+                (self._folder / "router.sock").unlink(missing_ok=True)
+            if self._claim:
+                self._claim.close()
+
+
+def _folder() -> Path:
+    folder = runtime_dir() / "zenoh"
+    socket = folder / "router.sock"
+    if len(os.fsencode(socket)) > 107:
+        raise ConfigurationError(
+            f"run-time folder {folder}: the path of the socket in it would have {len(os.fsencode(socket))} bytes, "
+            "and 107 is the limit; set ROBOCOMP_RUNTIME_DIR to a shorter path"
+        )
+    folder.mkdir(mode=0o700, exist_ok=True)
+    return folder
+
+
+def _config(mode: str, settings: dict[str, Any]) -> zenoh.Config:
+    config = zenoh.Config()
+    for key, value in ({"mode": mode} | _COMMON | settings).items():
+        try:
+            config.insert_json5(key, json.dumps(value))
+        except zenoh.ZError as exc:
+            raise ConfigurationError(f"zenoh does not take {value!r} for `{key}`: {exc}") from exc
+    return config

@@ -1,0 +1,74 @@
+"""Which links there are, as their liveliness tokens tell every Zenoh transport. Knows nothing of Zenoh itself."""
+
+from __future__ import annotations
+
+import threading
+from typing import NamedTuple
+
+from ..wire import names
+
+
+class Token(NamedTuple):
+    """One link, as all can see it: `rc_lv/<domain>/<role>/<traits>/<fingerprint>/<pid>/<link>/<channel>`.
+
+    Traits: `r` reliable, `l` latched, `-` neither. A `*` in the channel is written as a dot.
+    """
+
+    role: str
+    traits: str
+    fingerprint: int
+    pid: int
+    link: int
+    channel: str
+
+    def key(self) -> str:
+        channel = self.channel.replace(names.ANY, ".")
+        return f"{self.role}/{self.traits}/{self.fingerprint:016x}/{self.pid}/{self.link:016x}/{channel}"
+
+    @classmethod
+    def parse(cls, key: str) -> Token:
+        """Raises ValueError if that is none."""
+        _, _, role, traits, fingerprint, pid, link, channel = key.split("/", 7)
+        return cls(role, traits, int(fingerprint, 16), int(pid), int(link, 16), channel.replace(".", names.ANY))
+
+
+class Table:
+    """The tokens of all links of this domain. Safe to use from any thread."""
+
+    def __init__(self) -> None:
+        self.changed = threading.Condition()
+        self.version = 0
+        self._index: dict[tuple[str, str], dict[int, Token]] = {}
+
+    def hear(self, key: str, there: bool) -> bool:
+        """Note that a token came or went; whether that is news."""
+        try:
+            token = Token.parse(key)
+        except ValueError:
+            return False
+        with self.changed:
+            place = token.role, _tail(token.channel)
+            known = self._index.get(place, {})
+            if (token.link in known) == there:
+                return False
+            self._index[place] = known
+            if there:
+                known[token.link] = token
+            else:
+                del known[token.link]
+                if not known:
+                    del self._index[place]
+            self.version += 1
+            self.changed.notify_all()
+        return True
+
+    def find(self, role: str, channel: str) -> list[Token]:
+        """Links in that role whose channel matches, either of which may have `*` for its instance."""
+        with self.changed:
+            candidates = list(self._index.get((role, _tail(channel)), {}).values())
+        return [t for t in candidates if names.matches(channel, t.channel) or names.matches(t.channel, channel)]
+
+
+def _tail(channel: str) -> str:
+    """Interface and operation: what a channel has in common with all that it may match."""
+    return "/".join(channel.split("/")[-2:])

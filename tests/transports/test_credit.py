@@ -1,0 +1,71 @@
+"""A sender may be so far ahead of its readers, and no further."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import pytest
+
+from robocomp_py.testing.patience import SOON
+from robocomp_py.transports.credit import Credit
+
+
+def still() -> None: ...
+
+
+def now() -> float:
+    return time.monotonic()
+
+
+def test_without_readers_nobody_waits() -> None:
+    credit = Credit(2, set)
+    assert all(credit.wait(now(), still) for _ in range(100))
+    assert credit.sent == 100
+
+
+def test_the_slowest_reader_decides() -> None:
+    credit = Credit(2, lambda: {1, 2})
+    assert [credit.wait(now(), still) for _ in range(3)] == [True, True, False]
+    credit.took(1, 2)
+    assert not credit.wait(now(), still)
+    credit.took(2, 1)
+    assert credit.wait(now(), still)
+    assert credit.sent == 3
+
+
+def test_newcomers_count_from_when_they_came_and_who_left_does_not_count() -> None:
+    readers: set[int] = set()
+    credit = Credit(1, lambda: readers)
+    assert credit.wait(now(), still)
+    readers.add(1)
+    assert [credit.wait(now(), still) for _ in range(2)] == [True, False]
+    readers.clear()
+    assert credit.wait(now(), still)
+
+
+def test_lies_about_what_was_taken_gain_nothing() -> None:
+    credit = Credit(1, lambda: {1})
+    assert credit.wait(now(), still)
+    credit.took(2, 1)
+    credit.took(1, 2**63)
+    credit.took(1, 0)
+    assert [credit.wait(now(), still) for _ in range(2)] == [True, False]
+
+
+def test_who_waits_is_let_on_by_an_acknowledgement() -> None:
+    credit = Credit(1, lambda: {1})
+    assert credit.wait(now(), still)
+    threading.Timer(0.05, credit.took, (1, 1)).start()
+    assert credit.wait(now() + SOON, still)
+
+
+def test_waiting_ends_when_there_is_no_point_in_it() -> None:
+    credit = Credit(1, lambda: {1})
+    assert credit.wait(now(), still)
+
+    def closed() -> None:
+        raise KeyError
+
+    with pytest.raises(KeyError):
+        credit.wait(now() + SOON, closed)

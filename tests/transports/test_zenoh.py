@@ -1,0 +1,418 @@
+"""Zenoh keeps the contract; seen from outside: plain Zenoh programs, hostile ones, routers that die, files left."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zenoh
+
+from robocomp_py.contract.interface import Pattern
+from robocomp_py.contract.qos import Durability, QoS, Reliability
+from robocomp_py.errors import ConfigurationError, Timeout, TransportError, Unreachable
+from robocomp_py.testing import everything as e
+from robocomp_py.testing.conformance import TransportConformance, answering, blob, command, query, topic, unblob
+from robocomp_py.testing.patience import SOON, wait_until
+from robocomp_py.transports.base import Channel, Reply, Status, Transport, TransportConfig, TypeRef
+from robocomp_py.transports.directory import runtime_dir
+from robocomp_py.transports.zenoh import COMMANDS_AHEAD, ZenohTransport
+from robocomp_py.transports.zenoh_session import open_client, open_router
+from robocomp_py.wire import header
+
+DIVIDE = Channel("robot/calculator/Everything/divide", Pattern.QUERY, TypeRef("", e.divide.fingerprint, e.divide.text))
+NEWS = Channel("robot/calculator/Everything/news", Pattern.PUBLISH, TypeRef("", e.news.fingerprint, e.news.text))
+DIVIDE_KEY, NEWS_KEY = f"rc/0/{DIVIDE.name}", f"rc/0/{NEWS.name}"
+RELIABLE = QoS(Reliability.RELIABLE, depth=4)
+LATCHED = QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=3)
+
+
+class TestZenoh(TransportConformance):
+    def open_transport(self) -> Transport:
+        return ZenohTransport(TransportConfig(owner="test"))
+
+
+@pytest.fixture
+def transport() -> Iterator[ZenohTransport]:
+    opened = ZenohTransport(TransportConfig(owner="calculator"))
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def other() -> Iterator[ZenohTransport]:
+    opened = ZenohTransport(TransportConfig(owner="other"))
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def outsider(transport: ZenohTransport) -> Iterator[Any]:
+    """A session of a program that knows nothing of us but the protocol."""
+    opened: Any = open_client(f"unixsock-stream/{runtime_dir()}/zenoh/router.sock")
+    yield opened
+    opened.close()
+
+
+def serve_division(transport: ZenohTransport) -> Any:
+    decode, encode = transport.codec.decoder(e.divide.request), transport.codec.encoder(e.divide.response)
+    return transport.server(DIVIDE, lambda payload, _: Reply(Status.OK, encode(divmod(*decode(payload)))))
+
+
+def division(transport: ZenohTransport, dividend: int, divisor: int) -> Any:
+    return transport.codec.encoder(e.divide.request)((dividend, divisor))
+
+
+def request(sequence: int, *, client: int = 77, kind: int = e.divide.fingerprint, remaining: float = 5.0) -> bytes:
+    return header.pack_request(0, kind, client, sequence, remaining)
+
+
+def send_many(transport: ZenohTransport, outlet: Any, count: int, deadline: float = SOON) -> None:
+    for _ in range(count):
+        outlet.send(blob(transport, b"x"), deadline)
+
+
+def answers(outsider: Any, key: str, payload: bytes, head: bytes) -> list[tuple[int, bytes]]:
+    """Status and payload of what is answered to a plain `get`."""
+    replies = outsider.get(key, payload=payload, attachment=head, timeout=SOON)
+    samples = [reply.ok for reply in replies if reply.ok]
+    return [(header.read_reply(s.attachment.to_bytes()).status, s.payload.to_bytes()) for s in samples]
+
+
+# Plain programs.
+
+
+def test_a_script_can_call_a_query(transport: ZenohTransport, outsider: Any) -> None:
+    serve_division(transport)
+    ((status, payload),) = answers(outsider, DIVIDE_KEY, division(transport, 17, 5), request(1))
+    assert (status, transport.codec.decoder(e.divide.response)(payload)) == (Status.OK, (3, 2))
+
+
+def test_a_script_can_listen_to_a_topic(transport: ZenohTransport, outsider: Any) -> None:
+    heard = outsider.declare_subscriber("rc/0/robot/*/Everything/news")
+    outlet = transport.outlet(NEWS)
+    wait_until(lambda: outlet._publisher.matching_status.matching)  # type: ignore[attr-defined]
+    outlet.send(transport.codec.encoder(e.news.request)((1, "hello")))
+    sample = heard.recv()
+    assert (str(sample.key_expr), header.read_publication(sample.attachment.to_bytes()).sequence) == (NEWS_KEY, 1)
+    assert transport.codec.decoder(e.news.request)(sample.payload.to_bytes()) == (1, "hello")
+
+
+def test_a_call_under_another_contract_gets_ours(transport: ZenohTransport, outsider: Any) -> None:
+    link = serve_division(transport)
+    found = answers(outsider, DIVIDE_KEY, division(transport, 1, 1), request(1, kind=12345))
+    assert found == [(Status.MISMATCH, e.divide.text.encode())]
+    wait_until(lambda: link.stats.mismatched == 1)
+
+
+def test_a_repeated_request_is_not_executed_again(transport: ZenohTransport, outsider: Any) -> None:
+    link = serve_division(transport)
+    found = [answers(outsider, DIVIDE_KEY, division(transport, 9, n), request(n, client=9)) for n in (1, 1, 1, 2)]
+    assert [len(each) for each in found] == [1, 0, 0, 1]
+    assert (link.stats.repeated, link.stats.received) == (2, 2)
+
+
+def test_an_expired_request_is_not_executed(transport: ZenohTransport, outsider: Any) -> None:
+    link = serve_division(transport)
+    assert answers(outsider, DIVIDE_KEY, division(transport, 1, 1), request(1, remaining=0.0))[0][0] == Status.EXPIRED
+    assert (link.stats.expired, link.stats.received) == (1, 0)
+
+
+# Hostile ones.
+
+
+def test_garbage_for_a_server_is_dropped_counted_and_logged_once(
+    transport: ZenohTransport, outsider: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    link = serve_division(transport)
+    for number in range(100):
+        noise = secrets.token_bytes(number % 50 + 50)
+        outsider.get(DIVIDE_KEY, payload=noise, attachment=noise, timeout=SOON)
+        outsider.get(DIVIDE_KEY, timeout=SOON)
+        outsider.put(DIVIDE_KEY, noise)  # not even a question
+    wait_until(lambda: link.stats.malformed == 200)
+    assert answers(outsider, DIVIDE_KEY, division(transport, 8, 3), request(1))[0][0] == Status.OK
+    assert sum(DIVIDE.name in record.message for record in caplog.records) == 1
+
+
+@pytest.mark.parametrize("make", [topic, command])
+def test_garbage_for_an_inlet_is_dropped_counted_and_logged_once(
+    transport: ZenohTransport, other: ZenohTransport, outsider: Any, make: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    heard: list[Any] = []
+    link = transport.inlet(make("a/b/c"), heard.append)
+    outlet = other.outlet(make("a/b/c"))
+    assert outlet.wait_peer(SOON)
+    for number in range(100):
+        noise = secrets.token_bytes(number % 29)  # as long as no header
+        outsider.put("rc/0/a/b/c", noise, attachment=noise, congestion_control=zenoh.CongestionControl.BLOCK)
+        outsider.put("rc/0/a/b/c", noise, congestion_control=zenoh.CongestionControl.BLOCK)
+    outsider.get("rc/0/a/b/c", payload=b"?")
+    wait_until(lambda: link.stats.malformed == 200)
+    outlet.send(blob(other, b"good"))
+    wait_until(lambda: len(heard) == 1)
+    assert sum("malformed" in record.message for record in caplog.records) == 1
+
+
+def test_garbage_among_tokens_acknowledgements_and_inquiries_hurts_nobody(
+    transport: ZenohTransport, other: ZenohTransport, outsider: Any
+) -> None:
+    heard: list[Any] = []
+    transport.inlet(topic("a/b/c", RELIABLE), heard.append)
+    outlet: Any = other.outlet(topic("a/b/c", RELIABLE))
+    member, number = f"{outlet.id >> 24:010x}", f"{outlet.id & 0xFFFFFF:06x}"
+    tokens = [
+        outsider.liveliness().declare_token(f"rc_lv/0/{rest}")
+        for rest in ("x", "publishes/-/zz/1/zz/a/b/c", "subscribes/r/-/-/-/-", "a/b/c/d/e/f/g/h/i/j")
+    ]
+    for key in (f"rc_ack/0/{member}/{number}", f"rc_ack/0/{member}/zz", f"rc_ack/0/{member}/-1"):
+        for size in (0, 1, 15, 16, 17, 1000):
+            outsider.put(key, secrets.token_bytes(size))
+    for key in (
+        f"rc_ask/0/{member}/{number}/nonsense",
+        f"rc_ask/0/{member}/zz/text",
+        f"rc_ask/0/{member}/ffffff/history",
+    ):
+        assert [reply.ok for reply in outsider.get(key, timeout=SOON)] == []
+    assert outlet.wait_peer(SOON)
+    send_many(other, outlet, 20)
+    wait_until(lambda: len(heard) == 20)
+    for token in tokens:
+        token.undeclare()
+
+
+@pytest.mark.parametrize("ask", ["ask", "call"])
+def test_garbage_for_an_answer_is_none(transport: ZenohTransport, outsider: Any, ask: str) -> None:
+    wrong = header.pack_reply(Status.OK, 1, 2, 3)
+
+    def answer(query: Any) -> None:
+        for attachment in (None, b"", wrong, wrong[:-1], bytes([1, 99]) + wrong[2:]):
+            query.reply(query.key_expr, b"x", attachment=attachment)
+        query.reply_err(b"Timeout")
+
+    fake = outsider.declare_queryable(DIVIDE_KEY, answer, complete=True)
+    fingerprint = f"{e.divide.fingerprint:016x}"
+    token = outsider.liveliness().declare_token(f"rc_lv/0/serves/-/{fingerprint}/1/{1:016x}/{DIVIDE.name}")
+    caller = transport.caller(DIVIDE)
+    assert caller.wait_peer(SOON)
+    question = division(transport, 1, 1)
+    with pytest.raises(Unreachable):
+        caller.ask(question, SOON) if ask == "ask" else caller.call(question, SOON).result(SOON)
+    assert caller.stats.malformed == 5
+    token.undeclare()
+    fake.undeclare()
+
+
+# What must not be lost, and to whom.
+
+
+def test_best_effort_subscribers_hear_reliable_publishers_and_do_not_hold_them_up(
+    transport: ZenohTransport, other: ZenohTransport
+) -> None:
+    release, first, heard = threading.Event(), threading.Event(), list[Any]()
+    other.inlet(topic("a/b/c", QoS(depth=2)), lambda _: (first.set(), release.wait(SOON)))
+    other.inlet(topic("a/b/c", RELIABLE), heard.append)
+    outlet = transport.outlet(topic("a/b/c", RELIABLE))
+    wait_until(lambda: len(outlet.counterparts()) == 2)
+    assert outlet.wait_peer(SOON)
+    send_many(transport, outlet, 50)
+    wait_until(lambda: len(heard) == 50)
+    assert first.wait(SOON)
+    release.set()
+
+
+def test_a_reliable_subscriber_that_leaves_holds_nobody_up(transport: ZenohTransport, other: ZenohTransport) -> None:
+    release = threading.Event()
+    stuck = other.inlet(topic("a/b/c", RELIABLE), lambda _: release.wait(SOON))
+    outlet = transport.outlet(topic("a/b/c", RELIABLE))
+    assert outlet.wait_peer(SOON)
+    with pytest.raises(Timeout):
+        send_many(transport, outlet, 50, 0.1)
+    release.set()
+    stuck.close()
+    send_many(transport, outlet, 50)
+
+
+def test_a_late_subscriber_gets_each_latched_message_once_and_in_order_under_traffic(
+    transport: ZenohTransport, other: ZenohTransport
+) -> None:
+    outlet = transport.outlet(topic("a/b/c", LATCHED))
+    stop = threading.Event()
+
+    def publish() -> None:
+        number = 0
+        while not stop.is_set():
+            number += 1
+            outlet.send(blob(transport, str(number).encode()), SOON)
+
+    publishing = threading.Thread(target=publish)
+    publishing.start()
+    for _ in range(10):
+        heard: list[int] = []
+        link = other.inlet(topic("a/b/c", LATCHED), lambda p, heard=heard: heard.append(int(unblob(other, p))))
+        wait_until(lambda heard=heard: len(heard) > 20)
+        link.close()
+        assert heard == list(range(heard[0], heard[0] + len(heard)))
+    stop.set()
+    publishing.join()
+
+
+def test_commands_that_a_server_has_no_room_for_time_out_at_their_sender(
+    transport: ZenohTransport, other: ZenohTransport
+) -> None:
+    release = threading.Event()
+    other.inlet(command("a/b/c"), lambda _: release.wait(SOON * 3))
+    outlet = transport.outlet(command("a/b/c"))
+    assert outlet.wait_peer(SOON)
+    with pytest.raises(Timeout, match="did not take the command"):
+        send_many(transport, outlet, 1000 + COMMANDS_AHEAD + 2, 0.2)
+    release.set()
+
+
+def test_what_is_asked_right_after_a_server_became_visible_reaches_it(
+    transport: ZenohTransport, other: ZenohTransport
+) -> None:
+    for number in range(100):
+        server = other.server(query(f"a/b{number}/c"), answering(other, bytes.upper))
+        caller = transport.caller(query(f"a/b{number}/c"))
+        assert caller.wait_peer(SOON)
+        assert caller.ask(blob(transport, b"x"), SOON).status is Status.OK
+        server.close()
+        caller.close()
+
+
+# Who serves, and who meets.
+
+
+def test_a_second_server_is_told_who_the_first_is(transport: ZenohTransport, other: ZenohTransport) -> None:
+    transport.server(query("a/b/c"), answering(transport, bytes.upper))
+    with pytest.raises(TransportError, match=rf"a/b/c: already served by calculator \(pid {os.getpid()}\)"):
+        other.server(query("a/b/c"), answering(other, bytes.upper))
+
+
+def test_domains_do_not_meet(transport: ZenohTransport) -> None:
+    elsewhere = ZenohTransport(TransportConfig({"domain": 7}))
+    elsewhere.server(query("a/b/c"), answering(elsewhere, bytes.upper))
+    transport.server(query("a/b/c"), answering(transport, bytes.upper))
+    elsewhere.close()
+
+
+def test_a_router_elsewhere_can_be_used() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        locator = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    with open_router(locator):
+        here, there = (ZenohTransport(TransportConfig({"connect": locator})) for _ in range(2))
+        here.server(query("a/b/c"), answering(here, bytes.upper))
+        caller = there.caller(query("a/b/c"))
+        assert caller.wait_peer(SOON)
+        assert caller.ask(blob(there, b"x"), SOON).status is Status.OK
+        here.close()
+        there.close()
+
+
+@pytest.mark.parametrize(
+    "options", [{"port": 5}, {"domain": "x"}, {"domain": -1}, {"connect": 7}, {"connect": "not an endpoint"}]
+)
+def test_options_that_make_no_sense_are_refused(options: dict[str, Any]) -> None:
+    with pytest.raises(ConfigurationError):
+        ZenohTransport(TransportConfig(options))
+
+
+def test_a_run_time_folder_too_deep_for_a_socket_is_an_error_that_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROBOCOMP_RUNTIME_DIR", str(tmp_path / ("x" * 100)))
+    with pytest.raises(ConfigurationError, match="ROBOCOMP_RUNTIME_DIR"):
+        ZenohTransport(TransportConfig())
+
+
+def test_nothing_is_left_behind() -> None:
+    def files() -> set[str]:
+        ours = {str(path) for path in (runtime_dir() / "zenoh").rglob("*") if not path.is_dir()}
+        return ours | set(os.listdir("/dev/shm"))
+
+    before = files()
+    first, second = ZenohTransport(TransportConfig()), ZenohTransport(TransportConfig())
+    first.server(query("a/b/c"), answering(first, bytes.upper))
+    second.outlet(topic("a/b/d"))
+    assert len(files() - before) >= 3
+    first.close()
+    second.close()
+    assert files() <= before
+
+
+# Routers come and go.
+
+
+def test_when_the_router_is_closed_another_transport_runs_it() -> None:
+    host = ZenohTransport(TransportConfig(owner="host"))
+    here, there = ZenohTransport(TransportConfig()), ZenohTransport(TransportConfig())
+    here.server(query("a/b/c"), answering(here, bytes.upper))
+    caller = there.caller(query("a/b/c"))
+    assert caller.wait_peer(SOON)
+    host.close()
+    wait_until(lambda: is_answered(there, caller))
+    here.close()
+    there.close()
+
+
+def test_when_the_process_of_the_router_is_killed_another_one_runs_it() -> None:
+    host = run("t = ZenohTransport(TransportConfig(owner='host')); print('up', flush=True); time.sleep(1000)")
+    assert host.stdout is not None
+    assert host.stdout.readline() == "up\n"
+    here, there = ZenohTransport(TransportConfig()), ZenohTransport(TransportConfig())
+    heard: list[Any] = []
+    there.inlet(topic("a/b/d", LATCHED), heard.append)
+    outlet = here.outlet(topic("a/b/d", LATCHED))
+    here.server(query("a/b/c"), answering(here, bytes.upper))
+    caller = there.caller(query("a/b/c"))
+    assert caller.wait_peer(SOON)
+    assert outlet.wait_peer(SOON)
+    outlet.send(blob(here, b"1"))
+    host.send_signal(signal.SIGKILL)
+    host.wait()
+    host.stdout.close()
+    wait_until(lambda: is_answered(there, caller))
+    assert outlet.wait_peer(SOON)
+    outlet.send(blob(here, b"2"), SOON)
+    wait_until(lambda: len(heard) == 2)
+    here.close()
+    there.close()
+
+
+def test_a_program_that_forgets_to_close_ends_nevertheless() -> None:
+    program = run(
+        "t = ZenohTransport(TransportConfig(owner='forgetful'))",
+        "u = ZenohTransport(TransportConfig(owner='forgetful'))",
+        "t.server(query('a/b/c'), lambda p, e: Reply(Status.OK, p)); c = u.caller(query('a/b/c')); c.wait_peer(9)",
+        "print(c.ask(b'', 9.0).status, flush=True)",
+    )
+    out, _ = program.communicate(timeout=SOON * 3)
+    assert (out, program.returncode) == ("0\n", 0)
+
+
+def run(*lines: str) -> subprocess.Popen[str]:
+    imports = (
+        "import time",
+        "from robocomp_py.transports.zenoh import ZenohTransport",
+        "from robocomp_py.transports.base import *",
+        "from robocomp_py.testing.conformance import query",
+    )
+    return subprocess.Popen([sys.executable, "-c", "\n".join((*imports, *lines))], stdout=subprocess.PIPE, text=True)
+
+
+def is_answered(transport: ZenohTransport, caller: Any) -> bool:
+    try:
+        return bool(caller.ask(blob(transport, b"x"), 1.0).status is Status.OK)
+    except (Unreachable, Timeout):
+        time.sleep(0.02)
+        return False
