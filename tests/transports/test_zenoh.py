@@ -63,9 +63,11 @@ def outsider(transport: ZenohTransport) -> Iterator[Any]:
     opened.close()
 
 
-def serve_division(transport: ZenohTransport) -> Any:
+def serve_division(transport: ZenohTransport, outsider: Any) -> Any:
     decode, encode = transport.codec.decoder(e.divide.request), transport.codec.encoder(e.divide.response)
-    return transport.server(DIVIDE, lambda payload, _: Reply(Status.OK, encode(divmod(*decode(payload)))))
+    link = transport.server(DIVIDE, lambda payload, _: Reply(Status.OK, encode(divmod(*decode(payload)))))
+    wait_until(lambda: list(outsider.liveliness().get(f"rc_lv/0/serves/**/{DIVIDE.name}")))
+    return link
 
 
 def division(transport: ZenohTransport, dividend: int, divisor: int) -> Any:
@@ -92,7 +94,7 @@ def answers(outsider: Any, key: str, payload: bytes, head: bytes) -> list[tuple[
 
 
 def test_a_script_can_call_a_query(transport: ZenohTransport, outsider: Any) -> None:
-    serve_division(transport)
+    serve_division(transport, outsider)
     ((status, payload),) = answers(outsider, DIVIDE_KEY, division(transport, 17, 5), request(1))
     assert (status, transport.codec.decoder(e.divide.response)(payload)) == (Status.OK, (3, 2))
 
@@ -108,21 +110,21 @@ def test_a_script_can_listen_to_a_topic(transport: ZenohTransport, outsider: Any
 
 
 def test_a_call_under_another_contract_gets_ours(transport: ZenohTransport, outsider: Any) -> None:
-    link = serve_division(transport)
+    link = serve_division(transport, outsider)
     found = answers(outsider, DIVIDE_KEY, division(transport, 1, 1), request(1, kind=12345))
     assert found == [(Status.MISMATCH, e.divide.text.encode())]
     wait_until(lambda: link.stats.mismatched == 1)
 
 
 def test_a_repeated_request_is_not_executed_again(transport: ZenohTransport, outsider: Any) -> None:
-    link = serve_division(transport)
+    link = serve_division(transport, outsider)
     found = [answers(outsider, DIVIDE_KEY, division(transport, 9, n), request(n, client=9)) for n in (1, 1, 1, 2)]
     assert [len(each) for each in found] == [1, 0, 0, 1]
     assert (link.stats.repeated, link.stats.received) == (2, 2)
 
 
 def test_an_expired_request_is_not_executed(transport: ZenohTransport, outsider: Any) -> None:
-    link = serve_division(transport)
+    link = serve_division(transport, outsider)
     assert answers(outsider, DIVIDE_KEY, division(transport, 1, 1), request(1, remaining=0.0))[0][0] == Status.EXPIRED
     assert (link.stats.expired, link.stats.received) == (1, 0)
 
@@ -133,7 +135,7 @@ def test_an_expired_request_is_not_executed(transport: ZenohTransport, outsider:
 def test_garbage_for_a_server_is_dropped_counted_and_logged_once(
     transport: ZenohTransport, outsider: Any, caplog: pytest.LogCaptureFixture
 ) -> None:
-    link = serve_division(transport)
+    link = serve_division(transport, outsider)
     for number in range(100):
         noise = secrets.token_bytes(number % 50 + 50)
         outsider.get(DIVIDE_KEY, payload=noise, attachment=noise, timeout=SOON)
@@ -156,7 +158,7 @@ def test_garbage_for_an_inlet_is_dropped_counted_and_logged_once(
         noise = secrets.token_bytes(number % 29)  # as long as no header
         outsider.put("rc/0/a/b/c", noise, attachment=noise, congestion_control=zenoh.CongestionControl.BLOCK)
         outsider.put("rc/0/a/b/c", noise, congestion_control=zenoh.CongestionControl.BLOCK)
-    outsider.get("rc/0/a/b/c", payload=b"?")
+    outsider.get("rc/0/a/b/c", payload=b"?")  # nobody answers questions there
     wait_until(lambda: link.stats.malformed == 200)
     outlet.send(blob(other, b"good"))
     wait_until(lambda: len(heard) == 1)
