@@ -118,6 +118,7 @@ class DDSTransport:
         self.closed = False
         self._lock = threading.RLock()
         self._links: list[_Link] = []
+        self._ids: set[int] = set()
         self.bus = Bus(domain, interface)
         self.bus.endpoints.on_change = self._look
         self.bus.loop.tick = self._tick
@@ -148,8 +149,19 @@ class DDSTransport:
         self._crew.close()
         self.bus.close()
 
+    def new_id(self) -> int:
+        """A number for a link of ours."""
+        number = random_id()
+        self._ids.add(number)
+        return number
+
+    def owns(self, link: int) -> bool:
+        """Whether a link of that number is one of ours."""
+        return link in self._ids
+
     def left(self, link: _Link) -> None:
         with self._lock:
+            self._ids.discard(link.id)
             if link in self._links:
                 self._links.remove(link)
 
@@ -251,7 +263,7 @@ class _Link:
         self.bus = transport.bus
         self.stats = Statistics()
         self.closed = threading.Event()
-        self.id = random_id()
+        self.id = transport.new_id()
         self._closing = threading.Lock()
         self._looking = threading.RLock()
         self._reported: set[object] = set()
@@ -318,7 +330,11 @@ class _Link:
 
         With `strict`, raises ContractMismatch if there are only others.
         """
-        named = self.bus.endpoints.find(self.facing, self.channel.name)
+        named = [
+            endpoint
+            for endpoint in self.bus.endpoints.find(self.facing, self.channel.name)
+            if endpoint.channel == self.channel.name or not self.transport.owns(endpoint.id)
+        ]
         mine = self.channel.type.fingerprint
         same = [endpoint for endpoint in named if endpoint.fingerprint == mine]
         for endpoint in named:

@@ -56,6 +56,7 @@ from ..wire.header import (
     read_reply,
     read_request,
 )
+from ..wire.names import ANY
 from .base import (
     Capability,
     Channel,
@@ -176,6 +177,10 @@ class ZenohTransport:
 
     def new_id(self) -> int:
         return self._id << 24 | next(self._numbers)
+
+    def owns(self, link: int) -> bool:
+        """Whether a link of that number is one of ours."""
+        return link >> 24 == self._id
 
     def key(self, kind: str, *parts: object) -> str:
         return "/".join(map(str, (kind, self.domain, *parts)))
@@ -445,7 +450,11 @@ class _Link:
 
         With `strict`, raises ContractMismatch if there are only others.
         """
-        named = self.transport.table.find(self.facing, self.channel.name)
+        named = [
+            token
+            for token in self.transport.table.find(self.facing, self.channel.name)
+            if token.channel == self.channel.name or not self.transport.owns(token.link)
+        ]
         same = [token for token in named if token.fingerprint == self.channel.type.fingerprint]
         if len(same) == len(named):
             return same
@@ -580,7 +589,9 @@ class _Receiving(_Link):
         self._scheduled = False
 
     def open(self) -> None:
-        self.declare(self.transport.session.declare_subscriber(self.key, _direct(self._hear)))
+        from_whom = zenoh.Locality.REMOTE if ANY in self.channel.name else zenoh.Locality.ANY
+        subscribe = self.transport.session.declare_subscriber
+        self.declare(subscribe(self.key, _direct(self._hear), allowed_origin=from_whom))
 
     def take(self, message: _Message) -> tuple[int, int] | None:
         """Put a message into the lane, which is not full; its sender and number, once it need not come again."""
