@@ -121,7 +121,7 @@ def test_a_wrong_configuration_is_said_and_nothing_is_opened(hello: Path, tmp_pa
         (
             ["--middleware", "carrier-pigeon"],
             1,
-            "unknown middleware `carrier-pigeon`; known: inproc",
+            "unknown middleware `carrier-pigeon`; known: ",
         ),
         (["--config", "nowhere.toml"], 1, "nowhere.toml: cannot be read: No such file or directory"),
         (["--name", "two words"], 1, "'two words' is no name for an instance"),
@@ -196,16 +196,22 @@ def test_a_closed_terminal_ends_in_finish(hello: Path) -> None:
     assert process.returncode == 128 + signal.SIGHUP
 
 
+STUCK = """    def compute(self) -> None:
+        self.log.info("stuck")
+        while True:
+            pass
+"""
+
+
 def test_a_stuck_component_says_how_to_end_it(hello: Path) -> None:
     worker = hello / "specificworker.py"
     before = worker.read_text()
-    worker.write_text(
-        before.replace("    def compute(self) -> None:", "    def compute(self) -> None:\n        while True: pass", 1)
-    )
+    worker.write_text(before.replace("    def compute(self) -> None:", STUCK, 1))
     try:
         with started("robocomp_py.cli.rc", "run", str(hello)) as process:
-            process.send_signal(signal.SIGINT)
             assert process.stderr is not None
+            assert any("stuck" in line for line in process.stderr)
+            process.send_signal(signal.SIGINT)
             told = next(line for line in process.stderr if "asked to stop" in line)
             assert "still busy with SpecificWorker.compute; Ctrl-C again ends it now" in told
             process.send_signal(signal.SIGINT)
