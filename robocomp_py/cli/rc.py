@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import re
 import sys
 from collections.abc import Sequence
 from functools import partial
@@ -96,13 +95,7 @@ def _run(options: argparse.Namespace, rest: list[str], usage: argparse.ArgumentP
 
 def _again(option: str, value: str) -> str:
     """An option of the component as it is given to it."""
-    key, equals, _ = value.partition("=")
-    if option == "--set" and not (equals and _KEY.fullmatch(key.strip())):
-        raise argparse.ArgumentTypeError(f"`{value}`: write it as key=value, as in --set params.max_speed=0.5")
     return f"{option}={value}"
-
-
-_KEY = re.compile(r"[\w-]+(\[\d+\])*(\.[\w-]+(\[\d+\])*)*", re.ASCII)
 
 
 if __name__ == "__main__":  # how a deployer starts components

@@ -116,6 +116,12 @@ def read(path: Path) -> Document:
         raise ConfigurationError(f"{path}{at}: {message[:1].lower()}{message[1:]}") from exc
 
 
+def is_assignment(text: str) -> bool:
+    """Whether a text is written as `key=value`; what the key means is not looked at."""
+    name, equals, _ = text.partition("=")
+    return bool(equals) and all(map(_KEY.fullmatch, name.strip().split(".")))
+
+
 def override(document: Document, assignment: str) -> None:
     """Apply `key=value`; the value is TOML, or else a plain string. Raises ConfigurationError."""
     name, equals, text = assignment.partition("=")
