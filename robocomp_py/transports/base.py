@@ -245,7 +245,7 @@ def serve(service: Service, payload: Payload, expires: float, answer: Callable[[
     """Run a service and pass its reply on, when there is one, whatever it does."""
     try:
         reply = service(payload, expires)
-    except Exception:
+    except BaseException:  # also SystemExit, which would end a thread of the transport, and nothing else
         log.exception("a service raised")
         reply = Reply(Status.FAILED)
     if isinstance(reply, Reply):
@@ -253,8 +253,10 @@ def serve(service: Service, payload: Payload, expires: float, answer: Callable[[
         return
 
     def finished(done: Future[Reply]) -> None:
-        failed = done.cancelled() or done.exception() is not None
-        answer(Reply(Status.FAILED) if failed else done.result())
+        error = None if done.cancelled() else done.exception()
+        if error:
+            log.error("a service failed", exc_info=error)
+        answer(Reply(Status.FAILED) if error or done.cancelled() else done.result())
 
     reply.add_done_callback(finished)
 
