@@ -61,7 +61,7 @@ class Call(Generic[R]):
                 raise self._thrown(reply.payload)
             case Status.FAILED:
                 kind, reason, trace = ("", "no reason given", "")
-                if reply.payload is not None:
+                if reply.payload:  # a service that broke altogether leaves none
                     kind, reason, trace = _decoder(self._codec, _FAILURE)(reply.payload)
                 raise RemoteFailure(name, kind, reason, trace)
             case Status.EXPIRED:

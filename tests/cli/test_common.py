@@ -95,7 +95,7 @@ def test_a_signal_that_is_ignored_or_taken_care_of_stays_so() -> None:
 def test_a_working_directory_that_is_gone_is_said(program: str, tmp_path: Path) -> None:
     module = f"robocomp_py.cli.{program}"
     gone = f"import os; os.rmdir(os.getcwd()); from {module} import main; raise SystemExit(main(['arm.cdsl']))"
-    done = subprocess.run([sys.executable, "-c", gone], cwd=tmp_path, capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-P", "-c", gone], cwd=tmp_path, capture_output=True, text=True)
     assert done.stderr == "the working directory is not there any more; change to one that is\n"
     assert (done.returncode, done.stdout) == (1, "")
 
