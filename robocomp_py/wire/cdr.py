@@ -56,7 +56,7 @@ class Cdr:
 
     name = "cdr"
 
-    def encoder(self, message: Struct) -> Encoder:
+    def encoder(self, message: Struct, *, snapshot: bool = True) -> Encoder:
         return guard_encoder(message, _EncodeProgram(message).compile())
 
     def decoder(self, message: Struct, *, prefix: bool = False) -> Decoder:
