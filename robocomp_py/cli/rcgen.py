@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
+from .. import installed
 from ..codegen.generate import (
     DEFAULT_MIDDLEWARE,
     Artifact,
@@ -21,8 +22,8 @@ from ..codegen.generate import (
 )
 from ..codegen.stubs import find_stubs
 from ..codegen.write import compare, remove_stale, write
-from ..contract.parameters import unknown
-from ..dsl.workspace import Workspace, installed_middlewares, read_file
+from ..dsl.workspace import Workspace, read_file
+from ..spelling import unknown
 from .common import FINE, WRONG, add_include, command, complain, parser, show
 
 _EXAMPLES = """\
@@ -62,8 +63,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         made.error("give it components or networks (.cdsl, .ddsl), or --new NAME")
     if options.new and options.check:
         made.error("--check is for components that are there")
-    if options.middleware and options.middleware not in installed_middlewares():
-        return complain(f"rcgen: {unknown('middleware', options.middleware, installed_middlewares())}")
+    if options.middleware and options.middleware not in installed.transports():
+        return complain(f"rcgen: {unknown('middleware', options.middleware, installed.transports())}")
     try:
         if options.new:
             return _new(options.new, options.output or Path(options.new.lower()), options.middleware)

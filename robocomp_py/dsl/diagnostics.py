@@ -9,6 +9,7 @@ from enum import StrEnum
 from typing import Any
 
 from ..errors import RobocompError
+from ..spelling import closest
 from .source import Span
 
 
@@ -88,13 +89,6 @@ class DslError(RobocompError):
 def ordered(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
     """By file and place."""
     return sorted(diagnostics, key=lambda each: (str(each.span.source.path), each.span.start, each.code))
-
-
-def closest(name: str, known: Iterable[str], *, prefix: str = "") -> str:
-    """The known name that is meant, or nothing if none is close. A prefix that many have makes none close."""
-    folded = {each.removeprefix(prefix).lower(): each for each in known}
-    close = difflib.get_close_matches(name.removeprefix(prefix).lower(), folded, 1, cutoff=0.7)
-    return folded[close[0]] if close else ""
 
 
 def mistyped(name: str, known: Iterable[str]) -> str:

@@ -10,7 +10,8 @@ import re
 import unicodedata
 from dataclasses import dataclass
 
-from .diagnostics import Diagnostic, Severity, closest
+from ..spelling import closest
+from .diagnostics import Diagnostic, Severity
 from .source import Source, Span
 
 _MOST_LISTED = 8

@@ -17,11 +17,11 @@ import codecs
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import entry_points
 from importlib.resources import files
 from pathlib import Path, PurePosixPath
 from typing import Generic, TypeVar
 
+from .. import installed
 from ..contract.component import Component
 from ..contract.interface import Interface
 from ..contract.module import Definition, Module
@@ -66,10 +66,6 @@ def read_file(path: Path) -> bytes:
         return file.read(MAX_BYTES + 1)
 
 
-def installed_middlewares() -> list[str]:
-    return sorted({entry.name for entry in entry_points(group="robocomp_py.transports")})
-
-
 @dataclass(frozen=True)
 class LinkedComponent:
     """What a CDSL file comes to: the component, and the modules its interfaces need."""
@@ -106,7 +102,7 @@ class Workspace:
         self.report = Report()
         self._include = [Path(folder) for folder in include]
         self._read = read
-        self._middlewares = installed_middlewares() if middlewares is None else middlewares
+        self._middlewares = list(installed.transports()) if middlewares is None else middlewares
         self._sources: dict[Path, Source | None] = {}
         self._idsl: dict[str, _Loaded[IdslFile] | None] = {}
         self._pdsl: dict[str, _Loaded[PdslFile] | None] = {}

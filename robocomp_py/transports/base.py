@@ -22,13 +22,13 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from enum import Flag, IntEnum, auto
-from importlib.metadata import EntryPoint, entry_points
 from typing import Any, NamedTuple, Protocol
 
+from .. import installed
 from ..contract.interface import Pattern, differences
-from ..contract.parameters import unknown
 from ..contract.qos import DEFAULT_QOS, History, Liveliness, QoS
 from ..errors import ConfigurationError, UnsupportedQoS
+from ..spelling import unknown
 from ..wire.codec import Codec, Payload
 
 log = logging.getLogger("robocomp.transport")
@@ -189,15 +189,9 @@ class TransportConfig:
 TransportFactory = Callable[[TransportConfig], Transport]
 
 
-def installed_transports() -> dict[str, EntryPoint]:
-    """What every installed package offers as a transport, by name."""
-    entries = entry_points(group="robocomp_py.transports")
-    return {entry.name: entry for entry in sorted(entries, key=lambda entry: entry.name)}
-
-
 def find_transport(name: str) -> TransportFactory:
     """The installed transport of that name; raises ConfigurationError, naming those there are."""
-    known = installed_transports()
+    known = installed.transports()
     if name not in known:
         raise ConfigurationError(unknown("middleware", name, known))
     try:

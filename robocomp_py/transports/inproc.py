@@ -71,6 +71,10 @@ class _Bus:
             link.compare(other)
             other.compare(link)
 
+    def moved_on(self, version: int) -> bool:
+        """Whether a link has come or gone since that version."""
+        return self.version != version
+
     def remove(self, link: _Link) -> None:
         with self.changed:
             if link in self.links:
@@ -188,7 +192,7 @@ class _Link:
                 return True
             left = max(0.0, deadline - time.monotonic())
             with self._bus.changed:
-                if not self._bus.changed.wait_for(lambda seen=seen: self._bus.version != seen, left):  # type: ignore[misc]
+                if not self._bus.changed.wait_for(partial(self._bus.moved_on, seen), left):
                     return False
 
     def close(self) -> None:

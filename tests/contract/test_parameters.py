@@ -20,9 +20,9 @@ from robocomp_py.contract.parameters import (
     build,
     check,
     dotted,
-    unknown,
 )
 from robocomp_py.errors import ConfigurationError
+from robocomp_py.spelling import unknown
 
 INT, FLOAT, DOUBLE = ParameterKind.INT, ParameterKind.FLOAT, ParameterKind.DOUBLE
 STRING, BOOL, ENUM = ParameterKind.STRING, ParameterKind.BOOL, ParameterKind.ENUM
