@@ -1,4 +1,4 @@
-"""`python -m benchmarks [--only NAME]`: the tables of docs/performance.md, measured here and now."""
+"""`python -m benchmarks [--only NAME]`: how fast it is, beside the raw libraries, measured here and now."""
 
 from __future__ import annotations
 

@@ -13,6 +13,8 @@ MIDDLEWARES = {"zmq", "cyclonedds", "zenoh"}
 FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py": {"numpy", "robocomp_py.errors"},
     "robocomp_py.errors": {"numpy", "robocomp_py.contract"},
+    "robocomp_py.spelling": {"numpy", "robocomp_py.contract"},
+    "robocomp_py.installed": BUILD | MIDDLEWARES | {"numpy", "robocomp_py.contract"},
     "robocomp_py.contract.module": BUILD | MIDDLEWARES | {"robocomp_py.wire", "robocomp_py.transports", "msgpack"},
     "robocomp_py.wire.cdr": BUILD | MIDDLEWARES | {"robocomp_py.transports", "robocomp_py.runtime", "msgpack"},
     "robocomp_py.wire.messagepack": BUILD | MIDDLEWARES | {"robocomp_py.transports", "robocomp_py.runtime"},

@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import ComponentError
-from .common import FINE, USAGE, WRONG, add_include, command, complain, parser, show
+from .common import FINE, WRONG, add_include, add_version, command, complain, parser, show
 
 if TYPE_CHECKING:
     from ..dsl.workspace import Workspace  # running a component must not import the languages
@@ -24,6 +25,14 @@ examples:
 exit status: 0 fine, 1 wrong input or a component failed, 2 usage, 130/143 by a signal
 """
 
+_COMPONENT_OPTIONS = (
+    ("--config", "FILE", "configuration (default: etc/config.toml in DIR)"),
+    ("--name", "NAME", "name of this instance"),
+    ("--middleware", "NAME", "what carries its messages"),
+    ("--set", "KEY=VALUE", "set one key of the configuration; may be repeated"),
+)
+"""What a component takes that is followed by a value, which would be taken for DIR otherwise."""
+
 
 @command
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -33,12 +42,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     lint.add_argument("files", nargs="+", type=Path, metavar="FILE")
     lint.add_argument("--json", action="store_true", help="one diagnostic a line, as JSON on stdout")
     add_include(lint)
+    add_version(lint, "rc lint")
     run = commands.add_parser("run", help="run a component", add_help=False)
     run.add_argument("folder", type=Path, metavar="DIR", nargs="?", help="the component's folder")
+    for name, value, what in _COMPONENT_OPTIONS:
+        run.add_argument(name, metavar=value, action="append", type=partial(_again, name), dest="passed", help=what)
     run.add_argument("-h", "--help", action="store_true", help="show the component's own options")
+    add_version(run, "rc run")
     options, rest = made.parse_known_args(arguments)
     if rest and options.command != "run":
-        made.error(f"unrecognized arguments: {' '.join(rest)}")
+        lint.error(f"unrecognized arguments: {' '.join(rest)}")
     return _lint(options) if options.command == "lint" else _run(options, rest, run)
 
 
@@ -68,14 +81,21 @@ def _run(options: argparse.Namespace, rest: list[str], usage: argparse.ArgumentP
     from ..runtime.load import load_worker
     from ..runtime.run import main as run_component
 
+    if options.folder is None and options.help:
+        usage.print_help(sys.stdout)
+        return FINE
     if options.folder is None:
-        usage.print_help(sys.stdout if options.help else sys.stderr)
-        return FINE if options.help else USAGE
+        usage.error("give it the folder of a component, as in: rc run .")
     try:
         worker = load_worker(options.folder)
     except ComponentError as exc:
         return complain(exc)
-    return run_component(worker, [*rest, *(["--help"] if options.help else [])])
+    return run_component(worker, [*(options.passed or []), *rest, *(["--help"] if options.help else [])])
+
+
+def _again(option: str, value: str) -> str:
+    """An option of the component as it is given to it."""
+    return f"{option}={value}"
 
 
 if __name__ == "__main__":  # how a deployer starts components

@@ -143,7 +143,7 @@ def _check_middleware(name: str | None) -> None:
 
 
 def _check_generated(path: Path, workspace: Workspace) -> bool:
-    """Report components whose generic part is not what their models come to. Whether there are none."""
+    """Whether every generic part is what its models come to; those that are not are reported."""
     model = workspace.deployment(path)
     paths = workspace.components_of(path)
     components = {linked.component.name.lower(): linked for each in paths if (linked := workspace.component(each))}
@@ -155,12 +155,9 @@ def _check_generated(path: Path, workspace: Workspace) -> bool:
         seen.add(kind)
         lines = _outdated(components[kind])
         if lines:
-            message = f"`{instance.component}` is not generated from its models as they are now\n  " + "\n  ".join(
-                lines
-            )
-            workspace.report.error(
-                "out-of-date", message, instance.component.span, f"run: rcgen {shlex.quote(str(path))}"
-            )
+            message = "\n  ".join((f"`{instance.component}` is not generated from its models as they are now", *lines))
+            hint = f"run: rcgen {shlex.quote(str(path))}"
+            workspace.report.error("out-of-date", message, instance.component.span, hint)
     return not workspace.report.errors
 
 

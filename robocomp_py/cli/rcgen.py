@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import re
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
+from .. import installed
 from ..codegen.generate import (
     DEFAULT_MIDDLEWARE,
     Artifact,
@@ -19,9 +21,10 @@ from ..codegen.generate import (
     starter_specifics,
 )
 from ..codegen.stubs import find_stubs
-from ..codegen.write import compare, write
-from ..dsl.workspace import Workspace, installed_middlewares, read_file
-from .common import FINE, WRONG, add_include, command, complain, no_such, parser, show
+from ..codegen.write import compare, remove_stale, write
+from ..dsl.workspace import Workspace, read_file
+from ..spelling import unknown
+from .common import FINE, WRONG, add_include, command, complain, parser, show
 
 _EXAMPLES = """\
 examples:
@@ -60,14 +63,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         made.error("give it components or networks (.cdsl, .ddsl), or --new NAME")
     if options.new and options.check:
         made.error("--check is for components that are there")
-    if options.middleware and options.middleware not in installed_middlewares():
-        return complain(f"rcgen: {no_such('middleware', options.middleware, installed_middlewares())}")
+    if options.middleware and options.middleware not in installed.transports():
+        return complain(f"rcgen: {unknown('middleware', options.middleware, installed.transports())}")
     try:
         if options.new:
             return _new(options.new, options.output or Path(options.new.lower()), options.middleware)
         jobs = _jobs(options.models, options.include, options.output, options.middleware)
         if jobs is None:
             return WRONG
+        for job in jobs:
+            if library := _library(job.root):
+                print(f"rcgen: warning: {library}; rename it", file=sys.stderr)
         return _check(jobs) if options.check else _write(jobs)
     except GenerationError as exc:
         return complain(f"rcgen: {exc}")
@@ -133,6 +139,19 @@ def _middleware_before(root: Path) -> str | None:
     return found[1] if found else None
 
 
+_NEEDED = ("jinja2", "lark", "msgpack", "numpy", "pytest", "rich", "robocomp_py", "zmq")
+"""What components, their tests and their generator import, beside the standard library."""
+
+
+def _library(root: Path) -> str:
+    """What is wrong with the name of a component's folder, if it is that of something that is imported by name."""
+    name = root.resolve().name
+    if name not in (*_NEEDED, *sys.stdlib_module_names):
+        return ""
+    whose = "a library that components need" if name in _NEEDED else "a module of Python"
+    return f"{root} is called like {whose}: what is started beside it would import this folder instead"
+
+
 def _check(jobs: list[_Job]) -> int:
     lines = [line for job in jobs for line in compare(job.artifacts, job.root).lines(job.root)]
     for line in lines:
@@ -141,10 +160,7 @@ def _check(jobs: list[_Job]) -> int:
 
 
 def _write(jobs: list[_Job]) -> int:
-    for job in jobs:
-        compare(job.artifacts, job.root)  # refuses before anything is written
-    for job in jobs:
-        changes = write(job.artifacts, job.root)
+    for job, changes in zip(jobs, write(*((job.root, job.artifacts) for job in jobs)), strict=True):
         done = [f"{len(changes.written)} written"] if changes.written else []
         done += [f"{len(changes.removed)} removed"] if changes.removed else []
         print(f"{job.model.component.name}: {', '.join(done) or 'up to date'} in {job.root}/ ({job.model.middleware})")
@@ -161,6 +177,11 @@ def _announce_stubs(job: _Job) -> None:
         if stubs.imports:
             print(stubs.imports)
         print("\n".join(stubs.missing.values()))
+    gone = [
+        name for name in stubs.gone if not (job.root / "generic" / f"{name}.py").exists()
+    ]  # or it is the user's own
+    if gone:
+        print(f"\n{path} imports {', '.join(gone)} of generic/, where it is not generated any more; change that")
     for name, begins in stubs.unfit.items():
         print(f"\n{path}: {name} does not take what it is given; it must begin with:\n\n    {begins}")
 
@@ -168,7 +189,11 @@ def _announce_stubs(job: _Job) -> None:
 def _new(name: str, root: Path, middleware: str | None) -> int:
     if not _NAME.match(name):
         return complain(f"rcgen: {name!r} is no name for a component: letters and digits, a letter first")
+    library = _library(root)
+    if library:
+        return complain(f"rcgen: {library}; choose another name, or another folder by -o DIR")
     name = name[:1].upper() + name[1:]
+    remove_stale(root)
     if root.exists() and (not root.is_dir() or any(root.iterdir())):
         return complain(f"rcgen: {root} exists and is no empty folder; nothing was written")
     models = {root / file: text for file, text in starter(name).items()}
@@ -180,7 +205,7 @@ def _new(name: str, root: Path, middleware: str | None) -> int:
     instead = starter_specifics(model, name)
     artifacts = [Artifact(PurePosixPath(path.name), text, Owner.USER) for path, text in models.items()]
     artifacts += [Artifact(a.path, instead.get(a.path, a.text), a.owner) for a in generate(model)]
-    write(artifacts, root)
+    write((root, artifacts))
     print(f"{root}/ holds a component that runs as it is:\n\n    rc run {root}\n    pytest {root}\n")
     return FINE
 

@@ -7,11 +7,11 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from ..contract import types as t
-from ..contract.component import Port
+from ..contract.component import Component, Port
 from ..contract.interface import Interface, Operation, Pattern
 from ..contract.module import Constant
 from ..contract.qos import QoS
-from .layout import WIDTH, assigned, call, commented, docstring, quoted, signature, spread, tuple_of
+from .layout import WIDTH, assigned, call, capital, commented, docstring, quoted, signature, spread, tuple_of
 from .names import (
     argument,
     class_name,
@@ -302,16 +302,28 @@ def _qos(qos: QoS, indent: int) -> str:
 
 def operation_doc(operation: Operation[Any]) -> str:
     """What its IDSL says of an operation, then its declaration there."""
-    said = operation.doc.strip()
-    said = f"{said[:1].upper()}{said[1:]}" if said else ""
+    names = (operation.name, *(field.name for field in (*operation.inputs, *operation.outputs)))
+    said = capital(operation.doc.strip(), *names)
     first = said or f"`{operation.name}` of {operation.interface.replace('::', '.')}."
     return f"{_sentence(first)}\n\nIDSL: {operation.source}"
 
 
-def struct_doc(name: str, doc: str) -> str:
-    """What its IDSL says of a type, or else whose it is."""
-    said = doc.strip()
-    return _sentence(f"{said[:1].upper()}{said[1:]}" if said else f"{short(name)} of module {module_of(name)}")
+def overlap_doc(component: Component) -> str:
+    """What the author of a worker may rely on: which of its methods run at the same time."""
+    beside = [f"{port.handler('')}…" for port in component.ports if port.concurrent]
+    if not beside:
+        rule = "No two methods here ever run at once."
+    else:
+        rule = (
+            f"Methods {' and '.join(beside)} may run at any time, also several at once (`concurrent`): "
+            "what they share with others needs a lock. No two of the other methods here ever run at once."
+        )
+    return f"{rule} While one waits for an answer from another component, a handler may run."
+
+
+def struct_doc(name: str, doc: str, parts: Sequence[str] = ()) -> str:
+    """What its IDSL says of a type, or else whose it is. `parts` are the names of its fields or enumerators."""
+    return _sentence(capital(doc.strip(), short(name), *parts) or f"{short(name)} of module {module_of(name)}")
 
 
 def _sentence(text: str) -> str:

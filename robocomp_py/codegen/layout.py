@@ -118,10 +118,15 @@ def printable(text: str) -> str:
     return "".join(char if char.isprintable() or char == "\n" else " " for char in text)
 
 
-def one_line(text: str) -> str:
-    """The first paragraph of a documentation on one line."""
-    line = " ".join(printable(text).strip().split("\n\n")[0].split())
-    return line[:1].upper() + line[1:]
+def one_line(text: str, *names: str) -> str:
+    """The first paragraph of a documentation on one line. `names` are those of what it is about."""
+    return capital(" ".join(printable(text).strip().split("\n\n")[0].split()), *names)
+
+
+def capital(text: str, *names: str) -> str:
+    """The text as the beginning of a sentence; a name that it begins with stays as it is."""
+    found = re.match(r"\w+", text)
+    return text if found and found[0] in names else text[:1].upper() + text[1:]
 
 
 def _wrap(text: str, width: int) -> list[str]:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Collection
 from typing import Any
 
+from ..contract import naming
 from ..contract import types as t
 from ..contract.component import Port
 from ..contract.interface import Interface, Operation
@@ -84,15 +85,15 @@ def twin(operation: Operation[Any], interface: Interface) -> str:
 
 
 def operation_constant(operation: Operation[Any]) -> str:
-    return f"_{short(operation.interface)}_{operation.name}"
+    return naming.operation_constant(short(operation.interface), operation.name)
 
 
 def interface_constant(interface: Interface) -> str:
-    return f"{interface.short.upper()}_INTERFACE"
+    return naming.interface_constant(interface.short)
 
 
 def proxy_class(port: Port) -> str:
-    return f"{port.interface.short}{'Publisher' if port.verb.is_topic else 'Proxy'}"
+    return naming.proxy_class(port.interface.short, port.verb)
 
 
 def camel(name: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 from .expressions import handler, handler_signature
@@ -21,15 +21,18 @@ class Stubs:
     unfit: dict[str, str]
     """Methods that do not take what they are given, each with the line it should begin with."""
     imports: str
+    gone: tuple[str, ...] = ()
+    """Modules of the generic part that are imported, but not generated."""
 
 
 def find_stubs(source: str, model: Model) -> Stubs:
     """What the text of a specificworker.py lacks. One that is no Python, or whose class takes methods from
     elsewhere, is not judged: the component says at its start what it lacks.
     """
-    worker = _worker(source)
+    siblings = [module_name(module.name) for module in model.modules]
+    worker, gone = _worker(source), tuple(_gone(source, [*siblings, *_OTHERS]))
     if worker is None:
-        return Stubs({}, {}, "")
+        return Stubs({}, {}, "", gone)
     bound = set(_bound(worker.body))
     methods = {node.name: node for node in worker.body if isinstance(node, ast.FunctionDef)}
     wanted = {port.handler(operation.name): (port, operation) for port, operation in handlers(model.component)}
@@ -40,15 +43,33 @@ def find_stubs(source: str, model: Model) -> Stubs:
         if name in methods and not _takes(methods[name].args, len(operation.inputs))
     }
     used = used_names(textwrap.dedent("\n".join(missing.values()))) - set(bound_names(source))
-    siblings = [module_name(module.name) for module in model.modules]
-    return Stubs(missing, unfit, import_statements(used, siblings, ".generic"))
+    return Stubs(missing, unfit, import_statements(used, siblings, ".generic"), gone)
+
+
+_OTHERS = ("genericworker", "params")
+"""What the generic part has beside the modules of types."""
+
+
+def _gone(source: str, there: Collection[str]) -> Iterator[str]:
+    for node in _body(source):
+        match node:
+            case ast.ImportFrom(module="generic", level=1, names=aliases):
+                yield from (alias.name for alias in aliases if alias.name not in (*there, "*"))
+            case ast.ImportFrom(module=str(name), level=1) if name.startswith("generic."):
+                yield from (part for part in name.split(".")[1:2] if part not in there)
+            case _:
+                pass
+
+
+def _body(source: str) -> list[ast.stmt]:
+    try:
+        return ast.parse(source).body
+    except (SyntaxError, ValueError):
+        return []
 
 
 def _worker(source: str) -> ast.ClassDef | None:
-    try:
-        body = ast.parse(source).body
-    except (SyntaxError, ValueError):
-        return None
+    body = _body(source)
     worker = next((node for node in body if isinstance(node, ast.ClassDef) and node.name == "SpecificWorker"), None)
     return worker if worker and len(worker.bases) == 1 else None
 

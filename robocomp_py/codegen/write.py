@@ -1,18 +1,21 @@
-"""Files to disk: all of a component or nothing, and never over anybody's own."""
+"""Files to disk: all of some components or nothing, and never over anybody's own."""
 
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import os
 import re
 import shutil
+import signal
 import stat
 import tempfile
+import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from .generate import Artifact, GenerationError, Owner
 
@@ -40,17 +43,24 @@ class Changes:
         return [f"{kind}: {root / name}" for kind, names in kinds for name in names]
 
 
-def write(artifacts: Sequence[Artifact], root: Path) -> Changes:
-    """Bring a component's folder up to date. Raises GenerationError, and leaves everything as it was."""
-    changes = compare(artifacts, root)
-    if changes.written or changes.removed:
-        texts = {str(artifact.path): artifact.text for artifact in artifacts}
-        with _Transaction(root) as disk:
-            for name in changes.written:
-                disk.replace(root / name, texts[name])
-            for name in changes.removed:
-                disk.remove(root / name)
-    return changes
+def write(*components: tuple[Path, Sequence[Artifact]]) -> list[Changes]:
+    """Bring components' folders up to date. Raises GenerationError, and leaves all of them as they were.
+
+    Signals that come meanwhile have their effect when all is done: it takes some milliseconds only.
+    """
+    planned = [(root, artifacts, compare(artifacts, root)) for root, artifacts in components]
+    for root, _, _ in planned:
+        remove_stale(root)
+    with _undisturbed(), contextlib.ExitStack() as together:
+        for root, artifacts, changes in planned:
+            if changes.written or changes.removed:
+                disk = together.enter_context(_Transaction(root))
+                texts = {str(artifact.path): artifact.text for artifact in artifacts}
+                for name in changes.written:
+                    disk.replace(root / name, texts[name])
+                for name in changes.removed:
+                    disk.remove(root / name)
+    return [changes for _, _, changes in planned]
 
 
 def compare(artifacts: Sequence[Artifact], root: Path) -> Changes:
@@ -129,8 +139,10 @@ class _Transaction:
         try:
             with _refusing(self._root):
                 self._make_folders(self._root)
-                self._staging = Path(tempfile.mkdtemp(prefix=".rcgen-", dir=self._root))
-        except GenerationError:
+                self._staging = Path(tempfile.mkdtemp(prefix=_STAGING, dir=self._root))
+                self._made.append(self._staging)
+                self._lock = _locked(self._staging)
+        except BaseException:
             self._remove_made()
             raise
         return self
@@ -152,8 +164,12 @@ class _Transaction:
     def __exit__(
         self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if exc is not None:
-            self._undo()
+        lost = self._undo() if exc is not None else []
+        os.close(self._lock)
+        if lost:
+            (self._staging / _LOCK).unlink(missing_ok=True)  # so that nobody takes it for stale
+            where = ", ".join(f"{path} (what it held is in {aside})" for path, aside in lost)
+            raise GenerationError(f"{exc}; and this could not be put back: {where}") from exc
         shutil.rmtree(self._staging, ignore_errors=True)
         if exc is not None:
             self._remove_made()
@@ -170,18 +186,73 @@ class _Transaction:
             path.rename(aside)
             self._moved.append((path, aside))
 
-    def _undo(self) -> None:
+    def _undo(self) -> list[tuple[Path, Path]]:
+        """Put back what was there; returns what cannot be, each with where it is now."""
         for path in self._made:
             if not path.is_dir():
-                path.unlink(missing_ok=True)
+                with contextlib.suppress(OSError):  # then nothing can be put back there, which is said below
+                    path.unlink(missing_ok=True)
+        lost = []
         for path, aside in reversed(self._moved):
-            aside.rename(path)
+            try:
+                aside.rename(path)
+            except OSError:
+                lost.append((path, aside))
+        return lost
 
     def _remove_made(self) -> None:
         for path in reversed(self._made):
             if path.is_dir():
                 with contextlib.suppress(OSError):  # somebody else put something into it
                     path.rmdir()
+
+
+# Staging folders. Whoever made one holds a lock in it as long as he lives, however he ends; one whose lock is free
+# was left behind. What it holds is the generator's own, half written or replaced: nothing that a user wrote.
+
+
+def _locked(staging: Path) -> int:
+    """Put a lock into a folder; its descriptor. There is no moment at which others could take it."""
+    lock = os.open(staging / f"{_LOCK}-new", os.O_CREAT | os.O_RDWR, 0o600)
+    with contextlib.suppress(OSError):  # a disk without locks: then nobody can tell that it is stale
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        os.rename(staging / f"{_LOCK}-new", staging / _LOCK)
+    return lock
+
+
+def remove_stale(root: Path) -> None:
+    """Remove the staging folders of runs that were killed."""
+    for staging in root.glob(f"{_STAGING}*"):
+        with contextlib.suppress(OSError):
+            lock = os.open(staging / _LOCK, os.O_RDWR | os.O_NOFOLLOW)
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                shutil.rmtree(staging, ignore_errors=True)
+            finally:
+                os.close(lock)
+
+
+_STAGING, _LOCK = ".rcgen-", "lock"
+
+
+@contextlib.contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Keep signals waiting that would end us. By handlers: a mask would hold for this thread, and not for those that
+    libraries have started.
+    """
+    waiting: list[int] = []
+    before: dict[int, Any] = {}
+    if threading.current_thread() is threading.main_thread():
+        for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(each) not in (signal.SIG_IGN, None):
+                before[each] = signal.signal(each, lambda number, _: waiting.append(number))
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for number in waiting:
+            signal.raise_signal(number)
 
 
 @contextlib.contextmanager

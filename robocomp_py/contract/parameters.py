@@ -7,7 +7,6 @@ wrong with each; it knows keys, not files, so that whoever read the file can add
 
 from __future__ import annotations
 
-import difflib
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -15,6 +14,7 @@ from enum import StrEnum
 from typing import Any, ClassVar
 
 from ..errors import ConfigurationError
+from ..spelling import unknown
 
 Key = tuple[str | int, ...]
 
@@ -198,12 +198,3 @@ def _is_a(kind: ParameterKind, value: Any) -> bool:
     if kind in _FLOATS:
         return isinstance(value, float) or (isinstance(value, int) and abs(value) <= sys.float_info.max)
     return isinstance(value, int if kind is ParameterKind.INT else str)
-
-
-def unknown(what: str, name: str, known: Iterable[str]) -> str:
-    """`unknown parameter `max_sped`; did you mean `max_speed`?`"""
-    names = list(known)
-    close = difflib.get_close_matches(name, names, 1)
-    if close:
-        return f"unknown {what} `{name}`; did you mean `{close[0]}`?"
-    return f"unknown {what} `{name}`; known: {', '.join(names) or 'none'}"

@@ -14,13 +14,13 @@ from typing import Any
 
 from ..contract.component import Component, Port
 from ..contract.interface import Verb, differences
-from ..contract.parameters import unknown
 from ..dsl.ddsl.model import Deployment, Instance, Wiring
 from ..dsl.diagnostics import Report, did_you_mean
 from ..dsl.source import Name
 from ..dsl.workspace import LinkedComponent, Workspace
 from ..errors import ConfigurationError
 from ..runtime import settings
+from ..spelling import unknown
 from .routes import Configured, check_routes, generated_for, unfit
 
 LOOPBACK = ("localhost", "127.0.0.1", "::1")

@@ -11,13 +11,13 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from .. import installed
 from ..contract.component import Component, Port
 from ..contract.interface import Verb
-from ..contract.parameters import unknown
 from ..dsl.diagnostics import did_you_mean
-from ..dsl.workspace import installed_middlewares
 from ..errors import ConfigurationError
 from ..runtime.settings import Document, Settings
+from ..spelling import unknown
 from ..transports.base import Capability, find_transport
 from ..wire import names
 
@@ -92,7 +92,7 @@ def generated_for(folder: Path) -> str:
 
 def unfit(middleware: str) -> Fault | None:
     """Why a middleware cannot carry a network, if it cannot."""
-    known = installed_middlewares()
+    known = installed.transports()
     if middleware not in known:
         hint = did_you_mean(middleware, known) or f"installed: {', '.join(known)}"
         return Fault("unknown-middleware", f"no middleware `{middleware}`", hint)

@@ -9,6 +9,7 @@ from enum import StrEnum
 from typing import Any
 
 from ..errors import RobocompError
+from ..spelling import closest
 from .source import Span
 
 
@@ -69,7 +70,8 @@ class Report:
         self.diagnostics.append(Diagnostic(code, message, span, Severity.WARNING, hint, related))
 
     def extend(self, found: Iterable[Diagnostic]) -> None:
-        self.diagnostics += [each for each in found if each not in self.diagnostics]
+        known = set(self.diagnostics)
+        self.diagnostics += [each for each in found if each not in known]
 
     @property
     def errors(self) -> list[Diagnostic]:
@@ -89,11 +91,38 @@ def ordered(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
     return sorted(diagnostics, key=lambda each: (str(each.span.source.path), each.span.start, each.code))
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
+def mistyped(name: str, known: Iterable[str]) -> str:
+    """The known name that this is but for a slip of the fingers or two, or nothing.
+
+    For names of which many exist that share a part: `PoseEstimation` and `FullPoseEstimation` are two things.
+    """
+    near = closest(name, known)
+    pairs = difflib.SequenceMatcher(None, name.lower(), near.lower(), autojunk=False).get_opcodes()
+    slips = sum(max(i2 - i1, j2 - j1) for kind, i1, i2, j1, j2 in pairs if kind != "equal")
+    return near if slips <= (1 if len(name) < _LONG else 2) else ""
+
+
+_LONG = 6
+"""Characters of a name that may have two slips."""
+
+
+def did_you_mean(name: str, known: Iterable[str], *, prefix: str = "") -> str:
     """`did you mean `Laser`?`, or nothing if no known name is close."""
-    folded = {each.lower(): each for each in known}
-    close = difflib.get_close_matches(name.lower(), folded, 1, cutoff=0.7)
-    return f"did you mean `{folded[close[0]]}`?" if close else ""
+    near = closest(name, known, prefix=prefix)
+    return f"did you mean `{near}`?" if near else ""
+
+
+@dataclass
+class Proposals:
+    """`did_you_mean` for as many names as anybody reads about: every one is compared with all that are known."""
+
+    left: int = 20
+
+    def __call__(self, name: str, known: Iterable[str], *, prefix: str = "") -> str:
+        if self.left == 0:
+            return ""
+        self.left -= 1
+        return did_you_mean(name, known, prefix=prefix)
 
 
 def _place(span: Span) -> str:

@@ -10,13 +10,17 @@ import re
 import unicodedata
 from dataclasses import dataclass
 
-from .diagnostics import Diagnostic, did_you_mean
+from ..spelling import closest
+from .diagnostics import Diagnostic, Severity
 from .source import Source, Span
 
 _MOST_LISTED = 8
 
 END = "the end of the file"
 """How the end is called among what was expected."""
+
+_STRAY = re.compile(r'"[^"\n]*"|[;{](?:\s*;)+')
+"""A text, in which nothing is stray, or what ends or opens something, and the semicolons that follow it."""
 
 _ENDS = re.compile(r'"[^"\n]*"|[{};]')
 _OPENER = re.compile(r"\b(struct|enum|exception|interface)\s+\w+\s*\Z")
@@ -37,6 +41,26 @@ class Mistake:
         """The text to parse next; nothing moves, except that closers may be added at the very end."""
         hole = self.instead + re.sub(r"[^\n]", " ", text[self.start + len(self.instead) : self.end])
         return text[: self.start] + hole + text[self.end :]
+
+
+def find_stray(text: str) -> list[int]:
+    """Where the semicolons stand that end nothing, because there is another one or a `{` before them."""
+    runs = (found for found in _STRAY.finditer(text) if found[0][0] != '"')
+    return [run.start() + at for run in runs for at, char in enumerate(run[0]) if at and char == ";"]
+
+
+def without_stray(text: str) -> str:
+    """The text with spaces for semicolons that end nothing: people write them, and every generator takes them."""
+    done, parts = 0, list[str]()
+    for at in find_stray(text):
+        parts += [text[done:at], " "]
+        done = at + 1
+    return "".join([*parts, text[done:]])
+
+
+def explain_stray(source: Source, at: int) -> Diagnostic:
+    span = source.span(at, at + 1)
+    return Diagnostic("stray-semicolon", "a `;` too many", span, Severity.WARNING, hint="remove it")
 
 
 def explain_endless(source: Source, comment: Span) -> Diagnostic:
@@ -79,18 +103,35 @@ def explain_end(source: Source, text: str, expected: list[str]) -> Mistake:
     return Mistake(diagnostic, len(text), len(text), closers)
 
 
-def explain_token(source: Source, text: str, span: Span, expected: list[str], missing: str) -> Mistake:
-    """A word that cannot stand where it stands. `missing` is what would make sense of it."""
+def misspelt(found: str, expected: list[str]) -> str:
+    """The keyword that a word is meant to be, or nothing."""
+    keywords = [word.strip("`") for word in expected if word.startswith("`") and word[1].isalpha()]
+    return closest(found, keywords) if re.match(r"\w", found) else ""
+
+
+@dataclass(frozen=True)
+class Ways:
+    """How a word that cannot stand where it stands can be made sense of; tried out by the parser."""
+
+    missing: str = ""
+    """The mark that could be in front of it."""
+    replaced: bool = False
+    """Whether what follows fits the keyword that it seems to be."""
+    removed: bool = False
+    """Whether what follows begins a statement without it."""
+
+
+def explain_token(source: Source, text: str, span: Span, expected: list[str], ways: Ways) -> Mistake:
+    """A word that cannot stand where it stands."""
     found, before = text[span.start : span.end], text[: span.start].rstrip()
-    if found == ";" and before.endswith((";", "{")):
-        return Mistake(Diagnostic("stray-semicolon", "a `;` too many", span, hint="remove it"), span.start, span.end)
     if END in expected and set(expected) <= {END, "`;`"}:
         return _explain_rest(text, span)
     block = _block_inside(text, span)
     if block:
         message, hint = f"unexpected `{block.text}` in a block", "add `};` above it, to close the block before"
         return Mistake(Diagnostic("syntax", message, block, hint=hint), block.start - 1, block.start, "}")
-    hint = did_you_mean(found, [word.strip("`") for word in expected if word.startswith("`") and word[1].isalpha()])
+    meant, missing = misspelt(found, expected), ways.missing
+    hint = f"did you mean `{meant}`?" if meant else ""
     if missing and not hint:
         at = len(before)
         diagnostic = Diagnostic(
@@ -103,6 +144,11 @@ def explain_token(source: Source, text: str, span: Span, expected: list[str], mi
     if len(right) == 1:
         hint = f"write `{right[0]}` instead"
         return Mistake(Diagnostic("syntax", message, span, hint=hint), span.start, span.end, right[0])
+    start = span.end - max(len(meant), len(found))  # a longer keyword takes the room of the spaces in front
+    if ways.replaced and re.fullmatch(r"\W?\s*", text[max(0, start - 1) : span.start]):
+        return Mistake(Diagnostic("syntax", message, span, hint=hint), start, span.end, meant)
+    if ways.removed and not hint and re.match(r"\w", found) and (not before or before[-1] in ";{}"):
+        return Mistake(Diagnostic("syntax", message, span, hint="remove it"), span.start, span.end)
     return Mistake(Diagnostic("syntax", message, span, hint=hint), *_statement(text, span.start))
 
 

@@ -19,7 +19,19 @@ from lark.lark import PostLex
 
 from .comments import Comments, find_comments
 from .diagnostics import Diagnostic, Report
-from .mistakes import END, Mistake, explain_character, explain_end, explain_endless, explain_token
+from .mistakes import (
+    END,
+    Mistake,
+    Ways,
+    explain_character,
+    explain_end,
+    explain_endless,
+    explain_stray,
+    explain_token,
+    find_stray,
+    misspelt,
+    without_stray,
+)
 from .source import Name, Source, Span
 
 MAX_CHARACTERS = 1_000_000
@@ -87,7 +99,8 @@ class Grammar:
             report.diagnostics.append(limit)
             return Parsed(None, Comments(source))
         comments = find_comments(source)
-        text, tree, skipped = comments.bare, None, set[str]()
+        text, tree, skipped = without_stray(comments.bare), None, set[str]()
+        report.diagnostics += [explain_stray(source, at) for at in find_stray(comments.bare)[:MAX_SYNTAX_ERRORS]]
         mistakes = [explain_endless(source, comments.endless)] if comments.endless else []
         for _ in range(max(1, min(MAX_SYNTAX_ERRORS, MAX_PARSED // max(1, len(text))))):
             try:
@@ -99,7 +112,7 @@ class Grammar:
                     mistakes.append(self._hinted(mistake.diagnostic))
                 if not mistake.instead:
                     skipped |= set(re.findall(r"\w+", text[mistake.start : mistake.end]))
-                text, before = mistake.mend(text), text
+                text, before = without_stray(mistake.mend(text)), text
                 if text == before:
                     break
         report.diagnostics += mistakes
@@ -112,8 +125,7 @@ class Grammar:
         expected = self._expected(error)
         if error.token.type == "$END":
             return explain_end(source, text, expected)
-        missing = ";" if expected == ["`;`"] else self._missing(text, error)
-        return explain_token(source, text, span_of(source, error.token), expected, missing)
+        return explain_token(source, text, span_of(source, error.token), expected, self._ways(text, error, expected))
 
     def _hinted(self, diagnostic: Diagnostic) -> Diagnostic:
         line, column = diagnostic.span.source.position(diagnostic.span.start)
@@ -123,11 +135,21 @@ class Grammar:
                     return replace(diagnostic, hint=hint)
         return diagnostic
 
-    def _missing(self, text: str, error: UnexpectedToken) -> str:
-        """The mark that would make sense of a token, and of the one behind it, if it stood before it."""
-        own = self._terminals(str(error.token))
+    def _ways(self, text: str, error: UnexpectedToken, expected: list[str]) -> Ways:
+        """How a token can be made sense of, together with the one behind it."""
         following = _TOKEN.match(text, error.token.end_pos or 0)
         behind = self._terminals(following[1]) if following else {"$END"}
+        meant = misspelt(str(error.token), expected)
+        parser = error.interactive_parser.copy()  # type: ignore[no-untyped-call]  # lark has not typed it
+        return Ways(
+            ";" if expected == ["`;`"] else self._missing(error, behind),
+            bool(meant) and _feed(parser, self._terminals(meant) - {"NAME"}) and bool(behind & parser.accepts()),
+            bool((behind - {"NAME", "LANGUAGE"}) & error.accepts),
+        )
+
+    def _missing(self, error: UnexpectedToken, behind: set[str]) -> str:
+        """The mark that would make sense of a token, and of the one behind it, if it stood before it."""
+        own = self._terminals(str(error.token))
         for kinds in (own - {"NAME"}, own & {"NAME"}):  # a keyword is likely to be meant as one
             for mark in _MARKS:
                 parser = error.interactive_parser.copy()  # type: ignore[no-untyped-call]  # lark has not typed it
@@ -187,7 +209,10 @@ def tree_span(source: Source, tree: Tree[Token]) -> Span:
     """From the first to the last token of a tree; nothing at the start of the file if it has none."""
     if tree.meta.empty:
         return source.span(0, 0)
-    return source.span(tree.meta.start_pos, tree.meta.end_pos)
+    start = tree.meta.start_pos
+    while source.text[start : start + 1].isspace():  # a mended keyword may begin there
+        start += 1
+    return source.span(start, tree.meta.end_pos)
 
 
 def _beyond(source: Source) -> Diagnostic | None:

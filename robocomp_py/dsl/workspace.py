@@ -17,11 +17,11 @@ import codecs
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import entry_points
 from importlib.resources import files
 from pathlib import Path, PurePosixPath
 from typing import Generic, TypeVar
 
+from .. import installed
 from ..contract.component import Component
 from ..contract.interface import Interface
 from ..contract.module import Definition, Module
@@ -31,9 +31,10 @@ from .cdsl.check import check as check_cdsl
 from .cdsl.link import link as link_cdsl
 from .cdsl.model import Component as CdslComponent
 from .cdsl.parser import parse as parse_cdsl
+from .ddsl.check import check as check_ddsl
 from .ddsl.model import Deployment
 from .ddsl.parser import parse as parse_ddsl
-from .diagnostics import Report, did_you_mean
+from .diagnostics import Report, mistyped
 from .idsl.check import check as check_idsl
 from .idsl.check import qualified
 from .idsl.link import link as link_idsl
@@ -63,10 +64,6 @@ def read_file(path: Path) -> bytes:
     """A file's bytes; of one that is too large anyway, no more than it takes to see that."""
     with path.open("rb") as file:
         return file.read(MAX_BYTES + 1)
-
-
-def installed_middlewares() -> list[str]:
-    return sorted({entry.name for entry in entry_points(group="robocomp_py.transports")})
 
 
 @dataclass(frozen=True)
@@ -105,7 +102,7 @@ class Workspace:
         self.report = Report()
         self._include = [Path(folder) for folder in include]
         self._read = read
-        self._middlewares = installed_middlewares() if middlewares is None else middlewares
+        self._middlewares = list(installed.transports()) if middlewares is None else middlewares
         self._sources: dict[Path, Source | None] = {}
         self._idsl: dict[str, _Loaded[IdslFile] | None] = {}
         self._pdsl: dict[str, _Loaded[PdslFile] | None] = {}
@@ -170,7 +167,10 @@ class Workspace:
         key = os.path.realpath(path)
         if key not in self._deployments:
             source = self.source(path)
-            self._deployments[key] = parse_ddsl(source, self.report) if source else None
+            model = parse_ddsl(source, self.report) if source else None
+            if model:
+                check_ddsl(model, self.report)
+            self._deployments[key] = model
         return self._deployments[key]
 
     # Finding and reading.
@@ -225,16 +225,21 @@ class Workspace:
         return True
 
     def _resolve(self, name: Name, importing: Source, ending: str) -> Path | None:
+        given = PurePosixPath(name.text).suffix.lower()
+        if given in ENDINGS and given != ending:
+            message = f"`{name}` is {_LANGUAGES[given]}; imported here is {_LANGUAGES[ending]}"
+            self.report.error("wrong-import", message, name.span, _remedy(name.text, given, ending))
+            return None
         found = self.find(name.text, importing.path, ending)
         if found is None:
             folders = self.search_path(importing.path)
             near = {file.stem for folder in folders for file in folder.glob(f"*{ending}")}
-            hint = did_you_mean(PurePosixPath(name.text).stem, near) or "add its folder by -I or ROBOCOMP_INTERFACES"
+            meant, hint = mistyped(PurePosixPath(name.text).stem, near), "add its folder by -I or ROBOCOMP_INTERFACES"
             self.report.error(
                 "missing-import",
                 f"`{name}` was not found in {', '.join(map(str, folders))}",
                 name.span,
-                hint,
+                f"did you mean `{meant}`? else {hint}" if meant else hint,
             )
         return found
 
@@ -274,7 +279,7 @@ class Workspace:
             return loaded  # names of what is missing would only seem to be wrong
         others = _closure(loaded.imports)
         scope = {qualified(d.name.text, each.file.module.text): d for each in others for d in each.file.definitions}
-        check_idsl(file, scope, self.report)
+        check_idsl(file, scope, self.report, lambda stem: self.find(stem, path, ".idsl") is not None)
         if not self._errors_in(source) and all(each.module for each in others):
             loaded.module = link_idsl(file, self._merge(others))
         return loaded
@@ -282,6 +287,7 @@ class Workspace:
     def _merge(self, loaded: Sequence[_Loaded[IdslFile]]) -> dict[str, Definition]:
         """What these files define, by qualified name. Two files may define the same, but not differently."""
         merged: dict[str, tuple[Definition, Name]] = {}
+        found = Report()
         for each in loaded:
             names = {qualified(d.name.text, each.file.module.text): d.name for d in each.file.definitions}
             for definition in each.module.definitions if each.module else ():
@@ -289,9 +295,8 @@ class Workspace:
                 first, where = merged.setdefault(definition.name, (definition, name))
                 if first != definition:
                     message = f"`{definition.name}` is defined differently in another file that is imported, too"
-                    found = Report()
                     found.error("duplicate", message, name.span, "", ("first defined here", where.span))
-                    self.report.extend(found.diagnostics)
+        self.report.extend(found.diagnostics)
         return {name: definition for name, (definition, _) in merged.items()}
 
     # PDSL.
@@ -361,6 +366,22 @@ class Workspace:
 
     def _errors_in(self, source: Source) -> bool:
         return any(each.span.source is source for each in self.report.errors)
+
+
+_LANGUAGES = {".idsl": "an IDSL file", ".cdsl": "a CDSL file", ".pdsl": "a PDSL file", ".ddsl": "a DDSL file"}
+
+
+def _remedy(name: str, given: str, ending: str) -> str:
+    """What to do about an import of a file of another language."""
+    match given, ending:
+        case ".pdsl", ".idsl":
+            return f'the parameters of a component are not imported: write params "{name}"; inside of it'
+        case ".cdsl", ".idsl":
+            return "import the .idsl files of the interfaces that both use"
+        case _, ".cdsl":
+            return "import the .cdsl file of each component of the network"
+        case _:
+            return "remove it"
 
 
 def _forms(name: str, ending: str) -> Iterator[PurePosixPath]:

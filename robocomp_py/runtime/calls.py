@@ -41,7 +41,8 @@ class Call(Generic[R]):
 
     def __init__(self, operation: Operation[R], codec: Codec) -> None:
         self.operation = operation
-        self.encode: Callable[[tuple[Any, ...]], Payload] = codec.encoder(operation.request)
+        # What is asked and published is sent before the caller goes on; an answer is not.
+        self.encode: Callable[[tuple[Any, ...]], Payload] = codec.encoder(operation.request, snapshot=False)
         self._codec = codec
         self._decode = codec.decoder(operation.response)
         self._outputs = len(operation.outputs)
@@ -61,7 +62,7 @@ class Call(Generic[R]):
                 raise self._thrown(reply.payload)
             case Status.FAILED:
                 kind, reason, trace = ("", "no reason given", "")
-                if reply.payload is not None:
+                if reply.payload:  # a service that broke altogether leaves none
                     kind, reason, trace = _decoder(self._codec, _FAILURE)(reply.payload)
                 raise RemoteFailure(name, kind, reason, trace)
             case Status.EXPIRED:

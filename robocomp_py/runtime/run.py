@@ -335,9 +335,18 @@ def _parser(name: str, description: str) -> argparse.ArgumentParser:
     )
     parser.add_argument("--name", help=f"name of this instance (default: {name.lower()})")
     parser.add_argument("--middleware", help="what carries its messages, as in `middleware = …`")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="set one key; may be repeated")
+    parser.add_argument(
+        "--set", action="append", default=[], type=_assignment, metavar="KEY=VALUE", help="set one key; may be repeated"
+    )
     parser.add_argument("--version", action="version", version=f"robocomp_py {__version__}")
     return parser
+
+
+def _assignment(text: str) -> str:
+    """What follows `--set`, if it is written as it should be."""
+    if not settings.is_assignment(text):
+        raise argparse.ArgumentTypeError(f"`{text}`: write it as key=value, as in --set params.max_speed=0.5")
+    return text
 
 
 def _document(worker_class: type[Worker[Any]], options: argparse.Namespace) -> settings.Document:

@@ -27,12 +27,13 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
+from .. import installed
 from ..contract.component import MAX_SECONDS, Component, Port
-from ..contract.parameters import Complaint, ParameterSet, dotted, unknown
+from ..contract.parameters import Complaint, ParameterSet, dotted
 from ..contract.parameters import check as check_parameters
 from ..contract.qos import PRESETS, Durability, History, Liveliness, QoS, Reliability
 from ..errors import ConfigurationError
-from ..transports.base import installed_transports
+from ..spelling import unknown
 from ..wire import names
 
 DEADLINE = 5.0
@@ -116,6 +117,12 @@ def read(path: Path) -> Document:
         raise ConfigurationError(f"{path}{at}: {message[:1].lower()}{message[1:]}") from exc
 
 
+def is_assignment(text: str) -> bool:
+    """Whether a text is written as `key=value`; what the key means is not looked at."""
+    name, equals, _ = text.partition("=")
+    return bool(equals) and all(map(_KEY.fullmatch, name.strip().split(".")))
+
+
 def override(document: Document, assignment: str) -> None:
     """Apply `key=value`; the value is TOML, or else a plain string. Raises ConfigurationError."""
     name, equals, text = assignment.partition("=")
@@ -162,7 +169,7 @@ class _Checker:
         if not names.is_segment(instance):
             self._complain((), f"{instance!r} is no name for an instance: letters, digits, `_`, `-`")
         transports = self._table(data, "transports", ())
-        self._known(transports, ("transports",), installed_transports())
+        self._known(transports, ("transports",), installed.transports())
         return Settings(
             instance=instance,
             namespace=namespace.strip("/"),

@@ -23,7 +23,7 @@ def user_trace(exc: BaseException) -> str:
     part: traceback.TracebackException | None = told
     while part is not None:
         kept = [frame for frame in part.stack if not _is_plumbing(frame.filename)]
-        if kept or issubclass(part.exc_type or Exception, SyntaxError):  # which names its own place
+        if kept or isinstance(exc, SyntaxError):  # which names its own place
             part.stack = traceback.StackSummary.from_list(kept)
         part = part.__cause__ or part.__context__
     return "".join(told.format()).rstrip()

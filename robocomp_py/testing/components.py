@@ -27,12 +27,12 @@ import numpy as np
 from ..contract import types as t
 from ..contract.component import Port
 from ..contract.interface import Operation, Verb
-from ..contract.parameters import unknown
 from ..runtime import ports, settings
 from ..runtime.load import load_worker
 from ..runtime.monitor import Monitor
 from ..runtime.run import Running
 from ..runtime.worker import Worker
+from ..spelling import unknown
 from ..transports.base import Link, Transport, TransportConfig
 from ..transports.inproc import InprocTransport
 from ..wire import names

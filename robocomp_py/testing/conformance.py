@@ -10,14 +10,14 @@ demanded:
     topics      every subscriber gets every message, in order, whichever side came first · channels do not leak into
                 each other · 0 B to 64 MB · nothing after close · a sink that raises or is slow hurts nobody · a sink
                 may publish · latched is kept or refused · of what waits for a slow sink, the newest `depth` stay ·
-                reliable loses nothing, and gives up at its deadline · what is lost is counted · `*` hears all
-                instances but its own
+                reliable loses nothing, and every sender gives up at its own deadline · what is lost is counted, and a
+                flood is bounded · `*` hears all instances but its own
     commands    in order, once, from many senders; to nobody: Unreachable
     queries     answers find their callers, 64 out of order · every status arrives · nobody serves: Unreachable ·
                 deadlines hold, and a late answer is nobody else's · cancelled calls leave nothing · a service may call
-                others, and be called back · one server at most
+                others, and be called back · the callback of a call may take long, and call again · one server at most
     contract    another contract under the same name is named on both sides, and nothing passes
-    lifetime    close releases waiters, is final, and leaves no thread · peers restart, or are killed
+    lifetime    close releases waiters, by Closed, is final, and leaves no thread · peers restart, move, or are killed
     typed       every IDSL type there and back · every outcome of a call · several clients · serial workers
 
 Limits on time are generous, and scaled by $ROBOCOMP_PATIENCE; none judges speed.
@@ -316,6 +316,29 @@ class TransportConformance:
         finally:
             release.set()
 
+    def test_every_sender_gives_up_at_its_own_deadline(
+        self, here: Transport, there: Transport, name: str, pool: ThreadPoolExecutor
+    ) -> None:
+        channel = topic(name, _RELIABLE)
+        if Capability.RELIABLE not in here.capabilities:
+            return  # refused, as a test above shows
+        release = threading.Event()
+        there.inlet(channel, lambda _: release.wait(SOON * 3))
+        outlet = here.outlet(channel)
+        assert outlet.wait_peer(SOON)
+        try:
+            with pytest.raises(Timeout):
+                _send_many(here, outlet, 100_000)
+            patient = pool.submit(outlet.send, blob(here, bytes(100_000)), SOON * 3)
+            wait_until(patient.running)
+            for _ in range(3):
+                with pytest.raises(Timeout):
+                    outlet.send(blob(here, bytes(100_000)), A_MOMENT / 3)
+            assert not patient.done()
+        finally:
+            release.set()
+        patient.result(SOON * 3)
+
     def test_best_effort_never_waits_and_counts_what_it_lost(
         self, here: Transport, there: Transport, name: str
     ) -> None:
@@ -341,6 +364,35 @@ class TransportConformance:
 
         wait_until(all_accounted_for)
         assert link.stats.repeated == 0
+
+    def test_a_flood_is_bounded(self, here: Transport, there: Transport, name: str) -> None:
+        release, first, last = threading.Event(), threading.Event(), threading.Event()
+        delivered: list[int] = []
+
+        def sink(payload: Payload) -> None:
+            delivered.append(len(unblob(there, payload)))
+            first.set()
+            release.wait(SOON * 3)
+            if not delivered[-1]:
+                last.set()
+
+        channel = topic(name, QoS(depth=4))
+        there.inlet(channel, sink)
+        outlet = here.outlet(channel)
+        assert outlet.wait_peer(SOON)
+        large = blob(here, bytes(100_000))
+        outlet.send(large)
+        assert first.wait(SOON)
+        for _ in range(1000):
+            outlet.send(large)
+        release.set()
+
+        def all_over() -> bool:
+            outlet.send(blob(here, b""))
+            return last.is_set()
+
+        wait_until(all_over)
+        assert delivered.count(100_000) < 500
 
     def test_a_star_hears_every_instance(self, here: Transport, there: Transport, name: str) -> None:
         _, interface, operation = name.split("/")
@@ -521,6 +573,60 @@ class TransportConformance:
         assert caller.wait_peer(SOON)
         assert _asker(there, caller, "ask")(b"there and ") == b"there and back"
 
+    def test_a_callback_may_ask_again(self, here: Transport, there: Transport, name: str) -> None:
+        later: queue.Queue[Future[Reply]] = queue.Queue()
+
+        def service(payload: Payload, expires: float) -> Reply | Future[Reply]:
+            data = unblob(here, payload)
+            if data != b"first":
+                return Reply(Status.OK, blob(here, data.upper()))
+            reply: Future[Reply] = Future()
+            later.put(reply)
+            return reply
+
+        here.server(query(name), service)
+        caller = there.caller(query(name))
+        assert caller.wait_peer(SOON)
+        answers = Inbox()
+
+        def again(done: Future[Reply]) -> None:
+            answers.put(unblob(there, caller.ask(blob(there, b"again"), SOON).payload))
+
+        for _ in range(20):
+            caller.call(blob(there, b"first"), SOON).add_done_callback(again)
+            later.get(timeout=SOON).set_result(Reply(Status.OK, blob(here, b"FIRST")))
+        assert [answers.get(timeout=SOON) for _ in range(20)] == [b"AGAIN"] * 20
+        assert _asker(there, caller, "call")(b"afterwards") == b"AFTERWARDS"
+
+    def test_a_slow_callback_delays_nothing_else(self, here: Transport, there: Transport, name: str) -> None:
+        later: queue.Queue[Future[Reply]] = queue.Queue()
+        called_back, release = threading.Event(), threading.Event()
+
+        def service(payload: Payload, expires: float) -> Future[Reply]:
+            reply: Future[Reply] = Future()
+            later.put(reply)
+            return reply
+
+        def slow(done: Future[Reply]) -> None:
+            called_back.set()
+            release.wait(SOON * 3)
+
+        here.server(query(name), service)
+        here.server(query(name + "x"), answering(here, bytes.upper))
+        caller, other = there.caller(query(name)), there.caller(query(name + "x"))
+        inbox, outlet = _subscribe(there, topic(name + "news")), here.outlet(topic(name + "news"))
+        for link in (caller, other, outlet):
+            assert link.wait_peer(SOON)
+        caller.call(blob(there, b""), SOON * 3).add_done_callback(slow)
+        later.get(timeout=SOON).set_result(Reply(Status.OK, blob(here, b"")))
+        assert called_back.wait(SOON)
+        try:
+            outlet.send(blob(here, b"news"))
+            assert inbox.get(timeout=SOON) == b"news"
+            assert _asker(there, other, "call")(b"x") == b"X"
+        finally:
+            release.set()
+
     def test_a_second_server_is_refused(self, here: Transport, there: Transport, name: str) -> None:
         first = here.server(query(name), answering(here, bytes.upper))
         with pytest.raises(AlreadyServed):
@@ -571,6 +677,28 @@ class TransportConformance:
         for waiting in (pending, asking):
             with pytest.raises(Closed):
                 waiting.result(SOON)
+
+    def test_closing_a_transport_ends_its_calls_as_closed(
+        self, here: Transport, name: str, pool: ThreadPoolExecutor
+    ) -> None:
+        here.server(query(name), _stuck_on(here, b"stuck"))
+
+        def ask_until_it_fails(transport: Transport, caller: Caller, answered: threading.Semaphore) -> None:
+            while True:
+                caller.ask(blob(transport, b"x"), SOON)
+                answered.release()
+
+        for _ in range(5):
+            transport = self.open_transport()
+            caller, answered = transport.caller(query(name)), threading.Semaphore(0)
+            assert caller.wait_peer(SOON)
+            asking: list[Future[Any]] = []
+            asking += [pool.submit(ask_until_it_fails, transport, caller, answered) for _ in range(6)]
+            asking += [pool.submit(_asker(transport, caller, how, SOON * 3), b"stuck") for how in ("ask", "call")]
+            for _ in range(20):
+                assert answered.acquire(timeout=SOON)
+            transport.close()
+            assert [type(each.exception(SOON)) for each in asking] == [Closed] * len(asking)
 
     def test_close_is_final_and_may_be_repeated(self, here: Transport, name: str) -> None:
         outlet, caller = here.outlet(topic(name)), here.caller(query(name))
@@ -646,6 +774,58 @@ class TransportConformance:
         assert inbox.get(timeout=SOON) == b"third"
         transport.close()
         other.close()
+
+    @pytest.mark.parametrize("ask", ["ask", "call"])
+    def test_a_server_may_move_to_another_transport(
+        self, here: Transport, there: Transport, name: str, ask: str
+    ) -> None:
+        """Who asks meanwhile meets nobody, or the new one; never the old one, who does not serve it any more."""
+        asking = self.open_transport()
+        caller = asking.caller(query(name))
+        question = _asker(asking, caller, ask)
+        server = here.server(query(name), answering(here, partial(_signed, "one")))
+        assert caller.wait_peer(SOON)
+        assert question(b"by ") == b"by one"
+        server.close()
+        with pytest.raises(Unreachable):
+            question(b"by ")
+        assert not caller.wait_peer(0.0)
+        there.server(query(name), answering(there, partial(_signed, "two")))
+        assert caller.wait_peer(SOON)
+        assert question(b"by ") == b"by two"
+        asking.close()
+
+    def test_so_may_who_takes_commands(self, here: Transport, there: Transport, name: str) -> None:
+        asking = self.open_transport()
+        outlet, inbox = asking.outlet(command(name)), Inbox()
+        inlet = here.inlet(command(name), lambda _: None)
+        assert outlet.wait_peer(SOON)
+        outlet.send(blob(asking, b"one"))
+        inlet.close()
+        with pytest.raises(Unreachable):
+            outlet.send(blob(asking, b"nobody"))
+        there.inlet(command(name), _put(there, inbox))
+        assert outlet.wait_peer(SOON)
+        outlet.send(blob(asking, b"two"))
+        assert inbox.get(timeout=SOON) == b"two"
+        asking.close()
+
+    def test_a_killed_publisher_may_be_followed_by_another(self, here: Transport, there: Transport, name: str) -> None:
+        inbox = _subscribe(here, topic(name))
+        victim = _Victim(self, here, name, _publish_once)
+        assert inbox.get(timeout=SOON * 3) == b"last words"
+        victim.kill()
+        outlet = there.outlet(topic(name))
+        assert outlet.wait_peer(SOON)
+        outlet.send(blob(there, b"new"))
+        assert inbox.get(timeout=SOON) == b"new"
+
+    def test_a_killed_server_is_not_waited_for_in_vain(self, there: Transport, name: str) -> None:
+        victim = _Victim(self, there, name)
+        caller = there.caller(query(name))
+        assert caller.wait_peer(SOON * 3)
+        victim.kill()
+        wait_until(lambda: not caller.wait_peer(0.0))
 
     @pytest.mark.parametrize("ask", ["ask", "call"])
     def test_a_server_that_dies_in_a_call_makes_it_unreachable(
@@ -984,20 +1164,30 @@ def _stuck_on(transport: Transport, word: bytes) -> Callable[[Payload, float], R
 
 
 class _Victim:
-    """A server that gets stuck in a call and can be killed: another process, where the transport reaches one."""
+    """Somebody who can be killed: another process, where the transport reaches one.
 
-    def __init__(self, suite: TransportConformance, seen_from: Transport, name: str) -> None:
+    By default a server that gets stuck in a call.
+    """
+
+    def __init__(
+        self,
+        suite: TransportConformance,
+        seen_from: Transport,
+        name: str,
+        act: Callable[[Transport, str, Any], None] | None = None,
+    ) -> None:
+        act = act or _serve_stuck
         self._stuck: Any
         if Capability.CROSS_PROCESS in seen_from.capabilities:
             spawn = multiprocessing.get_context("spawn")
             self._stuck = spawn.Event()
-            process = spawn.Process(target=_be_stuck, args=(type(suite), name, self._stuck))
+            process = spawn.Process(target=_be_victim, args=(type(suite), name, self._stuck, act))
             process.start()
             self._process: Any = process
         else:
             self._stuck = threading.Event()
             transport = suite.open_transport()
-            _serve_stuck(transport, name, self._stuck)
+            act(transport, name, self._stuck)
             self._transport: Transport = transport
             self._process = None
 
@@ -1012,9 +1202,17 @@ class _Victim:
             self._process.join()
 
 
-def _be_stuck(suite: type[TransportConformance], name: str, stuck: Any) -> None:
-    _serve_stuck(suite().open_transport(), name, stuck)
+def _be_victim(
+    suite: type[TransportConformance], name: str, stuck: Any, act: Callable[[Transport, str, Any], None]
+) -> None:
+    act(suite().open_transport(), name, stuck)
     time.sleep(SOON * 10)  # until killed
+
+
+def _publish_once(transport: Transport, name: str, stuck: Any) -> None:
+    outlet = transport.outlet(topic(name))
+    outlet.wait_peer(SOON)
+    outlet.send(blob(transport, b"last words"))
 
 
 def _serve_stuck(transport: Transport, name: str, stuck: Any) -> None:

@@ -22,14 +22,14 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from enum import Flag, IntEnum, auto
-from importlib.metadata import EntryPoint, entry_points
 from typing import Any, NamedTuple, Protocol
 
+from .. import installed
 from ..contract.interface import Pattern, differences
-from ..contract.parameters import unknown
 from ..contract.qos import DEFAULT_QOS, History, Liveliness, QoS
 from ..contract.types import Struct
 from ..errors import ConfigurationError, UnsupportedQoS
+from ..spelling import unknown
 from ..wire.codec import Codec, Payload
 
 log = logging.getLogger("robocomp.transport")
@@ -194,15 +194,9 @@ class TransportConfig:
 TransportFactory = Callable[[TransportConfig], Transport]
 
 
-def installed_transports() -> dict[str, EntryPoint]:
-    """What every installed package offers as a transport, by name."""
-    entries = entry_points(group="robocomp_py.transports")
-    return {entry.name: entry for entry in sorted(entries, key=lambda entry: entry.name)}
-
-
 def find_transport(name: str) -> TransportFactory:
     """The installed transport of that name; raises ConfigurationError, naming those there are."""
-    known = installed_transports()
+    known = installed.transports()
     if name not in known:
         raise ConfigurationError(unknown("middleware", name, known))
     try:
@@ -250,7 +244,7 @@ def serve(service: Service, payload: Payload, expires: float, answer: Callable[[
     """Run a service and pass its reply on, when there is one, whatever it does."""
     try:
         reply = service(payload, expires)
-    except Exception:
+    except BaseException:  # also SystemExit, which would end a thread of the transport, and nothing else
         log.exception("a service raised")
         reply = Reply(Status.FAILED)
     if isinstance(reply, Reply):
@@ -258,8 +252,10 @@ def serve(service: Service, payload: Payload, expires: float, answer: Callable[[
         return
 
     def finished(done: Future[Reply]) -> None:
-        failed = done.cancelled() or done.exception() is not None
-        answer(Reply(Status.FAILED) if failed else done.result())
+        error = None if done.cancelled() else done.exception()
+        if error:
+            log.error("a service failed", exc_info=error)
+        answer(Reply(Status.FAILED) if error or done.cancelled() else done.result())
 
     reply.add_done_callback(finished)
 

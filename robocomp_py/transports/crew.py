@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 import weakref
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -35,6 +36,9 @@ STUCK = 5.0
 _QUIET_LOOKS = 50
 """After so many looks without traffic the lookout sleeps until there is some."""
 
+_LONGEST_PAUSE = 0.5
+"""Seconds between two attempts to receive, when one after the other fails."""
+
 
 _THREADS: weakref.WeakSet[threading.Thread] = weakref.WeakSet()
 """All threads of all crews."""
@@ -53,7 +57,9 @@ def abandoned() -> bool:
 class Crew:
     """Calls `receive` again and again, on one thread at a time, and runs the jobs it returns.
 
-    `receive` blocks until there is something to do or `wake` was called; it must not raise.
+    `receive` blocks until there is something to do or `wake` was called. What takes long, or calls
+    somebody's code, belongs into a job: nobody else receives before `receive` has returned, not
+    even if it steps aside. If it raises, that is logged, and after a pause it is called again.
     """
 
     def __init__(self, name: str, receive: Callable[[], Iterable[Job]], wake: Callable[[], None]) -> None:
@@ -68,6 +74,8 @@ class Crew:
         self._followers = 0
         self._running: Job | None = None
         self._begun = 0
+        self._pause = 0.0
+        """Seconds to wait after `receive` has failed; 0 while it succeeds."""
 
     def start(self) -> None:
         with self._turn:
@@ -75,22 +83,29 @@ class Crew:
             self._hire(self._look_out, "lookout")
 
     def close(self) -> None:
-        """Stop, and wait for all threads but the calling one. Jobs not begun are dropped."""
+        """Stop, and wait for all threads but the calling one. Jobs not begun are dropped.
+
+        A thread whose job is stuck is left alone after a while; that is logged.
+        """
         self._closing.set()
         self._traffic.set()
         with self._turn:
             self._turn.notify_all()
+            others = [thread for thread in self._threads if thread is not threading.current_thread()]
         self._wake()
-        for thread in self._threads:
-            if thread is not threading.current_thread():
-                thread.join()
+        end = time.monotonic() + STUCK
+        for thread in others:
+            thread.join(max(0.0, end - time.monotonic()))
+        stuck = [thread.name for thread in others if thread.is_alive()]
+        if stuck:
+            log.warning("%s: still busy after %g s; not waiting any longer", ", ".join(stuck), STUCK)
         self._jobs.clear()
 
     def _hire(self, work: Callable[[], None], suffix: str) -> None:
         thread = threading.Thread(target=work, name=f"{self._name}-{suffix}")
-        self._threads.append(thread)
         _THREADS.add(thread)
         thread.start()
+        self._threads.append(thread)
 
     def _serve(self) -> None:
         receives(self._hand_over)
@@ -109,10 +124,21 @@ class Crew:
     def _lead(self) -> None:
         while not self._closing.is_set():
             if not self._jobs:
-                self._jobs.extend(self._receive())
-                continue
-            if not self._run(self._jobs.popleft()):
+                self._jobs.extend(self._input())
+            elif not self._run(self._jobs.popleft()):
                 return
+
+    def _input(self) -> Iterable[Job]:
+        try:
+            jobs = self._receive()
+        except Exception:  # if this thread ended, nobody would receive any more
+            if not self._pause and not self._closing.is_set():
+                log.exception("%s: receiving failed; trying again until it succeeds", self._name)
+            self._pause = min(2 * self._pause or PATIENCE, _LONGEST_PAUSE)
+            self._closing.wait(self._pause)
+            return ()
+        self._pause = 0.0
+        return jobs
 
     def _run(self, job: Job) -> bool:
         """Run one job; whether this thread still leads."""
@@ -123,7 +149,7 @@ class Crew:
             self._traffic.set()
         try:
             job()
-        except Exception:
+        except BaseException:  # also SystemExit, which would end this thread, and nothing else
             log.exception("%s: a message was not handled", self._name)
         with self._turn:
             if self._leader is not threading.current_thread():
@@ -132,9 +158,9 @@ class Crew:
             return True
 
     def _hand_over(self, overdue: Job | None = None) -> None:
-        """Let another thread lead: the leader says so itself, or its job is overdue."""
+        """Let another thread lead: the leader says so in its job, or that job is overdue."""
         with self._turn:
-            mine = self._leader is threading.current_thread()
+            mine = self._leader is threading.current_thread() and self._running is not None
             if self._closing.is_set() or not (mine or (overdue is not None and self._running is overdue)):
                 return
             self._leader = self._running = None
@@ -204,6 +230,7 @@ class Lane:
         self._waiting: deque[Payload] = deque()
         self._changed = threading.Condition()
         self._draining = False
+        self._summoned = False
         self._gate = Gate(name)
 
     @property
@@ -226,9 +253,24 @@ class Lane:
                 self._waiting.append(payload)
             return True
 
+    def start_with(self, payloads: Iterable[Payload]) -> None:
+        """Append the newest `depth` of these, without waiting for room: what a late subscriber has missed."""
+        with self._changed:
+            if not self._gate.closed:
+                self._waiting.extend(deque(payloads, self._depth))
+
+    def summon(self) -> bool:
+        """Whether `drain` has to be called: not if it runs, nor between a summons and its being obeyed."""
+        with self._changed:
+            if self._draining or self._summoned:
+                return False
+            self._summoned = True
+            return True
+
     def drain(self) -> None:
         """Give the sink what waits. Returns at once if another thread is doing so."""
         with self._changed:
+            self._summoned = False
             if self._draining:
                 return
             self._draining = True
@@ -254,7 +296,7 @@ class Lane:
         try:
             self._stats.received += 1
             self._sink(payload)
-        except Exception:
+        except BaseException:  # also SystemExit: the messages that follow are to be delivered all the same
             log.exception("%s: a message was not handled", self._name)
         finally:
             self._gate.leave()

@@ -10,19 +10,24 @@ The run-time folder is `$ROBOCOMP_RUNTIME_DIR`, or `$XDG_RUNTIME_DIR/robocomp`, 
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import json
+import logging
 import os
 import secrets
 import stat
 import tempfile
 import threading
 import time
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from ..errors import ConfigurationError
+from ..errors import ConfigurationError, TransportError
 from ..wire.names import matches
+
+log = logging.getLogger("robocomp.transport")
 
 _SETTLED = 0.1
 """A folder changed less than so many seconds ago is read again: its time stamp is too coarse."""
@@ -68,13 +73,19 @@ def runtime_dir() -> Path:
 
 
 class Directory:
-    """The members of one transport. Safe to use from any thread."""
+    """The members of one transport. Safe to use from any thread.
+
+    When it cannot be read for a while (no file descriptor is left, say), that is logged once, and
+    what was read last holds until it can. A folder that was removed has no members.
+    """
 
     def __init__(self, folder: Path) -> None:
-        folder.mkdir(mode=0o700, exist_ok=True)
+        with _as_transport_error(folder):
+            folder.mkdir(mode=0o700, exist_ok=True)
         self._folder = folder
         self._lock = threading.Lock()
-        self._members: dict[str, tuple[int, Member]] = {}
+        self._members: dict[str, tuple[tuple[int, int, int], Member]] = {}
+        self._unreadable = False
         self._index: dict[tuple[str, str], list[tuple[Member, Entry]]] = {}
         self._version = 0
         self._stamp = 0
@@ -86,11 +97,14 @@ class Directory:
     def version(self) -> int:
         """A number that grows when members or their entries change. Cheap while nothing does."""
         with self._lock:
-            stamp, now = self._folder.stat().st_mtime_ns, time.monotonic()
-            if stamp != self._stamp:
-                self._stamp, self._changed_at = stamp, now
-            if now - self._changed_at < _SETTLED:
-                self._read()
+            try:
+                self._refresh()
+                self._unreadable = False
+            except OSError as exc:
+                self._stamp = -1  # whatever it is next, that is to be read
+                if not self._unreadable:
+                    log.warning("run-time folder %s cannot be read now: %s", self._folder, exc.strerror)
+                self._unreadable = True
             return self._version
 
     def find(self, role: str, channel: str) -> list[tuple[Member, Entry]]:
@@ -108,25 +122,41 @@ class Directory:
         """Whether a member's process lives. Removes what a dead one left."""
         if _locked(self._folder / f"{member_id}.lock"):
             return True
-        for leftover in self._folder.glob(f"{member_id}*"):
-            leftover.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            for leftover in self._folder.glob(f"{member_id}*"):
+                leftover.unlink(missing_ok=True)
         return False
 
-    def _read(self) -> None:
-        found: dict[str, tuple[int, Member]] = {}
+    def _refresh(self) -> None:
+        try:
+            stamp = self._folder.stat().st_mtime_ns
+        except FileNotFoundError:
+            stamp = 0
+        now = time.monotonic()
+        if stamp != self._stamp:
+            self._stamp, self._changed_at = stamp, now
+        if now - self._changed_at < _SETTLED:
+            self._adopt(self._read() if stamp else {})
+
+    def _read(self) -> dict[str, tuple[tuple[int, int, int], Member]]:
+        found: dict[str, tuple[tuple[int, int, int], Member]] = {}
         with os.scandir(self._folder) as files:
             for file in files:
                 name, _, suffix = file.name.rpartition(".")
                 if suffix != "json":
                     continue
                 try:
-                    version = file.stat().st_mtime_ns
+                    info = file.stat()
+                    version = (info.st_ino, info.st_size, info.st_mtime_ns)  # the time alone is too coarse
                     known = self._members.get(name)
                     found[name] = known if known and known[0] == version else (version, _load(Path(file.path), name))
                 except FileNotFoundError:
                     continue  # it left while we read
                 except (ValueError, TypeError, KeyError):
                     continue  # written by another version of this package
+        return found
+
+    def _adopt(self, found: dict[str, tuple[tuple[int, int, int], Member]]) -> None:
         alive = {name: known for name, known in found.items() if self.alive(name)}
         if alive != self._members:
             self._members = alive
@@ -151,39 +181,68 @@ class Membership:
         self._owner = owner
         self._entries: list[Entry] = []
         self._lock = threading.Lock()
-        self._held = os.open(self._lock_file, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600)
-        fcntl.flock(self._held, fcntl.LOCK_EX)
-        self._write()
+        with _as_transport_error(folder):
+            self._held = os.open(self._lock_file, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600)
+        try:
+            fcntl.flock(self._held, fcntl.LOCK_EX)
+            self._write()
+        except BaseException:
+            self.close()
+            raise
 
     def address(self, suffix: str) -> Path:
         """A path for a socket of ours, removed with everything else that we leave."""
         return self._file.with_name(f"{self.id}-{suffix}")
 
     def add(self, entry: Entry) -> None:
+        """Announce; raises TransportError if that cannot be written."""
         with self._lock:
             self._entries.append(entry)
-            self._write()
+            try:
+                self._write()
+            except TransportError:
+                self._entries.remove(entry)
+                raise
 
     def remove(self, entry: Entry) -> None:
+        """Take back; that it cannot be written is logged, since who closes has to go on."""
         with self._lock:
-            if entry in self._entries and self._held >= 0:
-                self._entries.remove(entry)
+            if entry not in self._entries or self._held < 0:
+                return
+            self._entries.remove(entry)
+            try:
                 self._write()
+            except TransportError as exc:
+                if self._file.exists():
+                    log.warning("%s is still announced: %s", entry.channel, exc)
 
     def close(self) -> None:
         with self._lock:
             if self._held < 0:
                 return
-            for leftover in self._file.parent.glob(f"{self.id}*"):
-                leftover.unlink(missing_ok=True)
-            os.close(self._held)
-            self._held = -1
+            try:
+                with contextlib.suppress(OSError):  # whoever looks there next removes it
+                    for leftover in self._file.parent.glob(f"{self.id}*"):
+                        leftover.unlink(missing_ok=True)
+            finally:
+                os.close(self._held)
+                self._held = -1
 
     def _write(self) -> None:
         record = {"owner": self._owner, "pid": os.getpid(), "entries": [asdict(e) for e in self._entries]}
         draft = self._file.with_suffix(".draft")
-        draft.write_text(json.dumps(record))
-        draft.replace(self._file)
+        with _as_transport_error(self._file.parent):
+            self._lock_file.stat()  # without it others take us for dead, even if the folder was made again
+            draft.write_text(json.dumps(record))
+            draft.replace(self._file)
+
+
+@contextlib.contextmanager
+def _as_transport_error(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as exc:
+        raise TransportError(f"run-time folder {folder} cannot be written: {exc.strerror}") from exc
 
 
 def _load(path: Path, name: str) -> Member:
@@ -196,6 +255,8 @@ def _locked(path: Path) -> bool:
         probe = os.open(path, os.O_RDWR | os.O_CLOEXEC)
     except FileNotFoundError:
         return False
+    except OSError:
+        return True  # not to be told now; the living must not be taken for dead
     try:
         fcntl.flock(probe, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:

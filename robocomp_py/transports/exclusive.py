@@ -11,12 +11,17 @@ import fcntl
 import hashlib
 import os
 import threading
+import time
 from pathlib import Path
 
-from ..errors import AlreadyServed
+from ..errors import AlreadyServed, TransportError
 
 _LONGEST = 200
 """File names may have 255 bytes; longer ones are shortened to so many, with a digest of the whole."""
+
+
+_SIGNING = 0.1
+"""Seconds for which whoever has just locked a file may not have signed it yet."""
 
 
 class Claim:
@@ -27,44 +32,62 @@ class Claim:
         self._lock = threading.Lock()
 
     def close(self) -> None:
+        """Give it back. Idempotent."""
         with self._lock:
-            if self._held >= 0:
-                self._path.unlink(missing_ok=True)  # while it is locked: nobody else can have claimed it meanwhile
-                os.close(self._held)
-                self._held = -1
+            held, self._held = self._held, -1
+        if held < 0:
+            return
+        with contextlib.suppress(OSError):  # a file that stays, but is not locked, means nothing
+            if _is(self._path, held):  # else the folder was removed, and this file is another's
+                self._path.unlink()  # while it is locked: nobody else can have claimed it meanwhile
+        os.close(held)
 
 
 def claim(folder: Path, name: str, owner: str) -> Claim:
     """Have `name` to ourselves. Raises AlreadyServed, naming who has it, if somebody does."""
-    claimed = try_claim(folder, name, owner)
-    if claimed is None:
-        raise AlreadyServed(f"{name}: already served by {holder(folder, name)}")
+    end = time.monotonic() + _SIGNING
+    while (claimed := try_claim(folder, name, owner)) is None:
+        who = _signature(folder, name)
+        if who or time.monotonic() >= end:
+            raise AlreadyServed(f"{name}: already served by {who or holder(folder, name)}")
+        time.sleep(0.001)
     return claimed
 
 
 def try_claim(folder: Path, name: str, owner: str) -> Claim | None:
     """Have `name` to ourselves, or None if somebody else has it. Never waits."""
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     path = _file(folder, name)
-    while True:
-        held = os.open(path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600)
-        try:
-            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            os.close(held)
-            return None
-        if _is(path, held):
-            os.ftruncate(held, 0)
-            os.write(held, f"{owner or 'somebody'} (pid {os.getpid()})".encode())
-            return Claim(path, held)
-        os.close(held)  # who had it removed the file between our two steps
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        while True:
+            held = os.open(path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600)
+            try:
+                fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                if _is(path, held):
+                    os.ftruncate(held, 0)
+                    os.pwrite(held, f"{owner or 'somebody'} (pid {os.getpid()})".encode(), 0)
+                    return Claim(path, held)
+            except BlockingIOError:
+                os.close(held)
+                return None
+            except BaseException:
+                os.close(held)
+                raise
+            os.close(held)  # who had it removed the file between our two steps
+    except OSError as exc:
+        raise TransportError(f"{name}: cannot be claimed in {folder}: {exc.strerror}") from exc
 
 
 def holder(folder: Path, name: str) -> str:
     """Who has claimed `name`, in words."""
+    return _signature(folder, name) or "somebody who just came or left"
+
+
+def _signature(folder: Path, name: str) -> str:
+    """What stands in the file: nothing yet, for a moment after it was locked, and nothing any more once it has gone."""
     with contextlib.suppress(OSError):
-        return _file(folder, name).read_text(errors="replace") or "somebody who just began"
-    return "somebody who just left"
+        return _file(folder, name).read_text(errors="replace")
+    return ""
 
 
 def _file(folder: Path, name: str) -> Path:

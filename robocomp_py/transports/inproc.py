@@ -6,13 +6,15 @@ Transports opened on the same bus see each other. Payloads are handed over as th
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import logging
 import queue
 import threading
 import time
+import weakref
 from collections import defaultdict, deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeout
 from functools import partial
@@ -52,6 +54,8 @@ class _Bus:
 
     def __init__(self) -> None:
         self.changed = threading.Condition()
+        self.version = 0
+        """Grows with every link that comes or goes."""
         self.links: list[_Link] = []
 
     def add(self, link: _Link) -> None:
@@ -60,16 +64,22 @@ class _Bus:
             if link.alone and any(type(other) is type(link) and other.meets(link) for other in self.links):
                 raise AlreadyServed(f"{link.channel.name}: already served")
             self.links.append(link)
+            self.version += 1
             faced = [other for other in self.links if isinstance(other, link.facing) and other.meets(link)]
             self.changed.notify_all()
         for other in faced:
             link.compare(other)
             other.compare(link)
 
+    def moved_on(self, version: int) -> bool:
+        """Whether a link has come or gone since that version."""
+        return self.version != version
+
     def remove(self, link: _Link) -> None:
         with self.changed:
             if link in self.links:
                 self.links.remove(link)
+            self.version += 1
             self.changed.notify_all()
 
 
@@ -104,16 +114,21 @@ class InprocTransport:
 
     def close(self) -> None:
         self._closed = True
-        while self._links:
-            self._links.pop().close()
-        self._crew.close()
+        with contextlib.ExitStack() as everything:
+            everything.callback(self._crew.close)
+            for link in list(self._links):
+                everything.callback(link.close)
 
     def do(self, job: Job) -> None:
         """Have a thread of ours run this."""
         self._work.put(job)
 
+    def left(self, link: _Link) -> None:
+        with contextlib.suppress(ValueError):  # closed a second time
+            self._links.remove(link)
+
     def _receive(self) -> Iterable[Job]:
-        waits = [link.pending.expire() for link in list(self._links) if isinstance(link, _Caller)]
+        waits = [link.pending.expire(self.do) for link in list(self._links) if isinstance(link, _Caller)]
         try:
             return (self._work.get(timeout=min((wait for wait in waits if wait is not None), default=None)),)
         except queue.Empty:
@@ -124,7 +139,13 @@ class InprocTransport:
             raise Closed("the transport is closed")
         self._bus.add(link)
         self._links.append(link)
-        link.opened()
+        try:
+            link.opened()
+            if self._closed:
+                raise Closed("the transport is closed")
+        except BaseException:
+            link.close()
+            raise
         return link
 
 
@@ -164,17 +185,20 @@ class _Link:
 
     def wait_peer(self, timeout: float) -> bool:
         deadline = time.monotonic() + timeout
-        while not self.peers():
-            if self.closed:
-                raise Closed(self.channel.name)
+        while True:
+            self.check_open()
+            seen = self._bus.version  # before looking: what comes while we look is not waited for
+            if self.peers():
+                return True
+            left = max(0.0, deadline - time.monotonic())
             with self._bus.changed:
-                if not self._bus.changed.wait(max(0.0, deadline - time.monotonic())):
+                if not self._bus.changed.wait_for(partial(self._bus.moved_on, seen), left):
                     return False
-        return True
 
     def close(self) -> None:
         self.closed = True
         self._bus.remove(self)
+        self.transport.left(self)
 
     def check_open(self) -> None:
         if self.closed:
@@ -202,6 +226,8 @@ class _Outlet(_Link):
         super().__init__(transport, bus, channel)
         self._order = threading.Lock()
         self._history: deque[Payload] = deque(maxlen=channel.qos.depth if channel.qos.latched else 0)
+        self._greeted: weakref.WeakSet[_Inlet] = weakref.WeakSet()
+        """The subscribers that got the history, and so get what follows."""
 
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
         self.check_open()
@@ -212,22 +238,35 @@ class _Outlet(_Link):
                 raise Unreachable(f"{self.channel.name}: nobody serves it")
             self._give(server, payload, end)
             return
-        with self._order:
+        if not self._order.acquire(timeout=max(0.0, deadline)):
+            raise Timeout(f"{self.channel.name}: another thread was still sending after {deadline:g} s")
+        try:
+            inlets = self.peers_or_none()
+            for inlet in inlets:
+                self._greet(inlet)
             self._history.append(payload)
-            for inlet in self.peers():
+            for inlet in inlets:
                 self._give(inlet, payload, end)
+        finally:
+            self._order.release()
 
     def greet(self, inlet: _Inlet) -> None:
         """Give a late subscriber what it missed."""
         with self._order:
-            for payload in self._history:
-                self._give(inlet, payload, 0.0)
+            self._greet(inlet)
+
+    def _greet(self, inlet: _Link) -> None:
+        assert isinstance(inlet, _Inlet)
+        if self._history.maxlen and inlet.channel.qos.latched and inlet not in self._greeted:
+            self._greeted.add(inlet)
+            inlet.lane.start_with(self._history)
+            inlet.have_drained()
 
     def _give(self, inlet: _Link, payload: Payload, end: float) -> None:
         assert isinstance(inlet, _Inlet)
         if not inlet.lane.put(payload, max(0.0, end - time.monotonic())):
             raise Timeout(f"{self.channel.name}: a reader is too slow")
-        inlet.transport.do(inlet.lane.drain)
+        inlet.have_drained()
 
 
 class _Inlet(_Link):
@@ -243,9 +282,14 @@ class _Inlet(_Link):
 
     def opened(self) -> None:
         if self.channel.qos.latched:
-            for outlet in self.peers():
+            for outlet in self.peers_or_none():
                 assert isinstance(outlet, _Outlet)
                 outlet.greet(self)
+
+    def have_drained(self) -> None:
+        """Something was put into the lane: have a thread of ours deliver it, unless one is about to."""
+        if self.lane.summon():
+            self.transport.do(self.lane.drain)
 
     def close(self) -> None:
         super().close()
@@ -262,37 +306,43 @@ class _Caller(_Link):
         self._sequence = itertools.count(1)
 
     def call(self, payload: Payload, deadline: float) -> Future[Reply]:
-        future = self._start(payload, deadline)
+        future = self._start(payload, deadline, self._answered)
         self.transport.do(_nothing)  # whoever receives may have meant to wait for longer than this deadline
         return future
 
     def ask(self, payload: Payload, deadline: float) -> Reply:
-        future = self._start(payload, deadline)
+        future = self._start(payload, deadline, self.pending.settle)  # it has no callbacks, and wakes us at once
         try:
             return future.result(deadline)
         except FutureTimeout:
             future.cancel()
             raise Timeout(f"{self.channel.name}: no answer in {deadline:g} s") from None
 
-    def _start(self, payload: Payload, deadline: float) -> Future[Reply]:
+    def _answered(self, key: Hashable, reply: Reply) -> None:
+        """On a thread of the server's: the callbacks of our Future are no business of its."""
+        self.transport.do(partial(self.pending.settle, key, reply))
+
+    def _start(self, payload: Payload, deadline: float, answered: Callable[[Hashable, Reply], object]) -> Future[Reply]:
         self.check_open()
         server = next(iter(self.peers()), None)
         if server is None:
             raise Unreachable(f"{self.channel.name}: nobody serves it")
         assert isinstance(server, _Server)
-        number = next(self._sequence)
-        future = self.pending.add(number, deadline)
-        server.take(payload, time.monotonic() + deadline, partial(self.pending.settle, number))
+        key = server, next(self._sequence)
+        future = self.pending.add(key, deadline)
+        server.take(payload, time.monotonic() + deadline, partial(answered, key))
+        if server.closed:  # perhaps before it had our request, and so did not know of us
+            self.server_left(server)
         return future
 
-    def server_left(self) -> None:
-        """A server was closed: if it was the last one, nobody will answer what we wait for."""
-        if len(self.pending) and not self.closed and not self.peers():
-            self.pending.fail_all(Unreachable(f"{self.channel.name}: its server left"))
+    def server_left(self, server: _Server) -> None:
+        """A server was closed: it will not answer any more."""
+        left = Unreachable(f"{self.channel.name}: its server left")
+        self.pending.fail_all(left, only=lambda key: isinstance(key, tuple) and key[0] is server, do=self.transport.do)
 
     def close(self) -> None:
         super().close()
-        self.pending.fail_all(Closed(self.channel.name))
+        self.pending.close(Closed(self.channel.name))
 
 
 class _Server(_Link):
@@ -311,7 +361,7 @@ class _Server(_Link):
         callers = [link for link in self.peers_or_none() if isinstance(link, _Caller)]
         super().close()
         for caller in callers:
-            caller.server_left()
+            caller.server_left(self)
         self._gate.close()
 
     def _serve(self, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> None:

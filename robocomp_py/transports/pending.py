@@ -4,11 +4,19 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from concurrent.futures import Future
+from functools import partial
 
 from ..errors import Timeout, TransportError
 from .base import Reply
+
+Do = Callable[[Callable[[], object]], object]
+"""Has something done, now or by somebody else: whoever ends a Future runs its callbacks, which may take long."""
+
+
+def at_once(job: Callable[[], object]) -> None:
+    job()
 
 
 class Pending:
@@ -18,13 +26,17 @@ class Pending:
         self._name = name
         self._lock = threading.Lock()
         self._calls: dict[Hashable, tuple[Future[Reply], float, float]] = {}
+        self._closed: TransportError | None = None
 
     def __len__(self) -> int:
         return len(self._calls)
 
     def add(self, key: Hashable, deadline: float) -> Future[Reply]:
+        """A new call; raises what `close` was given, once that has happened."""
         future: Future[Reply] = Future()
         with self._lock:
+            if self._closed:
+                raise self._closed
             self._calls[key] = future, time.monotonic() + deadline, deadline
         future.add_done_callback(lambda _: self._take(key))
         return future
@@ -42,18 +54,29 @@ class Pending:
         if future is not None and future.set_running_or_notify_cancel():
             future.set_exception(error)
 
-    def fail_all(self, error: TransportError) -> None:
-        for key in list(self._calls):
-            self.fail(key, error)
+    def fail_all(
+        self, error: TransportError, *, only: Callable[[Hashable], bool] = lambda key: True, do: Do = at_once
+    ) -> None:
+        """End all calls, or those with certain keys."""
+        with self._lock:
+            keys = [key for key in self._calls if only(key)]
+        for key in keys:
+            do(partial(self.fail, key, error))
 
-    def expire(self) -> float | None:
+    def close(self, error: TransportError) -> None:
+        """End all calls, now, and let no further one begin."""
+        with self._lock:
+            self._closed = error
+        self.fail_all(error)
+
+    def expire(self, do: Do = at_once) -> float | None:
         """End the overdue calls; seconds until the next one is, or None if there is none."""
         with self._lock:
             ends = [(end, key, deadline) for key, (_, end, deadline) in self._calls.items()]
         now = time.monotonic()
         for end, key, deadline in ends:
             if end <= now:
-                self.fail(key, Timeout(f"{self._name}: no answer in {deadline:g} s"))
+                do(partial(self.fail, key, Timeout(f"{self._name}: no answer in {deadline:g} s")))
         return min((end - now for end, _, _ in ends if end > now), default=None)
 
     def _take(self, key: Hashable) -> Future[Reply] | None:

@@ -25,7 +25,7 @@ import select
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
@@ -76,6 +76,7 @@ from .base import (
 )
 from .crew import Crew, Gate, Job, Lane
 from .directory import Directory, Entry, Member, runtime_dir
+from .exclusive import Claim, claim
 from .ledger import Ledger
 from .pending import Pending
 
@@ -90,11 +91,15 @@ LINGER_MS = 500
 BATCH = 32
 """Messages taken from one socket before the others have their turn."""
 
+LONGEST_PAUSE = 0.005
+"""Seconds between two attempts to send, when there is no room."""
+
 KEEP_ALL_DEPTH = 10_000
 COMMANDS_WAITING = 1000
 
 Frames = list[Any]
 L = TypeVar("L", bound="_Link")
+T = TypeVar("T")
 
 
 class ZeroMQTransport:
@@ -106,16 +111,24 @@ class ZeroMQTransport:
         self._bind = options_of(config, bind="")["bind"]
         self.codec: Codec = MessagePack()
         self.incarnation = random_id()
-        self.directory = Directory(_short_enough(runtime_dir() / "zeromq"))
-        self.member = self.directory.join(config.owner)
-        self.context = zmq.Context()
+        self.owner, self.folder = config.owner, _short_enough(runtime_dir() / "zeromq")
         self.closed = False
         self._lock = threading.RLock()
         self._links: list[_Link] = []
         self._peers: dict[str, _Peer] = {}
         self._router: _Router | None = None
-        self._known = 0
-        self._loop = _Loop(self._tick)
+        self._known = -1
+        """The version of the directory that all links have seen."""
+        self._last: dict[object, str] = {}
+        """What last went wrong on the receiving thread, so that it is not told at every tick."""
+        self.directory = Directory(self.folder)
+        self.member = self.directory.join(config.owner)
+        try:
+            self._loop = _Loop(self._tick)
+        except OSError as exc:
+            self.member.close()
+            raise TransportError(f"zeromq: cannot be opened: {exc.strerror}") from exc
+        self.context = zmq.Context()
         self._crew = Crew("zeromq", self._loop.receive, self._loop.wake)
         self._crew.start()
 
@@ -138,16 +151,23 @@ class ZeroMQTransport:
             if self.closed:
                 return
             self.closed = True
-        for link in reversed(list(self._links)):
-            link.close()
-        self.member.close()
-        self._crew.close()
-        for peer in self._peers.values():
-            peer.close()
-        if self._router:
-            self._router.socket.close()
-        self.context.term()
-        self._loop.close()
+        with contextlib.ExitStack() as everything:  # from the last line to the first, and all of it whatever fails
+            everything.callback(self._loop.close)
+            everything.callback(self.context.term)
+            everything.callback(self._close_sockets)
+            everything.callback(self._crew.close)
+            everything.callback(self.member.close)
+            for link in list(self._links):
+                everything.callback(link.close)
+
+    def _close_sockets(self) -> None:
+        with self._lock:
+            peers = list(self._peers.values())
+        with contextlib.ExitStack() as everything:
+            for socket in self._loop.sockets():  # the router's, and those of links that could not be closed
+                everything.callback(socket.close)
+            for peer in peers:
+                everything.callback(peer.close)
 
     # What links use.
 
@@ -167,6 +187,10 @@ class ZeroMQTransport:
     def wake(self) -> None:
         self._loop.wake()
 
+    def do(self, job: Job) -> None:
+        """Have the crew run this."""
+        self._loop.do(job)
+
     def router(self) -> _Router:
         with self._lock:
             if self._router is None:
@@ -175,6 +199,8 @@ class ZeroMQTransport:
 
     def peer(self, member: Member, address: str) -> _Peer:
         with self._lock:
+            if self.closed:
+                raise Closed("the transport is closed")
             if member.id not in self._peers:
                 self._peers[member.id] = _Peer(self, member.id, address)
             return self._peers[member.id]
@@ -189,12 +215,20 @@ class ZeroMQTransport:
         with self._lock:
             if link in self._links:
                 self._links.remove(link)
+            for work in (link.look, link.tick):
+                self._last.pop(work, None)
 
-    def _guarded(self, look: Callable[[], None]) -> None:
+    def _guarded(self, work: Callable[[], T], otherwise: T) -> T:
+        """What a link does on the thread that receives for everybody: if it fails, the others go on."""
         try:
-            look()
-        except Exception:  # on the thread that receives for everybody: it must go on
-            log.exception("looking into the directory")
+            result = work()
+        except Exception as exc:
+            if self._last.get(work) != repr(exc):
+                self._last[work] = repr(exc)
+                log.exception("looking after a link; trying again")
+            return otherwise
+        self._last.pop(work, None)
+        return result
 
     def _open(self, link: L) -> L:
         if self.closed:
@@ -210,17 +244,18 @@ class ZeroMQTransport:
         if closed:
             link.close()
             raise Closed("the transport is closed")
+        if not self._guarded(link.look, False):  # who came after it was opened, and before it was in the list
+            self._known = -1
         return link
 
     def _tick(self) -> float:
         """Do what is due; seconds until the next time."""
         version = self.directory.version()
         links = list(self._links)
-        if version != self._known:
+        if version != self._known and all([self._guarded(link.look, False) for link in links]):
             self._known = version
-            for link in links:
-                self._guarded(link.look)
-        return min([TICK, *(wait for link in links if (wait := link.tick()) is not None)])
+        waits = [self._guarded(link.tick, None) for link in links]
+        return min([TICK, *(wait for wait in waits if wait is not None)])
 
 
 def _short_enough(folder: Path) -> Path:
@@ -299,17 +334,6 @@ class _Socket:
                 self._attend(self)
             return sent
 
-    def send_within(self, frames: Frames, end: float, still: Callable[[], None]) -> bool:
-        """Send, trying until `end`; `still` is called meanwhile, and may raise."""
-        while not self.send(frames):
-            if time.monotonic() >= end:
-                return False
-            still()
-            with self.lock:
-                if not self.closed:
-                    self.raw.poll(5, zmq.POLLOUT)
-        return True
-
     def receive(self) -> Frames | None:
         with self.lock:
             if self.closed:
@@ -326,6 +350,23 @@ class _Socket:
                 self.raw.close()
 
 
+def persist(send: Callable[[], bool], end: float, still: Callable[[], None], closed: threading.Event) -> bool:
+    """Try to send until `end`; `still` is called meanwhile, and may raise.
+
+    A socket cannot be asked when there will be room: others use it, and a publisher's always claims to
+    have some.
+    """
+    pause = 0.0001
+    while not send():
+        left = end - time.monotonic()
+        if left <= 0:
+            return False
+        still()
+        closed.wait(min(pause, left))
+        pause = min(2 * pause, LONGEST_PAUSE)
+    return True
+
+
 class _Loop:
     """Waits for input on all sockets at once, and for what is due. `receive` is for one thread at a time."""
 
@@ -334,8 +375,11 @@ class _Loop:
         self._poller = select.poll()
         self._sockets: dict[int, _Socket] = {}
         self._ready: deque[_Socket] = deque()
+        self._jobs: deque[Job] = deque()
         self._next_tick = 0.0
         self._sleeping = False
+        self._closed = False
+        self._pipe = threading.Lock()
         self._wake_out, self._wake_in = os.pipe()
         os.set_blocking(self._wake_out, False)
         os.set_blocking(self._wake_in, False)
@@ -352,10 +396,19 @@ class _Loop:
             self._poller.unregister(socket.fileno)
         self.wake()
 
+    def sockets(self) -> list[_Socket]:
+        return list(self._sockets.values())
+
     def attend(self, socket: _Socket) -> None:
         """Look at this socket next, whatever its file descriptor says."""
         socket.awaited = True
         self._ready.append(socket)
+        if self._sleeping:
+            self._interrupt()
+
+    def do(self, job: Job) -> None:
+        """Return this job next."""
+        self._jobs.append(job)
         if self._sleeping:
             self._interrupt()
 
@@ -368,7 +421,7 @@ class _Loop:
         if time.monotonic() >= self._next_tick:
             self._next_tick = time.monotonic() + self._tick()
         self._sleeping = True  # before looking at what is ready: whoever adds to it later sees this, and interrupts
-        timeout = 0.0 if self._ready else max(0.0, self._next_tick - time.monotonic())
+        timeout = 0.0 if self._ready or self._jobs else max(0.0, self._next_tick - time.monotonic())
         events = self._poller.poll(timeout * 1000)
         self._sleeping = False
         for descriptor, _ in events:
@@ -377,20 +430,26 @@ class _Loop:
                     os.read(self._wake_out, 4096)
             elif descriptor in self._sockets:
                 self._ready.append(self._sockets[descriptor])
-        jobs: list[Job] = []
         for _ in range(len(self._ready)):
             socket = self._ready.popleft()
             socket.awaited = False
-            jobs += socket.on_input(socket)
-        return jobs
+            try:
+                self._jobs.extend(socket.on_input(socket))
+            except Exception:
+                log.exception("taking input")  # of one socket; the others have theirs taken
+        return [self._jobs.popleft() for _ in range(len(self._jobs))]
 
     def close(self) -> None:
-        os.close(self._wake_out)
-        os.close(self._wake_in)
+        with self._pipe:
+            self._closed = True
+            os.close(self._wake_out)
+            os.close(self._wake_in)
 
     def _interrupt(self) -> None:
-        with contextlib.suppress(BlockingIOError):  # the pipe is full, so it will wake
-            os.write(self._wake_in, b"!")
+        with self._pipe:  # a handler that is stuck may come here after we were closed
+            if not self._closed:
+                with contextlib.suppress(BlockingIOError):  # the pipe is full, so it will wake
+                    os.write(self._wake_in, b"!")
 
 
 class _Link:
@@ -414,9 +473,10 @@ class _Link:
         """Do what is due; seconds until the next time, if not a tick."""
         return None
 
-    def look(self) -> None:
-        """The directory has changed."""
+    def look(self) -> bool:
+        """The directory has changed. True, or it raises: whoever calls this wants to know that it was done."""
         self.counterparts()
+        return True
 
     def wait_peer(self, timeout: float) -> bool:
         end = time.monotonic() + timeout
@@ -437,13 +497,14 @@ class _Link:
             if self.closed.is_set():
                 return
             self.closed.set()
-        if self._entry:
-            self.transport.member.remove(self._entry)
-        self.transport.left(self)
-        self.release()
+        with contextlib.ExitStack() as everything:
+            everything.callback(self.release)
+            everything.callback(self.transport.left, self)
+            if self._entry:
+                everything.callback(self.transport.member.remove, self._entry)
 
     def release(self) -> None:
-        """Let go of what this link holds; called once, when it is closed."""
+        """Let go of what this link holds, which is not everything if it could not be opened; called once."""
 
     def announce(self, address: str = "") -> None:
         kind = self.channel.type
@@ -491,6 +552,7 @@ class _Link:
 
 class _Publisher(_Link):
     role, facing = "publishes", "subscribes"
+    _socket: _Socket | None = None
 
     def open(self) -> None:
         qos = self.channel.qos
@@ -510,34 +572,54 @@ class _Publisher(_Link):
 
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
         end = time.monotonic() + deadline
-        with self._order:
+        if not self._order.acquire(timeout=max(0.0, deadline)):
+            raise Timeout(f"{self.channel.name}: another thread was still sending after {deadline:g} s")
+        try:
             self.check_open()
             header = pack_publication(self.channel.type.fingerprint, self._source, next(self._sequence), time.time_ns())
-            if not self._socket.send_within([self._name, header, *payload], end, self.check_open):
+            frames = [self._name, header, *payload]
+            with as_transport_error(f"publishing {self.channel.name}"):
+                sent = self._send(frames) or persist(partial(self._send, frames), end, self.check_open, self.closed)
+            if not sent:
+                self.check_open()
                 raise Timeout(f"{self.channel.name}: a subscriber did not keep up for {deadline:g} s")
-            if self._history.maxlen:
-                self._history.append([header, *map(bytes, payload)])
+        finally:
+            self._order.release()
 
     def visible(self) -> bool:
         self.counterparts(strict=True)
         return self._subscribers > 0
 
     def release(self) -> None:
-        self.transport.forget(self._socket)
+        if self._socket:
+            self.transport.forget(self._socket)
+
+    def _send(self, frames: Frames) -> bool:
+        assert self._socket
+        if not self._history.maxlen:
+            return self._socket.send(frames)
+        with self._socket.lock:  # in one go: a subscriber that comes now gets this one as news or as history
+            self._on_subscription(self._socket)
+            sent = self._socket.send(frames)
+            if sent:
+                self._history.append([frames[1], *map(bytes, frames[2:])])
+            return sent
 
     def _on_subscription(self, socket: _Socket) -> list[Job]:
-        while (frames := socket.receive()) is not None:
-            begins, topic = frames[0][:1] == b"\1", frames[0][1:]
-            if topic == self._name:
-                self._subscribers += 1 if begins else -1
-            elif begins and topic[:1] == b"\0":
-                for message in list(self._history):
-                    socket.send([topic, *message])
+        with socket.lock:
+            while (frames := socket.receive()) is not None:
+                begins, topic = frames[0][:1] == b"\1", frames[0][1:]
+                if topic == self._name:
+                    self._subscribers += 1 if begins else -1
+                elif begins and topic[:1] == b"\0":
+                    for message in self._history:
+                        socket.send([topic, *message])
         return []
 
 
 class _Subscriber(_Link):
     role, facing = "subscribes", "publishes"
+    _socket: _Socket | None = None
 
     def __init__(self, transport: ZeroMQTransport, channel: Channel, sink: Sink) -> None:
         super().__init__(transport, channel)
@@ -553,35 +635,41 @@ class _Subscriber(_Link):
         self.look()
         self.announce()
 
-    def look(self) -> None:
-        there = {entry.address: entry.channel for _, entry in self.counterparts()}
-        with self._socket.lock:
+    def look(self) -> bool:
+        assert self._socket
+        with self._socket.lock:  # also while looking: of two who look, the later one must not connect the earlier
+            there = {entry.address: entry.channel for _, entry in self.counterparts()}
             if self._socket.closed:
-                return
+                return True
             for address in self._connected.keys() - there.keys():
                 del self._connected[address]
                 with contextlib.suppress(zmq.ZMQError):  # it has gone, and its endpoint with it
                     self._socket.raw.disconnect(address)
             for address in there.keys() - self._connected.keys():
-                self._connected[address] = there[address]
                 with as_transport_error(f"connecting to {address}"):
                     self._socket.raw.subscribe(there[address].encode())
                     if self.channel.qos.latched:
                         self._socket.raw.subscribe(b"\0" + random_id().to_bytes(8, "little"))
                     self._socket.raw.connect(address)
+                self._connected[address] = there[address]
         self.transport.attend(self._socket)
+        return True
 
     def visible(self) -> bool:
-        self.counterparts(strict=True)
-        return bool(self._connected)
+        publishers = self.counterparts(strict=True)
+        return any(e.address in self._connected and self.transport.directory.alive(m.id) for m, e in publishers)
 
     def release(self) -> None:
-        self._lane.close()
-        self.transport.forget(self._socket)
+        try:
+            self._lane.close()
+        finally:
+            if self._socket:
+                self.transport.forget(self._socket)
 
     def _on_message(self, socket: _Socket) -> list[Job]:
         taken = 0
         for _ in range(BATCH):
+            self._paused = True  # before looking: whoever makes room later sees this, and has us go on
             self._paused = self._lane.full
             frames = None if self._paused else socket.receive()
             if frames is None:
@@ -604,7 +692,7 @@ class _Subscriber(_Link):
 
     def _drain(self) -> None:
         self._lane.drain()
-        if self._paused:
+        if self._paused and self._socket:
             self.transport.attend(self._socket)
 
 
@@ -640,8 +728,12 @@ class _Peer:
                 return self._idle.pop()
         options = _TO_SERVER | {"SNDTIMEO": _SLICE_MS, "RCVTIMEO": _SLICE_MS}
         socket = new_socket(self._transport.context, zmq.DEALER, **options)
-        with as_transport_error(f"connecting to {self._address}"):
-            socket.connect(self._address)
+        try:
+            with as_transport_error(f"connecting to {self._address}"):
+                socket.connect(self._address)
+        except TransportError:
+            socket.close()
+            raise
         return socket
 
     def give(self, socket: zmq.Socket[bytes]) -> None:
@@ -660,6 +752,7 @@ class _Peer:
         self._transport.forget(self.line)
 
     def _on_reply(self, socket: _Socket) -> list[Job]:
+        jobs: list[Job] = []  # since the callbacks of a Future may take long, or ask again
         while (frames := socket.receive()) is not None:
             try:
                 header = read_reply(frames[0])
@@ -668,8 +761,8 @@ class _Peer:
                 continue
             caller = self.callers.get(header.client)
             if caller:
-                caller.answered(header, frames[1:])
-        return []
+                jobs.append(partial(caller.answered, self, header, frames[1:]))
+        return jobs
 
 
 _SLICE_MS = 50
@@ -683,25 +776,47 @@ class _AskingLink(_Link):
         super().__init__(transport, channel)
         self.client, self._sequence = random_id(), itertools.count(1)
         self._found: tuple[_Peer, bytes] | None = None
+        self._found_at = -1
+        """The version of the directory in which it was found."""
 
     def visible(self) -> bool:
         try:
-            self.server()
+            peer, _ = self.server(fresh=True)
+            self.still(peer)
         except Unreachable:
             return False
         return True
 
-    def server(self) -> tuple[_Peer, bytes]:
-        """The peer that serves this channel, and the channel's name there. Raises Unreachable."""
-        if self._found and not self._found[0].closed:
-            return self._found
+    def server(self, *, fresh: bool = False) -> tuple[_Peer, bytes]:
+        """The peer that serves this channel, and the channel's name there. Raises Unreachable.
+
+        It may have stopped doing so since the directory was looked into, unless `fresh`.
+        """
+        found = self._found
+        if found and not found[0].closed and not (fresh and self.transport.directory.version() != self._found_at):
+            return found
         self.check_open()
+        version = self.transport.directory.version()
+        self._found = None
         for member, entry in self.counterparts(strict=True):
             if self.transport.directory.alive(member.id):
-                self._found = self.transport.peer(member, entry.address), entry.channel.encode()
-                self.met(self._found[0])
-                return self._found
+                found = self.transport.peer(member, entry.address), entry.channel.encode()
+                self.met(found[0])
+                self._found, self._found_at = found, version
+                return found
         raise Unreachable(f"{self.channel.name}: nobody serves it")
+
+    def look(self) -> bool:
+        there = [(member.id, entry.channel.encode()) for member, entry in self.counterparts()]
+        found = self._found
+        if found and (found[0].id, found[1]) not in there:
+            self._found = None
+        return True
+
+    def lost(self, peer: _Peer) -> bool:
+        """Whether a peer has stopped serving this channel, as one that refuses a request probably has."""
+        self.look()
+        return not (self._found and self._found[0] is peer)
 
     def met(self, peer: _Peer) -> None:
         """A server was found."""
@@ -728,12 +843,19 @@ class _CommandOutlet(_AskingLink):
 
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
         end = time.monotonic() + deadline
-        with self._order:
+        if not self._order.acquire(timeout=max(0.0, deadline)):
+            raise Timeout(f"{self.channel.name}: another thread was still sending after {deadline:g} s")
+        try:
             self.check_open()
-            peer, channel = self.server()
+            peer, channel = self.server(fresh=True)  # nobody would tell that it does not serve this any more
             _, frames = self.request(channel, Flag.ONEWAY, deadline, payload)
-            if not peer.line.send_within(frames, end, partial(self.still, peer)):
+            with as_transport_error(f"sending {self.channel.name}"):
+                sent = persist(partial(peer.line.send, frames), end, partial(self.still, peer), self.closed)
+            if not sent:
+                self.still(peer)
                 raise Timeout(f"{self.channel.name}: its server did not take the command for {deadline:g} s")
+        finally:
+            self._order.release()
 
 
 class _Caller(_AskingLink):
@@ -743,8 +865,11 @@ class _Caller(_AskingLink):
         super().__init__(transport, channel)
         self._pending = Pending(channel.name)
         self._flags = Flag.IDEMPOTENT if channel.idempotent else Flag.NONE
+        self._met: dict[str, _Peer] = {}
+        """Those we asked, and who may still answer."""
 
     def met(self, peer: _Peer) -> None:
+        self._met[peer.id] = peer
         peer.callers[self.client] = self
 
     def call(self, payload: Payload, deadline: float) -> Future[Reply]:
@@ -752,19 +877,69 @@ class _Caller(_AskingLink):
         end = time.monotonic() + deadline
         peer, channel = self.server()
         number, frames = self.request(channel, self._flags, deadline, payload)
-        future = self._pending.add(number, deadline)
-        if not peer.line.send_within(frames, end, partial(self.still, peer)):
-            self._pending.fail(number, Timeout(f"{self.channel.name}: could not be asked within {deadline:g} s"))
+        key = peer.id, number
+        future = self._pending.add(key, deadline)
+        try:
+            with as_transport_error(f"asking {self.channel.name}"):
+                sent = persist(partial(peer.line.send, frames), end, partial(self.still, peer), self.closed)
+        except BaseException:
+            future.cancel()
+            raise
+        if not sent:
+            self._pending.fail(key, Timeout(f"{self.channel.name}: could not be asked within {deadline:g} s"))
         self.transport.wake()
         return future
 
     def ask(self, payload: Payload, deadline: float) -> Reply:
         self.check_open()
         end = time.monotonic() + deadline
-        peer, channel = self.server()
-        number, frames = self.request(channel, self._flags, deadline, payload)
+        try:
+            while True:
+                peer, channel = self.server()
+                reply = self._ask(peer, channel, payload, end, deadline)
+                if reply.status is not Status.REFUSED or not self.lost(peer):
+                    return reply  # else it was not executed, and may be asked for where it is served now
+        except (zmq.ZMQError, TransportError) as exc:
+            self.check_open()  # what goes wrong because we are closed is that
+            if isinstance(exc, zmq.ZMQError):
+                raise TransportError(f"zeromq: asking {self.channel.name}: {exc}") from exc
+            raise
+
+    def answered(self, peer: _Peer, header: ReplyHeader, payload: Frames) -> None:
+        key = peer.id, header.sequence
+        try:
+            reply = self._understood(Reply(Status(header.status), payload))
+        except ContractMismatch as exc:
+            self._pending.fail(key, exc)
+        except ValueError as exc:
+            self.malformed(exc)
+        else:
+            if reply.status is Status.REFUSED and self.lost(peer):
+                self._pending.fail(key, Unreachable(f"{self.channel.name}: its server left"))
+            else:
+                self._pending.settle(key, reply)
+
+    def tick(self) -> float | None:
+        wait = self._pending.expire(self.transport.do)
+        if len(self._pending):
+            left = Unreachable(f"{self.channel.name}: its server left")
+            for peer in [peer for peer in list(self._met.values()) if not peer.alive()]:
+                self.transport.drop(peer)
+                self._pending.fail_all(left, only=partial(_is_to, peer.id), do=self.transport.do)
+        for peer in [peer for peer in list(self._met.values()) if peer.closed]:
+            del self._met[peer.id]
+        return wait
+
+    def release(self) -> None:
+        for peer in list(self._met.values()):
+            peer.callers.pop(self.client, None)
+        self._pending.close(Closed(f"{self.channel.name}: the link is closed"))
+
+    def _ask(self, peer: _Peer, channel: bytes, payload: Payload, end: float, deadline: float) -> Reply:
         socket = peer.take()
         try:
+            remaining = max(0.0, end - time.monotonic())
+            number, frames = self.request(channel, self._flags, remaining, payload)
             self._send(peer, socket, frames, end, deadline)
             while True:
                 header, answer = self._receive(peer, socket, end, deadline)
@@ -772,26 +947,6 @@ class _Caller(_AskingLink):
                     return self._understood(Reply(Status(header.status), answer))
         finally:
             peer.give(socket)
-
-    def answered(self, header: ReplyHeader, payload: Frames) -> None:
-        try:
-            self._pending.settle(header.sequence, self._understood(Reply(Status(header.status), payload)))
-        except ContractMismatch as exc:
-            self._pending.fail(header.sequence, exc)
-        except ValueError as exc:
-            self.malformed(exc)
-
-    def tick(self) -> float | None:
-        wait = self._pending.expire()
-        if len(self._pending) and self._found and not self._found[0].alive():
-            self.transport.drop(self._found[0])
-            self._pending.fail_all(Unreachable(f"{self.channel.name}: its server left"))
-        return wait
-
-    def release(self) -> None:
-        if self._found:
-            self._found[0].callers.pop(self.client, None)
-        self._pending.fail_all(Closed(f"{self.channel.name}: the link is closed"))
 
     def _send(self, peer: _Peer, socket: zmq.Socket[bytes], frames: Frames, end: float, deadline: float) -> None:
         while True:
@@ -825,6 +980,11 @@ class _Caller(_AskingLink):
             text = bytes(reply.payload[0]).decode(errors="replace") if reply.payload else ""
             raise ContractMismatch(mismatch(self.channel, TypeRef("", 0, text)))
         return reply
+
+
+def _is_to(peer_id: str, key: Hashable) -> bool:
+    """Whether that is the key of a call to that peer."""
+    return isinstance(key, tuple) and key[0] == peer_id
 
 
 # -- commands and queries, the serving side -----------------------------------
@@ -905,18 +1065,22 @@ class _Router:
 
 class _ServingLink(_Link):
     ordered: bool
+    _router: _Router | None = None
+    _claim: Claim | None = None
 
     def __init__(self, transport: ZeroMQTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
         self.ledger = Ledger(self.stats, ordered=self.ordered)
 
     def open(self) -> None:
-        for member, _ in self.transport.directory.find(self.role, self.channel.name):
-            if self.transport.directory.alive(member.id):
+        for member, entry in self.transport.directory.find(self.role, self.channel.name):
+            other = entry.channel != self.channel.name  # one that has `*` in its name, or ours has
+            if other and self.transport.directory.alive(member.id):
                 raise AlreadyServed(f"{self.channel.name}: already served by {member.owner} (pid {member.pid})")
-        router = self.transport.router()
-        router.add(self)
-        self.announce(router.address)
+        self._claim = claim(self.transport.folder / "served", self.channel.name, self.transport.owner)
+        self._router = self.transport.router()
+        self._router.add(self)
+        self.announce(self._router.address)
 
     def accept(self, payload: Payload, expires: float, answer: Callable[[Reply], None]) -> Job | None:
         """Take a request; what is left to do about it."""
@@ -931,7 +1095,16 @@ class _ServingLink(_Link):
         self.report_mismatch(request.fingerprint, TypeRef("", request.fingerprint, next(iter(texts), "")))
 
     def release(self) -> None:
-        self.transport.router().remove(self)
+        with contextlib.ExitStack() as everything:
+            if self._claim:
+                everything.callback(self._claim.close)
+            everything.callback(self.finish)
+            if self._router:
+                everything.callback(self._router.remove, self)
+
+    def finish(self) -> None:
+        """Let nothing begin any more, and wait for what runs."""
+        raise NotImplementedError
 
 
 class _CommandInlet(_ServingLink):
@@ -950,8 +1123,7 @@ class _CommandInlet(_ServingLink):
             log.warning("%s: %d commands wait; dropping more", self.channel.name, COMMANDS_WAITING)
         return None
 
-    def release(self) -> None:
-        super().release()
+    def finish(self) -> None:
         self._lane.close()
 
     def _execute(self, waiting: tuple[float, Payload]) -> None:
@@ -973,8 +1145,7 @@ class _Server(_ServingLink):
     def accept(self, payload: Payload, expires: float, answer: Callable[[Reply], None]) -> Job | None:
         return partial(self._serve, payload, expires, answer)
 
-    def release(self) -> None:
-        super().release()
+    def finish(self) -> None:
         self._gate.close()
 
     def _serve(self, payload: Payload, expires: float, answer: Callable[[Reply], None]) -> None:

@@ -66,7 +66,7 @@ class Cdr:
     def __init__(self, room: int = 0) -> None:
         self._room = room
 
-    def encoder(self, message: Struct) -> Encoder:
+    def encoder(self, message: Struct, *, snapshot: bool = True) -> Encoder:
         return guard_encoder(message, _EncodeProgram(message, self._room).compile())
 
     def decoder(self, message: Struct, *, prefix: bool = False) -> Decoder:

@@ -2,7 +2,7 @@
 
 A codec compiles, once per message type, a function that encodes and one that decodes; at run time
 nothing looks at types any more. A message's Python form is the tuple of its fields. A payload is a
-snapshot: what happens to the values after they were encoded does not show in it.
+snapshot, unless asked otherwise: what happens to the values after they were encoded does not show in it.
 """
 
 from __future__ import annotations
@@ -32,8 +32,12 @@ class Codec(Protocol):
 
     def __hash__(self) -> int: ...
 
-    def encoder(self, message: Struct) -> Encoder:
-        """A function from the message's fields to a payload. It raises EncodeError, naming the field."""
+    def encoder(self, message: Struct, *, snapshot: bool = True) -> Encoder:
+        """A function from the message's fields to a payload. It raises EncodeError, naming the field.
+
+        Without `snapshot`, a payload may share memory with large arrays among the values: for what
+        is sent before anybody can change them.
+        """
         ...
 
     def decoder(self, message: Struct, *, prefix: bool = False) -> Decoder:

@@ -23,7 +23,7 @@ class Identity:
 
     name = "identity"
 
-    def encoder(self, message: Struct) -> Encoder:
+    def encoder(self, message: Struct, *, snapshot: bool = True) -> Encoder:  # values themselves are never shared
         plant = compile_planter(message, _freeze)
 
         def encode(values: tuple[Any, ...]) -> list[Any]:

@@ -45,8 +45,8 @@ class MessagePack:
 
     name = "messagepack"
 
-    def encoder(self, message: Struct) -> Encoder:
-        plant = compile_planter(message, _pack_array)
+    def encoder(self, message: Struct, *, snapshot: bool = True) -> Encoder:
+        plant = compile_planter(message, _pack_array if snapshot else _share_array)
         packb = msgpack.packb
 
         def encode(values: tuple[Any, ...]) -> list[Any]:
@@ -86,8 +86,13 @@ def _check_whole(packed: Any) -> None:
 
 def _pack_array(value: Any, dtype: np.dtype[Any], frames: Frames) -> Any:
     array = as_array(value, dtype)
+    return _share_array(snapshot(array, dtype) if array.nbytes >= APART else array, dtype, frames)
+
+
+def _share_array(value: Any, dtype: np.dtype[Any], frames: Frames) -> Any:
+    array = as_array(value, dtype)
     if array.nbytes >= APART:
-        frames.append(snapshot(array, dtype).data)
+        frames.append(array.data)
         return msgpack.ExtType(APART_EXT, _REFERENCE.pack(ord(_LETTERS[dtype]), len(frames)))
     if dtype == np.uint8:
         return array.tobytes()

@@ -171,7 +171,7 @@ def view_of(data: Any, dtype: np.dtype[Any], count: int, offset: int) -> _Array:
     """
     if not count:
         return read_only(np.empty(0, dtype))
-    if dtype.kind == "b" and np.frombuffer(data, np.uint8, count, offset).max() > 1:
+    if dtype.kind == "b" and np.any(np.frombuffer(data, np.uint8, count, offset) > 1):
         raise ValueError("a bool is neither 0 nor 1")
     return read_only(np.frombuffer(data, dtype, count, offset))
 

@@ -47,6 +47,15 @@ def copied(name: str, folder: Path) -> Path:
     return folder / f"{name}.cdsl"
 
 
+def snapshot(folder: Path) -> dict[str, bytes]:
+    """Every file below a folder, by its path there; of a link, where it leads."""
+    return {
+        str(path.relative_to(folder)): str(path.readlink()).encode() if path.is_symlink() else path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if (path.is_symlink() or path.is_file()) and path.suffix != ".pyc"
+    }
+
+
 def loaded(folder: Path) -> type[Worker[Any]]:
     """The SpecificWorker of a generated component."""
     return load_worker(folder)

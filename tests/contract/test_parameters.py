@@ -20,9 +20,9 @@ from robocomp_py.contract.parameters import (
     build,
     check,
     dotted,
-    unknown,
 )
 from robocomp_py.errors import ConfigurationError
+from robocomp_py.spelling import unknown
 
 INT, FLOAT, DOUBLE = ParameterKind.INT, ParameterKind.FLOAT, ParameterKind.DOUBLE
 STRING, BOOL, ENUM = ParameterKind.STRING, ParameterKind.BOOL, ParameterKind.ENUM
@@ -125,8 +125,8 @@ def test_an_integer_is_taken_for_a_float_and_becomes_one() -> None:
         ("joints", [], "0 items of `joints`; allowed: 1 to 2"),
         ("joints", None, "0 items of `joints`; allowed: 1 to 2"),
         ("joints", [{"name": "a"}] * 3, "3 items of `joints`; allowed: 1 to 2"),
-        ("joints", {"name": "a"}, "`joints` is a list: write its items as [[joints]] tables"),
-        ("joints", ["a"], "`joints` is a list: write its items as [[joints]] tables"),
+        ("joints", {"name": "a"}, "`joints` is a list: write its items as tables, each under [[params.joints]]"),
+        ("joints", ["a"], "`joints` is a list: write its items as tables, each under [[params.joints]]"),
     ],
 )
 def test_what_is_wrong_is_said_with_what_is_allowed(key: str, value: Any, message: str) -> None:

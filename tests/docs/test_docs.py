@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -13,7 +14,13 @@ from pathlib import Path
 import pytest
 
 from robocomp_py.contract.parameters import check
+from robocomp_py.contract.qos import QoS, Reliability
 from robocomp_py.dsl.workspace import Workspace
+from robocomp_py.runtime import settings
+from robocomp_py.runtime.lifecycle import State
+from robocomp_py.runtime.RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE
+from robocomp_py.runtime.settings import LOG_LEVELS
+from robocomp_py.runtime.worker import HOOKS, Worker
 from robocomp_py.testing.patience import SOON, wait_until
 
 from .pages import ROOT, Command, File, blocks, steps
@@ -102,9 +109,38 @@ def test_the_configuration_in_the_reference_fits_its_parameters() -> None:
     assert check(spec, tomllib.loads(toml)["params"])[1] == []
 
 
-def test_links_between_pages_lead_somewhere() -> None:
-    import re
+COMPONENTS = DOCS / "components.md"
 
+
+def test_everything_that_a_worker_has_is_explained() -> None:
+    page = COMPONENTS.read_text(encoding="utf-8")
+    there = [name for name in (*vars(Worker), *Worker.__annotations__) if not name.startswith("_")]
+    offered = [operation.name for operation in COMMONBEHAVIOR_INTERFACE.operations]
+    words = [*there, *HOOKS, *State, *offered, *LOG_LEVELS]
+    assert {"stop", "period", "goToEmergency", "killYourSelf"} <= set(words)
+    assert not [word for word in words if not re.search(rf"\b{word}\b", page)]
+
+
+def test_the_configuration_that_is_explained_is_one(tmp_path: Path) -> None:
+    [toml] = blocks(COMPONENTS, "toml")
+    cdsl = tmp_path / "arm.cdsl"
+    cdsl.write_text(
+        'import "Laser.idsl"; import "LaserPub.idsl"; Component arm { language python; params "arm.pdsl";'
+        " Communications { requires Laser; implements Laser; subscribesTo LaserPub; }; };"
+    )
+    (tmp_path / "arm.pdsl").write_text("ComponentParams arm { max_speed float 1 0:2; };")
+    linked = Workspace().component(cdsl)
+    assert linked is not None
+    given = settings.check(linked.component, settings.Document(tomllib.loads(toml)))
+    proxy, handlers, topic = linked.component.ports
+    assert given.port(proxy, "getLaserData").deadline == 0.1
+    assert given.port(proxy, "getLaserConfData").deadline == 0.5
+    assert given.port(handlers, "getLaserData").middleware == "inproc"
+    assert given.port(topic, "pushLaserData").qos == QoS(Reliability.RELIABLE, depth=1)
+    assert (given.period, given.params) == (0.05, {"max_speed": 0.5})
+
+
+def test_links_between_pages_lead_somewhere() -> None:
     for page in [ROOT / "README.md", *DOCS.rglob("*.md")]:
         for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
             if "://" not in target:

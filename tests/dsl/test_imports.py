@@ -94,7 +94,55 @@ def test_a_misspelt_import_gets_a_proposal(component: Path) -> None:
     define(component.parent, name="Armm.idsl")
     workspace = Workspace()
     workspace.component(component)
-    assert workspace.report.errors[0].hint == "did you mean `Armm`?"
+    assert workspace.report.errors[0].hint == "did you mean `Armm`? else add its folder by -I or ROBOCOMP_INTERFACES"
+
+
+@pytest.mark.parametrize(
+    ("imported", "there"),
+    [
+        ("Webots2Robocomp", "Gazebo2Robocomp"),
+        ("ActivityRecognition", "FaceRecognition"),
+        ("PoseEstimation", "FullPoseEstimation"),
+        ("Arm", "Farm2"),
+    ],
+)
+def test_an_import_that_only_shares_a_part_of_its_name_with_another_file_gets_no_proposal(
+    component: Path, imported: str, there: str
+) -> None:
+    define(component.parent, name=f"{there}.idsl")
+    importing(component, f"{imported}.idsl")
+    workspace = Workspace()
+    workspace.component(component)
+    assert workspace.report.errors[0].hint == "add its folder by -I or ROBOCOMP_INTERFACES"
+
+
+@pytest.mark.parametrize("exists", [True, False])
+@pytest.mark.parametrize(
+    ("importing_file", "imported", "remedy"),
+    [
+        ("net.ddsl", "Arm.idsl", "import the .cdsl file of each component of the network"),
+        ("net.ddsl", "arm.pdsl", "import the .cdsl file of each component of the network"),
+        ("arm.cdsl", "leg.cdsl", "import the .idsl files of the interfaces that both use"),
+        ("Arm.idsl", "arm.cdsl", "import the .idsl files of the interfaces that both use"),
+        ("arm.pdsl", "Arm.idsl", "remove it"),
+    ],
+)
+def test_a_file_of_another_language_is_refused_where_it_is_imported(
+    tmp_path: Path, exists: bool, importing_file: str, imported: str, remedy: str
+) -> None:
+    begins = {".ddsl": "Deployment", ".cdsl": "Component", ".idsl": "module", ".pdsl": "ComponentParams"}
+    path = tmp_path / importing_file
+    path.write_text(f'import "{imported}"; {begins[path.suffix]} arm {{ }};')
+    if exists:
+        (tmp_path / imported).write_text("what it says does not matter")
+    workspace = Workspace()
+    if path.suffix == ".ddsl":
+        workspace.components_of(path)
+    else:
+        workspace.check(path)
+    [found] = workspace.report.errors
+    assert (found.code, found.span.source.path, found.span.text) == ("wrong-import", path, imported)
+    assert found.hint == remedy
 
 
 # The forms of an import.

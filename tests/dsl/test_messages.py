@@ -54,6 +54,92 @@ arm.idsl:1:29: error[missing-import]: module `RoboCompLaser` is not imported
                                 ^^^^^^^^^^^^^^^^^^^^
     add: import "Laser.idsl";""",
     ),
+    "a module that is neither imported nor to be found": (
+        "arm.idsl",
+        "module RoboCompLaser { struct Joint { RoboCompCamera9::T image; }; };",
+        """\
+arm.idsl:1:39: error[missing-import]: module `RoboCompCamera9` is not imported
+    module RoboCompLaser { struct Joint { RoboCompCamera9::T image; }; };
+                                          ^^^^^^^^^^^^^^^^^^
+    add: import "Camera9.idsl";""",
+    ),
+    "a module that is imported, but misspelt": (
+        "arm.idsl",
+        'import "Laser.idsl";\nmodule RoboCompArm { struct Joint { RoboCompLazer::TData data; }; };',
+        """\
+arm.idsl:2:37: error[missing-import]: module `RoboCompLazer` is not imported
+    module RoboCompArm { struct Joint { RoboCompLazer::TData data; }; };
+                                        ^^^^^^^^^^^^^^^^^^^^
+    did you mean `RoboCompLaser`?""",
+    ),
+    "a module whose name is like an imported one's, and can be imported": (
+        "arm.idsl",
+        'import "LaserPub.idsl";\nmodule RoboCompArm { struct Joint { RoboCompLaser9::TData data; }; };',
+        """\
+arm.idsl:2:37: error[missing-import]: module `RoboCompLaser9` is not imported
+    module RoboCompArm { struct Joint { RoboCompLaser9::TData data; }; };
+                                        ^^^^^^^^^^^^^^^^^^^^^
+    add: import "Laser9.idsl";""",
+    ),
+    "a module of another language": (
+        "arm.idsl",
+        "module Arm { struct Joint { boost::optional data; }; };",
+        """\
+arm.idsl:1:29: error[missing-import]: module `boost` is not imported
+    module Arm { struct Joint { boost::optional data; }; };
+                                ^^^^^^^^^^^^^^^""",
+    ),
+    "a type of another language's module": (
+        "arm.idsl",
+        "module Arm { struct Joint { std::string name; }; };",
+        """\
+arm.idsl:1:29: error[missing-import]: module `std` is not imported
+    module Arm { struct Joint { std::string name; }; };
+                                ^^^^^^^^^^^
+    did you mean `string`?""",
+    ),
+    "two interfaces that differ in case only": (
+        "arm.idsl",
+        "module Arm {\n    interface arm { };\n    interface Arm { };\n};",
+        """\
+arm.idsl:3:15: error[duplicate]: `Arm` and `arm` both need the name `ARM_INTERFACE` in Python
+        interface Arm { };
+                  ^^^
+    rename one of them
+  arm.idsl:2:15: first here
+        interface arm { };
+                  ^^^""",
+    ),
+    "two handlers of one name": (
+        "arm.cdsl",
+        'import "M.idsl"; import "N.idsl";\nComponent arm { Communications { implements A, A_B; }; language python; };',
+        """\
+arm.cdsl:2:48: error[same-attribute]: `c` of `A_B` and `B_c` of `A` are both called `A_B_c` in Python
+    Component arm { Communications { implements A, A_B; }; language python; };
+                                                   ^^^
+    rename one
+  arm.cdsl:2:45: first here
+    Component arm { Communications { implements A, A_B; }; language python; };
+                                                ^""",
+    ),
+    "half a range of a list": (
+        "arm.pdsl",
+        "ComponentParams arm {\n    List motors [1:] { id int 0; };\n};",
+        """\
+arm.pdsl:2:20: error[syntax]: unexpected `]`; expected a number
+        List motors [1:] { id int 0; };
+                       ^
+    a list's range has two whole numbers: `List motors [1:6] { … };`""",
+    ),
+    "a range in brackets": (
+        "arm.pdsl",
+        "ComponentParams arm {\n    List motors [1:2] { speed float 1 [0:2]; };\n};",
+        """\
+arm.pdsl:2:39: error[syntax]: unexpected `[`; expected a number, `;`, `T` or `mandatory`
+        List motors [1:2] { speed float 1 [0:2]; };
+                                          ^
+    a range has no brackets: `speed float 0.5 0:2;`""",
+    ),
     "a type of another language": (
         "arm.idsl",
         "module Arm { struct Joint { char name; }; };",
@@ -129,6 +215,60 @@ arm.idsl:1:47: error[syntax]: unexpected `x`; expected `)`, `,` or `=`
     module Arm { interface Arm { void move(in int x); }; };
                                                   ^
     inputs have no `in`; remove it""",
+    ),
+    "a stray word": (
+        "arm.cdsl",
+        "Component arm {\n    foo Communications { };\n    language python;\n};",
+        """\
+arm.cdsl:2:5: error[syntax]: unexpected `foo`; expected `Communications`, `gui`, `language`, `options`, `params`, \
+`period`, `statemachine` or `}`
+        foo Communications { };
+        ^^^
+    remove it""",
+    ),
+    "a keyword that lacks a letter": (
+        "arm.cdsl",
+        "Component arm {\n    languge python;\n    language python;\n};",
+        """\
+arm.cdsl:2:5: error[syntax]: unexpected `languge`; expected `Communications`, `gui`, `language`, `options`, \
+`params`, `period`, `statemachine` or `}`
+        languge python;
+        ^^^^^^^
+    did you mean `language`?
+arm.cdsl:3:5: error[duplicate]: `language` is given twice
+        language python;
+        ^^^^^^^^^^^^^^^^
+  arm.cdsl:2:5: first here
+        languge python;
+        ^^^^^^^^^^^^^^^""",
+    ),
+    "a port that nothing can come to": (
+        "arm.cdsl",
+        'import "Laser.idsl";\nComponent arm { Communications { subscribesTo Laser; }; language python; };',
+        """\
+arm.cdsl:2:47: warning[empty-port]: this port is empty: no operation of `Laser` can be published, they give something \
+back
+    Component arm { Communications { subscribesTo Laser; }; language python; };
+                                                  ^^^^^
+    write `requires Laser;`, or remove it""",
+    ),
+    "parameters that are imported": (
+        "arm.cdsl",
+        'import "arm.pdsl";\nComponent arm { language python; };',
+        """\
+arm.cdsl:1:9: error[wrong-import]: `arm.pdsl` is a PDSL file; imported here is an IDSL file
+    import "arm.pdsl";
+            ^^^^^^^^
+    the parameters of a component are not imported: write params "arm.pdsl"; inside of it""",
+    ),
+    "an enum of nothing": (
+        "arm.idsl",
+        "module Arm { enum Mode { }; struct Hand { Mode mode; }; };",
+        """\
+arm.idsl:1:19: error[empty-enum]: `Mode` has no enumerators, so it has no value
+    module Arm { enum Mode { }; struct Hand { Mode mode; }; };
+                      ^^^^
+    give it one: `enum Mode { none };`""",
     ),
     "an accent": (
         "arm.idsl",
@@ -211,10 +351,18 @@ net.ddsl:1:34: error[syntax]: unexpected `dependence`; expected `args`, `config`
 }
 
 
+OTHERS = {
+    "M.idsl": "module M { interface A { [command] void B_c(int x); }; };",
+    "Laser9.idsl": "module RoboCompLaser9 { };",
+    "N.idsl": "module N { interface A_B { [command] void c(int y); }; };",
+}
+"""What the files above import, beside what is shipped."""
+
+
 @pytest.mark.parametrize("name", MESSAGES)
 def test_a_message_is_clear(name: str) -> None:
     file, text, wanted = MESSAGES[name]
-    found = workspace(**{file: text})
+    found = workspace(**OTHERS, **{file: text})
     found.check(FOLDER / file)
     assert rendered(found) == wanted
 

@@ -1,4 +1,4 @@
-"""Whatever the text: a model or diagnostics, and soon."""
+"""Whatever the text: a model or diagnostics."""
 
 from __future__ import annotations
 

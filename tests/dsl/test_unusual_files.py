@@ -99,6 +99,16 @@ def test_utf_16_is_called_by_its_name(path: Path) -> None:
     assert (found.code, found.message) == ("not-utf8", "this is UTF-16")
 
 
+def test_semicolons_too_many_are_no_error_however_many_there_are(path: Path) -> None:
+    path.write_text(EMPTY[path.suffix].replace("{", "{;;").replace("};", "};;\n;") + "; " * 100)
+    found = lint(path)
+    assert {(each.severity, each.code) for each in found} == {("warning", "stray-semicolon")}
+    assert len(found) <= 20
+    path.write_text("".join(f"enum E{n} {{ a{n} }};;\n" for n in range(100)).join(["module Arm {\n", "};"]))
+    workspace = Workspace()
+    assert path.suffix != ".idsl" or workspace.interfaces(path) is not None
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_binary_garbage_is_an_error_that_does_not_disturb_a_terminal(path: Path, seed: int) -> None:
     path.write_bytes(random.Random(seed).randbytes(5000))
@@ -142,3 +152,31 @@ def test_a_message_about_a_very_long_line_shows_a_part_of_it(path: Path) -> None
     assert max(map(len, found.render().splitlines())) < 200
     excerpt, caret = found.render().splitlines()[1:3]
     assert excerpt[caret.index("^")] == "?"
+
+
+def test_of_many_misspelt_types_only_the_first_get_proposals(tmp_path: Path) -> None:
+    """Each is compared with all names there are: for thousands of them, that would take minutes."""
+    types = "".join(f"    struct Joint{number} {{ Jointt{number} x; }};\n" for number in range(1000))
+    path = tmp_path / "Arm.idsl"
+    path.write_text(f"module Arm\n{{\n{types}}};\n")
+    found = lint(path)
+    assert [each.code for each in found] == ["unknown-type"] * 1000
+    assert [number for number, each in enumerate(found) if each.hint] == list(range(20))
+
+
+def test_of_many_misspelt_interfaces_only_the_first_get_proposals(tmp_path: Path) -> None:
+    path = tmp_path / "arm.cdsl"
+    uses = ", ".join(f"Lase{number}r" for number in range(1000))
+    path.write_text(f"Component arm {{ Communications {{ requires {uses}; }}; language python; }};")
+    found = lint(path)
+    assert [each.code for each in found] == ["unknown-interface"] * 1000
+    assert [number for number, each in enumerate(found) if each.hint] == list(range(20))
+
+
+@pytest.mark.parametrize("kind", ["interface", "exception"])
+def test_a_very_long_line_of_ancestors_is_refused(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / "Arm.idsl"
+    for length, said in ((90, set()), (1000, {"too-deep"})):
+        heirs = "".join(f"{kind} E{number} extends E{number + 1} {{ }};\n" for number in range(length))
+        path.write_text(f"module Arm {{ {heirs} {kind} E{length} {{ }}; }};")
+        assert set(codes(path)) == said

@@ -20,9 +20,9 @@ class CountingCodec(MessagePack):
     def __init__(self) -> None:
         self.compiled = 0
 
-    def encoder(self, message: Struct) -> Encoder:
+    def encoder(self, message: Struct, *, snapshot: bool = True) -> Encoder:
         self.compiled += 1
-        return super().encoder(message)
+        return super().encoder(message, snapshot=snapshot)
 
     def decoder(self, message: Struct, *, prefix: bool = False) -> Decoder:
         self.compiled += 1

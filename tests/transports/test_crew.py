@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import queue
+import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future
 
 import pytest
 
 from robocomp_py.testing.patience import SOON, wait_until
-from robocomp_py.transports.base import Statistics, step_aside
+from robocomp_py.transports import crew as crews
+from robocomp_py.transports.base import Reply, Statistics, Status, serve, step_aside
 from robocomp_py.transports.crew import Crew, Gate, Lane
 
 Work = queue.Queue[Callable[[], object]]
@@ -174,3 +177,127 @@ def test_a_closed_lane_calls_its_sink_no_more() -> None:
     lane.put(2)
     lane.drain()
     assert heard == []
+
+
+@pytest.mark.parametrize("how", [sys.exit, lambda: 1 / 0])
+def test_whatever_a_job_raises_the_next_one_runs(
+    work: Work, how: Callable[[], object], caplog: pytest.LogCaptureFixture
+) -> None:
+    heard = threading.Event()
+    work.put(how)
+    work.put(heard.set)
+    assert heard.wait(SOON)
+    assert "a message was not handled" in caplog.text
+
+
+def test_a_crew_whose_receiving_fails_goes_on_and_says_so_once(caplog: pytest.LogCaptureFixture) -> None:
+    heard, failures = threading.Event(), [OSError("no descriptor is left")] * 4
+    jobs: Work = queue.Queue()
+
+    def receive() -> Iterable[Callable[[], object]]:
+        if failures:
+            raise failures.pop()
+        return (jobs.get(),)
+
+    crew = Crew("test", receive, wake=lambda: jobs.put(lambda: None))
+    crew.start()
+    jobs.put(heard.set)
+    assert heard.wait(SOON)
+    crew.close()
+    assert sum("receiving failed" in record.message for record in caplog.records) == 1
+
+
+def test_nobody_else_receives_while_one_does_even_if_it_steps_aside() -> None:
+    jobs: Work = queue.Queue()
+    inside, most = threading.Semaphore(1), [0]
+    heard = threading.Event()
+
+    def receive() -> Iterable[Callable[[], object]]:
+        most[0] += not inside.acquire(blocking=False)
+        step_aside()
+        job = jobs.get()
+        inside.release()
+        return (job,)
+
+    crew = Crew("test", receive, wake=lambda: jobs.put(lambda: None))
+    crew.start()
+    release = threading.Event()
+    for _ in range(3):
+        jobs.put(lambda: release.wait(SOON))
+    jobs.put(heard.set)
+    assert heard.wait(SOON)
+    release.set()
+    crew.close()
+    assert most == [0]
+
+
+def test_closing_gives_up_on_a_job_that_is_stuck(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(crews, "STUCK", 0.05)
+    jobs: Work = queue.Queue()
+    crew = Crew("test", lambda: (jobs.get(),), wake=lambda: jobs.put(lambda: None))
+    before = threading.active_count()
+    crew.start()
+    entered, release = threading.Event(), threading.Event()
+    jobs.put(lambda: (entered.set(), release.wait(SOON * 3)))
+    assert entered.wait(SOON)
+    crew.close()
+    assert not release.is_set()
+    assert "test-0: still busy" in caplog.text
+    release.set()
+    wait_until(lambda: threading.active_count() == before)
+
+
+def test_a_lane_survives_a_sink_that_exits(caplog: pytest.LogCaptureFixture) -> None:
+    heard: list[int] = []
+
+    def sink(number: int) -> None:
+        if number == 1:
+            sys.exit("from a sink")
+        heard.append(number)
+
+    lane = Lane("test", sink, 5, lossy=False, stats=Statistics())
+    for number in range(3):
+        lane.put(number)
+    lane.drain()
+    assert heard == [0, 2]
+    assert "from a sink" in caplog.text
+
+
+def test_what_a_late_subscriber_missed_never_waits_for_room() -> None:
+    heard: list[int] = []
+    lane = Lane("test", heard.append, 2, lossy=False, stats=Statistics())
+    lane.put(0)
+    lane.start_with(range(1, 10))
+    lane.drain()
+    assert heard == [0, 8, 9]
+
+
+def test_a_lane_is_drained_on_one_summons_however_much_was_put_into_it() -> None:
+    inside: list[bool] = []
+    lane = Lane("test", lambda _: inside.append(lane.summon()), 5, lossy=True, stats=Statistics())
+    lane.put(0)
+    assert [lane.summon() for _ in range(3)] == [True, False, False]
+    lane.drain()
+    assert inside == [False]  # whoever drains goes on until nothing waits
+    assert lane.summon()
+
+
+@pytest.mark.parametrize("how", [sys.exit, lambda: 1 / 0])
+def test_whatever_a_service_raises_its_call_fails_and_that_is_logged(
+    how: Callable[[], Reply], caplog: pytest.LogCaptureFixture
+) -> None:
+    answers: list[Reply] = []
+    serve(lambda payload, expires: how(), None, 0.0, answers.append)
+    assert answers == [Reply(Status.FAILED)]
+    assert "a service raised" in caplog.text
+
+
+def test_so_it_is_if_its_future_fails(caplog: pytest.LogCaptureFixture) -> None:
+    answers: list[Reply] = []
+    reply: Future[Reply] = Future()
+    serve(lambda payload, expires: reply, None, 0.0, answers.append)
+    reply.set_exception(ValueError("broken later"))
+    assert answers == [Reply(Status.FAILED)]
+    assert "broken later" in caplog.text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import stat
 import subprocess
 import sys
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from robocomp_py.errors import ConfigurationError
+from robocomp_py.errors import ConfigurationError, TransportError
 from robocomp_py.testing.patience import wait_until
 from robocomp_py.transports.directory import Directory, Entry, runtime_dir
 
@@ -120,3 +121,45 @@ def test_a_folder_that_cannot_be_made_is_a_clear_error(tmp_path: Path, monkeypat
     monkeypatch.setenv("ROBOCOMP_RUNTIME_DIR", str(tmp_path / "file" / "run"))
     with pytest.raises(ConfigurationError, match="set ROBOCOMP_RUNTIME_DIR"):
         runtime_dir()
+
+
+def test_a_change_is_seen_even_if_the_clock_of_the_file_system_stood_still(directory: Directory) -> None:
+    member = directory.join("world")
+    (file,) = directory._folder.glob("*.json")
+    before = file.stat().st_mtime_ns
+    assert not directory.find("serves", LASER.channel)
+    member.add(LASER)
+    os.utime(file, ns=(before, before))
+    wait_until(lambda: directory.find("serves", LASER.channel))
+    member.close()
+
+
+def test_a_folder_that_was_removed_has_no_members_and_closing_does_not_care(directory: Directory) -> None:
+    member = directory.join("world")
+    member.add(LASER)
+    wait_until(lambda: directory.find("serves", LASER.channel))
+    shutil.rmtree(directory._folder)
+    wait_until(lambda: not directory.find("serves", LASER.channel))
+    assert not directory.alive(member.id)
+    with pytest.raises(TransportError, match="cannot be written: No such file"):
+        member.add(LASER)
+    member.remove(LASER)
+    member.close()
+
+
+def test_while_it_cannot_be_read_what_was_read_last_holds(
+    directory: Directory, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    member = directory.join("world")
+    member.add(LASER)
+    wait_until(lambda: directory.find("serves", LASER.channel))
+    folder = directory._folder
+    with monkeypatch.context() as patch:
+        patch.setattr(directory, "_folder", folder / ("x" * 300))  # a name too long for any file system
+        member.remove(LASER)
+        for _ in range(3):
+            assert directory.find("serves", LASER.channel)
+        assert directory.alive(member.id)
+    wait_until(lambda: not directory.find("serves", LASER.channel))
+    assert sum("cannot be read" in record.message for record in caplog.records) == 1
+    member.close()

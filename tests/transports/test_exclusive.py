@@ -1,53 +1,136 @@
-"""Only one may have it, as long as it lives."""
+"""A name belongs to one at a time, whatever becomes of him."""
 
 from __future__ import annotations
 
 import os
-import signal
+import shutil
 import subprocess
 import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
-from robocomp_py.errors import AlreadyServed
-from robocomp_py.testing.patience import wait_until
-from robocomp_py.transports.exclusive import claim, try_claim
+from robocomp_py.errors import AlreadyServed, TransportError
+from robocomp_py.transports.exclusive import claim, holder, try_claim
+
+NAME = "robot/world/Laser/getLaserData"
 
 
-def test_a_claim_is_refused_naming_who_has_it(tmp_path: Path) -> None:
-    claim(tmp_path, "a/b/c", "world")
-    with pytest.raises(AlreadyServed, match=rf"a/b/c: already served by world \(pid {os.getpid()}\)"):
-        claim(tmp_path, "a/b/c", "other")
+def files(folder: Path) -> list[Path]:
+    return [path for path in folder.rglob("*") if path.is_file()]
 
 
-def test_what_was_released_can_be_claimed_again_and_leaves_nothing(tmp_path: Path) -> None:
-    for _ in range(3):
-        held = claim(tmp_path, "a/b/c", "world")
-        held.close()
-        held.close()
-    assert os.listdir(tmp_path) == []
+def test_a_second_claim_names_who_has_the_first(tmp_path: Path) -> None:
+    first = claim(tmp_path, NAME, "world")
+    with pytest.raises(AlreadyServed, match=rf"{NAME}: already served by world \(pid {os.getpid()}\)"):
+        claim(tmp_path, NAME, "impostor")
+    first.close()
 
 
-def test_different_names_do_not_clash_however_long(tmp_path: Path) -> None:
-    held = [claim(tmp_path, name, "") for name in ("a/b", "a/c", "x" * 500 + "/b", "x" * 500 + "/c")]
-    assert len(os.listdir(tmp_path)) == len(held)
+def test_other_names_are_free(tmp_path: Path) -> None:
+    claims = [claim(tmp_path, name, "world") for name in (NAME, NAME + "x")]
+    for each in claims:
+        each.close()
+
+
+def test_names_do_not_clash_however_long(tmp_path: Path) -> None:
+    claims = [claim(tmp_path, name, "") for name in ("x" * 500 + "/b", "x" * 500 + "/c")]
     assert try_claim(tmp_path, "x" * 500 + "/b", "") is None
+    for each in claims:
+        each.close()
 
 
-def test_the_dead_hold_nothing(tmp_path: Path) -> None:
+def test_after_closing_it_is_free_and_nothing_is_left(tmp_path: Path) -> None:
+    for _ in range(3):
+        mine = claim(tmp_path, NAME, "world")
+        mine.close()
+        mine.close()
+        assert files(tmp_path) == []
+
+
+def test_closing_twice_does_not_give_back_what_is_anothers(tmp_path: Path) -> None:
+    first = claim(tmp_path, NAME, "world")
+    first.close()
+    second = claim(tmp_path, NAME, "other")
+    first.close()
+    with pytest.raises(AlreadyServed, match="other"):
+        claim(tmp_path, NAME, "third")
+    second.close()
+
+
+def test_what_a_killed_process_had_is_free(tmp_path: Path) -> None:
     code = f"""
 import time
 from pathlib import Path
 from robocomp_py.transports.exclusive import claim
-held = claim(Path({str(tmp_path)!r}), "a/b/c", "victim")
-print("held", flush=True)
-time.sleep(1000)
+mine = claim(Path({str(tmp_path)!r}), {NAME!r}, "victim")
+print("here", flush=True)
+time.sleep(600)
 """
-    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as victim:
-        assert victim.stdout is not None
-        assert victim.stdout.readline() == "held\n"
-        with pytest.raises(AlreadyServed, match=rf"victim \(pid {victim.pid}\)"):
-            claim(tmp_path, "a/b/c", "")
-        victim.send_signal(signal.SIGKILL)
-    wait_until(lambda: try_claim(tmp_path, "a/b/c", "heir"))
+    victim = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
+    assert victim.stdout is not None
+    assert victim.stdout.readline() == b"here\n"
+    with pytest.raises(AlreadyServed, match=rf"victim \(pid {victim.pid}\)"):
+        claim(tmp_path, NAME, "heir")
+    victim.kill()
+    victim.wait()
+    victim.stdout.close()
+    claim(tmp_path, NAME, "heir").close()
+    assert files(tmp_path) == []
+
+
+def test_of_many_at_once_one_has_it_also_while_others_give_it_back(tmp_path: Path) -> None:
+    inside = threading.Semaphore(1)
+    had = []
+
+    def contend(number: int) -> None:
+        for _ in range(200):
+            try:
+                mine = claim(tmp_path, NAME, str(number))
+            except AlreadyServed:
+                continue
+            assert inside.acquire(blocking=False), "two have it"
+            had.append(number)
+            inside.release()
+            mine.close()
+
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(contend, range(8)))
+    assert had
+    assert files(tmp_path) == []
+
+
+def test_one_who_has_not_signed_yet_has_it_all_the_same(tmp_path: Path) -> None:
+    mine = claim(tmp_path, NAME, "world")
+    (file,) = files(tmp_path)
+    file.write_text("")
+    with pytest.raises(AlreadyServed, match="somebody who just came"):
+        claim(tmp_path, NAME, "impostor")
+    mine.close()
+
+
+def test_who_was_robbed_of_the_folder_gives_back_nothing_of_his_heirs(tmp_path: Path) -> None:
+    folder = tmp_path / "zeromq"
+    mine = claim(folder, NAME, "world")
+    shutil.rmtree(folder)
+    heirs = claim(folder, NAME, "heir")
+    mine.close()
+    with pytest.raises(AlreadyServed, match="heir"):
+        claim(folder, NAME, "third")
+    heirs.close()
+
+
+def test_a_folder_that_cannot_be_made_is_a_transport_error(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(TransportError, match="cannot be claimed in"):
+        claim(tmp_path / "file" / "zeromq", NAME, "world")
+
+
+def test_trying_says_no_and_whoever_asks_is_told_who_has_it(tmp_path: Path) -> None:
+    mine = try_claim(tmp_path, NAME, "world")
+    assert mine
+    assert try_claim(tmp_path, NAME, "other") is None
+    assert holder(tmp_path, NAME) == f"world (pid {os.getpid()})"
+    mine.close()

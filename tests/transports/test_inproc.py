@@ -1,10 +1,105 @@
 """The in-process transport keeps the contract."""
 
-from robocomp_py.testing.conformance import TransportConformance
-from robocomp_py.transports.base import Transport, TransportConfig
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
+
+import pytest
+
+from robocomp_py.contract.qos import Durability, QoS, Reliability
+from robocomp_py.testing.conformance import Inbox, TransportConformance, blob, drain, query, topic, unblob
+from robocomp_py.testing.patience import SOON, wait_until
+from robocomp_py.transports.base import Transport, TransportConfig, TypeRef
 from robocomp_py.transports.inproc import InprocTransport
 
 
 class TestInproc(TransportConformance):
     def open_transport(self) -> Transport:
         return InprocTransport(TransportConfig())
+
+
+@pytest.fixture
+def transport() -> Iterator[InprocTransport]:
+    opened = InprocTransport(TransportConfig({"bus": "alone"}))
+    yield opened
+    opened.close()
+
+
+def latched(name: str, depth: int) -> QoS:
+    return QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=depth)
+
+
+def test_a_peer_that_comes_just_after_looking_is_not_waited_for_in_vain(transport: InprocTransport) -> None:
+    outlet = transport.outlet(topic("a/b/c"))
+    look, looks = outlet.peers, []
+
+    def look_too_early() -> list[object]:
+        found = look()
+        looks.append(found)
+        if len(looks) == 1:
+            transport.inlet(topic("a/b/c"), lambda _: None)
+        assert len(looks) < 3
+        return list(found)
+
+    outlet.peers = look_too_early  # type: ignore[method-assign, assignment]
+    assert outlet.wait_peer(SOON)
+    assert len(looks) == 2  # the second look was not the one after waiting for nothing
+
+
+def test_a_late_subscriber_gets_as_much_of_what_is_latched_as_it_has_room_for(transport: InprocTransport) -> None:
+    outlet, inbox = transport.outlet(topic("a/b/c", latched("x", 10))), Inbox()
+    for number in range(10):
+        outlet.send(blob(transport, str(number).encode()))
+    transport.inlet(topic("a/b/c", latched("x", 2)), lambda payload: inbox.put(unblob(transport, payload)))
+    outlet.send(blob(transport, b"new"), SOON)
+    wait_until(lambda: inbox.qsize() >= 3)
+    assert drain(inbox) == [b"8", b"9", b"new"]
+
+
+def test_who_subscribes_while_a_message_is_sent_gets_it_once(transport: InprocTransport) -> None:
+    outlet = transport.outlet(topic("a/b/c", latched("x", 1)))
+    for number in range(50):
+        inbox = Inbox()
+        sending = threading.Thread(target=outlet.send, args=(blob(transport, str(number).encode()),))
+        sending.start()
+        link = transport.inlet(topic("a/b/c", latched("x", 1)), lambda p, i=inbox: i.put(unblob(transport, p)))  # type: ignore[misc]
+        sending.join()
+        outlet.send(blob(transport, b"end"))
+        got = [inbox.get(timeout=SOON)]
+        while got[-1] != b"end":
+            got.append(inbox.get(timeout=SOON))
+        assert got.count(str(number).encode()) == 1
+        link.close()
+
+
+def test_publishing_is_fine_when_only_a_stranger_listens(transport: InprocTransport) -> None:
+    outlet = transport.outlet(topic("a/b/c"))
+    link = transport.inlet(replace(topic("a/b/c"), type=TypeRef("Other", 99)), lambda _: None)
+    outlet.send(blob(transport, b"x"))
+    assert (outlet.stats.mismatched, link.stats.mismatched) == (1, 1)
+
+
+def test_a_subscriber_may_come_when_only_a_stranger_has_latched(transport: InprocTransport) -> None:
+    transport.outlet(topic("a/b/c", latched("x", 1)))
+    transport.inlet(replace(topic("a/b/c", latched("x", 1)), type=TypeRef("Other", 99)), lambda _: None)
+
+
+def test_links_that_were_closed_are_forgotten(transport: InprocTransport) -> None:
+    for number in range(20):
+        transport.outlet(topic(f"a/b/c{number}")).close()
+        transport.caller(query(f"a/b/d{number}")).close()
+    assert transport._links == []
+
+
+def test_a_flood_makes_one_job_for_its_lane(transport: InprocTransport) -> None:
+    entered, release = threading.Event(), threading.Event()
+    transport.inlet(topic("a/b/c", QoS(depth=4)), lambda _: (entered.set(), release.wait(SOON * 3)))
+    outlet = transport.outlet(topic("a/b/c", QoS(depth=4)))
+    outlet.send(blob(transport, b"x"))
+    assert entered.wait(SOON)
+    for _ in range(1000):
+        outlet.send(blob(transport, b"x"))
+    assert transport._work.qsize() <= 1
+    release.set()

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robocomp_py.transports.base import Statistics
-from robocomp_py.transports.ledger import SENDERS, Ledger
+from robocomp_py.transports.ledger import SENDERS, WINDOW, Ledger
 
 
 @given(st.lists(st.integers(1, 5), min_size=1, max_size=200))
@@ -48,3 +48,29 @@ def test_many_senders_take_bounded_memory() -> None:
     for sender in range(SENDERS * 3):
         assert ledger.admit(sender, 1)
     assert len(ledger._seen) <= SENDERS
+
+
+def test_what_was_held_up_is_new_however_many_others_passed() -> None:
+    stats = Statistics()
+    ledger = Ledger(stats, ordered=False)
+    for number in (1, *range(3, 5000)):
+        assert ledger.admit(1, number)
+    assert ledger.admit(1, 2)
+    assert not ledger.admit(1, 2)
+    assert stats.repeated == 1
+
+
+def test_what_may_have_been_seen_counts_as_seen() -> None:
+    ledger = Ledger(Statistics(), ordered=False)
+    for number in range(1, 2 * WINDOW + 5, 2):  # every other one is skipped, one more than can be remembered
+        assert ledger.admit(1, number)
+    assert not ledger.admit(1, 2)
+    assert ledger.admit(1, 4)
+
+
+def test_a_sender_that_skips_astronomically_costs_no_more_than_others() -> None:
+    ledger = Ledger(Statistics(), ordered=False)
+    assert ledger.admit(1, 1)
+    assert ledger.admit(1, 2**63)
+    assert ledger.admit(1, 2**63 - 1)
+    assert not ledger.admit(1, 2)

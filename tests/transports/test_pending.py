@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 
-from robocomp_py.errors import Closed, Timeout
+from robocomp_py.errors import Closed, Timeout, Unreachable
 from robocomp_py.testing.patience import wait_until
 from robocomp_py.transports.base import Reply, Status
 from robocomp_py.transports.pending import Pending
@@ -51,3 +53,26 @@ def test_closing_ends_them_all() -> None:
     for future in futures:
         with pytest.raises(Closed):
             future.result(0)
+
+
+def test_whoever_ends_calls_may_have_somebody_else_do_it() -> None:
+    pending = Pending("test")
+    overdue, other = pending.add(1, 0.0), pending.add(("peer", 2), 60)
+    jobs: list[Callable[[], object]] = []
+    pending.expire(jobs.append)
+    pending.fail_all(Unreachable("left"), only=lambda key: key == ("peer", 2), do=jobs.append)
+    assert not overdue.done()
+    assert not other.done()
+    for job in jobs:
+        job()
+    assert isinstance(overdue.exception(0), Timeout)
+    assert isinstance(other.exception(0), Unreachable)
+
+
+def test_after_closing_no_call_begins() -> None:
+    pending = Pending("test")
+    future = pending.add(1, 60)
+    pending.close(Closed("closed"))
+    assert isinstance(future.exception(0), Closed)
+    with pytest.raises(Closed):
+        pending.add(2, 60)

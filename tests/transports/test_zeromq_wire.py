@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import os
 import secrets
+import shutil
 import socket as plain
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,13 +18,13 @@ import pytest
 import zmq
 
 from robocomp_py.contract.interface import Pattern
-from robocomp_py.errors import ConfigurationError, TransportError
+from robocomp_py.errors import AlreadyServed, ConfigurationError, TransportError, Unreachable
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.conformance import answering, blob, command, query, topic
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, Reply, Status, TransportConfig, TypeRef
 from robocomp_py.transports.directory import runtime_dir
-from robocomp_py.transports.zeromq import ZeroMQTransport
+from robocomp_py.transports.zeromq import ZeroMQTransport, _Subscriber
 from robocomp_py.wire import header
 
 DIVIDE = Channel("robot/calculator/Everything/divide", Pattern.QUERY, TypeRef("", e.divide.fingerprint, e.divide.text))
@@ -275,3 +278,133 @@ def test_nothing_is_left_behind(transport: ZeroMQTransport) -> None:
     assert len(mine) >= 4
     other.close()
     assert not {name for name in os.listdir(folder) if name.startswith(other.member.id)}
+    assert not list((folder / "served").glob("a.b.c*"))
+
+
+def test_of_two_servers_that_come_at_the_same_moment_one_is_refused(transport: ZeroMQTransport) -> None:
+    other = ZeroMQTransport(TransportConfig(owner="other"))
+    for number in range(30):
+        channel, together = query(f"a/b/c{number}"), threading.Barrier(2)
+        served: list[Any] = []
+        refused: list[AlreadyServed] = []
+
+        def come(mine: ZeroMQTransport) -> None:
+            together.wait(SOON)  # noqa: B023 - both threads end within the round
+            try:
+                served.append(mine.server(channel, answering(mine, bytes.upper)))  # noqa: B023
+            except AlreadyServed as exc:
+                refused.append(exc)  # noqa: B023
+
+        threads = [threading.Thread(target=come, args=(each,)) for each in (transport, other)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert (len(served), len(refused)) == (1, 1)
+        assert f"(pid {os.getpid()})" in str(refused[0])
+        served[0].close()
+    other.close()
+
+
+def test_a_publisher_that_comes_while_a_subscription_is_opened_is_heard(
+    transport: ZeroMQTransport, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It comes after the subscriber has looked, and the receiving thread sees it before it knows the subscriber."""
+    other = ZeroMQTransport(TransportConfig())
+    outlets: list[Any] = []
+    announce = _Subscriber.announce
+
+    def interrupted(self: _Subscriber, address: str = "") -> None:
+        announce(self, address)
+        outlets.append(other.outlet(topic("a/b/c")))
+        version = transport.directory.version()
+        wait_until(lambda: transport._known >= version)
+
+    monkeypatch.setattr(_Subscriber, "announce", interrupted)
+    link = transport.inlet(topic("a/b/c"), lambda _: None)
+    assert outlets[0].wait_peer(SOON)
+    assert link.wait_peer(SOON)
+    other.close()
+
+
+def test_a_link_that_cannot_be_opened_says_why(transport: ZeroMQTransport) -> None:
+    shutil.rmtree(runtime_dir() / "zeromq")
+    for opening in (
+        lambda: transport.outlet(topic("a/b/c")),
+        lambda: transport.inlet(topic("a/b/c"), lambda _: None),
+        lambda: transport.server(query("a/b/d"), answering(transport, bytes.upper)),
+    ):
+        with pytest.raises(TransportError, match="No such file"):
+            opening()
+    assert transport._links == []
+
+
+def test_a_run_time_folder_that_was_removed_ends_calls_and_hinders_no_closing(transport: ZeroMQTransport) -> None:
+    other = ZeroMQTransport(TransportConfig())
+    transport.server(query("a/b/c"), answering(transport, bytes.upper))
+    caller = other.caller(query("a/b/c"))
+    assert caller.wait_peer(SOON)
+    shutil.rmtree(runtime_dir() / "zeromq")
+    wait_until(lambda: not caller.wait_peer(0.0))
+    with pytest.raises(Unreachable):
+        caller.ask(blob(other, b"x"), SOON)
+    before = threading.active_count()
+    other.close()
+    assert threading.active_count() == before - 2  # the one that receives, and the lookout
+
+
+def test_whatever_fails_in_closing_everything_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = threading.active_count()
+    transport = ZeroMQTransport(TransportConfig())
+    first, second = transport.outlet(topic("a/b/c")), transport.outlet(topic("a/b/d"))
+
+    def fail() -> None:
+        raise RuntimeError("on purpose")
+
+    monkeypatch.setattr(second, "release", fail)
+    with pytest.raises(RuntimeError, match="on purpose"):
+        transport.close()
+    assert first.closed.is_set()
+    assert threading.active_count() == before
+    assert transport.context.closed
+
+
+def test_a_transport_outlives_a_time_without_file_descriptors() -> None:
+    """In a process of its own, since everything in it needs them."""
+    code = """
+import os, resource
+from robocomp_py.errors import TransportError
+from robocomp_py.testing.conformance import answering, blob, query, topic, unblob
+from robocomp_py.testing.patience import SOON, wait_until
+from robocomp_py.transports.base import TransportConfig
+from robocomp_py.transports.zeromq import ZeroMQTransport
+here, there = ZeroMQTransport(TransportConfig()), ZeroMQTransport(TransportConfig())
+here.server(query("a/b/c"), answering(here, bytes.upper))
+caller = there.caller(query("a/b/c"))
+assert caller.wait_peer(SOON)
+assert caller.ask(blob(there, b"x"), SOON)
+resource.setrlimit(resource.RLIMIT_NOFILE, (256, 1024))
+held = []
+try:
+    while True:
+        held.append(os.open("/dev/null", 0))
+except OSError:
+    pass
+(here.folder / "changed").mkdir()
+wait_until(lambda: here.directory._unreadable and there.directory._unreadable)
+for opening in (lambda: ZeroMQTransport(TransportConfig()), lambda: there.outlet(topic("a/b/d"))):
+    try:
+        opening()
+    except TransportError as exc:
+        assert "Too many open files" in str(exc)
+    else:
+        raise AssertionError("opened without descriptors")
+for each in held:
+    os.close(each)
+(here.folder / "changed").rmdir()
+print(unblob(there, caller.call(blob(there, b"later"), SOON).result(SOON).payload).decode())
+there.close()
+here.close()
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=SOON * 6)
+    assert (done.stdout, done.returncode) == ("LATER\n", 0), done.stderr

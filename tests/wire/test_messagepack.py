@@ -228,3 +228,12 @@ def test_every_dtype_has_a_letter() -> None:
     for kind, dtype in DTYPES.items():
         array = np.zeros(APART, dtype)
         assert_same(there_and_back(CODEC, Sequence(kind), array), array)
+
+
+def test_a_payload_that_is_sent_at_once_need_not_copy_large_arrays() -> None:
+    array = np.zeros(APART, np.uint8)
+    message = one(Sequence(UINT8))
+    _, shared = CODEC.encoder(message, snapshot=False)((array,))
+    _, kept = CODEC.encoder(message)((array,))
+    array[0] = 7
+    assert (bytes(shared)[0], bytes(kept)[0]) == (7, 0)

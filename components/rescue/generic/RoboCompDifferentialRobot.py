@@ -184,6 +184,7 @@ class DifferentialRobotProxy(Proxy):
         deadline: float | None = None,
     ) -> None:
         """Drive with these speeds from now on: mm/s forwards, rad/s to the right.
+        Repeat it while driving: a base may stop when no new speeds arrive for a while.
 
         IDSL: void setSpeedBase(float adv, float rot) throws
         RoboCompGenericBase::HardwareFailedException

@@ -79,6 +79,7 @@ class GenericWorker(Worker[Params]):
     @abstractmethod
     def DifferentialRobot_setSpeedBase(self, adv: float, rot: float) -> None:
         """Drive with these speeds from now on: mm/s forwards, rad/s to the right.
+        Repeat it while driving: a base may stop when no new speeds arrive for a while.
 
         IDSL: void setSpeedBase(float adv, float rot) throws
         RoboCompGenericBase::HardwareFailedException

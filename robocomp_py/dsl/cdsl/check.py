@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from ...contract.component import numbers
-from ...contract.interface import Interface
-from ..diagnostics import Report, did_you_mean
+from ...contract.component import MAX_SECONDS, Port, numbers
+from ...contract.interface import Interface, Verb
+from ..diagnostics import Proposals, Report, did_you_mean
 from ..source import Name
 from . import model as m
 from .qos import read_qos
@@ -44,12 +44,14 @@ class _Checker:
     report: Report
 
     def check(self) -> None:
+        self.propose = Proposals()
         if self.model.name.text.startswith("__"):
             message = "names that begin with two underscores are Python's own"
             self.report.error("reserved-name", message, self.model.name.span, "give it another name")
         for item in self.model.items:
             self._check_item(item)
         self._check_port_names()
+        self._check_attributes()
         self._check_clauses()
         self._check_language()
         self._check_period()
@@ -84,7 +86,14 @@ class _Checker:
     def _check_verb(self, item: m.Item, interface: Interface) -> None:
         left_out = [operation for operation in interface.operations if not operation.carried(item.verb)]
         twoway = [f"`{operation.name}`" for operation in left_out if operation.pattern is None]
-        if twoway:
+        if twoway and len(left_out) == len(interface.operations):
+            message = (
+                f"this port is empty: no operation of `{item.interface}` can be published, they give something back"
+            )
+            instead = Verb.REQUIRES if item.verb is Verb.SUBSCRIBES else Verb.IMPLEMENTS
+            hint = f"write `{instead} {item.interface};`, or remove it"
+            self.report.warning("empty-port", message, item.interface.span, hint)
+        elif twoway:
             message = f"{', '.join(twoway)} cannot be published: a publication gives nothing back"
             hint = f"`{item.verb}` leaves {'it' if len(twoway) == 1 else 'them'} out"
             self.report.warning("not-a-publication", message, item.interface.span, hint)
@@ -115,7 +124,7 @@ class _Checker:
             hint = f'add: import "{name}.idsl";'
             self.report.error("missing-import", f"interface `{name}` is not imported", name.span, hint)
             return
-        hint = did_you_mean(name.text, self.around.interfaces) or did_you_mean(name.text, self.around.importable)
+        hint = self.propose(name.text, [*self.around.importable, *self.around.interfaces])
         self.report.error("unknown-interface", f"unknown interface `{name}`", name.span, hint)
 
     def _check_port_names(self) -> None:
@@ -130,6 +139,21 @@ class _Checker:
                 message = f"`{item.interface}` and `{first.interface}` are both called `{name}` here"
                 related = ("first here", first.interface.span)
                 self.report.error("same-port-name", message, item.interface.span, "", related)
+
+    def _check_attributes(self) -> None:
+        """`B_c` of `A` and `c` of `A_B` would be one method, `A_B_c`."""
+        seen: dict[str, tuple[m.Item, Port, str]] = {}
+        uses = [(item.verb, item.interface.text) for item in self.model.items]
+        for item, number in zip(self.model.items, numbers(uses), strict=True):
+            for interface in self.around.interfaces.get(item.interface.text, ())[:1]:
+                port = Port(item.verb, interface, number)
+                for name, what in _attributes(port):
+                    first, other, known = seen.setdefault(name, (item, port, what))
+                    said = other.name == port.name and other.verb.has_proxy == port.verb.has_proxy  # of the ports
+                    if first is not item and not said:
+                        message = f"{what} and {known} are both called `{name}` in Python"
+                        related = ("first here", first.interface.span)
+                        self.report.error("same-attribute", message, item.interface.span, "rename one", related)
 
     # Clauses.
 
@@ -172,5 +196,15 @@ class _Checker:
         elif period.seconds is None:
             message = f"`{period.unit}` is no unit of time; there are {units}"
             self.report.error("bad-period", message, period.unit.span, did_you_mean(period.unit.text, m.SECONDS))
-        elif not 0 < period.seconds < float("inf"):
-            self.report.error("bad-period", "a period is longer than nothing, and not endless", period.span)
+        elif not 0 < period.seconds <= MAX_SECONDS:
+            message = f"a period is longer than nothing, and at most {MAX_SECONDS:g} s"
+            self.report.error("bad-period", message, period.span)
+
+
+def _attributes(port: Port) -> Iterator[tuple[str, str]]:
+    """The names a port adds to the worker, and what each stands for."""
+    if port.verb.has_proxy:
+        yield port.attribute, f"the proxy of `{port.interface.short}`"
+        return
+    for operation, _ in port.interface.under(port.verb):
+        yield port.handler(operation.name), f"`{operation.name}` of `{port.interface.short}`"

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from ...contract.component import MAX_SECONDS
 from ...contract.qos import PRESETS, Durability, History, Liveliness, QoS, Reliability
 from ..diagnostics import Report, did_you_mean
 from . import model as m
@@ -48,6 +49,10 @@ def read_qos(settings: Sequence[m.Setting], report: Report) -> QoS:
                 message = f"`{setting.name}` contradicts or repeats `{first.name}`"
                 report.error("bad-qos", message, setting.span, "", ("first here", first.span))
         qos = PRESETS[name] if name in PRESETS else replace(qos, **values)
+    if "depth" in given and qos.history is History.KEEP_ALL:
+        message = f"`{given['depth'].name}` has no effect beside `keep_all`"
+        related = [("keep_all is here", given["history"].span)] if "history" in given else []
+        report.error("bad-qos", message, given["depth"].span, "remove one of them", *related)
     return qos
 
 
@@ -58,8 +63,8 @@ def _values(name: str, setting: m.Setting) -> dict[str, Any]:
         return {**keeps, "depth": _depth(setting)}
     if name in _TIMES:
         seconds = setting.amount.seconds if setting.amount else None
-        if seconds is None or not 0 < seconds < float("inf"):
-            raise _Wrong(f"`{setting.name}` is a time, as in `{name} 50 ms`")
+        if seconds is None or not 0 < seconds <= MAX_SECONDS:
+            raise _Wrong(f"`{setting.name}` is a time of at most {MAX_SECONDS:g} s, as in `{name} 50 ms`")
         return {name: seconds}
     if name == "liveliness":
         kinds = {str(kind): kind for kind in Liveliness}

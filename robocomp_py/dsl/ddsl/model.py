@@ -27,6 +27,14 @@ class Variable:
 
 
 @dataclass(frozen=True, slots=True)
+class Clause:
+    """That something was said, and where; what it says is in the model."""
+
+    kind: str
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
 class Instance:
     """One component of the deployment. `kind` is the name in its CDSL, if it is not the instance's own."""
 
@@ -44,6 +52,8 @@ class Instance:
     wirings: tuple[Wiring, ...] = ()
     later: tuple[Name, ...] = ()
     """Words that are spoken for, but have no effect yet."""
+    clauses: tuple[Clause, ...] = ()
+    """All of them, in order."""
 
     @property
     def component(self) -> Name:
@@ -60,5 +70,7 @@ class Deployment:
     middleware: Name | None = None
     namespace: str = ""
     later: tuple[Name, ...] = ()
+    clauses: tuple[Clause, ...] = ()
+    """All but the instances, in order."""
     skipped: frozenset[str] = frozenset()
     """The words that syntax errors left out of the model."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from ...contract.interface import Pattern
+from ...contract.naming import names_of
 from ...contract.types import MAX_DEPTH, Primitive, integer_range, is_key, python_name
-from ..diagnostics import Report, did_you_mean
+from ..diagnostics import Proposals, Report
 from ..numbers import whole
 from ..source import Name, Span
 from . import model as m
@@ -27,6 +29,12 @@ BUILTIN: dict[str, Primitive] = {
 _FOREIGN = {"char": "byte", "uchar": "byte", "uint": "uint32", "ulong": "uint64", "ushort": "uint16", "str": "string"}
 """What people write who have other languages in mind."""
 
+_PREFIX = "RoboComp"
+"""The module of X.idsl is called RoboCompX, by convention."""
+
+MAX_ANCESTORS = 100
+"""More interfaces or exceptions than these cannot be extended by one, however indirectly."""
+
 _OF_EXCEPTIONS = ("args", "with_traceback", "add_note")
 """What every Python exception has."""
 
@@ -42,9 +50,9 @@ def module_of(name: str) -> str:
     return name.rpartition("::")[0]
 
 
-def check(file: m.File, imported: Scope, report: Report) -> None:
-    """Say what is wrong in a file, given what its imports define."""
-    _Checker(file, imported, report).check()
+def check(file: m.File, imported: Scope, report: Report, can_import: Callable[[str], bool]) -> None:
+    """Say what is wrong in a file, given what its imports define, and which other files it could import."""
+    _Checker(file, imported, report, can_import).check()
 
 
 @dataclass
@@ -52,11 +60,15 @@ class _Checker:
     file: m.File
     imported: Scope
     report: Report
+    can_import: Callable[[str], bool]
 
     def check(self) -> None:
         self.module = self.file.module.text
         self.scope: dict[str, m.Definition] = dict(self.imported)
+        self.propose = Proposals()
+        self.imported_modules = {module_of(each) for each in self.imported}
         self._check_unique()
+        self._check_python_names()
         for definition in self.file.definitions:
             match definition:
                 case m.Struct(fields=fields):
@@ -95,6 +107,27 @@ class _Checker:
                 self.scope[name] = definition
         self._check_reserved([self.file.module, *(definition.name for definition in self.file.definitions)])
 
+    def _check_python_names(self) -> None:
+        """No two definitions of the module need one name in Python, where an interface needs several."""
+        seen: dict[str, Name] = {}
+        for name, definition in self.scope.items():
+            if module_of(name) != self.module:
+                continue
+            for wanted in self._python_names(definition):
+                first = seen.setdefault(wanted, definition.name)
+                if first is not definition.name and definition.name.span.source is self.file.source:
+                    message = f"`{definition.name}` and `{first}` both need the name `{wanted}` in Python"
+                    related = ("first here", first.span)
+                    self._error("duplicate", message, definition.name.span, "rename one of them", related)
+                    break
+
+    def _python_names(self, definition: m.Definition) -> list[str]:
+        if not isinstance(definition, m.Interface):
+            return [definition.name.text]
+        every = [definition, *self._ancestors(definition)]
+        operations = [each.name.text for part in every if isinstance(part, m.Interface) for each in part.operations]
+        return list(dict.fromkeys(names_of(definition.name.text, operations)))
+
     def _check_names(self, names: Sequence[Name], what: str, code: str = "duplicate") -> None:
         """No name stands for two things, here or in Python."""
         seen: dict[str, Name] = {}
@@ -123,6 +156,9 @@ class _Checker:
                 self._check_literal(field.type, field.default)
 
     def _check_enum(self, enum: m.Enum) -> None:
+        if not enum.members:
+            hint = f"give it one: `enum {enum.name} {{ none }};`"
+            self._error("empty-enum", f"`{enum.name}` has no enumerators, so it has no value", enum.name.span, hint)
         self._check_names([each.name for each in enum.members], "enumerator", "duplicate-enumerator")
         seen: dict[int, Name] = {}
         low, high = integer_range(Primitive.INT32)
@@ -156,6 +192,7 @@ class _Checker:
         for extra in exception.bases[1:]:
             self._error("several-bases", "an exception extends one other at most", extra.span)
         bases = self._ancestors(exception)
+        self._check_lineage(exception, bases)
         for base in exception.bases[:1]:
             found = self._find(base, "unknown-exception", "exception")
             if isinstance(found, m.Exception_) and found in bases and exception in bases:
@@ -171,6 +208,7 @@ class _Checker:
 
     def _check_interface(self, interface: m.Interface) -> None:
         bases = self._ancestors(interface)
+        self._check_lineage(interface, bases)
         for base in interface.bases:
             found = self._find(base, "unknown-interface", "interface")
             if isinstance(found, m.Interface) and interface in bases:
@@ -195,10 +233,13 @@ class _Checker:
             self._check_operation(operation)
 
     def _ancestors(self, definition: m.Interface | m.Exception_) -> list[m.Definition]:
-        """All it extends, however indirectly, nearest first; itself, too, if that is circular."""
+        """What it extends, however indirectly, nearest first; itself, too, if that is circular.
+
+        Not much more than it may extend: whoever builds on a list that is longer has an error already.
+        """
         found: dict[str, m.Definition] = {}
         waiting = [(self.module, definition)]
-        while waiting:
+        while waiting and len(found) <= MAX_ANCESTORS:
             module, each = waiting.pop(0)
             for base in each.bases:
                 name = qualified(base.text, module)
@@ -208,6 +249,11 @@ class _Checker:
                     if isinstance(extended, m.Interface | m.Exception_):
                         waiting.append((module_of(name), extended))
         return list(found.values())
+
+    def _check_lineage(self, definition: m.Interface | m.Exception_, bases: list[m.Definition]) -> None:
+        if len(bases) > MAX_ANCESTORS:
+            message = f"`{definition.name}` extends more than {MAX_ANCESTORS} others, one by way of another"
+            self._error("too-deep", message, definition.name.span)
 
     def _check_operation(self, operation: m.Operation) -> None:
         if operation.returns:
@@ -276,8 +322,8 @@ class _Checker:
             return
         found = self.scope.get(qualified(kind.text, self.module))
         meaning: Primitive | m.Enum | None = found if isinstance(found, m.Enum) else BUILTIN.get(kind.text)
-        if meaning is None:
-            if found is not None:
+        if meaning is None or (isinstance(meaning, m.Enum) and not meaning.members):
+            if found is not None and meaning is None:
                 self._error("bad-default", f"`{kind}` has no literal", literal.span)
             return
         try:
@@ -292,11 +338,10 @@ class _Checker:
         if found is not None or short in self.file.skipped:
             return found
         module = module_of(name.text)
-        modules = {module_of(each) for each in self.scope} | {self.module}
         if name.text in BUILTIN:
             self._error(code, f"`{name}` is a built-in type, and no {what}", name.span)
-        elif module and module not in modules:
-            hint = did_you_mean(module, modules) or f'add: import "{module.removeprefix("RoboComp")}.idsl";'
+        elif module and module != self.module and module not in self.imported_modules:
+            hint = _foreign(short) or self._suggest_import(module)
             self._error("missing-import", f"module `{module}` is not imported", name.span, hint)
         else:
             self._error(code, f"unknown {what} `{name}`", name.span, self._suggest(name.text))
@@ -304,13 +349,24 @@ class _Checker:
 
     def _suggest(self, name: str) -> str:
         short = name.rpartition("::")[2]
-        elsewhere = [each for each in self.scope if each.rpartition("::")[2] == short]
-        if elsewhere:
-            return f"did you mean `{elsewhere[0]}`?"
-        if name in _FOREIGN:
-            return f"did you mean `{_FOREIGN[name]}`?"
+        if short in self._by_short_name:
+            return f"did you mean `{self._by_short_name[short]}`?"
         own = f"{self.module}::"
-        return did_you_mean(name, [*BUILTIN, *(each.removeprefix(own) for each in self.scope)])
+        return _foreign(short) or self.propose(name, [*BUILTIN, *(each.removeprefix(own) for each in self.scope)])
+
+    def _suggest_import(self, module: str) -> str:
+        """Import it if there is such a file; else it may be misspelt; else there should be such a file."""
+        stem = module.removeprefix(_PREFIX)
+        add = f'add: import "{stem}.idsl";'
+        if self.can_import(stem):
+            return add
+        misspelt = self.propose(module, self.imported_modules, prefix=_PREFIX)
+        return misspelt or (add if module.startswith(_PREFIX) else "")
+
+    @cached_property
+    def _by_short_name(self) -> dict[str, str]:
+        """The first definition of each name, whatever its module. Used when the scope is complete."""
+        return {each.rpartition("::")[2]: each for each in reversed(self.scope)}
 
     # Shapes.
 
@@ -343,6 +399,12 @@ class _Checker:
 
     def _error(self, code: str, message: str, span: Span, hint: str = "", *related: tuple[str, Span]) -> None:
         self.report.error(code, message, span, hint, *related)
+
+
+def _foreign(short: str) -> str:
+    """The built-in type that a name of another language means: `std::string` is `string`."""
+    meant = short if short in BUILTIN else _FOREIGN.get(short)
+    return f"did you mean `{meant}`?" if meant else ""
 
 
 def _parts(definition: m.Definition) -> Iterator[tuple[m.TypeName, Span]]:

@@ -50,7 +50,7 @@ def _integer(kind: Primitive, text: str) -> int:
     if not re.fullmatch(r"[+-]?(0[xX][0-9a-fA-F]+|\d+)", text):
         raise ValueError(f"`{text}` is no integer")
     value = whole(text)
-    low, high = integer_range(Primitive.INT64 if kind is Primitive.TIME else kind)
+    low, high = integer_range(kind)
     if not low <= value <= high:
         raise ValueError(f"{text} does not fit; allowed: {low} to {high}")
     return value

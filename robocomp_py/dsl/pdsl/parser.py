@@ -15,6 +15,7 @@ _GRAMMAR = Grammar(
     "pdsl",
     {
         r"^\s*(int|float|double|string|bool|enum)\s+\w+": "the name comes first: `speed float 0.5;`",
+        r"\bList\b[^{;]*\[[^\]]*\]": "a list's range has two whole numbers: `List motors [1:6] { … };`",
         r"\[[^\]]*:[^\]]*\]": "a range has no brackets: `speed float 0.5 0:2;`",
     },
 )

@@ -70,7 +70,7 @@ def test_a_deployment_is_read() -> None:
     "address", ["localhost", "10.0.0.1", "::1", "fe80::1", "192.168.1.10", '"robot.local"', "robot", "abc::def:1"]
 )
 def test_an_address_is_a_name_or_a_number(address: str) -> None:
-    assert str(instance(f"ip {address};").ip) == address.strip('"')
+    assert str(instance(f"ip {address}; port 1;").ip) == address.strip('"')
 
 
 @pytest.mark.parametrize(

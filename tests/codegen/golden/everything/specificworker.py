@@ -13,8 +13,9 @@ from .generic.genericworker import GenericWorker
 
 
 class SpecificWorker(GenericWorker):
-    """No two methods here ever run at once. While one waits for an answer from another
-    component, a handler may run.
+    """Methods Counter_… may run at any time, also several at once (`concurrent`): what
+    they share with others needs a lock. No two of the other methods here ever run at
+    once. While one waits for an answer from another component, a handler may run.
     """
 
     def initialize(self) -> None:

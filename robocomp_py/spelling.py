@@ -1,0 +1,27 @@
+"""What somebody may have meant: one rule for models, configurations and command lines."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+def closest(name: str, known: Iterable[str], *, prefix: str = "") -> str:
+    """The known name that is meant, or nothing if none is close. A prefix that many have makes none close.
+
+    Case counts only between names that differ in nothing else.
+    """
+    spellings: dict[str, list[str]] = {}
+    for each in known:
+        spellings.setdefault(each.removeprefix(prefix).lower(), []).append(each)
+    close = difflib.get_close_matches(name.removeprefix(prefix).lower(), spellings, 1, cutoff=0.7)
+    return difflib.get_close_matches(name, spellings[close[0]], 1, cutoff=0)[0] if close else ""
+
+
+def unknown(what: str, name: str, known: Iterable[str]) -> str:
+    """`unknown parameter `max_sped`; did you mean `max_speed`?`, or all there are if none is close."""
+    names = list(known)
+    near = closest(name, names)
+    return f"unknown {what} `{name}`; " + (
+        f"did you mean `{near}`?" if near else f"known: {', '.join(names) or 'none'}"
+    )

@@ -1,0 +1,120 @@
+"""What the commands share: how they end when they are interrupted, or when nobody reads on."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from robocomp_py.cli.common import command
+from robocomp_py.cli.rc import main as rc
+from robocomp_py.cli.rcgen import main as rcgen
+
+COMMANDS = {"rc": ["robocomp_py.cli.rc", "lint", "--json"], "rcgen": ["robocomp_py.cli.rcgen", "--check"]}
+PROGRAMS = pytest.mark.parametrize("program", COMMANDS)
+
+
+def started(program: str, path: Path, **streams: int) -> subprocess.Popen[str]:
+    return subprocess.Popen([sys.executable, "-m", *COMMANDS[program], str(path)], text=True, **streams)
+
+
+@PROGRAMS
+def test_nobody_who_reads_on_is_no_reason_for_a_traceback(program: str, tmp_path: Path) -> None:
+    path = tmp_path / "arm.cdsl"
+    path.write_text(f"Component arm {{ language {'Cpp' if program == 'rc' else 'python'}; }};")
+    reading, writing = os.pipe()
+    os.close(reading)
+    with started(program, path, stdout=writing, stderr=subprocess.PIPE) as running:
+        os.close(writing)
+        _, said = running.communicate()
+    assert (running.returncode, said) == (1, "")
+
+
+@PROGRAMS
+def test_ctrl_c_is_no_reason_for_a_traceback(program: str, tmp_path: Path) -> None:
+    """It comes while a model is read that does not end."""
+    path = tmp_path / "arm.cdsl"
+    os.mkfifo(path)
+    with started(program, path, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as running, path.open("w"):
+        running.send_signal(signal.SIGINT)  # the other end is open, so the command reads
+        said = running.communicate()
+    assert (running.returncode, said) == (130, ("", ""))
+
+
+@PROGRAMS
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_that_ends_a_command_lets_it_clean_up(program: str, number: signal.Signals, tmp_path: Path) -> None:
+    path = tmp_path / "arm.cdsl"
+    os.mkfifo(path)
+    with started(program, path, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as running, path.open("w"):
+        running.send_signal(number)
+        said = running.communicate()
+    assert (running.returncode, said) == (128 + number, ("", ""))
+
+
+def test_what_cleans_up_is_not_ended_by_another_signal() -> None:
+    cleaned = []
+
+    @command
+    def main(arguments: Sequence[str] | None = None) -> int:
+        try:
+            signal.raise_signal(signal.SIGTERM)
+        finally:
+            signal.raise_signal(signal.SIGTERM)
+            cleaned.append(True)
+        return 0
+
+    assert (main(), cleaned) == (143, [True])
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def test_a_signal_that_is_ignored_or_taken_care_of_stays_so() -> None:
+    received = []
+
+    @command
+    def main(arguments: Sequence[str] | None = None) -> int:
+        signal.raise_signal(signal.SIGTERM)
+        signal.raise_signal(signal.SIGHUP)
+        return 0
+
+    before = signal.signal(signal.SIGTERM, lambda *_: received.append("SIGTERM"))
+    hangup = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as `nohup` does
+    try:
+        assert (main(), received) == (0, ["SIGTERM"])
+    finally:
+        signal.signal(signal.SIGTERM, before)
+        signal.signal(signal.SIGHUP, hangup)
+
+
+@pytest.mark.parametrize("program", [*COMMANDS, "rcdeploy"])
+def test_a_working_directory_that_is_gone_is_said(program: str, tmp_path: Path) -> None:
+    module = f"robocomp_py.cli.{program}"
+    gone = f"import os; os.rmdir(os.getcwd()); from {module} import main; raise SystemExit(main(['arm.cdsl']))"
+    done = subprocess.run([sys.executable, "-P", "-c", gone], cwd=tmp_path, capture_output=True, text=True)
+    assert done.stderr == "the working directory is not there any more; change to one that is\n"
+    assert (done.returncode, done.stdout) == (1, "")
+
+
+def test_a_folder_for_imports_that_is_not_there_is_warned_about(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "arm.cdsl"
+    path.write_text("Component arm { language python; };")
+    for main, arguments in ((rc, ["lint"]), (rcgen, ["--check"])):
+        main([*arguments, "-I", str(tmp_path / "nowhere"), "-I", str(tmp_path), str(path)])
+        assert capfd.readouterr().err.endswith(f"warning: -I {tmp_path}/nowhere: there is no such folder\n")
+
+
+def test_a_command_is_a_function_of_its_arguments_to_its_exit_code() -> None:
+    @command
+    def main(arguments: Sequence[str] | None = None) -> int:
+        """What it does."""
+        return len(arguments or ())
+
+    assert (main(["a", "b"]), main()) == (2, 0)
+    assert main.__doc__ == "What it does."
