@@ -16,7 +16,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from .. import __version__
+from .. import __version__, installed
 from ..contract.component import Port
 from ..contract.interface import Operation, Verb
 from ..contract.parameters import build
@@ -371,20 +371,34 @@ def _short(path: Path) -> Path:
 
 
 def _check_middlewares(worker_class: type[Worker[Any]], chosen: Settings, document: settings.Document) -> None:
-    """Whether all that are named are installed. Raises ConfigurationError with the place of one that is not."""
-    generated = [worker_class.middleware, *(port.middleware for port in worker_class.component.ports)]
+    """Whether all that are named are installed, and those that will be used usable; the others are not imported.
+
+    Raises ConfigurationError with the place of one that is not.
+    """
     configured = {
         ("middleware",): chosen.middleware,
         **{("ports", *key, "middleware"): each.middleware for key, each in chosen.ports.items()},
     }
+    used = _middlewares(worker_class, chosen)
     for key, middleware in configured.items():
         try:
-            if middleware:
+            if middleware and (middleware in used or middleware not in installed.transports()):
                 find_transport(middleware)
         except ConfigurationError as exc:
             raise ConfigurationError(f"{document.place(key)}: {exc}") from exc
-    for middleware in filter(None, generated):
+    for middleware in sorted(used):
         find_transport(middleware)
+
+
+def _middlewares(worker_class: type[Worker[Any]], chosen: Settings) -> set[str]:
+    """Those that its operations will use, its own `CommonBehavior` among them."""
+    component, base = worker_class.component, chosen.middleware or worker_class.middleware
+    routed = {
+        chosen.port(port, operation.name).middleware or base
+        for port in component.ports
+        for operation, _ in port.interface.under(port.verb)
+    }
+    return routed | {base} if port_of(component) else routed
 
 
 def _configure_logging(chosen: Settings) -> None:

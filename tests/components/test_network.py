@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -11,6 +9,7 @@ import pytest
 import robocomp_py
 from robocomp_py.cli import rc, rcgen
 
+from . import story
 from .conftest import COMPONENTS
 
 INTERFACES = sorted((Path(robocomp_py.__file__).parent / "interfaces").glob("*.idsl"))
@@ -33,19 +32,5 @@ def test_the_generated_parts_are_what_rcgen_makes_of_the_models(capsys: pytest.C
 
 def test_the_story_has_a_good_end(tmp_path: Path) -> None:
     picture = tmp_path / "story.svg"
-    demo = [sys.executable, str(COMPONENTS / "demo.py"), "--fast", "--picture", str(picture)]
-    done = subprocess.run(demo, capture_output=True, text=True, cwd=tmp_path, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    said = done.stdout + done.stderr
-    events = (
-        "exploring",
-        "battery low",
-        "at the charging station",
-        "battery charged",
-        "found somebody",
-        "help was called",
-    )
-    places = [said.find(event) for event in events]
-    assert -1 not in places
-    assert places == sorted(places)
+    story.check(story.run(COMPONENTS / "demo.py", "--fast", "--picture", picture, cwd=tmp_path))
     assert picture.read_text().startswith("<svg")
