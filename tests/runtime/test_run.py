@@ -23,9 +23,8 @@ from robocomp_py.runtime.run import Running
 from robocomp_py.runtime.worker import Worker
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON, wait_until
-from robocomp_py.transports.base import Transport, TransportConfig, TransportFactory
+from robocomp_py.transports.base import TransportConfig, TransportFactory
 from robocomp_py.transports.inproc import InprocTransport
-from robocomp_py.transports.zeromq import ZeroMQTransport
 
 from .components import Calculator, Diary, EverythingProxy, EverythingPublisher, Pupil, Tuned
 
@@ -306,39 +305,6 @@ def test_an_interface_required_twice_gives_two_proxies(find: Any) -> None:
         running(foreman) as worker,
     ):
         assert worker.entries[:2] == ["a wall by mason", "a roof by carpenter"]
-
-
-def test_one_component_uses_several_middlewares_by_port_and_by_operation(find: Any) -> None:
-    """`divide` goes one way and the rest of the interface another; both ends agree by configuration."""
-
-    def either(name: str) -> TransportFactory:
-        if name == "zeromq":
-            return ZeroMQTransport
-        made: TransportFactory = find(name)
-        return made
-
-    opened: list[str] = []
-
-    def counting(name: str) -> TransportFactory:
-        def open_it(config: TransportConfig) -> Transport:
-            opened.append(name)
-            return either(name)(config)
-
-        return open_it
-
-    class Asker(Pupil):
-        def compute(self) -> None:
-            self.entries += [str(self.everything_proxy.divide(7, 2)), self.everything_proxy.work("done")]
-
-    server = make(Calculator, counting, "middleware=inproc", "ports.Everything.divide.middleware=zeromq")
-    client = make(Asker, counting, "ports.everything.middleware=inproc", "ports.everything.divide.middleware=zeromq")
-    with running(server), running(client) as asker:
-        wait_until(lambda: {"(3, 1)", "done"} <= set(asker.entries))
-    assert sorted(opened) == ["inproc", "inproc", "zeromq", "zeromq"]
-    crossed = make(Asker, counting, "middleware=inproc", "component.patience=0.2")
-    with running(server := make(Calculator, counting, "ports.Everything.divide.middleware=zeromq")):
-        assert not crossed.run(), "divide is served on another middleware"
-    assert server.state is State.ENDED
 
 
 def test_a_deadline_can_be_set_per_port_per_operation_and_per_call(find: Any) -> None:

@@ -1,0 +1,136 @@
+"""The same classes over every middleware, and over several of them at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robocomp_py.contract.component import Component, Port
+from robocomp_py.contract.interface import Verb
+from robocomp_py.contract.qos import PRESETS
+from robocomp_py.runtime.lifecycle import State
+from robocomp_py.testing import everything as e
+from robocomp_py.testing.patience import wait_until
+from robocomp_py.transports.base import Channel, Transport, TransportConfig, TransportFactory, find_transport
+
+from .components import Calculator, Diary, EverythingProxy, EverythingPublisher
+from .test_run import make, running
+
+MIDDLEWARES = ("inproc", "zeromq", "dds", "zenoh")
+RELIABLE = PRESETS["services_default"]
+
+
+class Station(Calculator):
+    """Serves, and publishes what it was poked with."""
+
+    component = Component(
+        "station",
+        (
+            Port(Verb.IMPLEMENTS, e.EVERYTHING),
+            Port(Verb.PUBLISHES, e.EVERYTHING, proxy=EverythingPublisher, qos=RELIABLE),
+        ),
+        period=0.005,
+    )
+    everything_proxy: EverythingPublisher
+
+    def Everything_poke(self, number: int) -> None:
+        self.everything_proxy.news(number, "poked")
+
+
+class Visitor(Diary):
+    """Asks everything there is to ask, pokes, and listens."""
+
+    component = Component(
+        "visitor",
+        (
+            Port(Verb.REQUIRES, e.EVERYTHING, proxy=EverythingProxy),
+            Port(Verb.SUBSCRIBES, e.EVERYTHING, qos=RELIABLE),
+        ),
+        period=0.005,
+    )
+    everything_proxy: EverythingProxy
+
+    def compute(self) -> None:
+        arrays = e.Arrays(floats=np.linspace(0, 1, 300_000, dtype=np.float32))
+        answered = self.everything_proxy._ask(e.echo_arrays, (arrays,), None)
+        np.testing.assert_array_equal(answered.floats, arrays.floats)
+        nested = e.Nested(by_name={"here": e.Point(1.0, 2.0)}, rows=[[e.Point(3.0, 4.0)]])
+        assert self.everything_proxy._ask(e.echo_nested, (nested,), None) == nested
+        with pytest.raises(e.Failed, match="division by zero"):
+            self.everything_proxy.divide(7, 0)
+        self.entries += [str(self.everything_proxy.divide(7, 2)), self.everything_proxy.work("done")]
+        self.everything_proxy.poke(self.entries.count("done"))
+
+    def Everything_news(self, number: int, text: str) -> None:
+        self.entries.append(f"{text} {number}")
+
+    def has_all(self) -> bool:
+        return {"(3, 1)", "done", "poked 1", "poked 2", "poked 3"} <= set(self.entries)
+
+
+class Noting:
+    """Has transports note which operations they carry."""
+
+    def __init__(self) -> None:
+        self.carried: set[tuple[str, str]] = set()
+
+    def find(self, name: str) -> TransportFactory:
+        def open_it(config: TransportConfig) -> Transport:
+            transport: Any = find_transport(name)(config)
+            for verb in ("outlet", "inlet", "caller", "server"):
+                setattr(transport, verb, self._noting(name, getattr(transport, verb)))
+            return transport  # type: ignore[no-any-return]
+
+        return open_it
+
+    def _noting(self, name: str, verb: Callable[..., Any]) -> Callable[..., Any]:
+        def noted(channel: Channel, *rest: Any) -> Any:
+            self.carried.add((channel.name.rsplit("/", 2)[1] + "." + channel.name.rsplit("/", 1)[1], name))
+            return verb(channel, *rest)
+
+        return noted
+
+
+@pytest.mark.parametrize("middleware", MIDDLEWARES)
+def test_the_same_classes_do_the_same_over_every_middleware(middleware: str) -> None:
+    chosen = f"middleware={middleware}"
+    with (
+        running(make(Station, find_transport, chosen)) as station,
+        running(make(Visitor, find_transport, chosen)) as visitor,
+    ):
+        wait_until(visitor.has_all)
+    assert (station.outcome, visitor.outcome) == (True, True)
+
+
+def test_one_component_uses_all_middlewares_at_once_by_port_and_by_operation() -> None:
+    """Most of the interface goes one way, two operations and the news others; both ends agree by configuration."""
+    noting = Noting()
+    ways = {"": "zeromq", ".divide": "dds", ".poke": "zenoh"}
+    served = [f"ports.Everything{operation}.middleware={way}" for operation, way in ways.items()]
+    asked = [f"ports.everything{operation}.middleware={way}" for operation, way in ways.items()]
+    station = make(Station, noting.find, "middleware=inproc", *served, "ports.everything.middleware=dds")
+    visitor = make(Visitor, noting.find, "middleware=inproc", *asked, "ports.Everything.middleware=dds")
+    with running(station), running(visitor) as worker:
+        wait_until(worker.has_all)
+    ours = {each for each in noting.carried if each[0].startswith("Everything.")}
+    assert ours == {
+        ("Everything.echo_nested", "zeromq"),
+        ("Everything.echo_arrays", "zeromq"),
+        ("Everything.work", "zeromq"),
+        ("Everything.divide", "dds"),
+        ("Everything.poke", "zenoh"),
+        ("Everything.news", "dds"),
+    }
+    assert {way for name, way in noting.carried - ours} == {"inproc"}, "CommonBehavior goes where nothing else is said"
+
+
+def test_who_looks_on_another_middleware_finds_nobody() -> None:
+    lost = make(Visitor, find_transport, "middleware=inproc", "component.patience=0.2")
+    with running(
+        station := make(Station, find_transport, "middleware=inproc", "ports.Everything.divide.middleware=dds")
+    ):
+        assert not lost.run()
+    assert station.state is State.ENDED
