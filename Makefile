@@ -32,6 +32,7 @@ lint: .venv/ready
 types: .venv/ready
 	$(BIN)/mypy robocomp_py
 	$(BIN)/mypy --explicit-package-bases components
+	$(BIN)/mypy examples/unixsock
 
 fix: .venv/ready  ## format, and mend what can be mended automatically
 	$(BIN)/ruff check --fix
