@@ -230,8 +230,14 @@ def _write_plan(plan: Plan, as_json: bool) -> None:
 def _run(plan: Plan, options: argparse.Namespace) -> int:
     from ..deploy.run import Options
     from ..deploy.terminal import run_on_terminal
+    from ..errors import ConfigurationError, TransportError
 
-    return run_on_terminal(plan, Options(options.duration, options.until)) if plan.processes else FINE
+    if not plan.processes:
+        return FINE
+    try:
+        return run_on_terminal(plan, Options(options.duration, options.until))
+    except (TransportError, ConfigurationError) as exc:
+        return complain(f"rcdeploy: {exc}")
 
 
 if __name__ == "__main__":

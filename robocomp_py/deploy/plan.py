@@ -52,6 +52,14 @@ class Link:
 
 
 @dataclass(frozen=True)
+class OpenedTransport:
+    """A middleware with its options; components with the same ones meet."""
+
+    middleware: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Plan:
     """A network, checked. `processes` are in an order in which they can be started."""
 
@@ -59,6 +67,8 @@ class Plan:
     middleware: str
     processes: tuple[Process, ...]
     links: tuple[Link, ...]
+    transports: tuple[OpenedTransport, ...] = ()
+    """What carries its messages, as its components will open it."""
 
     def to_json(self) -> dict[str, Any]:
         return {
@@ -141,7 +151,13 @@ class _Planner:
         processes = [self._process(node) for node in order]
         self._check_routes(nodes)
         middleware = self._overrides.middleware or (self._model.middleware.text if self._model.middleware else "")
-        return Plan(self._model.name.text, middleware, tuple(each for each in processes if each), tuple(self._links))
+        return Plan(
+            self._model.name.text,
+            middleware,
+            tuple(each for each in processes if each),
+            tuple(self._links),
+            tuple(self._transports()),
+        )
 
     # The network as a whole.
 
@@ -390,6 +406,15 @@ class _Planner:
             return
         middleware = generated_for(node.linked.path.parent)
         self._configured.append(Configured(node.name, node.component, checked, document, middleware))
+
+    def _transports(self) -> Iterator[OpenedTransport]:
+        found: list[OpenedTransport] = []
+        for each in self._configured:
+            for name in sorted(each.middlewares()):
+                opened = OpenedTransport(name, each.settings.transports.get(name, {}))
+                if opened not in found:
+                    found.append(opened)
+                    yield opened
 
     def _check_routes(self, nodes: Sequence[Node]) -> None:
         at = {node.name: node.instance.config or node.instance.name for node in nodes}

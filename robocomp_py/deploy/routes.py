@@ -53,6 +53,11 @@ class Configured:
     def middleware(self, port: Port, operation: str) -> str:
         return self.settings.port(port, operation).middleware or self.generated_for
 
+    def middlewares(self) -> set[str]:
+        """All that it will open, also for its own `CommonBehavior`."""
+        ways = {self.middleware(*at) for at in (*self.operations(providing=True), *self.operations(providing=False))}
+        return (ways | {self.settings.middleware or self.generated_for}) - {""}
+
     def origin(self, port: Port, operation: str) -> str:
         """Where that middleware was chosen, for people."""
         for key in ((port.name, operation), (port.name,)):

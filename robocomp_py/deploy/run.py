@@ -11,6 +11,7 @@ from typing import Protocol
 
 from ..contract.interface import Verb
 from ..errors import DeploymentError
+from ..transports.base import TransportConfig, host
 from .plan import Plan
 from .policy import Action, Event, Exited, Finish, GraceOver, Kill, Ready, Start, State, Stop, StopRequested, Supervisor
 from .processes import Launcher
@@ -216,7 +217,12 @@ def _how(code: int) -> str:
 
 
 def run(plan: Plan, options: Options, display: Display) -> int:
-    """`run_plan`, from code that is not asynchronous."""
-    with contextlib.suppress(asyncio.CancelledError):
+    """`run_plan`, from code that is not asynchronous, with what its middlewares need to be there first.
+
+    Raises TransportError or ConfigurationError if that cannot be had.
+    """
+    with contextlib.ExitStack() as hosted, contextlib.suppress(asyncio.CancelledError):
+        for opened in plan.transports:
+            hosted.enter_context(host(opened.middleware, TransportConfig(opened.options, f"rcdeploy {plan.name}")))
         return asyncio.run(run_plan(plan, options, display))
     return 1

@@ -20,6 +20,7 @@ import logging
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from enum import Flag, IntEnum, auto
 from typing import Any, NamedTuple, Protocol
@@ -204,6 +205,18 @@ def find_transport(name: str) -> TransportFactory:
     except ImportError as exc:
         raise ConfigurationError(f"middleware {name!r} is not usable here: {exc}") from exc
     return factory
+
+
+def host(name: str, config: TransportConfig) -> AbstractContextManager[object]:
+    """Run what components need to meet over that middleware, as long as the `with` block lasts.
+
+    Most need nothing, and have no `host`. A transport that does need something (a router, say) offers it as
+    a class method, `host(config: TransportConfig) -> AbstractContextManager`; without a deployer to call it, its
+    components have to find or run it themselves. Raises what opening the transport raises.
+    """
+    hosting: Callable[[TransportConfig], AbstractContextManager[object]] | None
+    hosting = getattr(find_transport(name), "host", None)
+    return hosting(config) if hosting else nullcontext()
 
 
 def require(transport: Transport, name: str, channel: Channel) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from robocomp_py.cli.rcgen import main as rcgen
-from robocomp_py.deploy.plan import Overrides, Plan, make_plan
+from robocomp_py.deploy.plan import OpenedTransport, Overrides, Plan, make_plan
 from robocomp_py.dsl.diagnostics import Diagnostic
 from robocomp_py.dsl.workspace import Workspace
 
@@ -375,3 +375,14 @@ def test_who_is_not_there_is_told_with_who_might_be_meant(folder: Path) -> None:
     assert found.message == (
         "`driver` (--set ports.laser.from=senser): unknown instance `senser`; did you mean `sensor`?"
     )
+
+
+def test_what_will_be_opened_is_known_with_its_options(folder: Path) -> None:
+    body, domain = "Component sensor {}; Component driver {};", ("*", "transports.dds.domain=7")
+    found, _ = plan(folder, body, Overrides("zeromq", (domain,)))
+    assert found
+    assert found.transports == (OpenedTransport("zeromq"),)
+    both = (("sensor", "ports.Laser.middleware=dds"), ("driver", "ports.laser.middleware=dds"))
+    found, _ = plan(folder, body, Overrides("zeromq", (domain, *both)))
+    assert found
+    assert found.transports == (OpenedTransport("dds", {"domain": 7}), OpenedTransport("zeromq"))

@@ -6,16 +6,19 @@ import os
 import signal
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from robocomp_py.contract.interface import Verb
-from robocomp_py.deploy.plan import Link, Plan, Process
+from robocomp_py.deploy.plan import Link, OpenedTransport, Plan, Process
 from robocomp_py.deploy.policy import State
 from robocomp_py.deploy.run import Display, Options, run
 from robocomp_py.testing.patience import SOON
+from robocomp_py.transports.base import TransportConfig
 
 FOREVER = "import signal; signal.pause()"
 NOTIFY = """
@@ -125,6 +128,28 @@ def test_who_is_killed_out_of_patience_is_not_blamed() -> None:
     told = Told(line=interrupt, stopping=interrupt)
     assert run(network(deaf=DEAF), Options(grace=SOON * 6), told) == 130
     assert told.said[-1] == ("ended", "deaf", "was killed")
+
+
+def test_what_a_middleware_needs_is_there_as_long_as_the_network(monkeypatch: pytest.MonkeyPatch) -> None:
+    told = Told()
+
+    class Hosted:
+        @staticmethod
+        @contextmanager
+        def host(config: TransportConfig) -> Iterator[None]:
+            told.line("host", f"opened for {config.owner} with {dict(config.options)}")
+            yield
+            told.line("host", "closed")
+
+    monkeypatch.setattr("robocomp_py.transports.base.find_transport", {"hosted": Hosted, "other": object}.get)
+    transports = (OpenedTransport("hosted", {"domain": 7}), OpenedTransport("other"))
+    assert run(replace(network(hello="print('hello')", notifies=False), transports=transports), Options(), told) == 0
+    lines = [said[1:] for said in told.said if said[0] == "line"]
+    assert lines == [
+        ("host", "opened for rcdeploy net with {'domain': 7}"),
+        ("hello", "hello"),
+        ("host", "closed"),
+    ]
 
 
 LEAVES_A_CHILD = """
