@@ -21,6 +21,8 @@ from ..contract.module import Constant, Module
 from ..errors import RobocompError
 from . import configuration, expressions, layout, names
 from .imports import bound_names, complete
+from .layout import printable
+from .native import native
 from .shadows import Shadows
 
 DEFAULT_MIDDLEWARE = "zeromq"
@@ -109,7 +111,8 @@ def _generic(model: Model) -> dict[str, str]:
         scopes = configuration.scopes_of(component.params)
         text = _render("params.py.j2", component=component, scopes=scopes, pdsl=model.pdsl, aliases=_Aliases())
         texts["generic/params.py"] = complete(text, [])
-    return texts
+    about = f"Generated from {printable(model.cdsl)} by rcgen {__version__}: edits are lost."
+    return texts | native(component, model.middleware, about)
 
 
 def _specific(model: Model) -> dict[str, str]:

@@ -19,7 +19,8 @@ from typing import Any, Self
 
 from .generate import Artifact, GenerationError, Owner
 
-_MARK = re.compile(rb"# Generated from (.+) by rcgen ")
+_MARK = re.compile(rb'(?:# |// |\{\n  "about": ")Generated from (.+) by rcgen ')
+"""How our files begin: Python, OMG IDL, JSON."""
 
 
 @dataclass
@@ -70,9 +71,9 @@ def compare(artifacts: Sequence[Artifact], root: Path) -> Changes:
         for artifact in artifacts:
             _add(changes, artifact, root)
         wanted = {str(artifact.path) for artifact in artifacts}
-        for path in sorted((root / "generic").glob("*.py")):
+        for path in _generated(root / "generic"):
             name = str(path.relative_to(root))
-            if name not in wanted and _is_file(path) and origin(path):
+            if name not in wanted:
                 changes.removed.append(name)
         _check_owner(artifacts, root)
     return changes
@@ -81,8 +82,18 @@ def compare(artifacts: Sequence[Artifact], root: Path) -> Changes:
 def origin(path: Path) -> str:
     """The model a file was generated from, by rcgen; "" for a file that it did not write."""
     with path.open("rb") as file:
-        found = _MARK.match(file.readline(1000))
+        found = _MARK.match(file.read(1000))
     return found[1].decode(errors="replace") if found else ""
+
+
+def _generated(generic: Path) -> list[Path]:
+    """The files that a generic part holds and rcgen wrote. Folders that are links are somebody else's."""
+    folders = [generic, *(path for path in generic.glob("*") if path.is_dir() and not path.is_symlink())]
+    files = sorted(path for folder in folders for path in folder.glob("*") if path.suffix in _SUFFIXES)
+    return [path for path in files if _is_file(path) and origin(path)]
+
+
+_SUFFIXES = {".py", ".idl", ".json"}
 
 
 def _add(changes: Changes, artifact: Artifact, root: Path) -> None:
@@ -134,6 +145,7 @@ class _Transaction:
         self._root = root
         self._made: list[Path] = []
         self._moved: list[tuple[Path, Path]] = []
+        self._left: set[Path] = set()
 
     def __enter__(self) -> Self:
         try:
@@ -158,8 +170,10 @@ class _Transaction:
             self._made.append(path)
 
     def remove(self, path: Path) -> None:
+        """Remove a file, and its folder if that was the last one in it."""
         with _refusing(path):
             self._set_aside(path)
+        self._left.add(path.parent)
 
     def __exit__(
         self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
@@ -173,6 +187,10 @@ class _Transaction:
         shutil.rmtree(self._staging, ignore_errors=True)
         if exc is not None:
             self._remove_made()
+            return
+        for folder in self._left:
+            with contextlib.suppress(OSError):  # there is something left in it
+                folder.rmdir()
 
     def _make_folders(self, folder: Path) -> None:
         missing = [each for each in (folder, *folder.parents) if not each.exists()]

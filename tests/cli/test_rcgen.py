@@ -45,6 +45,7 @@ PDSL = "ComponentParams arm { speed float 0.5 0:2; };\n"
 
 SPECIFIC = ["README.md", "__init__.py", "__main__.py", "etc/config.toml", "specificworker.py", "tests/test_arm.py"]
 GENERIC = [f"generic/{name}.py" for name in ("RoboCompArm", "RoboCompHand", "__init__", "genericworker", "params")]
+GENERIC += ["generic/zeromq/channels.json"]
 MODEL = ["Arm.idsl", "Hand.idsl", "arm.cdsl", "arm.pdsl"]
 
 Said = pytest.CaptureFixture[str]
@@ -96,7 +97,7 @@ def starts(folder: Path) -> bool:
 
 def test_a_component_is_generated_beside_its_model(cdsl: Path, capsys: Said) -> None:
     assert rcgen([str(cdsl)]) == 0
-    assert capsys.readouterr() == (f"arm: 11 written in {cdsl.parent}/ (zeromq)\n", "")
+    assert capsys.readouterr() == (f"arm: 12 written in {cdsl.parent}/ (zeromq)\n", "")
     assert sorted(snapshot(cdsl.parent)) == sorted([*MODEL, *GENERIC, *SPECIFIC])
     assert starts(cdsl.parent)
 
@@ -125,7 +126,7 @@ def test_a_network_generates_each_of_its_components(cdsl: Path, tmp_path: Path, 
     )
     assert rcgen([str(tmp_path / "net.ddsl")]) == 0
     said = capsys.readouterr().out
-    assert said == f"arm: 11 written in {cdsl.parent}/ (zeromq)\nleg: 8 written in {tmp_path}/leg/ (zeromq)\n"
+    assert said == f"arm: 12 written in {cdsl.parent}/ (zeromq)\nleg: 8 written in {tmp_path}/leg/ (zeromq)\n"
     assert starts(tmp_path / "arm")
     assert starts(tmp_path / "leg")
 
@@ -139,6 +140,29 @@ def test_the_middleware_is_chosen_once_and_kept(cdsl: Path, capsys: Said) -> Non
         specific = of(snapshot(cdsl.parent), generic=False)
         assert before in (None, specific), "not one byte of the specific part changes"
         before = specific
+
+
+def test_what_other_programs_need_is_that_of_the_middleware_chosen(arm: Path, capsys: Said) -> None:
+    """What was for another one is out of date then, and goes; what is the user's there stays."""
+    model = str(arm / "arm.cdsl")
+    (arm / "generic" / "zeromq" / "notes.json").write_text('{"mine": true}')
+    folders = {
+        "dds": ["RoboCompArm.idl", "RoboCompHand.idl", "robocomp.idl"],
+        "zenoh": ["RoboCompArm.idl"],
+        "inproc": [],
+    }
+    for middleware, types in folders.items():
+        capsys.readouterr()
+        assert rcgen(["--check", model, "--middleware", middleware]) == 1
+        assert "no longer generated: " in capsys.readouterr().out
+        assert rcgen([model, "--middleware", middleware]) == 0
+        there = {path.parent.name for path in (arm / "generic").glob("*/*") if path.suffix in (".idl", ".json")}
+        assert there == {"zeromq", middleware} - {"inproc"}
+        found = {path.name for path in (arm / "generic" / middleware).glob("*")}
+        assert found >= {*types, "channels.json"} if types else not found
+        assert rcgen(["--check", model]) == 0
+    assert [path.name for path in (arm / "generic" / "zeromq").iterdir()] == ["notes.json"]
+    assert not (arm / "generic" / "dds").exists()
 
 
 def test_an_unknown_middleware_is_refused_before_anything_is_written(cdsl: Path, capsys: Said) -> None:
@@ -167,6 +191,7 @@ def test_checking_lists_what_is_out_of_date_and_writes_nothing(arm: Path, capsys
         f"missing: {arm}/generic/RoboCompLaser.py",
         f"missing: {arm}/README.md",
         f"out of date: {arm}/generic/genericworker.py",
+        f"out of date: {arm}/generic/zeromq/channels.json",
         f"no longer generated: {arm}/generic/RoboCompHand.py",
     ]
     assert snapshot(arm) == before
@@ -275,7 +300,7 @@ def test_a_history_of_edits_ends_where_the_last_model_begins(arm: Path, tmp_path
     assert of(snapshot(arm), generic=True) == of(snapshot(tmp_path / "fresh"), generic=True)
     assert sorted(of(snapshot(arm), generic=True)) == [
         *("generic/RoboCompArms.py", "generic/RoboCompHand.py", "generic/RoboCompSpeech.py"),
-        *("generic/__init__.py", "generic/genericworker.py"),
+        *("generic/__init__.py", "generic/genericworker.py", "generic/zeromq/channels.json"),
     ]
 
 

@@ -89,6 +89,40 @@ def test_a_file_says_what_it_was_generated_from(tmp_path: Path) -> None:
     assert origin(path) == "arm.cdsl"
     path.write_text(f"\n{MARK}")
     assert origin(path) == ""
+    path.write_text(MARK.replace("#", "//"))
+    assert origin(path) == "arm.cdsl"
+    path.write_text('{\n  "about": "Generated from arm.cdsl by rcgen 0: edits are lost."\n}\n')
+    assert origin(path) == "arm.cdsl"
+    path.write_text('{\n  "mine": "Generated from arm.cdsl by rcgen 0: edits are lost."\n}\n')
+    assert origin(path) == ""
+
+
+NATIVE = (*FIRST, Artifact(PurePosixPath("generic/dds/Arm.idl"), MARK.replace("#", "//")))
+
+
+def test_a_folder_of_which_nothing_is_generated_any_more_goes(arm: Path) -> None:
+    write((arm, NATIVE))
+    assert written(arm, *FIRST).removed == ["generic/dds/Arm.idl"]
+    assert not (arm / "generic" / "dds").exists()
+
+
+@pytest.mark.parametrize("name", ["Mine.idl", "notes.txt", "sub/Arm.idl"])
+def test_a_folder_in_which_the_user_has_something_stays(arm: Path, name: str) -> None:
+    write((arm, NATIVE))
+    own_file = arm / "generic" / "dds" / name
+    own_file.parent.mkdir(exist_ok=True)
+    own_file.write_text("// mine\n")
+    assert written(arm, *FIRST).removed == ["generic/dds/Arm.idl"]
+    assert own_file.read_text() == "// mine\n"
+
+
+def test_a_folder_that_is_a_link_is_not_looked_into(arm: Path) -> None:
+    elsewhere = arm.parent / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "Arm.idl").write_text(MARK.replace("#", "//"))
+    (arm / "generic" / "dds").symlink_to(elsewhere)
+    assert written(arm, *FIRST).removed == []
+    assert (elsewhere / "Arm.idl").exists()
 
 
 # What is refused.

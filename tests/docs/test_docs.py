@@ -14,15 +14,18 @@ from pathlib import Path
 
 import pytest
 
+from robocomp_py import installed
 from robocomp_py.contract.parameters import check
 from robocomp_py.contract.qos import QoS, Reliability
 from robocomp_py.dsl.workspace import Workspace
+from robocomp_py.errors import ConfigurationError
 from robocomp_py.runtime import settings
 from robocomp_py.runtime.lifecycle import State
 from robocomp_py.runtime.RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE
 from robocomp_py.runtime.settings import LOG_LEVELS
 from robocomp_py.runtime.worker import HOOKS, Worker
 from robocomp_py.testing.patience import SOON, wait_until
+from robocomp_py.transports.base import TransportConfig, find_transport
 
 from .pages import ROOT, Command, File, blocks, steps
 
@@ -76,6 +79,35 @@ def test_the_minute_of_the_readme_works_as_written(tmp_path: Path) -> None:
     assert len(done) > 6
     for step in done:
         do(step, tmp_path)
+
+
+MIDDLEWARES = DOCS / "middlewares.md"
+
+
+def test_every_middleware_and_all_its_options_are_explained() -> None:
+    page = MIDDLEWARES.read_text(encoding="utf-8")
+    explained = dict.fromkeys(re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE), "")
+    for name, option in re.findall(r"^\| `(\w+)`: `(\w+)` \|", page, re.MULTILINE):
+        explained[name] = f"{explained[name]}, {option}".removeprefix(", ")
+    assert set(explained) == set(installed.transports())
+    for name, options in explained.items():
+        with pytest.raises(ConfigurationError, match=f"known: {options}$"):
+            find_transport(name)(TransportConfig({"nonsense": 1}))
+
+
+def test_the_choices_by_port_and_operation_are_a_configuration(tmp_path: Path) -> None:
+    [toml] = blocks(MIDDLEWARES, "toml")
+    config, cdsl = tmp_path / "config.toml", tmp_path / "arm.cdsl"
+    config.write_text(toml)
+    cdsl.write_text(
+        'import "Laser.idsl"; Component arm { language python; Communications { requires Laser(zenoh); }; };'
+    )
+    linked = Workspace().component(cdsl)
+    assert linked is not None
+    [port] = linked.component.ports
+    chosen = settings.check(linked.component, settings.read(config))
+    routes = [chosen.port(port, operation).middleware for operation in ("getLaserData", "getLaserConfData")]
+    assert (port.middleware, chosen.middleware, routes) == ("zenoh", "zeromq", ["zenoh", "dds"])
 
 
 TRANSPORTS = DOCS / "transports.md"

@@ -1,0 +1,193 @@
+"""What programs need that know nothing of us, to talk to a component: `generic/<middleware>/`.
+
+    channels.json   every channel of the component, and what travels on it (docs/native.md)
+    *.idl           the types of what travels, where they are in CDR; MessagePack's are in channels.json
+
+The names are those of a component that runs as generated, without a deployment.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from ..contract import types as t
+from ..contract.component import Component, Port
+from ..contract.interface import Operation, Pattern
+from ..wire import names
+from . import omgidl
+
+Json = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class _Use:
+    """An operation of a port, and the channel it has."""
+
+    port: Port
+    operation: Operation[Any]
+    pattern: Pattern
+    channel: str
+
+    @property
+    def messages(self) -> tuple[tuple[str, bool], ...]:
+        """What travels, and whether it comes to the component."""
+        called = not self.port.verb.has_proxy
+        match self.pattern:
+            case Pattern.PUBLISH:
+                return (("publication", called),)
+            case Pattern.COMMAND:
+                return (("request", called),)
+            case Pattern.QUERY:
+                return (("request", called), ("reply", not called))
+
+
+def native(component: Component, middleware: str, about: str) -> dict[str, str]:
+    """Texts by path, for each middleware of the component; `about` says where they come from."""
+    texts: dict[str, str] = {}
+    for name in dict.fromkeys((middleware, *filter(None, (port.middleware for port in component.ports)))):
+        uses = [use for use in _uses(component) if (use.port.middleware or middleware) == name]
+        if uses and name in _KINDS:
+            list_of = {"about": about, "component": component.name, "middleware": name}
+            files, more = _KINDS[name](uses, about)
+            files["channels.json"] = written(list_of | more) + "\n"
+            texts |= {f"generic/{name}/{file}": text for file, text in files.items()}
+    return texts
+
+
+def _uses(component: Component) -> Iterator[_Use]:
+    """Every channel once, in the order of the ports."""
+    seen = set()
+    for port in component.ports:
+        instance = component.name.lower() if port.verb.provides else names.ANY
+        segment = component.segment(port) if port.verb.provides else port.interface.short
+        for operation, pattern in port.interface.under(port.verb):
+            channel = names.channel("", instance, segment, operation.name)
+            if (port.verb, channel, port.middleware) not in seen:
+                seen.add((port.verb, channel, port.middleware))
+                yield _Use(port, operation, pattern, channel)
+
+
+def _channels(uses: Iterable[_Use], address: Callable[[_Use, str], Json]) -> list[Json]:
+    return [_described(use, address) for use in uses]
+
+
+def _described(use: _Use, address: Callable[[_Use, str], Json]) -> Json:
+    operation = use.operation
+    found: Json = {
+        "channel": use.channel,
+        "operation": f"{operation.interface}.{operation.name}",
+        "verb": use.port.verb.value,
+        "pattern": use.pattern.value,
+        "fingerprint": f"{operation.fingerprint:016x}",
+        "messages": [
+            {"kind": kind, "direction": "in" if incoming else "out", **address(use, kind), "type": _type(use, kind)}
+            for kind, incoming in use.messages
+        ],
+    }
+    if operation.raises:
+        found["raises"] = [each.name for each in operation.raises]
+    if use.pattern is Pattern.PUBLISH:
+        qos = use.port.qos
+        found["qos"] = {"reliability": qos.reliability.value, "durability": qos.durability.value, "depth": qos.depth}
+    return found
+
+
+def _type(use: _Use, kind: str) -> str:
+    match kind:
+        case "publication":
+            return omgidl.publication_name(use.operation)
+        case "request":
+            return use.operation.request.name
+        case _:
+            return use.operation.response.name
+
+
+def _structs(uses: Iterable[_Use], *, headed: bool) -> list[t.Struct]:
+    """The types of all messages."""
+    make = {"publication": omgidl.publication, "request": omgidl.request, "reply": omgidl.response}
+    return [make[kind](use.operation, headed=headed) for use in uses for kind, _ in use.messages]
+
+
+def _exceptions(uses: Iterable[_Use]) -> list[t.Struct]:
+    kinds = {kind.name: kind for use in uses for kind in use.operation.raises}
+    return [omgidl.exception(kind) for kind in kinds.values()]
+
+
+# -- the middlewares -------------------------------------------------------------------
+
+
+def _dds(uses: list[_Use], about: str) -> tuple[dict[str, str], Json]:
+    parts = (omgidl.REQUEST_HEADER, omgidl.REPLY_HEADER, omgidl.PUBLICATION_HEADER, omgidl.TIME, omgidl.FAILURE)
+    files = omgidl.idl([omgidl.CREDIT, *_structs(uses, headed=True)], [*parts, *_exceptions(uses)], about)
+    suffix = {"publication": "", "request": "Request", "reply": "Reply"}
+    channels = _channels(uses, lambda use, kind: {"topic": f"rc/{use.channel}{suffix[kind]}"})
+    return files, {"domain": 0, "idl": sorted(files), "channels": channels}
+
+
+def _zenoh(uses: list[_Use], about: str) -> tuple[dict[str, str], Json]:
+    files = omgidl.idl([omgidl.FAILURE, *_structs(uses, headed=False), *_exceptions(uses)], [omgidl.TIME], about)
+    channels = _channels(uses, lambda use, kind: {"key": f"rc/0/{use.channel}"})
+    return files, {"domain": 0, "idl": sorted(files), "attachments": _headers(uses), "channels": channels}
+
+
+def _zeromq(uses: list[_Use], about: str) -> tuple[dict[str, str], Json]:
+    frames = {
+        "publication": ["channel", "header", "payload"],
+        "request": ["channel", "header", "payload"],
+        "reply": ["header", "payload"],
+    }
+    kinds = [*_structs(uses, headed=False), *_exceptions(uses), omgidl.FAILURE]
+    more: Json = {
+        "frames": {kind: frames[kind] for kind in _headers(uses)},
+        "headers": _headers(uses),
+        "channels": _channels(uses, lambda use, kind: {}),
+        "types": {kind.name: _layout(kind) for kind in t.walk(*kinds)},
+    }
+    if twice := omgidl.ambiguous(kinds):
+        more["ambiguous"] = sorted(twice)
+    return {}, more
+
+
+def _layout(kind: t.Struct | t.Enumeration) -> Json:
+    if isinstance(kind, t.Enumeration):
+        return {"enumeration": dict(kind.members)}
+    return {"struct": [[field.name, t.spell(field.type)] for field in kind.fields]}
+
+
+_HEADERS = {
+    "publication": "version uint8, fingerprint uint64, source uint64, sequence uint64, stamp int64",
+    "request": "version uint8, flags uint8, fingerprint uint64, client uint64, sequence uint64, remaining_ms uint32",
+    "reply": "version uint8, status uint8, client uint64, sequence uint64, server uint64",
+}
+"""`wire/header.py` in other words: little-endian, unpadded."""
+
+
+def _headers(uses: Iterable[_Use]) -> Json:
+    there = {kind for use in uses for kind, _ in use.messages}
+    return {kind: [each.split() for each in text.split(", ")] for kind, text in _HEADERS.items() if kind in there}
+
+
+_KINDS = {"dds": _dds, "zenoh": _zenoh, "zeromq": _zeromq}
+
+
+# -- JSON ------------------------------------------------------------------------------
+
+WIDTH = 120
+
+
+def written(value: Any, indent: int = 0, before: int = 0) -> str:
+    """JSON as people write it: in one line what fits, with so much `before` it; else an item a line."""
+    line = json.dumps(value, ensure_ascii=False)
+    if not isinstance(value, dict | list) or (indent and indent + before + len(line) < WIDTH):
+        return line
+    margin = " " * (indent + 2)
+    if isinstance(value, list):
+        items = [written(each, indent + 2) for each in value]
+    else:
+        keys = {key: f"{json.dumps(key, ensure_ascii=False)}: " for key in value}
+        items = [f"{keys[key]}{written(each, indent + 2, len(keys[key]))}" for key, each in value.items()]
+    opening, closing = "[]" if isinstance(value, list) else "{}"
+    return opening + "\n" + ",\n".join(f"{margin}{each}" for each in items) + f"\n{' ' * indent}{closing}"

@@ -1,0 +1,358 @@
+"""Contracts as OMG IDL 4: what messages look like to programs that know nothing of us.
+
+    time         robocomp::Time {int32 sec; uint32 nanosec}
+    enumeration  int32, and constants: values may be negative, which no enum of IDL's is
+    dictionary   a sequence of {key; value}, named after the dictionary
+    empty        one octet, as ROS 2 does
+
+All types are final. A file holds what is used of one module, and includes those of other modules.
+"""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+from ..contract import types as t
+from ..contract.interface import Operation
+from .layout import printable
+from .names import module_of, short
+
+WIDTH = 100
+"""What fits on a page of IDL."""
+
+
+# -- what travels, as structs ----------------------------------------------------------
+
+OURS = "robocomp"
+"""The module of types that belong to no interface."""
+
+TIME = t.Struct(
+    f"{OURS}::Time",
+    (t.Field("sec", t.INT32), t.Field("nanosec", t.UINT32)),
+    doc="An instant: seconds since 1970, and nanoseconds from 0 to 999999999.",
+)
+FAILURE = t.Struct(
+    f"{OURS}::Failure",
+    (t.Field("type", t.STRING), t.Field("message", t.STRING), t.Field("traceback", t.STRING)),
+    doc="Why a call failed, in place of its response: a reply of status 2.",
+)
+REQUEST_HEADER = t.Struct(
+    f"{OURS}::RequestHeader",
+    (
+        t.Field("version", t.UINT8, doc="1"),
+        t.Field("flags", t.UINT8, doc="1: no reply is wanted, as for commands; 2: doing it twice does no harm"),
+        t.Field("remaining_ms", t.UINT32, doc="what is left of the caller's deadline; 0xffffffff: all the time"),
+        t.Field("fingerprint", t.UINT64, doc="of the operation"),
+        t.Field("client", t.UINT64, doc="a random number, the caller's own"),
+        t.Field("sequence", t.UINT64, doc="counts what this caller sends on this channel, from 1"),
+        t.Field("stamp", t.INT64, doc="ns since 1970"),
+    ),
+    doc="In front of every request and command.",
+)
+REPLY_HEADER = t.Struct(
+    f"{OURS}::ReplyHeader",
+    (
+        t.Field("version", t.UINT8, doc="1"),
+        t.Field(
+            "status", t.UINT8, doc="0: ok, 1: exception, 2: failure, 3: expired, 4: mismatch, 5: busy, 6: not served"
+        ),
+        t.Field("client", t.UINT64, doc="that of the request"),
+        t.Field("sequence", t.UINT64, doc="that of the request"),
+        t.Field("server", t.UINT64, doc="random, and another one after every start"),
+        t.Field("stamp", t.INT64, doc="ns since 1970"),
+    ),
+    doc="In front of every reply. If its status is not 0, the response is empty; see `error`.",
+)
+PUBLICATION_HEADER = t.Struct(
+    f"{OURS}::PublicationHeader",
+    (
+        t.Field("version", t.UINT8, doc="1"),
+        t.Field("fingerprint", t.UINT64, doc="of the operation"),
+        t.Field("source", t.UINT64, doc="a random number, the publisher's own"),
+        t.Field("sequence", t.UINT64, doc="counts what this publisher sends, from 1"),
+        t.Field("stamp", t.INT64, doc="ns since 1970"),
+    ),
+    doc="In front of every publication.",
+)
+CREDIT = t.Struct(
+    f"{OURS}::Credit",
+    (
+        t.Field("reader", t.UINT64),
+        t.Field("source", t.UINT64),
+        t.Field("sequence", t.UINT64, doc="the last message that it has taken"),
+        t.Field("window", t.UINT32, doc="how many more it has room for"),
+    ),
+    doc="How far robocomp_py's own readers of a reliable topic are. Others need not tell.",
+)
+
+_NOTHING = t.Field("structure_needs_at_least_one_member", t.UINT8)
+
+
+def publication_name(operation: Operation[Any]) -> str:
+    """`RoboCompLaserPub::LaserPubPushLaserDataPublication`: other than its request's, for an operation may be both."""
+    return f"{operation.request.name.removesuffix('Request')}Publication"
+
+
+def publication(operation: Operation[Any], *, headed: bool) -> t.Struct:
+    """What is published, with our header as its first member or without it."""
+    return _message(publication_name(operation), operation, "published", PUBLICATION_HEADER if headed else None)
+
+
+def request(operation: Operation[Any], *, headed: bool) -> t.Struct:
+    return _message(operation.request.name, operation, "asked", REQUEST_HEADER if headed else None)
+
+
+def response(operation: Operation[Any], *, headed: bool) -> t.Struct:
+    """What is answered; with our header, room for what is said instead is behind it."""
+    if not headed:
+        return _message(operation.response.name, operation, "answered", None)
+    error = t.Field("error", t.Sequence(t.UINT8))
+    return _message(operation.response.name, operation, "answered", REPLY_HEADER, error)
+
+
+def exception(kind: t.ExceptionType) -> t.Struct:
+    """What a reply holds whose status says that the operation threw."""
+    name = t.Field("exception", t.STRING, doc="its full name, and behind each `<` that of what it extends")
+    about = " ".join(filter(None, (kind.doc, "Thrown, in place of a response: a reply of status 1.")))
+    return t.Struct(kind.name, (name, *_renamed(kind.all_fields, {"exception"})), doc=about)
+
+
+def _message(name: str, operation: Operation[Any], what: str, header: t.Struct | None, *more: t.Field) -> t.Struct:
+    fields = operation.outputs if what == "answered" else operation.inputs
+    if header:
+        fields = _renamed((t.Field("header", header), *(fields or (_NOTHING,)), *more), set())
+    return t.Struct(name, fields, doc=f"{short(operation.interface)}.{operation.name}, {what}.")
+
+
+def _renamed(fields: Iterable[t.Field], taken: set[str]) -> tuple[t.Field, ...]:
+    """The fields, those whose names are taken with underscores behind."""
+    found = []
+    for field in fields:
+        name = field.name
+        while name in taken:
+            name += "_"
+        taken.add(name)
+        found.append(replace(field, name=name))
+    return tuple(found)
+
+
+def plain(kind: t.Type) -> t.Type:
+    """A type made of what IDL has: numbers, strings, sequences, structs; and enumerations, which we write as int32."""
+    match kind:
+        case t.Primitive():
+            return TIME if kind is t.TIME else kind
+        case t.Enumeration():
+            return kind
+        case t.Sequence(item):
+            return t.Sequence(plain(item))
+        case t.Dictionary(key, value, name):
+            entry = f"{name}Entry" if name else f"{OURS}::Entry_" + re.sub(r"\W+", "_", t.spell(kind))
+            return t.Sequence(t.Struct(entry, (t.Field("key", plain(key)), t.Field("value", plain(value)))))
+        case t.Struct(fields=fields):
+            return replace(kind, fields=tuple(replace(f, type=plain(f.type)) for f in fields) or (_NOTHING,))
+
+
+def ambiguous(kinds: Iterable[t.Type]) -> set[str]:
+    """The names by which these, and all that they use, mean different things; nothing forbids a model to have them."""
+    known: dict[str, t.Type] = {}
+    found: set[str] = set()
+
+    def visit(kind: t.Type) -> None:
+        if isinstance(kind, t.Struct | t.Enumeration):
+            first = known.setdefault(kind.name, kind)
+            if first is not kind:
+                if first != kind:
+                    found.add(kind.name)
+                return
+        for child in t.children(kind):
+            visit(child)
+
+    for kind in kinds:
+        visit(kind)
+    return found
+
+
+# -- files -----------------------------------------------------------------------------
+
+
+def idl(sent: Iterable[t.Type], parts: Iterable[t.Type], head: str) -> dict[str, str]:
+    """IDL files by name: types that are sent as they are, types that are parts of them, and all that these use.
+
+    `head` is the first line of every file.
+    """
+    whole, inside = list(map(plain, sent)), list(map(plain, parts))
+    kinds = list(t.walk(*inside, *whole))
+    twice = ambiguous([*inside, *whole])
+    topics = {kind.name for kind in whole if isinstance(kind, t.Struct)}
+    files = _files(kinds)
+    texts: dict[str, str] = {}
+    for stem in dict.fromkeys(files.values()):
+        mine = [kind for kind in kinds if files[module_of(kind.name)] == stem]
+        uses = {files[module_of(used.name)] for kind in mine for used in t.walk(kind)} - {stem}
+        texts[f"{stem}.idl"] = "\n".join(_file(stem, mine, sorted(uses), topics, twice, head)) + "\n"
+    return texts
+
+
+def _files(kinds: Iterable[t.Struct | t.Enumeration]) -> dict[str, str]:
+    """The file of each module: its own, but one for modules that need each other."""
+    uses: dict[str, set[str]] = {}
+    for kind in kinds:
+        uses.setdefault(module_of(kind.name), set()).update(module_of(each.name) for each in t.walk(kind))
+    for _ in uses:  # what is reached in several steps is reached at once, too
+        for reached in uses.values():
+            reached.update(*(uses[module] for module in list(reached)))
+    return {module: next(first for first in uses if first in uses[module] and module in uses[first]) for module in uses}
+
+
+def _file(
+    stem: str, kinds: list[t.Struct | t.Enumeration], uses: list[str], topics: set[str], twice: set[str], head: str
+) -> Iterator[str]:
+    yield f"// {' '.join(head.splitlines())}"
+    yield from _notes(kinds, twice)
+    yield ""
+    guard = f"{stem.upper()}_IDL"
+    yield f"#ifndef {guard}"
+    yield f"#define {guard}"
+    yield ""
+    for used in uses:
+        yield f'#include "{used}.idl"'
+    if uses:
+        yield ""
+    for module, inside in _runs(kinds):
+        yield f"module {_escaped(module)} {{"
+        names = {short(kind.name).lower() for kind in kinds if module_of(kind.name) == module}
+        for number, kind in enumerate(inside):
+            if number:
+                yield ""
+            # Where a type is called `Nested`, idlc takes the annotation for it.
+            nested = kind.name not in topics and "nested" not in names
+            lines = _constants(kind) if isinstance(kind, t.Enumeration) else _struct(kind, names, nested)
+            yield from (f"    {line}" for line in lines)
+        yield "};"
+        yield ""
+    yield f"#endif  // {guard}"
+
+
+def _runs(kinds: Iterable[t.Struct | t.Enumeration]) -> list[tuple[str, list[t.Struct | t.Enumeration]]]:
+    """Those of a module that stand together, in the order in which they need each other."""
+    runs: list[tuple[str, list[t.Struct | t.Enumeration]]] = []
+    for kind in kinds:
+        if not runs or runs[-1][0] != module_of(kind.name):
+            runs.append((module_of(kind.name), []))
+        runs[-1][1].append(kind)
+    return runs
+
+
+def _constants(kind: t.Enumeration) -> Iterator[str]:
+    yield from _comment(" ".join(filter(None, (kind.doc, "Carried as int32."))))
+    yield f"module {_escaped(short(kind.name))} {{"
+    for member, value in kind.members:
+        yield f"    const int32 {_escaped(member)} = {value};"
+    yield "};"
+
+
+def _struct(kind: t.Struct, names: set[str], nested: bool) -> Iterator[str]:
+    yield from _comment(kind.doc)
+    yield f"@final {'@nested ' if nested else ''}struct {_escaped(short(kind.name))} {{"
+    members = {field.name.lower() for field in kind.fields}
+    for field in kind.fields:
+        line = f"    {_spelled(field.type, module_of(kind.name), members, names)} {_escaped(field.name)};"
+        about = ": ".join(filter(None, (_enumeration(field.type), field.doc)))
+        comment = list(_comment(about, 12))
+        if len(comment) == 1 and len(line) + len(comment[0]) + 6 <= WIDTH:
+            yield f"{line}  {comment[0]}"
+        else:
+            yield from (f"    {each}" for each in comment)
+            yield line
+    yield "};"
+
+
+_SPELLED = {t.BOOL: "boolean", t.FLOAT32: "float", t.FLOAT64: "double"}
+
+
+def _spelled(kind: t.Type, module: str, members: set[str], names: set[str]) -> str:
+    """A type, as a member of a struct with these members in a module with these names."""
+    match kind:
+        case t.Primitive():
+            return _SPELLED.get(kind, kind.value)
+        case t.Enumeration():
+            return "int32"
+        case t.Sequence(item):
+            inside = _spelled(item, module, members, names)
+            return f"sequence<{inside}{' ' if inside.endswith('>') else ''}>"  # `>>` is something else to idlc
+        case t.Struct(name=name):
+            other, own = module_of(name), short(name)
+            path = f"{_escaped(other)}::{_escaped(own)}"
+            if other == module:
+                return f"::{path}" if own.lower() in members else _escaped(own)
+            return f"::{path}" if other.lower() in members | names else path
+        case t.Dictionary():
+            raise AssertionError(f"not plain: {kind}")
+
+
+def _enumeration(kind: t.Type) -> str:
+    """The enumeration that a member holds as a number."""
+    match kind:
+        case t.Enumeration(name=name):
+            return short(name)
+        case t.Sequence(item):
+            return _enumeration(item)
+        case _:
+            return ""
+
+
+def _comment(text: str, indent: int = 4) -> Iterator[str]:
+    for line in textwrap.wrap(printable(text), WIDTH - indent - 3, break_long_words=False, break_on_hyphens=False):
+        yield f"// {line}".rstrip("\\ ")  # a backslash would make the next line part of the comment
+
+
+# -- names -----------------------------------------------------------------------------
+
+_KEYWORDS = frozenset(
+    re.findall(
+        r"\w+",
+        """
+    abstract alias any attribute bitfield bitmask bitset boolean case char component connector const consumes context
+    custom default double emits enum eventtype exception factory false finder fixed float getraises home import in
+    inout int16 int32 int64 int8 interface local long manages map mirrorport module multiple native object octet oneway
+    out port porttype primarykey private provides public publishes raises readonly sequence setraises short string
+    struct supports switch true truncatable typedef typeid typename typeprefix uint16 uint32 uint64 uint8 union
+    unsigned uses valuebase valuetype void wchar wstring
+    """,
+    )
+)
+"""Those of IDL 4.2, in lower case: what differs from them only in case is reserved, too."""
+
+
+def _escaped(name: str) -> str:
+    """A name as IDL has to spell it: an underscore in front is no part of it."""
+    return f"_{name}" if name.lower() in _KEYWORDS or name.startswith("_") else name
+
+
+def _notes(kinds: Sequence[t.Struct | t.Enumeration], twice: set[str]) -> Iterator[str]:
+    """What compilers may say about names that the contract allows and IDL does not."""
+    same = {short(kind.name) for kind in kinds if kind.name in twice}
+    alike: set[str] = set()
+    scopes: dict[str, list[str]] = {}
+    for kind in kinds:
+        scopes.setdefault(module_of(kind.name), [module_of(kind.name)]).append(short(kind.name))
+        inside = kind.fields if isinstance(kind, t.Struct) else ()
+        members = [field.name for field in inside] or [member for member, _ in getattr(kind, "members", ())]
+        scopes[kind.name] = [short(kind.name), *members]
+    same |= {short(kind.name) for kind in kinds if short(kind.name).lower() == "final"}  # as the annotation is
+    for scope in scopes.values():
+        same |= {name for name, number in Counter(scope).items() if number > 1}
+        cases = Counter(name.lower() for name in set(scope))
+        alike |= {name for name in scope if cases[name.lower()] > 1}
+    for names, what in ((alike, _ALIKE), (same, _SAME)):
+        if names:
+            yield from _comment(f"{what}: {', '.join(sorted(names))}.", 0)
+
+
+_ALIKE = "Names that differ in case only, which idlc takes with -f case-sensitive, and other compilers may not"
+_SAME = "Names that stand for two things in one place, which IDL does not allow"
