@@ -33,6 +33,7 @@ types: .venv/ready
 	$(BIN)/mypy robocomp_py
 	$(BIN)/mypy --explicit-package-bases components
 	$(BIN)/mypy examples/unixsock
+	$(BIN)/mypy benchmarks
 
 fix: .venv/ready  ## format, and mend what can be mended automatically
 	$(BIN)/ruff check --fix
@@ -44,8 +45,8 @@ golden: .venv/ready  ## rewrite the expected files of the generator's tests; rev
 test-tools: .venv/ready  ## tests that need programs which .ci/run installs
 	$(BIN)/pytest -m tool $(ARGS)
 
-bench: .venv/ready  ## measure against the raw libraries, side by side
-	$(BIN)/python -m benchmarks
+bench: .venv/ready  ## measure against the raw libraries, side by side (ARGS=--help)
+	$(BIN)/python -m benchmarks $(ARGS)
 
 clean:  ## remove what make made
 	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .hypothesis dist build

@@ -1,0 +1,166 @@
+"""Where the time of a query goes: the bare library, our codec, calls and ports and monitor, our transport.
+
+Codecs are measured by themselves. Calls, ports and monitor are what remains of a query through a
+transport that is no more than a function call. The transport's adapter is the rest of the round trip:
+headers, deadlines, who is there, threads.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from robocomp_py.runtime import ports
+from robocomp_py.runtime.monitor import Monitor
+from robocomp_py.transports.base import Capability, Channel, Reply, Service, Statistics
+from robocomp_py.wire.cdr import TAIL, Cdr
+from robocomp_py.wire.codec import Codec
+from robocomp_py.wire.messagepack import MessagePack
+
+from . import parties, query
+from .ours import IMPLEMENTS, REQUIRES, Handlers, echo, route
+from .parties import Array, Party
+from .query import Tell, some
+from .rounds import Effort, by_turns, how_many, seconds_of, times
+from .tables import Table, octets, us
+
+SIZES = (64, 1_000_000)
+
+
+@dataclass(frozen=True)
+class Row:
+    """In µs."""
+
+    middleware: str
+    size: int
+    raw: float
+    codec: float
+    """What ours takes more than the bare one's."""
+    runtime: float
+    transport: float
+
+
+class _Shortcut:
+    """A transport that calls the service itself."""
+
+    capabilities = Capability.RELIABLE
+
+    def __init__(self, codec: Codec) -> None:
+        self.codec = codec
+        self.stats = Statistics()
+        self._service: Service | None = None
+
+    def server(self, channel: Channel, service: Service) -> _Shortcut:
+        self._service = service
+        return self
+
+    def caller(self, channel: Channel) -> _Shortcut:
+        return self
+
+    def ask(self, payload: Any, deadline: float) -> Reply:
+        assert self._service
+        reply = self._service(as_received(payload), time.monotonic() + deadline)
+        assert isinstance(reply, Reply)
+        return Reply(reply.status, as_received(reply.payload))
+
+
+def as_received(payload: Any) -> Any:
+    """A payload with room for a header comes without the tail that it was made with."""
+    return memoryview(payload)[: -len(TAIL)] if type(payload) is bytearray else payload
+
+
+def run(middlewares: Iterable[str], effort: Effort, tell: Tell) -> list[Row]:
+    chosen = [each for each in middlewares if parties.raw(each)]
+    rows = []
+    for whole in query.run(chosen, SIZES, effort, lambda text: tell(f"layers · {text}")):
+        assert whole.raw
+        bare = parties.raw(whole.middleware)
+        assert bare
+        data, codec = some(whole.size), codec_of(whole.middleware)
+        with _shortcut(codec, data) as all_but_transport:
+            calls = (_our_coding(codec, data), _raw_coding(bare, data), all_but_transport)
+            ours, its, shortcut = _medians(calls, effort)
+        coding, runtime = ours - its, shortcut - ours
+        rest = whole.ours.p50 - whole.raw.p50 - coding - runtime
+        rows.append(Row(whole.middleware, whole.size, whole.raw.p50, coding, runtime, rest))
+    return rows
+
+
+def codec_of(middleware: str) -> Codec:
+    """That of a transport, without opening one."""
+    if middleware == "zeromq":
+        return MessagePack()
+    if middleware == "zenoh":
+        return Cdr()
+    from robocomp_py.transports.dds_types import CODEC
+
+    return CODEC
+
+
+def _our_coding(codec: Codec, data: Array) -> Callable[[], object]:
+    """All that a query encodes and decodes."""
+    ask, asked = codec.encoder(echo.request, snapshot=False), codec.decoder(echo.request)
+    answer, answered = codec.encoder(echo.response), codec.decoder(echo.response)
+    return lambda: answered(as_received(answer(asked(as_received(ask((data,)))))))
+
+
+def _raw_coding(party: Party, data: Array) -> Callable[[], object]:
+    encode, decode = party.encode, party.decode
+    assert encode
+    assert decode
+    return lambda: decode(encode(decode(encode(data))))
+
+
+@contextlib.contextmanager
+def _shortcut(codec: Codec, data: Array) -> Iterator[Callable[[], object]]:
+    """A query through the shortcut, from inside a worker."""
+    transport: Any = _Shortcut(codec)
+    asking, serving = Monitor(), Monitor()
+    router = route(transport, 10)
+    ports.bind_handlers(IMPLEMENTS, Handlers(lambda _: None), router, serving)
+    proxy, _ = ports.bind_proxy(REQUIRES, router, asking)
+    asking.open()
+    serving.open()
+    try:
+        with asking.held():
+            yield partial(proxy._ask, echo, (data,), None)
+    finally:
+        asking.close()
+        serving.close()
+
+
+def _medians(calls: Sequence[Callable[[], object]], effort: Effort) -> list[float]:
+    """µs of each, measured by turns."""
+    measures = [partial(seconds_of, call, how_many(call, effort.seconds)) for call in calls]
+    return [times(rounds).p50 for rounds in by_turns(measures, effort.rounds)]
+
+
+def table(rows: list[Row]) -> Table:
+    head = ("", "array", "bare library", "+ codec", "+ calls, ports, monitor", "+ transport")
+    cells = [
+        (row.middleware, octets(row.size), us(row.raw), _more(row.codec), _more(row.runtime), _more(row.transport))
+        for row in rows
+    ]
+    return Table("layers", "where the time of a query goes", head, cells)
+
+
+def _more(microseconds: float) -> str:
+    return f"{microseconds:+.1f} µs"
+
+
+def package_codec(effort: Effort) -> Table:
+    """Of Cyclone DDS: what its Python package itself takes to code one array, which `raw` is spared."""
+    from .raw_dds import Octets, encode
+
+    rows = []
+    for size in (64, 1024, 65536, 1_000_000):
+        data = some(size)
+        sample, wire = Octets(data.tobytes()), encode(data)  # bytes are its quickest way
+        coding = (sample.serialize, partial(Octets.deserialize, wire))
+        rows.append((octets(size), *map(us, _medians(coding, effort))))
+    title = "the codec of the cyclonedds package, which `raw` does without"
+    return Table("package_codec", title, ("array", "encode", "decode"), rows, labels=1)

@@ -1,0 +1,97 @@
+"""Our framework, as a component uses it: a generated-style proxy here, a handler there."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from robocomp_py.contract.component import Port
+from robocomp_py.contract.interface import Interface, Operation, Verb
+from robocomp_py.contract.qos import QoS, Reliability
+from robocomp_py.contract.types import UINT8, Field, Sequence
+from robocomp_py.errors import Timeout
+from robocomp_py.runtime import ports
+from robocomp_py.runtime.monitor import Monitor
+from robocomp_py.transports.base import Link, Transport, TransportConfig, find_transport
+
+from .parties import PATIENCE, Array, Hear, Place
+
+BYTES = (Field("data", Sequence(UINT8)),)
+echo: Operation[Any] = Operation("Benchmark::Echo", "echo", BYTES, (Field("ret", Sequence(UINT8)),))
+news: Operation[None] = Operation("Benchmark::Topic", "news", BYTES)
+ECHO, TOPIC = Interface("Benchmark::Echo", (echo,)), Interface("Benchmark::Topic", (news,))
+
+REQUIRES, IMPLEMENTS = Port(Verb.REQUIRES, ECHO, proxy=ports.Proxy), Port(Verb.IMPLEMENTS, ECHO)
+PUBLISHES, SUBSCRIBES = Port(Verb.PUBLISHES, TOPIC, proxy=ports.Proxy), Port(Verb.SUBSCRIBES, TOPIC)
+
+
+class Handlers:
+    """What a user writes."""
+
+    def __init__(self, hear: Hear) -> None:
+        self.Topic_news = hear
+
+    def Echo_echo(self, data: Array) -> Array:
+        return data
+
+
+class Far:
+    def __init__(self, middleware: str, place: Place, hear: Hear) -> None:
+        self._transport, self._monitor = _transport(middleware, place), Monitor()
+        self._links: list[Link] = []
+        for port in (IMPLEMENTS, SUBSCRIBES):
+            router = route(self._transport, place.depth)
+            self._links += ports.bind_handlers(port, Handlers(hear), router, self._monitor)
+        self._monitor.open()
+
+    def close(self) -> None:
+        self._monitor.turn_away()
+        ports.close_all(self._links)
+        self._monitor.close()
+        self._transport.close()
+
+
+class Near:
+    """Calls from inside the worker, as `compute` does: its other handlers could run while it waits."""
+
+    def __init__(self, middleware: str, place: Place) -> None:
+        self._transport, self._monitor = _transport(middleware, place), Monitor()
+        router = route(self._transport, place.depth)
+        self._asking, asking = ports.bind_proxy(REQUIRES, router, self._monitor)
+        self._publishing, publishing = ports.bind_proxy(PUBLISHES, router, self._monitor)
+        self._links = [*asking, *publishing]
+        if not all(link.wait_peer(PATIENCE) for link in self._links):
+            raise TimeoutError(f"{middleware}: the two ends did not find each other within {PATIENCE:g} s")
+        self._monitor.open()
+        self._monitor.enter()
+
+    def ask(self, data: Array) -> Array:
+        answer: Array = self._asking._ask(echo, (data,), None)
+        return answer
+
+    def publish(self, data: Array) -> None:
+        try:
+            self._publishing._send(news, (data,), None)
+        except Timeout as exc:
+            raise TimeoutError(exc) from exc
+
+    def close(self) -> None:
+        self._monitor.leave()
+        self._monitor.turn_away()
+        ports.close_all(self._links)
+        self._monitor.close()
+        self._transport.close()
+
+
+def route(transport: Transport, depth: int) -> ports.Router:
+    qos = QoS(Reliability.RELIABLE, depth=depth)
+    return lambda port, operation: ports.Route(
+        transport, "", f"benchmark/{port.interface.short}/{operation.name}", qos, PATIENCE
+    )
+
+
+def _transport(middleware: str, place: Place) -> Transport:
+    return find_transport(middleware)(TransportConfig(options(middleware, place)))
+
+
+def options(middleware: str, place: Place) -> dict[str, Any]:
+    return {"domain": place.domain} if middleware == "dds" else {}

@@ -1,0 +1,83 @@
+"""Who is compared: a party carries arrays between two processes, by our framework or by a bare library.
+
+Its far end, in a process of its own, answers every question with the array it was asked, and
+hears a topic. Its near end, in the measuring process, asks and publishes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Protocol
+
+import numpy as np
+
+Array = np.ndarray[Any, np.dtype[np.uint8]]
+Hear = Callable[[Array], object]
+
+MIDDLEWARES = ("zeromq", "dds", "zenoh", "inproc")
+
+PATIENCE = 10.0
+"""Seconds for an answer, and until both ends have found each other; then the measurement fails."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where two ends meet. No other program meets there."""
+
+    folder: str
+    domain: int
+    """Of DDS: ours is this one, the bare library's the next."""
+    depth: int
+    """How many messages of the topic may wait for a slow reader, where that can be chosen."""
+
+
+class Far(Protocol):
+    def close(self) -> None: ...
+
+
+class Near(Protocol):
+    def ask(self, data: Array) -> Array: ...
+
+    def publish(self, data: Array) -> None:
+        """Returns when the array may be changed again; waits rather than lose a message.
+
+        May raise TimeoutError, if it waited long.
+        """
+        ...
+
+    def close(self) -> None: ...
+
+
+@dataclass(frozen=True)
+class Party:
+    far: Callable[[Place, Hear], Far]
+    """Returns when it is ready. Called in the other process, so it is something that can be pickled."""
+    near: Callable[[Place], Near]
+    """Returns when both ends have found each other."""
+    encode: Callable[[Array], Any] | None = None
+    """What `ask` does before anything is sent, and `decode` after it was received, for those who can tell."""
+    decode: Callable[[Any], Array] | None = None
+    apart: bool = True
+    """Whether the far end is in another process."""
+
+
+def ours(middleware: str) -> Party:
+    from .ours import Far, Near
+
+    return Party(partial(Far, middleware), partial(Near, middleware), apart=middleware != "inproc")
+
+
+def raw(middleware: str) -> Party | None:
+    """The bare library under one of our transports, if there is one; imported only if used."""
+    match middleware:
+        case "zeromq":
+            from . import raw_zeromq as bare
+        case "dds":
+            from . import raw_dds as bare  # type: ignore[no-redef]  # they look alike
+        case "zenoh":
+            from . import raw_zenoh as bare  # type: ignore[no-redef]
+        case _:
+            return None
+    return Party(bare.Far, bare.Near, bare.encode, bare.decode)

@@ -1,0 +1,167 @@
+"""A topic, reliable, from one process to another: how long a message takes, and how many get through.
+
+Latency is one way: a message carries the time at which it was given to `publish`, and the first thing
+that the subscriber does is to look at the clock, which is the same for all processes of a host. The next
+one is sent a millisecond after that, so nothing queues up, and everybody has gone to sleep.
+
+Throughput: messages are published one after the other, as fast as that goes; what counts is how many
+arrived, from when the first was sent to when the last one was heard. None should be lost.
+"""
+
+from __future__ import annotations
+
+import itertools
+import statistics
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import partial
+
+from .pair import MOST, Pair, stamp
+from .parties import PATIENCE, Array
+from .query import Tell, both, some
+from .rounds import Effort, Times, by_turns, how_many, ratio, times
+from .tables import Table, octets, times_as_much, us
+
+PAUSE = 0.001
+"""Seconds from the arrival of a message to the next, when latency is measured."""
+
+QUIET = 2.0
+"""Seconds without a message after which the missing ones count as lost."""
+
+LARGE, FEW, MANY = 1_000_000, 10, 1000
+"""From so many bytes on, few messages may wait for the subscriber (the default of our QoS); else many."""
+
+_LOOK = 50e-6
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Of one party."""
+
+    latency: Times
+    rate: float
+    """Messages per second."""
+    lost: int
+
+
+@dataclass(frozen=True)
+class Row:
+    middleware: str
+    size: int
+    ours: Figures | None = None
+    raw: Figures | None = None
+    latency_ratio: float | None = None
+    rate_ratio: float | None = None
+    failure: str = ""
+    """Why there are no figures."""
+
+
+@dataclass
+class _Flood:
+    """Publishes as fast as it goes. `lost` counts what did not arrive."""
+
+    pair: Pair
+    data: Array
+    count: int = 20
+    lost: int = 0
+
+    def rate(self) -> list[float]:
+        record, near, data = self.pair.record, self.pair.near, self.data
+        record.clear()
+        begun = time.monotonic_ns()
+        for _ in range(self.count):
+            stamp(data)
+            near.publish(data)
+        _settle(lambda: record.count, self.count)
+        heard = record.times()
+        self.lost += self.count - len(heard)
+        return [len(heard) / (heard[-1][1] - begun) * 1e9] if heard else [0.0]
+
+    def choose(self, seconds: float) -> None:
+        """Publish so many that it takes about so long."""
+        for _ in range(2):  # 20 say little about small ones
+            self.count = max(20, min(MOST, int(self.rate()[0] * seconds)))
+
+
+def run(middlewares: Iterable[str], sizes: Iterable[int], effort: Effort, tell: Tell) -> list[Row]:
+    rows = []
+    for middleware, size in itertools.product(middlewares, sizes):
+        tell(f"publish · {middleware} · {octets(size)}")
+        try:
+            with both(middleware, MANY if size < LARGE else FEW) as pairs:
+                rows.append(_row(middleware, size, pairs, effort))
+        except TimeoutError as exc:  # worth knowing, and no reason to keep the other figures from anybody
+            rows.append(Row(middleware, size, failure=str(exc)))
+    return rows
+
+
+def _row(middleware: str, size: int, pairs: list[Pair], effort: Effort) -> Row:
+    data = some(size)
+    counts = [how_many(partial(_latencies, pair, data, 1), effort.seconds) for pair in pairs]
+    latencies = by_turns(
+        [partial(_latencies, pair, data, count) for pair, count in zip(pairs, counts, strict=True)], effort.rounds
+    )
+    floods = [_Flood(pair, data) for pair in pairs]
+    for flood in floods:
+        flood.choose(effort.seconds)
+    rates = by_turns([flood.rate for flood in floods], effort.rounds)
+    ours, *raw = (
+        Figures(times(latency), statistics.median(each[0] for each in rate), flood.lost)
+        for latency, rate, flood in zip(latencies, rates, floods, strict=True)
+    )
+    if not raw:
+        return Row(middleware, size, ours)
+    return Row(middleware, size, ours, raw[0], ratio(*latencies), ratio(*rates))
+
+
+def _latencies(pair: Pair, data: Array, count: int) -> list[float]:
+    record = pair.record
+    record.clear()
+    for number in range(1, count + 1):
+        stamp(data)
+        pair.near.publish(data)
+        end = time.monotonic() + PATIENCE
+        while record.count < number:
+            if time.monotonic() > end:
+                raise TimeoutError("a message did not arrive")
+            time.sleep(_LOOK)
+        time.sleep(PAUSE)
+    return [(heard - sent) / 1e9 for sent, heard in record.times()]
+
+
+def _settle(count: Callable[[], int], wanted: int) -> None:
+    """Wait until all arrived, or none for a while."""
+    seen, since = -1, time.monotonic()
+    while (now := count()) < wanted and time.monotonic() - since < QUIET:
+        if now != seen:
+            seen, since = now, time.monotonic()
+        time.sleep(0.001)
+
+
+def tables(rows: list[Row]) -> list[Table]:
+    latency = ("", "array", "ours p50", "p99", "raw p50", "p99", "ratio")
+    rate = ("", "array", "ours", "", "raw", "", "ratio", "lost, ours", "raw")
+    note = "; ".join(f"{row.middleware}, {octets(row.size)}: {row.failure}" for row in rows if row.failure)
+    return [
+        Table("latency", "publish: latency, one way", latency, [_latency_cells(row) for row in rows], note=note),
+        Table("throughput", "publish: throughput, what arrived", rate, [_rate_cells(row) for row in rows], note=note),
+    ]
+
+
+def _latency_cells(row: Row) -> tuple[str, ...]:
+    found = [(us(each.latency.p50), us(each.latency.p99)) if each else ("–", "–") for each in (row.ours, row.raw)]
+    return (row.middleware, octets(row.size), *found[0], *found[1], times_as_much(row.latency_ratio))
+
+
+def _rate_cells(row: Row) -> tuple[str, ...]:
+    ours, its = (_rate(each, row.size) for each in (row.ours, row.raw))
+    lost = (str(each.lost) if each else "–" for each in (row.ours, row.raw))
+    return (row.middleware, octets(row.size), *ours, *its, times_as_much(row.rate_ratio), *lost)
+
+
+def _rate(figures: Figures | None, size: int) -> tuple[str, str]:
+    if figures is None:
+        return "–", "–"
+    megabytes = figures.rate * size / 1e6
+    return f"{figures.rate:.0f}/s", f"{megabytes:.{0 if megabytes >= 10 else 1}f} MB/s"

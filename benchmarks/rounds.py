@@ -1,0 +1,75 @@
+"""How two are compared on a machine that is never quiet: in short rounds, by turns.
+
+What disturbs one round disturbs its neighbour much the same. So the ratio of two parties is the
+median over the rounds of the ratio within each round, and that is what to look at first.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+MOST_CALLS = 5000
+"""Per round."""
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is measured: rounds per cell of a table, and seconds per round and party."""
+
+    rounds: int
+    seconds: float
+
+
+FULL, QUICK = Effort(15, 0.2), Effort(3, 0.05)
+
+
+@dataclass(frozen=True)
+class Times:
+    """In µs: the median over rounds of their medians, and the 99th percentile of all there is."""
+
+    p50: float
+    p99: float
+
+
+def by_turns(parties: Sequence[Callable[[], list[float]]], rounds: int) -> list[list[list[float]]]:
+    """What each party measured in each round. Whoever was last in a round is first in the next."""
+    found: list[list[list[float]]] = [[] for _ in parties]
+    for number in range(rounds):
+        turns = list(enumerate(parties))
+        for index, measure in turns if number % 2 == 0 else reversed(turns):
+            found[index].append(measure())
+    return found
+
+
+def seconds_of(call: Callable[[], object], count: int) -> list[float]:
+    """How long each of so many calls took."""
+    taken, now = [], time.perf_counter
+    for _ in range(count):
+        begun = now()
+        call()
+        taken.append(now() - begun)
+    return taken
+
+
+def how_many(call: Callable[[], object], seconds: float) -> int:
+    """Calls that fill so many seconds, found by calling, which also warms up."""
+    end = time.perf_counter() + seconds / 2
+    taken = seconds_of(call, 3)
+    while time.perf_counter() < end:
+        taken += seconds_of(call, 1)
+    return max(5, min(MOST_CALLS, int(seconds / statistics.median(taken))))
+
+
+def times(rounds: list[list[float]]) -> Times:
+    """Of what was measured in seconds."""
+    everything = sorted(value for each in rounds for value in each)
+    return Times(statistics.median(map(statistics.median, rounds)) * 1e6, everything[int(len(everything) * 0.99)] * 1e6)
+
+
+def ratio(ours: list[list[float]], raw: list[list[float]]) -> float:
+    """How many times as much ours took, or did."""
+    pairs = zip(ours, raw, strict=True)
+    return statistics.median(statistics.median(mine) / statistics.median(its) for mine, its in pairs)
