@@ -15,7 +15,7 @@ import msgpack
 import numpy as np
 import zmq
 
-from robocomp_py.transports.zeromq import new_socket, receive_frames, send_frames
+from robocomp_py.transports.zeromq.sockets import new_socket, receive_frames, send_frames
 from robocomp_py.wire.messagepack import APART
 
 from .parties import PATIENCE, Array, Hear, Place

@@ -23,7 +23,8 @@ from robocomp_py.testing.conformance import answering, blob, command, query, top
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, Reply, Status, TransportConfig, TypeRef
 from robocomp_py.transports.directory import runtime_dir
-from robocomp_py.transports.zeromq import ZeroMQTransport, _Subscriber
+from robocomp_py.transports.zeromq import ZeroMQTransport
+from robocomp_py.transports.zeromq.topics import Subscriber
 from robocomp_py.wire import header
 
 DIVIDE = Channel("robot/calculator/Everything/divide", Pattern.QUERY, TypeRef("", e.divide.fingerprint, e.divide.text))
@@ -311,15 +312,15 @@ def test_a_publisher_that_comes_while_a_subscription_is_opened_is_heard(
     """It comes after the subscriber has looked, and the receiving thread sees it before it knows the subscriber."""
     other = ZeroMQTransport(TransportConfig())
     outlets: list[Any] = []
-    announce = _Subscriber.announce
+    announce = Subscriber.announce
 
-    def interrupted(self: _Subscriber, address: str = "") -> None:
+    def interrupted(self: Subscriber, address: str = "") -> None:
         announce(self, address)
         outlets.append(other.outlet(topic("a/b/c")))
         version = transport.directory.version()
         wait_until(lambda: transport._known >= version)
 
-    monkeypatch.setattr(_Subscriber, "announce", interrupted)
+    monkeypatch.setattr(Subscriber, "announce", interrupted)
     link = transport.inlet(topic("a/b/c"), lambda _: None)
     assert outlets[0].wait_peer(SOON)
     assert link.wait_peer(SOON)

@@ -1,0 +1,334 @@
+"""Who commands and who calls, and the processes they ask."""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import threading
+import time
+from collections.abc import Hashable
+from concurrent.futures import Future
+from functools import partial
+from typing import TYPE_CHECKING
+
+import zmq
+
+from ...errors import (
+    Closed,
+    ContractMismatch,
+    DecodeError,
+    Timeout,
+    TransportError,
+    Unreachable,
+)
+from ...wire.codec import Payload
+from ...wire.header import (
+    Flag,
+    ReplyHeader,
+    pack_request,
+    random_id,
+    read_reply,
+)
+from ..base import (
+    Channel,
+    Reply,
+    Status,
+    TypeRef,
+    mismatch,
+)
+from ..crew import Job
+from ..pending import Pending
+from .link import Link
+from .sockets import Frames, Socket, as_transport_error, new_socket, persist, receive_frames, send_frames
+
+if TYPE_CHECKING:
+    from .transport import ZeroMQTransport
+
+log = logging.getLogger("robocomp.transport.zeromq")
+
+
+_SLICE_MS = 50
+"""A call that waits looks this often whether its server lives and its own link is open."""
+
+_TO_SERVER = {"IMMEDIATE": 1, "RECONNECT_IVL": -1, "SNDHWM": 1000, "RCVHWM": 1000}
+"""No queueing for the dead; a server that comes back has another address."""
+
+
+class Peer:
+    """The process behind an address: a shared line to it, and sockets for synchronous calls."""
+
+    def __init__(self, transport: ZeroMQTransport, member_id: str, address: str) -> None:
+        self.id, self._address, self._transport = member_id, address, transport
+        self.closed = False
+        self.callers: dict[int, Caller] = {}
+        self._lock = threading.Lock()
+        self._idle: list[zmq.Socket[bytes]] = []
+        self.line = transport.socket(zmq.DEALER, self._on_reply, **_TO_SERVER)
+        with as_transport_error(f"connecting to {address}"), self.line.lock:
+            self.line.raw.connect(address)
+
+    def alive(self) -> bool:
+        return not self.closed and self._transport.directory.alive(self.id)
+
+    def take(self) -> zmq.Socket[bytes]:
+        """A socket for the calling thread alone; it must `give` it back."""
+        with self._lock:
+            if self.closed:
+                raise Unreachable(f"{self._address}: its server left")
+            if self._idle:
+                return self._idle.pop()
+        options = _TO_SERVER | {"SNDTIMEO": _SLICE_MS, "RCVTIMEO": _SLICE_MS}
+        socket = new_socket(self._transport.context, zmq.DEALER, **options)
+        try:
+            with as_transport_error(f"connecting to {self._address}"):
+                socket.connect(self._address)
+        except TransportError:
+            socket.close()
+            raise
+        return socket
+
+    def give(self, socket: zmq.Socket[bytes]) -> None:
+        with self._lock:
+            if not self.closed:
+                self._idle.append(socket)
+                return
+        socket.close()
+
+    def close(self) -> None:
+        with self._lock:
+            self.closed = True
+            idle, self._idle = self._idle, []
+        for socket in idle:
+            socket.close()
+        self._transport.forget(self.line)
+
+    def _on_reply(self, socket: Socket) -> list[Job]:
+        jobs: list[Job] = []  # since the callbacks of a Future may take long, or ask again
+        while (frames := socket.receive()) is not None:
+            try:
+                header = read_reply(frames[0])
+            except DecodeError as exc:
+                log.warning("%s: dropped a malformed reply: %s", self._address, exc)
+                continue
+            caller = self.callers.get(header.client)
+            if caller:
+                jobs.append(partial(caller.answered, self, header, frames[1:]))
+        return jobs
+
+
+class AskingLink(Link):
+    """A link that finds the one process that serves its channel."""
+
+    def __init__(self, transport: ZeroMQTransport, channel: Channel) -> None:
+        super().__init__(transport, channel)
+        self.client, self._sequence = random_id(), itertools.count(1)
+        self._found: tuple[Peer, bytes] | None = None
+        self._found_at = -1
+        """The version of the directory in which it was found."""
+
+    def visible(self) -> bool:
+        try:
+            peer, _ = self.server(fresh=True)
+            self.still(peer)
+        except Unreachable:
+            return False
+        return True
+
+    def server(self, *, fresh: bool = False) -> tuple[Peer, bytes]:
+        """The peer that serves this channel, and the channel's name there. Raises Unreachable.
+
+        It may have stopped doing so since the directory was looked into, unless `fresh`.
+        """
+        found = self._found
+        if found and not found[0].closed and not (fresh and self.transport.directory.version() != self._found_at):
+            return found
+        self.check_open()
+        version = self.transport.directory.version()
+        self._found = None
+        for member, entry in self.counterparts(strict=True):
+            if self.transport.directory.alive(member.id):
+                found = self.transport.peer(member, entry.address), entry.channel.encode()
+                self.met(found[0])
+                self._found, self._found_at = found, version
+                return found
+        raise Unreachable(f"{self.channel.name}: nobody serves it")
+
+    def look(self) -> bool:
+        there = [(member.id, entry.channel.encode()) for member, entry in self.counterparts()]
+        found = self._found
+        if found and (found[0].id, found[1]) not in there:
+            self._found = None
+        return True
+
+    def lost(self, peer: Peer) -> bool:
+        """Whether a peer has stopped serving this channel, as one that refuses a request probably has."""
+        self.look()
+        return not (self._found and self._found[0] is peer)
+
+    def met(self, peer: Peer) -> None:
+        """A server was found."""
+
+    def still(self, peer: Peer) -> None:
+        """Raise if there is no point in waiting any longer."""
+        self.check_open()
+        if not peer.alive():
+            self.transport.drop(peer)
+            raise Unreachable(f"{self.channel.name}: its server left")
+
+    def request(self, channel: bytes, flags: int, remaining: float, payload: Payload) -> tuple[int, Frames]:
+        number = next(self._sequence)
+        header = pack_request(flags, self.channel.type.fingerprint, self.client, number, remaining)
+        return number, [channel, header, *payload]
+
+
+class CommandOutlet(AskingLink):
+    role, facing = "commands", "receives"
+
+    def __init__(self, transport: ZeroMQTransport, channel: Channel) -> None:
+        super().__init__(transport, channel)
+        self._order = threading.Lock()
+
+    def send(self, payload: Payload, deadline: float = 5.0) -> None:
+        end = time.monotonic() + deadline
+        if not self._order.acquire(timeout=max(0.0, deadline)):
+            raise Timeout(f"{self.channel.name}: another thread was still sending after {deadline:g} s")
+        try:
+            self.check_open()
+            peer, channel = self.server(fresh=True)  # nobody would tell that it does not serve this any more
+            _, frames = self.request(channel, Flag.ONEWAY, deadline, payload)
+            with as_transport_error(f"sending {self.channel.name}"):
+                sent = persist(partial(peer.line.send, frames), end, partial(self.still, peer), self.closed)
+            if not sent:
+                self.still(peer)
+                raise Timeout(f"{self.channel.name}: its server did not take the command for {deadline:g} s")
+        finally:
+            self._order.release()
+
+
+class Caller(AskingLink):
+    role, facing = "calls", "serves"
+
+    def __init__(self, transport: ZeroMQTransport, channel: Channel) -> None:
+        super().__init__(transport, channel)
+        self._pending = Pending(channel.name)
+        self._flags = Flag.IDEMPOTENT if channel.idempotent else Flag.NONE
+        self._met: dict[str, Peer] = {}
+        """Those we asked, and who may still answer."""
+
+    def met(self, peer: Peer) -> None:
+        self._met[peer.id] = peer
+        peer.callers[self.client] = self
+
+    def call(self, payload: Payload, deadline: float) -> Future[Reply]:
+        self.check_open()
+        end = time.monotonic() + deadline
+        peer, channel = self.server()
+        number, frames = self.request(channel, self._flags, deadline, payload)
+        key = peer.id, number
+        future = self._pending.add(key, deadline)
+        try:
+            with as_transport_error(f"asking {self.channel.name}"):
+                sent = persist(partial(peer.line.send, frames), end, partial(self.still, peer), self.closed)
+        except BaseException:
+            future.cancel()
+            raise
+        if not sent:
+            self._pending.fail(key, Timeout(f"{self.channel.name}: could not be asked within {deadline:g} s"))
+        self.transport.wake()
+        return future
+
+    def ask(self, payload: Payload, deadline: float) -> Reply:
+        self.check_open()
+        end = time.monotonic() + deadline
+        try:
+            while True:
+                peer, channel = self.server()
+                reply = self._ask(peer, channel, payload, end, deadline)
+                if reply.status is not Status.REFUSED or not self.lost(peer):
+                    return reply  # else it was not executed, and may be asked for where it is served now
+        except (zmq.ZMQError, TransportError) as exc:
+            self.check_open()  # what goes wrong because we are closed is that
+            if isinstance(exc, zmq.ZMQError):
+                raise TransportError(f"zeromq: asking {self.channel.name}: {exc}") from exc
+            raise
+
+    def answered(self, peer: Peer, header: ReplyHeader, payload: Frames) -> None:
+        key = peer.id, header.sequence
+        try:
+            reply = self._understood(Reply(Status(header.status), payload))
+        except ContractMismatch as exc:
+            self._pending.fail(key, exc)
+        except ValueError as exc:
+            self.malformed(exc)
+        else:
+            if reply.status is Status.REFUSED and self.lost(peer):
+                self._pending.fail(key, Unreachable(f"{self.channel.name}: its server left"))
+            else:
+                self._pending.settle(key, reply)
+
+    def tick(self) -> float | None:
+        wait = self._pending.expire(self.transport.do)
+        if len(self._pending):
+            left = Unreachable(f"{self.channel.name}: its server left")
+            for peer in [peer for peer in list(self._met.values()) if not peer.alive()]:
+                self.transport.drop(peer)
+                self._pending.fail_all(left, only=partial(_is_to, peer.id), do=self.transport.do)
+        for peer in [peer for peer in list(self._met.values()) if peer.closed]:
+            del self._met[peer.id]
+        return wait
+
+    def release(self) -> None:
+        for peer in list(self._met.values()):
+            peer.callers.pop(self.client, None)
+        self._pending.close(Closed(f"{self.channel.name}: the link is closed"))
+
+    def _ask(self, peer: Peer, channel: bytes, payload: Payload, end: float, deadline: float) -> Reply:
+        socket = peer.take()
+        try:
+            remaining = max(0.0, end - time.monotonic())
+            number, frames = self.request(channel, self._flags, remaining, payload)
+            self._send(peer, socket, frames, end, deadline)
+            while True:
+                header, answer = self._receive(peer, socket, end, deadline)
+                if header.sequence == number and header.client == self.client:
+                    return self._understood(Reply(Status(header.status), answer))
+        finally:
+            peer.give(socket)
+
+    def _send(self, peer: Peer, socket: zmq.Socket[bytes], frames: Frames, end: float, deadline: float) -> None:
+        while True:
+            try:
+                send_frames(socket, frames)
+                return
+            except zmq.Again:
+                self.still(peer)
+                if time.monotonic() >= end:
+                    raise Timeout(f"{self.channel.name}: could not be asked within {deadline:g} s") from None
+
+    def _receive(
+        self, peer: Peer, socket: zmq.Socket[bytes], end: float, deadline: float
+    ) -> tuple[ReplyHeader, Frames]:
+        while True:
+            left = end - time.monotonic()
+            if left <= 0:
+                raise Timeout(f"{self.channel.name}: no answer in {deadline:g} s")
+            try:
+                if left * 1000 < _SLICE_MS and not socket.poll(max(1, int(left * 1000))):
+                    continue
+                frames = receive_frames(socket)
+                return read_reply(frames[0]), frames[1:]
+            except zmq.Again:
+                self.still(peer)
+            except DecodeError as exc:
+                self.malformed(exc)
+
+    def _understood(self, reply: Reply) -> Reply:
+        if reply.status is Status.MISMATCH:
+            text = bytes(reply.payload[0]).decode(errors="replace") if reply.payload else ""
+            raise ContractMismatch(mismatch(self.channel, TypeRef("", 0, text)))
+        return reply
+
+
+def _is_to(peer_id: str, key: Hashable) -> bool:
+    """Whether that is the key of a call to that peer."""
+    return isinstance(key, tuple) and key[0] == peer_id

@@ -1,0 +1,191 @@
+"""Publishers and subscribers."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import logging
+import threading
+import time
+from collections import deque
+from functools import partial
+from typing import TYPE_CHECKING
+
+import zmq
+
+from ...contract.qos import History
+from ...errors import (
+    DecodeError,
+    Timeout,
+)
+from ...wire.codec import Payload
+from ...wire.header import (
+    pack_publication,
+    random_id,
+    read_publication,
+)
+from ..base import (
+    Channel,
+    Sink,
+    TypeRef,
+)
+from ..crew import Job, Lane
+from ..ledger import Ledger
+from .link import Link
+from .sockets import Frames, Socket, as_transport_error, persist
+
+if TYPE_CHECKING:
+    from .transport import ZeroMQTransport
+
+log = logging.getLogger("robocomp.transport.zeromq")
+
+BATCH = 32
+"""Messages taken from one socket before the others have their turn."""
+
+KEEP_ALL_DEPTH = 10_000
+
+
+class Publisher(Link):
+    role, facing = "publishes", "subscribes"
+    _socket: Socket | None = None
+
+    def open(self) -> None:
+        qos = self.channel.qos
+        depth = KEEP_ALL_DEPTH if qos.history is History.KEEP_ALL else max(qos.depth, 8)
+        self._name = self.channel.name.encode()
+        self._source, self._sequence = random_id(), itertools.count(1)
+        self._history: deque[Frames] = deque(maxlen=qos.depth if qos.latched else 0)
+        self._subscribers = 0
+        self._order = threading.Lock()
+        self._socket = self.transport.socket(
+            zmq.XPUB, self._on_subscription, SNDHWM=depth, XPUB_VERBOSER=1, XPUB_NODROP=int(qos.reliable)
+        )
+        path = self.transport.member.address(f"{self._source & 0xFFFFFF:06x}")
+        with as_transport_error(f"binding {path}"), self._socket.lock:
+            self._socket.raw.bind(f"ipc://{path}")
+        self.announce(f"ipc://{path}")
+
+    def send(self, payload: Payload, deadline: float = 5.0) -> None:
+        end = time.monotonic() + deadline
+        if not self._order.acquire(timeout=max(0.0, deadline)):
+            raise Timeout(f"{self.channel.name}: another thread was still sending after {deadline:g} s")
+        try:
+            self.check_open()
+            header = pack_publication(self.channel.type.fingerprint, self._source, next(self._sequence), time.time_ns())
+            frames = [self._name, header, *payload]
+            with as_transport_error(f"publishing {self.channel.name}"):
+                sent = self._send(frames) or persist(partial(self._send, frames), end, self.check_open, self.closed)
+            if not sent:
+                self.check_open()
+                raise Timeout(f"{self.channel.name}: a subscriber did not keep up for {deadline:g} s")
+        finally:
+            self._order.release()
+
+    def visible(self) -> bool:
+        self.counterparts(strict=True)
+        return self._subscribers > 0
+
+    def release(self) -> None:
+        if self._socket:
+            self.transport.forget(self._socket)
+
+    def _send(self, frames: Frames) -> bool:
+        assert self._socket
+        if not self._history.maxlen:
+            return self._socket.send(frames)
+        with self._socket.lock:  # in one go: a subscriber that comes now gets this one as news or as history
+            self._on_subscription(self._socket)
+            sent = self._socket.send(frames)
+            if sent:
+                self._history.append([frames[1], *map(bytes, frames[2:])])
+            return sent
+
+    def _on_subscription(self, socket: Socket) -> list[Job]:
+        with socket.lock:
+            while (frames := socket.receive()) is not None:
+                begins, topic = frames[0][:1] == b"\1", frames[0][1:]
+                if topic == self._name:
+                    self._subscribers += 1 if begins else -1
+                elif begins and topic[:1] == b"\0":
+                    for message in self._history:
+                        socket.send([topic, *message])
+        return []
+
+
+class Subscriber(Link):
+    role, facing = "subscribes", "publishes"
+    _socket: Socket | None = None
+
+    def __init__(self, transport: ZeroMQTransport, channel: Channel, sink: Sink) -> None:
+        super().__init__(transport, channel)
+        qos = channel.qos
+        self._depth = KEEP_ALL_DEPTH if qos.history is History.KEEP_ALL else qos.depth
+        self._lane = Lane(channel.name, sink, self._depth, lossy=not qos.reliable, stats=self.stats)
+        self._ledger = Ledger(self.stats, ordered=True)
+        self._connected: dict[str, str] = {}
+        self._paused = False
+
+    def open(self) -> None:
+        self._socket = self.transport.socket(zmq.SUB, self._on_message, RCVHWM=max(self._depth, 8), RECONNECT_IVL=-1)
+        self.look()
+        self.announce()
+
+    def look(self) -> bool:
+        assert self._socket
+        with self._socket.lock:  # also while looking: of two who look, the later one must not connect the earlier
+            there = {entry.address: entry.channel for _, entry in self.counterparts()}
+            if self._socket.closed:
+                return True
+            for address in self._connected.keys() - there.keys():
+                del self._connected[address]
+                with contextlib.suppress(zmq.ZMQError):  # it has gone, and its endpoint with it
+                    self._socket.raw.disconnect(address)
+            for address in there.keys() - self._connected.keys():
+                with as_transport_error(f"connecting to {address}"):
+                    self._socket.raw.subscribe(there[address].encode())
+                    if self.channel.qos.latched:
+                        self._socket.raw.subscribe(b"\0" + random_id().to_bytes(8, "little"))
+                    self._socket.raw.connect(address)
+                self._connected[address] = there[address]
+        self.transport.attend(self._socket)
+        return True
+
+    def visible(self) -> bool:
+        publishers = self.counterparts(strict=True)
+        return any(e.address in self._connected and self.transport.directory.alive(m.id) for m, e in publishers)
+
+    def release(self) -> None:
+        try:
+            self._lane.close()
+        finally:
+            if self._socket:
+                self.transport.forget(self._socket)
+
+    def _on_message(self, socket: Socket) -> list[Job]:
+        taken = 0
+        for _ in range(BATCH):
+            self._paused = True  # before looking: whoever makes room later sees this, and has us go on
+            self._paused = self._lane.full
+            frames = None if self._paused else socket.receive()
+            if frames is None:
+                break
+            taken += self._take(frames)
+        else:
+            self.transport.attend(socket)
+        return [self._drain] if taken else []
+
+    def _take(self, frames: Frames) -> bool:
+        try:
+            header = read_publication(frames[1] if len(frames) > 1 else b"")
+        except DecodeError as exc:
+            self.malformed(exc)
+            return False
+        if header.fingerprint != self.channel.type.fingerprint:
+            self.report_mismatch(header.source, TypeRef("", header.fingerprint))
+            return False
+        return self._ledger.admit(header.source, header.sequence) and self._lane.put(frames[2:])
+
+    def _drain(self) -> None:
+        self._lane.drain()
+        if self._paused and self._socket:
+            self.transport.attend(self._socket)
