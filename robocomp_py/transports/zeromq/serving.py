@@ -85,8 +85,7 @@ class Router:
         frames = socket.receive()
         if frames is None:
             return []
-        job = self._accept(frames)
-        self._transport.attend(socket)  # whether there is more is found out after this one was answered
+        job = self._accept(frames)  # whether there is more is found out after this one was answered
         return [job] if job else []
 
     def _accept(self, frames: Frames) -> Job | None:

@@ -30,6 +30,9 @@ LONGEST_PAUSE = 0.005
 
 Frames = list[Any]
 
+# Plain numbers: calculating with the library's enumerations takes as long as sending a frame.
+_NOBLOCK, _SNDMORE, _POLLIN, _EVENTS = int(zmq.NOBLOCK), int(zmq.SNDMORE), int(zmq.POLLIN), int(zmq.EVENTS)
+
 
 def new_socket(context: zmq.Context[Any], kind: int, **options: int) -> zmq.Socket[Any]:
     with as_transport_error("opening a socket"):
@@ -50,16 +53,19 @@ def as_transport_error(doing: str) -> Iterator[None]:
 
 def send_frames(socket: zmq.Socket[Any], frames: Frames, flags: int = 0) -> None:
     """What `send_multipart` does, in half the time."""
+    more = flags | _SNDMORE
     for frame in frames[:-1]:
-        socket.send(frame, flags | zmq.SNDMORE)
+        socket.send(frame, more)
     socket.send(frames[-1], flags)
 
 
 def receive_frames(socket: zmq.Socket[Any], flags: int = 0) -> Frames:
-    """What `recv_multipart` does, in half the time."""
-    frames: Frames = [socket.recv(flags)]
-    while socket.get(zmq.RCVMORE):
-        frames.append(socket.recv(flags))
+    """What `recv_multipart` does, in half the time: a frame knows whether more follow it, without asking the socket."""
+    frame = socket.recv(flags, copy=False)
+    frames: Frames = [frame.bytes]
+    while frame.more:
+        frame = socket.recv(flags, copy=False)
+        frames.append(frame.bytes)
     return frames
 
 
@@ -67,7 +73,8 @@ class Socket:
     """A ZeroMQ socket that several threads may use, because nothing here waits.
 
     Its file descriptor tells of input only once, and any use of the socket may swallow that; so
-    whoever used it looks whether there is some, and has it attended to.
+    whoever used it looks whether there is some, and has it attended to. Who received something
+    leaves that to the loop: most are about to send a reply, and then it is known without asking.
     """
 
     def __init__(
@@ -79,6 +86,8 @@ class Socket:
         self.closed = False
         self.awaited = False
         """Whether it will be looked at anyway."""
+        self.doubtful = False
+        """Whether there may be more input, of which nobody will be told."""
         self.on_input = on_input
         self._attend = attend
 
@@ -88,12 +97,11 @@ class Socket:
             if self.closed:
                 return False
             try:
-                send_frames(self.raw, frames, zmq.NOBLOCK)
+                send_frames(self.raw, frames, _NOBLOCK)
                 sent = True
             except zmq.Again:
                 sent = False
-            if not self.awaited and int(self.raw.get(zmq.EVENTS)) & zmq.POLLIN:
-                self._attend(self)
+            self._look()
             return sent
 
     def receive(self) -> Frames | None:
@@ -101,9 +109,22 @@ class Socket:
             if self.closed:
                 return None
             try:
-                return receive_frames(self.raw, zmq.NOBLOCK)
+                self.doubtful = True
+                return receive_frames(self.raw, _NOBLOCK)
             except zmq.Again:
+                self.doubtful = False
                 return None
+
+    def resolve(self) -> None:
+        """Have it attended to, if it may have input of which nobody was told and does have some."""
+        with self.lock:
+            if self.doubtful and not self.closed:
+                self._look()
+
+    def _look(self) -> None:
+        if not self.awaited and int(self.raw.get(_EVENTS)) & _POLLIN:
+            self._attend(self)
+        self.doubtful = False
 
     def close(self) -> None:
         with self.lock:
@@ -137,6 +158,8 @@ class Loop:
         self._poller = select.poll()
         self._sockets: dict[int, Socket] = {}
         self._ready: deque[Socket] = deque()
+        self._used: list[Socket] = []
+        """Those that had input, since this was last called."""
         self._jobs: deque[Job] = deque()
         self._next_tick = 0.0
         self._sleeping = False
@@ -182,6 +205,9 @@ class Loop:
     def receive(self) -> list[Job]:
         if time.monotonic() >= self._next_tick:
             self._next_tick = time.monotonic() + self._tick()
+        for socket in self._used:
+            socket.resolve()
+        self._used.clear()
         self._sleeping = True  # before looking at what is ready: whoever adds to it later sees this, and interrupts
         timeout = 0.0 if self._ready or self._jobs else max(0.0, self._next_tick - time.monotonic())
         events = self._poller.poll(timeout * 1000)
@@ -199,6 +225,8 @@ class Loop:
                 self._jobs.extend(socket.on_input(socket))
             except Exception:
                 log.exception("taking input")  # of one socket; the others have theirs taken
+            if socket.doubtful:
+                self._used.append(socket)
         return [self._jobs.popleft() for _ in range(len(self._jobs))]
 
     def close(self) -> None:
