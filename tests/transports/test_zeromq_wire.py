@@ -57,9 +57,9 @@ class Outsider:
         return socket
 
     def port(self) -> int:
-        """A TCP port that is free."""
+        """A TCP port that is free, and not one that the system gives to whoever connects somewhere."""
         with self.socket(zmq.ROUTER) as probe:
-            return probe.bind_to_random_port("tcp://127.0.0.1")
+            return probe.bind_to_random_port("tcp://127.0.0.1", 20_000, 32_000)
 
     def close(self) -> None:
         for socket in self._sockets:
