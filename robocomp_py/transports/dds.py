@@ -10,8 +10,11 @@ Who is there is told by the endpoints themselves: each carries its role and cont
 and a reader without room would stop all others of its process; so a reliable topic counts: its
 publisher sends no more than its readers have said they take (`Credit`).
 
+Nothing is refused by a reader: what comes in is taken at once and waits here, so many of a link and
+no more. Whom that concerns is told (`BUSY`), or finds it counted.
+
 Threads. The leader of a `Crew` waits for all readers and runs sinks and services itself. A
-synchronous call waits for its reply on its own thread (`_Desk`).
+synchronous call waits for its reply on its own thread.
 """
 
 from __future__ import annotations
@@ -21,18 +24,30 @@ import itertools
 import logging
 import os
 import queue
+import re
 import threading
 import time
-from collections.abc import Iterable
+from collections import deque
+from collections.abc import Callable
 from concurrent.futures import Future
+from dataclasses import replace
 from functools import partial
 from typing import Any, TypeVar
 
 from cyclonedds.core import Policy, Qos
 
 from ..contract.interface import Pattern
-from ..contract.qos import History
-from ..errors import Closed, ConfigurationError, ContractMismatch, DecodeError, Timeout, TransportError, Unreachable
+from ..contract.qos import Durability, History
+from ..errors import (
+    AlreadyServed,
+    Closed,
+    ConfigurationError,
+    ContractMismatch,
+    DecodeError,
+    Timeout,
+    TransportError,
+    Unreachable,
+)
 from ..wire.codec import Codec, Payload
 from ..wire.header import NO_DEADLINE, Flag, random_id
 from ..wire.names import ANY
@@ -51,7 +66,7 @@ from .base import (
     serve,
     step_aside,
 )
-from .crew import Crew, Gate, Job, Lane
+from .crew import Crew, Gate, Job, Lane, abandoned
 from .dds_bus import BLOCKING_MS, Bus, Endpoint, Reader, Writer, user_data
 from .dds_types import (
     CODEC,
@@ -72,6 +87,7 @@ from .dds_types import (
     read_request,
     reply_type,
     request_type,
+    without_tail,
 )
 from .directory import runtime_dir
 from .exclusive import Claim, claim
@@ -83,8 +99,26 @@ log = logging.getLogger("robocomp.transport.dds")
 BATCH = 32
 """Messages taken from one reader before the others have their turn."""
 
+INTAKE = 2000
+"""The same of those that would pile up in the reader while somebody is slow: more than can come in meanwhile."""
+
+STRANGERS = 100
+"""So many that mean something else by a channel's name are told about; the others are ignored."""
+
+TICK = 0.5
+"""Seconds between two looks whether somebody forgot to close us."""
+
 KEEP_ALL_DEPTH = 10_000
 COMMANDS_WAITING = 1000
+
+QUERIES_WAITING = 1000
+"""Requests that may wait at one server, or be under way there; more are turned away."""
+
+MESSAGES_WAITING = 1000
+"""Messages of a best-effort publisher that may wait for a reliable subscriber; more are dropped."""
+
+MOST_WAITING = 100_000
+"""The same of all its publishers; those who count are told before that to wait."""
 
 UNGREETED = 100
 """Messages that a subscriber gets before it has said how many it takes."""
@@ -119,35 +153,43 @@ class DDSTransport:
         self._lock = threading.RLock()
         self._links: list[_Link] = []
         self._ids: set[int] = set()
+        self.gone = "the link is closed"
         self.bus = Bus(domain, interface)
+        self.bus.on_loss = self._lose
         self.bus.endpoints.on_change = self._look
         self.bus.loop.tick = self._tick
-        self._crew = Crew("dds", self._receive, self.bus.loop.wake)
-        self._crew.start()
+        self._crew = Crew("dds", self.bus.loop.receive, self.bus.loop.wake)
+        try:
+            self._crew.start()
+        except RuntimeError as exc:
+            self._crew.close()
+            self.bus.close()
+            raise TransportError(f"dds: cannot be opened: {exc}; allow for more threads (`ulimit -u`)") from exc
 
     def outlet(self, channel: Channel) -> _Publisher | _CommandOutlet:
         kind = _Publisher if channel.pattern is Pattern.PUBLISH else _CommandOutlet
-        return self._open(kind(self, channel))
+        return self._open(lambda: kind(self, channel))
 
     def inlet(self, channel: Channel, sink: Sink) -> _Subscriber | _CommandInlet:
         kind = _Subscriber if channel.pattern is Pattern.PUBLISH else _CommandInlet
-        return self._open(kind(self, channel, sink))
+        return self._open(lambda: kind(self, channel, sink))
 
     def caller(self, channel: Channel) -> _Caller:
-        return self._open(_Caller(self, channel))
+        return self._open(lambda: _Caller(self, channel))
 
     def server(self, channel: Channel, service: Service) -> _Server:
-        return self._open(_Server(self, channel, service))
+        return self._open(lambda: _Server(self, channel, service))
 
     def close(self) -> None:
         with self._lock:
             if self.closed:
                 return
             self.closed = True
-        for link in reversed(list(self._links)):
-            link.close()
-        self._crew.close()
-        self.bus.close()
+        with contextlib.ExitStack() as everything:  # from the last line to the first, and all of it whatever fails
+            everything.callback(self.bus.close)
+            everything.callback(self._crew.close)
+            for link in list(self._links):
+                everything.callback(link.close)
 
     def new_id(self) -> int:
         """A number for a link of ours."""
@@ -165,9 +207,10 @@ class DDSTransport:
             if link in self._links:
                 self._links.remove(link)
 
-    def _open(self, link: L) -> L:
+    def _open(self, make: Callable[[], L]) -> L:
         if self.closed:
-            raise Closed("the transport is closed")
+            raise Closed(f"the transport is closed: {self.gone}" if self.bus.lost else "the transport is closed")
+        link = make()
         try:
             link.open()
             with self._lock:
@@ -181,14 +224,15 @@ class DDSTransport:
             raise Closed("the transport is closed")
         return link
 
-    # On the receiving thread, which must go on whatever happens.
+    def _lose(self) -> None:
+        """In a process forked from ours, where nothing of this works."""
+        self.closed = True
+        self._lock = threading.RLock()  # the former one may be held by a thread that is not here
+        self.gone = "it was opened before this process was forked, which has to open its own"
+        for link in self._links:
+            link.lose()
 
-    def _receive(self) -> Iterable[Job]:
-        try:
-            return self.bus.loop.receive()
-        except Exception:
-            log.exception("receiving")
-            return ()
+    # On the receiving thread, which must go on whatever happens.
 
     def _look(self) -> None:
         for link in list(self._links):
@@ -196,7 +240,11 @@ class DDSTransport:
                 link.look()
 
     def _tick(self) -> float:
-        due = float("inf")
+        if abandoned():
+            log.warning("%s: not closed at the end of the program; closing", self.owner or "dds")
+            self.close()
+            return float("inf")
+        due = time.monotonic() + TICK
         for link in list(self._links):
             with self._guarded(link):
                 due = min(due, link.tick())
@@ -245,11 +293,6 @@ def _depth(channel: Channel) -> int:
 
 
 _KEEP_ALL = Policy.History.KeepAll
-
-
-def whole(sample: bytearray | memoryview) -> bytearray:
-    """The buffer of a sample, without its tail or with it: where its header is filled in."""
-    return sample.obj if type(sample) is memoryview else sample  # type: ignore[return-value]  # of a bytearray
 
 
 class _Link:
@@ -306,10 +349,16 @@ class _Link:
         self.transport.left(self)
         with self._looking:  # so that nothing is made any more
             pass
-        self.release()
+        if not self.bus.lost:
+            self.release()
 
     def release(self) -> None:
         """Let go of what this link holds; called once, when it is closed."""
+
+    def lose(self) -> None:
+        """Be closed, in a forked process."""
+        self.closed = threading.Event()  # the locks of the former one may be held by threads that are not here
+        self.closed.set()
 
     def about(self, role: str = "", channel: str = "") -> Policy.Userdata:
         kind = self.channel.type
@@ -346,10 +395,10 @@ class _Link:
 
     def check_open(self) -> None:
         if self.closed.is_set() or self.transport.closed:
-            raise Closed(f"{self.channel.name}: the link is closed")
+            raise Closed(f"{self.channel.name}: {self.transport.gone}")
 
     def report_mismatch(self, who: object, other: TypeRef) -> None:
-        if who not in self._reported:
+        if who not in self._reported and len(self._reported) < STRANGERS:
             self._reported.add(who)
             log.error("%s", mismatch(self.channel, other))
             self.stats.mismatched += 1  # at last: who sees the count finds the reason in the log
@@ -365,6 +414,15 @@ def _type_of(endpoint: Endpoint) -> TypeRef:
     return TypeRef("", endpoint.fingerprint, endpoint.text)
 
 
+def enter(link: _Link, order: threading.Lock, deadline: float) -> None:
+    """Take the lock of those who send by a link, who may hold it until deadlines of their own."""
+    if order.acquire(blocking=False):
+        return
+    step_aside()  # what they wait for may come in by this very thread
+    if not order.acquire(timeout=max(0.0, deadline)):
+        raise Timeout(f"{link.channel.name}: another thread was still sending after {deadline:g} s")
+
+
 # -- topics -------------------------------------------------------------------
 
 
@@ -374,6 +432,7 @@ class _Publisher(_Link):
     def __init__(self, transport: DDSTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
         self._message = Message(channel.type.request)
+        self._fingerprint = channel.type.fingerprint
         self._order = threading.Lock()
         self._sent = 0
         self._writer: Writer | None = None
@@ -396,18 +455,21 @@ class _Publisher(_Link):
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
         end = time.monotonic() + deadline
         sample = self._message.sample(payload)
-        with self._order:
+        enter(self, self._order, deadline)
+        try:
             self.check_open()
             if self._credits and not self._await_credit(self._sent + 1, end):
                 raise Timeout(f"{self.channel.name}: a subscriber did not keep up for {deadline:g} s")
-            fill_publication(whole(sample), self.channel.type.fingerprint, self.id, self._sent + 1, time.time_ns())
+            fill_publication(sample, self._fingerprint, self.id, self._sent + 1, time.time_ns())
             if self._credits is None:
                 self._sent += 1  # whether it gets away or not: who hears the next one knows what is missing
-                self.stats.dropped += not self._written(sample)
-            elif self._written_within(sample, end):
+                self.stats.dropped += not self._written(without_tail(sample))
+            elif self._written_within(without_tail(sample), end):
                 self._sent += 1
             else:
                 raise Timeout(f"{self.channel.name}: the network did not take a message for {deadline:g} s")
+        finally:
+            self._order.release()
 
     def visible(self) -> bool:
         same = {endpoint.handle for endpoint in self.counterparts(strict=True)}
@@ -438,7 +500,7 @@ class _Publisher(_Link):
             if self._writer:
                 self._writer.close()
 
-    def _written(self, sample: bytearray | memoryview) -> bool:
+    def _written(self, sample: memoryview) -> bool:
         assert self._writer
         try:
             return self._writer.write(sample)
@@ -446,7 +508,7 @@ class _Publisher(_Link):
             self.check_open()
             raise
 
-    def _written_within(self, sample: bytearray | memoryview, end: float) -> bool:
+    def _written_within(self, sample: memoryview, end: float) -> bool:
         assert self._writer
         return self._written(sample) or self._writer.write_within(sample, end, self._pause)
 
@@ -501,35 +563,44 @@ class _Heard:
 
     def __init__(self, reader: Reader, credits: Writer | None) -> None:
         self.reader, self.credits = reader, credits
-        self.paused = False
+        self.news: Reader | None = None
+        """Hears publishers that keep nothing for late subscribers, whom `reader` cannot hear if we ask for that."""
         self.consumed: dict[int, int] = {}
         self.told: dict[int, int] = {}
         """By source: up to which message we said that we have consumed."""
 
+    def readers(self) -> list[Reader]:
+        return [self.reader, self.news] if self.news else [self.reader]
+
     def close(self) -> None:
-        self.reader.close()
-        if self.credits:
-            self.credits.close()
+        for each in (*self.readers(), self.credits):
+            if each:
+                each.close()
 
 
 class _Subscriber(_Link):
+    """A reliable one takes all that comes in, for its publishers know how much it takes (`Credit`).
+
+    Others than ours do not, nor do those that publish best effort; of theirs, only so many may wait.
+    """
+
     role, facing = "subscribes", "publishes"
 
     def __init__(self, transport: DDSTransport, channel: Channel, sink: Sink) -> None:
         super().__init__(transport, channel)
-        reliable = channel.qos.reliable
+        self._reliable = channel.qos.reliable
         self._sink = sink
         self._window = _depth(channel)
-        self._lane = Lane(
-            channel.name,
-            self._consume,
-            max(self._window, COMMANDS_WAITING) if reliable else self._window,
-            lossy=not reliable,
-            stats=self.stats,
-        )
+        self._intake = INTAKE if self._reliable else BATCH  # the reader of the others keeps the newest ones only
+        depth = MOST_WAITING if self._reliable else self._window
+        self._lane = Lane(channel.name, self._consume, depth, lossy=not self._reliable, stats=self.stats)
         self._message = Message(channel.type.request)
         self._ledger = Ledger(self.stats, ordered=True)
         self._heard: dict[str, _Heard] = {}
+        self._counting: dict[int, bool] = {}
+        """By publisher: whether it counts, and waits for us."""
+        self._met: set[int] = set()
+        self._put = self._consumed = 0
         self._due = float("inf")
 
     def open(self) -> None:
@@ -543,17 +614,12 @@ class _Subscriber(_Link):
                 self._unhear(name)
             for name in names - self._heard.keys():
                 self._hear(name)
-        if self.channel.qos.reliable:
+        self._counting = {endpoint.id: endpoint.reliable for endpoint in there}
+        if self._reliable:
             self._greet()
-        if self.channel.qos.latched:
-            for endpoint in there:
-                if not endpoint.latched and endpoint.id not in self._reported:
-                    self._reported.add(endpoint.id)
-                    log.error(
-                        "%s: %s does not keep messages for late subscribers, as we ask: DDS does not connect us",
-                        self.channel.name,
-                        endpoint.owner,
-                    )
+        self._met &= self._counting.keys()
+        for endpoint in there:
+            self._get_along_with(endpoint)
 
     def tick(self) -> float:
         if time.monotonic() >= self._due:
@@ -564,7 +630,7 @@ class _Subscriber(_Link):
 
     def visible(self) -> bool:
         self.counterparts(strict=True)
-        return any(heard.reader.matched() for heard in list(self._heard.values()))
+        return any(reader.matched() for heard in list(self._heard.values()) for reader in heard.readers())
 
     def release(self) -> None:
         self._lane.close()
@@ -572,33 +638,64 @@ class _Subscriber(_Link):
             self._unhear(name)
 
     def _hear(self, name: str) -> None:
-        kind = publication_type(self.channel.type.name, self.channel.type.request)
         credits = None
-        if self.channel.qos.reliable:
+        if self._reliable:
             about = self.about("credits", name)
             credits = self.bus.writer(f"rc/{name}Credit", credit_type(), _qos(_KEEP_ALL, about))
-        about = self.about("subscribes", name)
-        heard = _Heard(self.bus.reader(f"rc/{name}", kind, _topic_qos(self.channel, about)), credits)
-        self._heard[name] = heard
+        self._heard[name] = heard = _Heard(self._reader(name, self.channel), credits)
         self.bus.loop.attach(heard.reader.condition, partial(self._on_message, heard))
+
+    def _reader(self, name: str, channel: Channel) -> Reader:
+        kind = publication_type(channel.type.name, channel.type.request)
+        return self.bus.reader(f"rc/{name}", kind, _topic_qos(channel, self.about("subscribes", name)))
 
     def _unhear(self, name: str) -> None:
         heard = self._heard.pop(name)
-        self.bus.loop.detach(heard.reader.condition)
+        for reader in heard.readers():
+            self.bus.loop.detach(reader.condition)
         heard.close()
 
+    def _get_along_with(self, publisher: Endpoint) -> None:
+        """Hear as much as there is of one that offers less than we ask for, and say once what is missing."""
+        asked, name = self.channel.qos, self.channel.name
+        if asked.latched and not publisher.latched:
+            heard = self._heard.get(publisher.channel)
+            if heard and heard.news is None:
+                volatile = replace(self.channel, qos=replace(asked, durability=Durability.VOLATILE))
+                heard.news = self._reader(publisher.channel, volatile)
+                self.bus.loop.attach(heard.news.condition, partial(self._on_news, heard, heard.news))
+        if publisher.id in self._met:
+            return
+        self._met.add(publisher.id)
+        who = publisher.owner or "a publisher"
+        if asked.latched and not publisher.latched:
+            log.warning(
+                "%s: %s does not keep messages for late subscribers, as we ask; we hear what it publishes from now on. "
+                'Give its port the qos that ours has, or ours `durability = "volatile"`',
+                name,
+                who,
+            )
+        if asked.reliable and not publisher.reliable:
+            log.warning(
+                "%s: %s publishes best effort, so it does not wait while we are slow, as we ask. "
+                'Give its port the qos that ours has, or ours `reliability = "best_effort"`',
+                name,
+                who,
+            )
+
     def _on_message(self, heard: _Heard) -> list[Job]:
+        return self._deliver(heard, heard.reader.take(self._intake))
+
+    def _on_news(self, heard: _Heard, news: Reader) -> list[Job]:
+        signed = news.take_signed(self._intake)
+        otherwise = heard.reader.matched()  # whom we hear, with what they have kept, by the other reader
+        return self._deliver(heard, [sample for sample, writer in signed if writer not in otherwise])
+
+    def _deliver(self, heard: _Heard, samples: list[bytes]) -> list[Job]:
         taken = 0
-        for _ in range(BATCH):
-            if self._lane.full:
-                heard.paused = True
-                self.bus.loop.detach(heard.reader.condition)
-                break
-            samples = heard.reader.take(1 if self.channel.qos.reliable else BATCH)
-            taken += sum(self._take(heard, sample) for sample in samples)
-            if not samples or not self.channel.qos.reliable:
-                break
-        return [self._drain] if taken or heard.paused else []
+        for sample in samples:
+            taken += self._take(heard, sample)
+        return [self._lane.drain] if taken and self._lane.summon() else []
 
     def _take(self, heard: _Heard, sample: bytes) -> bool:
         try:
@@ -610,18 +707,23 @@ class _Subscriber(_Link):
         except DecodeError as exc:
             self.malformed(exc)
             return False
-        admitted = self._ledger.admit(header.source, header.sequence)
-        return admitted and self._lane.put((heard, header.source, header.sequence, payload))
-
-    def _drain(self) -> None:
-        self._lane.drain()
-        for heard in list(self._heard.values()):
-            if heard.paused:
-                heard.paused = False
-                self.bus.loop.attach(heard.reader.condition, partial(self._on_message, heard))
+        source = header.source
+        if not self._ledger.admit(source, header.sequence):
+            return False
+        if self._reliable:
+            waiting = self._put - self._consumed
+            if waiting >= self._window + MESSAGES_WAITING and not self._counting.get(source, True):
+                self.stats.dropped += 1
+                return False
+        if self._lane.put((heard, source, header.sequence, payload)):
+            self._put += 1
+            return True
+        self.stats.dropped += 1
+        return False
 
     def _consume(self, message: tuple[_Heard, int, int, Payload]) -> None:
         heard, source, sequence, payload = message
+        self._consumed += 1
         try:
             self._sink(payload)
         finally:
@@ -687,12 +789,18 @@ def _partition_of(client: int) -> str:
     return f"{client:016x}"
 
 
+def _client_of(partition: str) -> tuple[int, str]:
+    """Whose partition it is; nobody's is 0."""
+    return int(partition, 16) if re.fullmatch("[0-9a-f]{16}", partition) else 0, partition
+
+
 class _AskingLink(_Link):
     """A link that finds the one process that serves its channel."""
 
     def __init__(self, transport: DDSTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
         self._message = Message(channel.type.request)
+        self._fingerprint = channel.type.fingerprint
         self._lines: dict[str, _Line] = {}
         self._found: tuple[Endpoint, _Line] | None = None
 
@@ -741,6 +849,10 @@ class _AskingLink(_Link):
     def lost(self) -> None:
         """The server left."""
 
+    def lose(self) -> None:
+        super().lose()
+        self._found = None
+
     def release(self) -> None:
         self._found = None
         for line in self._lines.values():
@@ -758,11 +870,11 @@ class _AskingLink(_Link):
         try:
             with line.order:  # a payload may be sent by several threads at once
                 left = end - time.monotonic()
-                fill_request(whole(sample), flags, left, self.channel.type.fingerprint, self.id, number, time.time_ns())
-                if line.requests.write(sample):
+                fill_request(sample, flags, left, self._fingerprint, self.id, number, time.time_ns())
+                if line.requests.write(without_tail(sample)):
                     return True
-                sample = bytearray(sample)
-            return line.requests.write_within(sample, end, self._pause)
+                copy = bytearray(without_tail(sample))
+            return line.requests.write_within(copy, end, self._pause)
         except TransportError:
             self.check_open()
             raise
@@ -784,11 +896,14 @@ class _CommandOutlet(_AskingLink):
 
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
         end = time.monotonic() + deadline
-        with self._order:
+        enter(self, self._order, deadline)
+        try:
             _, line = self.server(end)
             if not self.write(line, payload, Flag.ONEWAY, self._sent + 1, end):
                 raise Timeout(f"{self.channel.name}: its server did not take the command for {deadline:g} s")
             self._sent += 1
+        finally:
+            self._order.release()
 
 
 _STATUSES = {status.value: status for status in Status}
@@ -823,7 +938,7 @@ class _Caller(_AskingLink):
         self._askers: dict[int, _Asker] = {}
         self._turn = threading.Lock()
         self._receiver: _Asker | None = None
-        self._crew_receives = False
+        self._crew_receives = self._asynchronous = False
         self._waiting = self.bus.waiting()
 
     def call(self, payload: Payload, deadline: float) -> Future[Reply]:
@@ -839,6 +954,7 @@ class _Caller(_AskingLink):
             future.cancel()
             raise
         with self._turn:
+            self._asynchronous = True
             if self._receiver is None:
                 self._have_crew_receive()
         self.bus.loop.due(end)
@@ -846,31 +962,36 @@ class _Caller(_AskingLink):
 
     def ask(self, payload: Payload, deadline: float) -> Reply:
         end = time.monotonic() + deadline
-        found = self.server(end)
+        found = self._found or self.server(end)
         number, asker = next(self._numbers), _Asker()
         self._askers[number] = asker
         try:
-            self._still(found)
+            if self._found is not found:
+                self._still(found)
             if not self.write(found[1], payload, self._flags, number, end):
                 raise Timeout(f"{self.channel.name}: could not be asked within {deadline:g} s")
+            del payload  # a large one makes room for the reply, which then takes no new pages from the system
             reply = self._await(asker, end)
         finally:
             del self._askers[number]
         if reply is None:
             raise Timeout(f"{self.channel.name}: no answer in {deadline:g} s")
-        return self._understood(reply)
+        return reply if reply.status is Status.OK else self._understood(reply)
 
     def tick(self) -> float:
-        wait = self._pending.expire()
+        wait = self._pending.expire(self.bus.loop.do)
         return float("inf") if wait is None else time.monotonic() + wait
 
     def lost(self) -> None:
         for line in self._lines.values():
             self._take(line)  # what it answered before it left
-        self._give_up(Unreachable)
+        self._pending.fail_all(Unreachable(self._reason(Unreachable)), do=self.bus.loop.do)
+        self._release_askers(Unreachable)
 
     def release(self) -> None:
-        self._give_up(Closed)
+        self._found = None  # first: who asks from now on is not among those who are told
+        self._pending.close(Closed(self._reason(Closed)))
+        self._release_askers(Closed)
         with self._turn:
             self._stop_crew()
         super().release()
@@ -897,8 +1018,7 @@ class _Caller(_AskingLink):
             self.check_open()
             raise Unreachable(self._reason(Unreachable))
 
-    def _give_up(self, why: type[TransportError]) -> None:
-        self._pending.fail_all(why(self._reason(why)))
+    def _release_askers(self, why: type[TransportError]) -> None:
         for asker in list(self._askers.values()):
             asker.error = why
             if asker.woken:
@@ -910,9 +1030,9 @@ class _Caller(_AskingLink):
 
     def _await(self, asker: _Asker, end: float) -> Reply | None:
         """The reply, or None if there is none in time."""
+        receives = self._takes_turn(asker)
         try:
             while True:
-                receives = self._takes_turn(asker)
                 if asker.reply is not None:
                     return asker.reply
                 if asker.error:
@@ -926,15 +1046,17 @@ class _Caller(_AskingLink):
                     assert asker.woken
                     with contextlib.suppress(queue.Empty):
                         asker.woken.get(timeout=left)
+                    receives = self._takes_turn(asker)
         finally:
             self._leave_turn(asker)
 
     def _takes_turn(self, asker: _Asker) -> bool:
-        """Whether this one receives; if not, it will be woken."""
+        """Whether this one receives, until it leaves its turn; if not, it will be woken."""
         with self._turn:
             if self._receiver is None:
                 self._receiver = asker
-                self._stop_crew()
+                if self._crew_receives:
+                    self._stop_crew()
             elif self._receiver is not asker and asker.woken is None:
                 asker.woken = queue.SimpleQueue()
             return self._receiver is asker
@@ -949,7 +1071,7 @@ class _Caller(_AskingLink):
                     self._receiver = other
                     other.woken.put(None)
                     return
-            if len(self._pending):
+            if self._asynchronous and len(self._pending):
                 self._have_crew_receive()
 
     def _have_crew_receive(self) -> None:
@@ -981,23 +1103,25 @@ class _Caller(_AskingLink):
         assert line.replies
         for sample in line.replies.take(BATCH):
             try:
-                header = read_reply(sample)
-                status = _STATUSES[header.status]
-                ok = status is Status.OK
-                payload = self._response.payload(sample, tail=True) if ok else self._response.why(sample)
+                _, status, client, number, _, _ = read_reply(sample)
+                if status == Status.OK:
+                    reply = Reply(Status.OK, self._response.payload(sample, tail=True))
+                else:
+                    reply = Reply(_STATUSES[status], self._response.why(sample))
             except (DecodeError, KeyError) as exc:
                 self.malformed(exc)
                 continue
-            if header.client == self.id:
-                self._answered(header.sequence, Reply(status, payload))
-
-    def _answered(self, number: int, reply: Reply) -> None:
-        asker = self._askers.get(number)
-        if asker:
+            if client != self.id:
+                continue
+            asker = self._askers.get(number)
+            if asker is None:
+                self.bus.loop.do(partial(self._settle, number, reply))  # its callbacks may take long, or ask again
+                continue
             asker.reply = reply
             if asker.woken:
                 asker.woken.put(None)
-            return
+
+    def _settle(self, number: int, reply: Reply) -> None:
         try:
             self._pending.settle(number, self._understood(reply))
         except ContractMismatch as exc:
@@ -1013,6 +1137,10 @@ class _Caller(_AskingLink):
 # -- commands and queries, the serving side -----------------------------------
 
 
+_Asked = tuple[Request, Payload, float]
+"""A request, what is asked, and when that expires."""
+
+
 class _ServingLink(_Link):
     ordered: bool
     claimed: Claim | None = None
@@ -1020,6 +1148,7 @@ class _ServingLink(_Link):
     def __init__(self, transport: DDSTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
         self._message = Message(channel.type.request)
+        self._fingerprint = channel.type.fingerprint
         self._ledger = Ledger(self.stats, ordered=self.ordered)
         self._requests: Reader | None = None
 
@@ -1027,13 +1156,13 @@ class _ServingLink(_Link):
         name, kind = self.channel.name, self.channel.type
         self.claimed = claim(self.transport.folder, name, self.transport.owner or "a component")
         for endpoint in self.bus.endpoints.find(self.role, name):  # on another host
-            raise TransportError(f"{name}: already served by {endpoint.owner} (pid {endpoint.pid})")
+            raise AlreadyServed(f"{name}: already served by {endpoint.owner} (pid {endpoint.pid})")
         made = request_type(kind.name, kind.request)
         self._requests = self.bus.reader(f"rc/{name}Request", made, _qos(_KEEP_ALL, self.about()))
         self.bus.loop.attach(self._requests.condition, self._on_request)
 
-    def accept(self, request: Request, payload: Payload, expires: float) -> Job | None:
-        """Take a request; what is left to do about it."""
+    def accept(self, samples: list[bytes]) -> list[Job]:
+        """Have requests wait for their turn, or turn them away; what is to be done about those that wait."""
         raise NotImplementedError
 
     def refuse(self, request: Request) -> None:
@@ -1048,17 +1177,13 @@ class _ServingLink(_Link):
 
     def _on_request(self) -> list[Job]:
         assert self._requests
-        jobs = []
-        for sample in self._requests.take(BATCH):
-            job = self._take(sample)
-            if job:
-                jobs.append(job)
-        return jobs
+        return self.accept(self._requests.take(INTAKE))
 
-    def _take(self, sample: bytes) -> Job | None:
+    def read(self, sample: bytes) -> _Asked | None:
+        """A request that means what we mean, and is new."""
         try:
             request = read_request(sample)
-            if request.fingerprint != self.channel.type.fingerprint:
+            if request.fingerprint != self._fingerprint:
                 self.report_mismatch((request.client, request.fingerprint), self._stranger(request))
                 self.refuse(request)
                 return None
@@ -1069,7 +1194,7 @@ class _ServingLink(_Link):
         if not self._ledger.admit(request.client, request.sequence):
             return None
         remaining = request.remaining_ms / 1000 if request.remaining_ms != NO_DEADLINE else float("inf")
-        return self.accept(request, payload, time.monotonic() + remaining)
+        return request, payload, time.monotonic() + remaining
 
     def _stranger(self, request: Request) -> TypeRef:
         asking = self.bus.endpoints.find(self.facing, self.channel.name)
@@ -1085,13 +1210,15 @@ class _CommandInlet(_ServingLink):
         self._sink = sink
         self._lane = Lane(channel.name, self._execute, COMMANDS_WAITING, lossy=False, stats=self.stats)
 
-    def accept(self, request: Request, payload: Payload, expires: float) -> Job | None:
-        if self._lane.put((expires, payload)):
-            return self._lane.drain
-        self.stats.dropped += 1
-        if self.stats.dropped == 1:
-            log.warning("%s: %d commands wait; dropping more", self.channel.name, COMMANDS_WAITING)
-        return None
+    def accept(self, samples: list[bytes]) -> list[Job]:
+        for sample in samples:
+            asked = self.read(sample)
+            if asked is None or self._lane.put((asked[2], asked[1])):
+                continue
+            self.stats.dropped += 1
+            if self.stats.dropped == 1:
+                log.warning("%s: %d commands wait; dropping more", self.channel.name, COMMANDS_WAITING)
+        return [self._lane.drain] if self._lane.summon() else []
 
     def release(self) -> None:
         super().release()
@@ -1106,7 +1233,11 @@ class _CommandInlet(_ServingLink):
 
 
 class _Server(_ServingLink):
-    """A reply waits until its client's reader is known: what is written before that is lost."""
+    """A reply waits until its client's reader is known: what is written before that is lost.
+
+    One request after the other is begun, and between two of them the other links have their turn,
+    however many wait here.
+    """
 
     role, facing, ordered = "serves", "calls", False
 
@@ -1116,10 +1247,21 @@ class _Server(_ServingLink):
         self._gate = Gate(channel.name)
         self._response = Message(channel.type.response)
         self._writers: dict[str, Writer] = {}
+        """By partition."""
+        self._clients: dict[int, Writer] = {}
+        """The same, by whom they reach."""
         self._others = False
         """Whether there are clients that know nothing of our partitions."""
         self._deferred: list[tuple[float, Request, bytearray]] = []
         self._order = threading.Lock()
+        self._waiting: deque[_Asked] = deque()
+        self._under_way: dict[tuple[int, int], float] = {}
+        """When those that wait or are being served expire."""
+        self._turned_away: deque[tuple[Request, float, Reply]] = deque(maxlen=QUERIES_WAITING)
+        self._full_until = 0.0
+        """When the next of those under way expires, if there were too many when we last looked."""
+        self._beginning = self._refusing = False
+        """Whether somebody will call `_begin`, and `_send_refusals`."""
 
     def open(self) -> None:
         super().open()
@@ -1133,10 +1275,11 @@ class _Server(_ServingLink):
             self._writers.pop(gone).close()
         for new in partitions - self._writers.keys():
             self._writers[new] = self._writer(new)
+        self._clients = {client: self._writers[name] for client, name in map(_client_of, partitions) if client}
         with self._order:
             deferred, self._deferred = self._deferred, []
         for expires, request, sample in deferred:
-            writer = self._writers.get(_partition_of(request.client))
+            writer = self._clients.get(request.client)
             if writer:
                 writer.write(sample)  # to a reader that has just come: there is room
             else:
@@ -1149,13 +1292,37 @@ class _Server(_ServingLink):
             self._deferred = [each for each in self._deferred if each[0] > now]
             return min((expires for expires, _, _ in self._deferred), default=float("inf"))
 
-    def accept(self, request: Request, payload: Payload, expires: float) -> Job | None:
-        return partial(self._serve, request, payload, expires)
+    def accept(self, samples: list[bytes]) -> list[Job]:
+        for sample in samples:
+            asked = self.read(sample)
+            if asked is None:
+                continue
+            request, _, expires = asked
+            if len(self._under_way) >= QUERIES_WAITING and not self._forget_expired():
+                self.stats.dropped += 1
+                self._turned_away.append((request, expires, Reply(Status.BUSY)))
+                continue
+            self._under_way[request.client, request.sequence] = expires
+            if len(samples) == 1 and not self._waiting:
+                return [partial(self._serve, asked)]  # as it is nearly always
+            self._waiting.append(asked)
+        return self._jobs()
 
     def refuse(self, request: Request) -> None:
         if not request.flags & Flag.ONEWAY:
             text = dressed(self.channel.type.text.encode())
-            self._answer(request, time.monotonic() + PATIENCE, Reply(Status.MISMATCH, text))
+            self._turned_away.append((request, time.monotonic() + PATIENCE, Reply(Status.MISMATCH, text)))
+
+    def _jobs(self) -> list[Job]:
+        """What is to be done, and is not being done."""
+        jobs: list[Job] = []
+        if self._waiting and not self._beginning:
+            self._beginning = True
+            jobs.append(self._begin)
+        if self._turned_away and not self._refusing:
+            self._refusing = True
+            jobs.append(self._send_refusals)
+        return jobs
 
     def release(self) -> None:
         if self._requests:
@@ -1165,7 +1332,39 @@ class _Server(_ServingLink):
             writer.close()  # before the reader, whose leaving tells callers that nothing will come any more
         super().release()
 
-    def _serve(self, request: Request, payload: Payload, expires: float) -> None:
+    def _begin(self) -> None:
+        """Serve the one that came first, and have the next one begun, by whoever receives then."""
+        try:
+            asked = self._waiting.popleft()
+        except IndexError:  # another thread was quicker
+            return
+        finally:
+            self._beginning = False  # before looking for more: who adds some later sees this
+            if self._waiting:
+                for job in self._jobs():
+                    self.bus.loop.do(job)
+        self._serve(asked)
+
+    def _send_refusals(self) -> None:
+        self._refusing = False
+        with contextlib.suppress(IndexError):  # another thread sends them, too
+            while True:
+                self._answer(*self._turned_away.popleft())
+
+    def _forget_expired(self) -> bool:
+        """Whether some requests that were never answered need not be counted any more."""
+        now = time.monotonic()
+        if now < self._full_until:
+            return False
+        under_way = list(self._under_way.items())
+        for key, expires in under_way:
+            if expires <= now:
+                self._under_way.pop(key, None)
+        self._full_until = min((expires for _, expires in under_way if expires > now), default=0.0)
+        return len(self._under_way) < QUERIES_WAITING
+
+    def _serve(self, asked: _Asked) -> None:
+        request, payload, expires = asked
         answer = partial(self._answer, request, expires)
         if not self._gate.enter():
             answer(Reply(Status.REFUSED))
@@ -1181,9 +1380,10 @@ class _Server(_ServingLink):
             self._gate.leave()
 
     def _answer(self, request: Request, expires: float, reply: Reply) -> None:
+        self._under_way.pop((request.client, request.sequence), None)
         try:
             if reply.status is Status.OK:
-                sample = whole(self._response.sample(reply.payload, tail=True))
+                sample = self._response.sample(reply.payload)
             else:
                 sample = self._response.failure(reply.payload)
             with self._order:  # a service may answer several with the same payload
@@ -1195,7 +1395,7 @@ class _Server(_ServingLink):
                     self.transport.incarnation,
                     time.time_ns(),
                 )
-                writer = self._writers.get(_partition_of(request.client))
+                writer = self._clients.get(request.client)
                 if writer and writer.write(sample):
                     return
                 sample = bytearray(sample)
@@ -1208,15 +1408,22 @@ class _Server(_ServingLink):
         """Send a reply for which there was no room, or no way to the client."""
         now = time.monotonic()
         expires = max(now + SOON, min(expires, now + PATIENCE))
-        writer = self._writers.get(_partition_of(request.client))
+        writer = self._clients.get(request.client)
         if writer is None:
             if self._others:
                 self._writers[""].write(sample)
             with self._order:
                 self._deferred.append((expires, request, sample))
+                if len(self._deferred) > QUERIES_WAITING:
+                    del self._deferred[0]
+                    self.stats.dropped += 1
             self.bus.loop.due(expires)
-        elif not writer.write_within(sample, expires, self.check_open):
+        elif not writer.write_within(sample, expires, self._pause):
             log.warning("%s: a reply was dropped: who asked does not take it", self.channel.name)
+
+    def _pause(self) -> None:
+        self.check_open()
+        step_aside()
 
     def _writer(self, partition: str) -> Writer:
         kind = self.channel.type

@@ -10,12 +10,20 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import fcntl
 import json
 import logging
 import os
+import re
+import socket
+import struct
+import subprocess
+import sys
 import threading
 import time
+import weakref
 import zlib
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -50,11 +58,12 @@ BLOCKING_MS = 2
 LARGE = 32 * 1024
 """From so many bytes on, writing a sample takes longer than letting other threads run meanwhile."""
 
+KEPT = 32 * 1024 * 1024
+"""Bytes that a process keeps for large messages after the first one, rather than ask for them with each."""
+
 _ANY = SampleState.Any | ViewState.Any | InstanceState.Any
 _TIMEOUT = DDSException.DDS_RETCODE_TIMEOUT
-_DELETED = (DDSException.DDS_RETCODE_BAD_PARAMETER, DDSException.DDS_RETCODE_ALREADY_DELETED)
 _FOREVER = 2**63 - 1
-_NEVER = float("inf")
 
 
 class _Container(ctypes.Structure):
@@ -121,7 +130,7 @@ def _forget(entity: Entity) -> None:
 # -- domains ------------------------------------------------------------------
 
 
-def settings(interface: str) -> dict[tuple[str, str], str]:
+def settings(interface: str, domain: int = 0) -> dict[tuple[str, str], str]:
     """Our configuration of a domain: elements by section and name."""
     here = interface == "lo"
     found = {
@@ -144,8 +153,39 @@ def settings(interface: str) -> dict[tuple[str, str], str]:
         found["Internal", "NackDelay"] = "10ms"  # what is lost here did not fit the socket's buffer: ask at once
         found["Internal", "MaxQueuedRexmitBytes"] = "16MB"
         found["General", "AllowMulticast"] = "false"
-        found["Discovery", "Peers"] = '<Peer Address="127.0.0.1"/>'
+        found["Discovery", "Peers"] = '<Peer Address="127.0.0.1"/>' + "".join(map(partial(_beacon, domain), _own()))
     return found
+
+
+def _beacon(domain: int, address: str) -> str:
+    """Where programs of this host that use the library as it is listen for others.
+
+    They expect these by multicast on one network interface. We tell that address of our own, which
+    leaves the host as little as what we send to 127.0.0.1.
+    """
+    return f'<Peer Address="{address}:{7400 + 250 * domain}" PruneDelay="inf"/>'
+
+
+def _own() -> list[str]:
+    """The IPv4 addresses of this host, as far as it tells them."""
+    try:
+        names = [name for _, name in socket.if_nameindex()] if sys.platform == "linux" else []
+    except OSError:
+        return []
+    return [address for address in map(address_of, names) if address]
+
+
+def address_of(interface: str) -> str:
+    """The IPv4 address of a network interface, or nothing."""
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking:
+            answer = fcntl.ioctl(asking, _SIOCGIFADDR, struct.pack("40s", interface.encode()[:15]))
+    except OSError:
+        return ""
+    return socket.inet_ntoa(answer[20:24])
+
+
+_SIOCGIFADDR = 0x8915
 
 
 _WHERE = {("General", "Interfaces"), ("General", "AllowMulticast"), ("Discovery", "Peers")}
@@ -176,26 +216,40 @@ def compose(ours: Mapping[tuple[str, str], str], uri: str, domain: int) -> str:
 def _elements(uri: str, domain: int) -> set[tuple[str, str]]:
     """What a configuration sets for this domain, as section and element, in lower case."""
     found: set[tuple[str, str]] = set()
-    for text in _documents(uri):
-        try:
-            root = ElementTree.fromstring(f"<all>{_without_prologue(text)}</all>")
-        except ElementTree.ParseError as exc:
-            raise ConfigurationError(f"CYCLONEDDS_URI: not well-formed: {exc}") from exc
-        for section in _sections(root, domain):
+    for where, text in _documents(uri):
+        for section in _sections(_parsed(where, text), domain):
             found |= {(section.tag.lower(), element.tag.lower()) for element in section}
     return found
 
 
-def _documents(uri: str) -> Iterator[str]:
+_AROUND = "<all>"
+"""A configuration may be a row of elements, which no XML document may."""
+
+
+def _parsed(where: str, text: str) -> ElementTree.Element:
+    bare = _without_prologue(text)
+    try:
+        return ElementTree.fromstring(f"{_AROUND}{bare}</all>")
+    except ElementTree.ParseError as exc:
+        line, column = exc.position
+        before = text[: len(text) - len(bare)]
+        column += 1 - (len(_AROUND) if line == 1 else 0) + (len(before.rpartition("\n")[2]) if line == 1 else 0)
+        line += before.count("\n")
+        what = str(exc).partition(":")[0]
+        raise ConfigurationError(f"{where}: not well-formed XML: {what} (line {line}, column {column})") from exc
+
+
+def _documents(uri: str) -> Iterator[tuple[str, str]]:
+    """What a configuration consists of, each part with where it stands."""
     if uri.lstrip().startswith("<"):
-        yield uri.replace(">,<", "><")
+        yield "CYCLONEDDS_URI", uri.replace(">,<", "> <")
         return
     for part in filter(None, map(str.strip, uri.split(","))):
         path = unquote(urlparse(part).path) if part.startswith("file:") else part
         path = os.path.expanduser(os.path.expandvars(path))
         try:
             with open(path, encoding="utf-8") as file:
-                yield file.read()
+                yield f"CYCLONEDDS_URI: {path}", file.read()
         except OSError as exc:
             raise ConfigurationError(f"CYCLONEDDS_URI: {path}: {exc.strerror}") from exc
 
@@ -217,35 +271,79 @@ def _sections(element: ElementTree.Element, domain: int) -> Iterator[ElementTree
             yield child
 
 
-_domains: dict[int, tuple[Domain | None, str, int]] = {}
-"""By id: the domain (None if somebody else in this process made it), its configuration, and how many use it."""
-
-
-@contextlib.contextmanager
-def _as_started(id: int) -> Iterator[None]:
-    with _creating, as_transport_error(f"opening domain {id}"):
-        yield
+_domains: dict[int, tuple[Domain | None, tuple[str, str], int]] = {}
+"""By id: the domain (None if somebody else in this process made it), of what settings, and how many use it."""
 
 
 def _open_domain(id: int, interface: str) -> None:
-    with _as_started(id):
-        config = compose(settings(interface), os.environ.get("CYCLONEDDS_URI", ""), id)
-        domain, used, users = _domains.get(id, (None, config, 0))
+    with _creating:
+        _check_that_we_were_not_forked()
+        asked = interface, os.environ.get("CYCLONEDDS_URI", "")
+        config = compose(settings(interface, id), asked[1], id)
+        domain, used, users = _domains.get(id, (None, asked, 0))
         if users == 0:
-            domain = _new_domain(id, config)
-        elif used != config:
+            _keep_memory()
+            domain = _new_domain(id, config, asked)
+        elif used != asked:
             log.warning("domain %d is open in this process with other settings; they stay", id)
         _domains[id] = domain, used, users + 1
 
 
-def _new_domain(id: int, config: str) -> Domain | None:
+def _keep_memory() -> None:
+    """Have the C library keep what large messages free, for the next ones.
+
+    It gives memory back beyond twice the largest block that it once mapped for itself, and getting
+    it again costs more than all else about a message of a megabyte. So we map one, and never touch it.
+    """
+    bytes(KEPT // 2)
+
+
+def _new_domain(id: int, config: str, asked: tuple[str, str]) -> Domain | None:
     try:
         return Domain(id, config)
     except DDSException as exc:
         if exc.code != DDSException.DDS_RETCODE_PRECONDITION_NOT_MET:
-            raise
-        log.warning("domain %d was opened by other code of this process; its settings apply to us, too", id)
-        return None
+            raise _why(id, config, asked) from exc
+    log.warning("domain %d was opened by other code of this process; its settings apply to us, too", id)
+    return None
+
+
+def _why(id: int, config: str, asked: tuple[str, str]) -> TransportError | ConfigurationError:
+    """Why a domain could not be opened, and what to do about it."""
+    interface, _ = asked
+    lines = _complaints(id, config)
+    said = "; ".join(lines) or "Cyclone DDS says why on standard error"
+    if any(line.startswith("config: ") for line in lines):
+        said = re.sub(r" \(CYCLONEDDS_URI\+\d+ line \d+\)", "", said)  # counted in something that nobody has written
+        return ConfigurationError(f"CYCLONEDDS_URI: {said.replace('config: //', '')}")
+    remedy = ""
+    if "participant index" in said:
+        remedy = (
+            "; too many processes of this host use it: take another `domain` for some of them, "
+            "or allow for more by <Discovery><MaxAutoParticipantIndex> in CYCLONEDDS_URI"
+        )
+    elif interface and "available interface" in said:
+        remedy = f"; there are {', '.join(name for _, name in socket.if_nameindex())}"
+    return TransportError(f"dds: opening domain {id}: {said}{remedy}")
+
+
+def _complaints(id: int, config: str) -> list[str]:
+    """What the library says about a configuration it cannot use.
+
+    It says that to standard error alone, and its return code is always the same; so it is asked once
+    more, in a process whose standard error is ours.
+    """
+    code = "import sys; from cyclonedds.domain import Domain; Domain(int(sys.argv[1]), sys.argv[2])"
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    call = [sys.executable, "-c", code, str(id), config]
+    try:
+        done = subprocess.run(
+            call, env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=30
+        )
+    except (OSError, subprocess.SubprocessError) as exc:
+        log.debug("asking Cyclone DDS why: %s", exc)
+        return []
+    return re.findall(r"^[\d.]+ \[\d*\]\s+\S+: (.*\S)", done.stderr, re.MULTILINE)  # time [domain] thread: text
 
 
 def _close_domain(id: int) -> None:
@@ -257,6 +355,40 @@ def _close_domain(id: int) -> None:
             _forget(domain)
 
 
+# The library has threads, which a forked process lacks; whatever waits for them there waits for ever.
+
+_buses: weakref.WeakSet[Bus] = weakref.WeakSet()
+_forked = False
+
+
+def _check_that_we_were_not_forked() -> None:
+    if _forked:
+        raise TransportError(
+            "dds: Cyclone DDS was in use when this process was forked, and cannot be used in it: start processes "
+            "by `spawn` or `forkserver`, or fork before a transport is opened"
+        )
+
+
+def _in_forked_process() -> None:
+    global _forked, _creating
+    _creating = threading.RLock()  # somebody may have held it
+    if not _domains:
+        return
+    _forked = True
+    for entity in list(Entity._entities.values()):
+        _disown(entity)
+    for bus in list(_buses):
+        bus.lose()
+
+
+def _disown(entity: Entity) -> None:
+    """Have an entity forget what it stands for."""
+    Entity._entities.pop(entity._ref, None)
+
+
+os.register_at_fork(after_in_child=_in_forked_process)
+
+
 # -- readers and writers ------------------------------------------------------
 
 
@@ -265,6 +397,9 @@ class Bus:
 
     def __init__(self, domain: int, interface: str) -> None:
         self._domain = domain
+        self.lost = False
+        """Whether it belongs to the process we were forked from."""
+        self.on_loss: Callable[[], None] = lambda: None
         _open_domain(domain, interface)
         with contextlib.ExitStack() as undo:
             undo.callback(_close_domain, domain)
@@ -272,8 +407,10 @@ class Bus:
                 self.participant = DomainParticipant(domain)
             undo.callback(_forget, self.participant)
             self.loop = Loop(self.participant._ref)
+            undo.callback(self.loop.close)
             self.endpoints = Endpoints(self.participant, self.loop)
             undo.pop_all()
+        _buses.add(self)
 
     def writer(self, topic: str, kind: DdsType, qos: Qos, partition: str = "") -> Writer:
         with _creating, as_transport_error(f"writing {topic}"):
@@ -290,7 +427,13 @@ class Bus:
     def waiting(self) -> Waiting:
         return Waiting(self.participant._ref)
 
+    def lose(self) -> None:
+        self.lost = True
+        self.on_loss()
+
     def close(self) -> None:
+        if self.lost:
+            return
         self.loop.close()
         _forget(self.participant)
         _close_domain(self._domain)
@@ -327,16 +470,31 @@ class _End:
 
 
 class Writer(_End):
+    """What is sent. Small samples are written holding the interpreter, since that is quicker than to let it go."""
+
     _matched = staticmethod(_matched_readers)
 
     def write(self, sample: bytearray | bytes | memoryview) -> bool:
         """Whether it was written; if not, there is no room now. Safe to use from any thread."""
-        code = ddspy_write(self.ref, sample) if len(sample) < LARGE else self._write_large(sample)
+        code = ddspy_write(self.ref, sample) if len(sample) < LARGE else self._write_aside(sample)
+        return not code or self._written(code)
+
+    def write_within(self, sample: bytearray | bytes | memoryview, end: float, still: Callable[[], None]) -> bool:
+        """Write, trying until `end`; `still` is called meanwhile, and may raise."""
+        while not self._written(self._write_aside(sample)):
+            still()
+            if time.monotonic() >= end:
+                return False
+            time.sleep(0.002)
+        return True
+
+    def _written(self, code: int) -> bool:
         if code and code != _TIMEOUT:
             raise TransportError(f"dds: writing: {DDSException(code)}")
         return not code
 
-    def _write_large(self, sample: bytearray | bytes | memoryview) -> int:
+    def _write_aside(self, sample: bytearray | bytes | memoryview) -> int:
+        """Write while other threads run."""
         size = len(sample)
         if memoryview(sample).readonly:
             held: Any = ctypes.c_char_p(bytes(sample))
@@ -347,15 +505,6 @@ class Writer(_End):
         code = _write(self.ref, ctypes.byref(container))
         del held
         return code
-
-    def write_within(self, sample: bytearray | bytes | memoryview, end: float, still: Callable[[], None]) -> bool:
-        """Write, trying until `end`; `still` is called meanwhile, and may raise."""
-        while not self.write(sample):
-            still()
-            if time.monotonic() >= end:
-                return False
-            time.sleep(0.002)
-        return True
 
 
 class Reader(_End):
@@ -370,7 +519,16 @@ class Reader(_End):
         taken = ddspy_take(self.ref, _ANY, most)
         if type(taken) is not list:
             return []  # the reader was closed
+        if len(taken) == 1 and taken[0][1].valid_data:
+            return [taken[0][0]]
         return [sample for sample, info in taken if info.valid_data]
+
+    def take_signed(self, most: int) -> list[tuple[bytes, int]]:
+        """The same, each with the handle of who wrote it."""
+        taken = ddspy_take(self.ref, _ANY, most)
+        if type(taken) is not list:
+            return []
+        return [(sample, info.publication_handle) for sample, info in taken if info.valid_data]
 
     def close(self) -> None:
         _delete(self.condition)
@@ -407,7 +565,7 @@ class Waiting:
             return self._found[:1]
         if count <= 0:
             if count < 0 and not self.closed:
-                time.sleep(0.01)  # deleted under us: whoever did that will say so, but until then do not spin
+                raise TransportError(f"dds: waiting: {DDSException(count)}")
             return []
         found = self._found[: min(count, self.MOST)]
         if self._guard in found:
@@ -427,7 +585,8 @@ class Loop:
     def __init__(self, participant: int) -> None:
         self._waiting = Waiting(participant)
         self._inputs: dict[int, Callable[[], Iterable[Job]]] = {}
-        self._next_tick, self._woken = 0.0, False
+        self._jobs: deque[Job] = deque()
+        self._next_tick, self._woken, self._sleeping = 0.0, False, False
         self.tick: Callable[[], float] = lambda: float("inf")
         """Does what is due; returns the time of the next one."""
 
@@ -438,6 +597,12 @@ class Loop:
     def detach(self, condition: int) -> None:
         if self._inputs.pop(condition, None):
             self._waiting.detach(condition)
+
+    def do(self, job: Job) -> None:
+        """Return this job next. From any thread."""
+        self._jobs.append(job)
+        if self._sleeping:
+            self._waiting.wake()
 
     def wake(self) -> None:
         """Tick now."""
@@ -450,15 +615,24 @@ class Loop:
             self.wake()
 
     def receive(self) -> list[Job]:
-        if self._woken or time.monotonic() >= self._next_tick:
+        now = time.monotonic()
+        if self._woken or now >= self._next_tick:
             self._woken = False  # before looking: what becomes due while we look is not missed
             self._next_tick = self.tick()
-        left = self._next_tick - time.monotonic() if self._next_tick < _NEVER else _NEVER
+        self._sleeping = True  # before looking at the jobs: whoever adds one later sees this, and wakes us
+        ready = self._waiting.wait(0.0 if self._jobs else max(0.0, self._next_tick - now))
+        self._sleeping = False
         jobs: list[Job] = []
-        for condition in self._waiting.wait(max(0.0, left)):
+        for condition in ready:
             on_input = self._inputs.get(condition)
-            if on_input:
+            if on_input is None:
+                continue
+            try:
                 jobs += on_input()
+            except Exception:
+                log.exception("taking input")  # of one reader; the others have theirs taken
+        if self._jobs:
+            jobs += [self._jobs.popleft() for _ in range(len(self._jobs))]
         return jobs
 
     def close(self) -> None:
