@@ -49,6 +49,7 @@ from ..errors import ConfigurationError, TransportError
 from ..wire.names import matches
 from .crew import Job
 from .dds_types import DdsType
+from .memory import keep_memory
 
 log = logging.getLogger("robocomp.transport.dds")
 
@@ -57,9 +58,6 @@ BLOCKING_MS = 2
 
 LARGE = 32 * 1024
 """From so many bytes on, writing a sample takes longer than letting other threads run meanwhile."""
-
-KEPT = 32 * 1024 * 1024
-"""Bytes that a process keeps for large messages after the first one, rather than ask for them with each."""
 
 _ANY = SampleState.Any | ViewState.Any | InstanceState.Any
 _TIMEOUT = DDSException.DDS_RETCODE_TIMEOUT
@@ -282,20 +280,11 @@ def _open_domain(id: int, interface: str) -> None:
         config = compose(settings(interface, id), asked[1], id)
         domain, used, users = _domains.get(id, (None, asked, 0))
         if users == 0:
-            _keep_memory()
+            keep_memory()
             domain = _new_domain(id, config, asked)
         elif used != asked:
             log.warning("domain %d is open in this process with other settings; they stay", id)
         _domains[id] = domain, used, users + 1
-
-
-def _keep_memory() -> None:
-    """Have the C library keep what large messages free, for the next ones.
-
-    It gives memory back beyond twice the largest block that it once mapped for itself, and getting
-    it again costs more than all else about a message of a megabyte. So we map one, and never touch it.
-    """
-    bytes(KEPT // 2)
 
 
 def _new_domain(id: int, config: str, asked: tuple[str, str]) -> Domain | None:

@@ -59,9 +59,12 @@ def runtime_dir() -> Path:
 
     Raises ConfigurationError if it is somebody else's, or open to others.
     """
-    base = os.environ.get("XDG_RUNTIME_DIR")
-    default = Path(base, "robocomp") if base else Path(tempfile.gettempdir(), f"robocomp-{os.getuid()}")
-    folder = Path(os.environ.get("ROBOCOMP_RUNTIME_DIR") or default)
+    if chosen := os.environ.get("ROBOCOMP_RUNTIME_DIR"):
+        folder = Path(chosen)
+    elif base := os.environ.get("XDG_RUNTIME_DIR"):
+        folder = Path(base, "robocomp")
+    else:
+        folder = _temporary() / f"robocomp-{os.getuid()}"
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         info = folder.stat()
@@ -70,6 +73,13 @@ def runtime_dir() -> Path:
     if info.st_uid != os.getuid() or stat.S_IMODE(info.st_mode) & 0o077:
         raise ConfigurationError(f"run-time folder {folder} is open to other users; make it yours and 0700")
     return folder
+
+
+def _temporary() -> Path:
+    try:
+        return Path(tempfile.gettempdir())
+    except OSError as exc:  # it tries to write; without file descriptors nothing can be written, for one
+        raise ConfigurationError(f"run-time folder: {exc.strerror}; set ROBOCOMP_RUNTIME_DIR") from exc
 
 
 class Directory:

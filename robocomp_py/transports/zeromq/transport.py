@@ -33,6 +33,7 @@ from ..base import (
 )
 from ..crew import Crew, Job
 from ..directory import Directory, Member, runtime_dir
+from ..memory import keep_memory
 from .asking import Caller, CommandOutlet, Peer
 from .link import Link
 from .serving import CommandInlet, Router, Server
@@ -74,6 +75,7 @@ class ZeroMQTransport:
         except OSError as exc:
             self.member.close()
             raise TransportError(f"zeromq: cannot be opened: {exc.strerror}") from exc
+        keep_memory()
         self.context = zmq.Context()
         self._crew = Crew("zeromq", self._loop.receive, self._loop.wake)
         self._crew.start()
