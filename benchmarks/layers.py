@@ -96,7 +96,7 @@ def codec_of(middleware: str) -> Codec:
         return MessagePack()
     if middleware == "zenoh":
         return Cdr()
-    from robocomp_py.transports.dds_types import CODEC
+    from robocomp_py.transports.dds.types import CODEC
 
     return CODEC
 

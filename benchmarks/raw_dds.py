@@ -20,7 +20,7 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
-from robocomp_py.transports.dds_bus import compose, settings
+from robocomp_py.transports.dds.domain import compose, settings
 
 from .parties import PATIENCE, Array, Hear, Place
 

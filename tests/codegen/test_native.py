@@ -26,8 +26,8 @@ from robocomp_py.runtime.ports import type_of
 from robocomp_py.runtime.run import Running
 from robocomp_py.testing import everything
 from robocomp_py.testing.patience import SOON, wait_until
-from robocomp_py.transports import dds_types
 from robocomp_py.transports.base import Channel, Transport, TransportConfig, TransportFactory, find_transport
+from robocomp_py.transports.dds import types as dds_types
 from robocomp_py.wire import header
 from robocomp_py.wire.messagepack import MessagePack
 

@@ -55,9 +55,11 @@ from robocomp_py.transports.base import (
     find_transport,
 )
 from robocomp_py.transports.crew import Crew
-from robocomp_py.transports.dds import COMMANDS_WAITING, MESSAGES_WAITING, QUERIES_WAITING, DDSTransport
-from robocomp_py.transports.dds_bus import address_of, compose, settings
-from robocomp_py.transports.dds_types import (
+from robocomp_py.transports.dds import DDSTransport
+from robocomp_py.transports.dds.domain import address_of, compose, settings
+from robocomp_py.transports.dds.serving import COMMANDS_WAITING, QUERIES_WAITING
+from robocomp_py.transports.dds.topics import MESSAGES_WAITING
+from robocomp_py.transports.dds.types import (
     CODEC,
     Message,
     fill_reply,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-import logging
 import threading
 import time
 from collections import deque
@@ -37,7 +36,6 @@ from .sockets import Frames, Socket, as_transport_error, persist
 if TYPE_CHECKING:
     from .transport import ZeroMQTransport
 
-log = logging.getLogger("robocomp.transport.zeromq")
 
 BATCH = 32
 """Messages taken from one socket before the others have their turn."""

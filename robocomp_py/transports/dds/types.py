@@ -22,11 +22,11 @@ from typing import Any, NamedTuple
 from cyclonedds.idl import IdlStruct, make_idl_struct
 from cyclonedds.idl import types as idl
 
-from ..contract.types import STRING, TIME, Dictionary, Enumeration, Primitive, Sequence, Struct, Type, spell
-from ..errors import DecodeError
-from ..wire.cdr import ENCAPSULATION, TAIL, Cdr
-from ..wire.codec import Payload
-from ..wire.header import NO_DEADLINE, VERSION
+from ...contract.types import STRING, TIME, Dictionary, Enumeration, Primitive, Sequence, Struct, Type, spell
+from ...errors import DecodeError
+from ...wire.cdr import ENCAPSULATION, TAIL, Cdr
+from ...wire.codec import Payload
+from ...wire.header import NO_DEADLINE, VERSION
 
 ROOM = 40
 """Octets of a header."""

@@ -1,0 +1,427 @@
+"""Who commands and who calls."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import queue
+import re
+import threading
+import time
+from concurrent.futures import Future
+from functools import partial
+from typing import TYPE_CHECKING
+
+from ...contract.interface import Pattern
+from ...errors import (
+    Closed,
+    ContractMismatch,
+    DecodeError,
+    Timeout,
+    TransportError,
+    Unreachable,
+)
+from ...wire.codec import Payload
+from ...wire.header import Flag
+from ...wire.names import ANY
+from ..base import (
+    Channel,
+    Reply,
+    Status,
+    TypeRef,
+    mismatch,
+    step_aside,
+)
+from ..crew import Job
+from ..pending import Pending
+from .bus import Reader
+from .endpoints import Endpoint
+from .link import BATCH, KEEP_ALL, Link, endpoint_qos, enter
+from .types import (
+    Message,
+    bare,
+    fill_request,
+    read_reply,
+    reply_type,
+    request_type,
+    without_tail,
+)
+
+if TYPE_CHECKING:
+    from .transport import DDSTransport
+
+
+class Line:
+    """The way to the server of one channel: a writer of requests and, for queries, a reader of replies."""
+
+    def __init__(self, link: AskingLink, name: str) -> None:
+        kind, bus = link.channel.type, link.bus
+        self.name = name
+        self.order = threading.Lock()
+        self.replies: Reader | None = None
+        if link.channel.pattern is Pattern.QUERY:
+            about = link.about("hears", name)
+            made = reply_type(kind.response.name if kind.response else kind.name, kind.response)
+            self.replies = bus.reader(f"rc/{name}Reply", made, endpoint_qos(KEEP_ALL, about), partition_of(link.id))
+        about = link.about(channel=name)
+        self.requests = bus.writer(
+            f"rc/{name}Request", request_type(kind.name, kind.request), endpoint_qos(KEEP_ALL, about)
+        )
+
+    def reaches(self, server: Endpoint) -> bool:
+        """Whether requests arrive there, and replies here."""
+        return server.handle in self.requests.matched() and (self.replies is None or bool(self.replies.matched()))
+
+    def close(self) -> None:
+        self.requests.close()
+        if self.replies:
+            self.replies.close()
+
+
+def partition_of(client: int) -> str:
+    return f"{client:016x}"
+
+
+def client_of(partition: str) -> tuple[int, str]:
+    """Whose partition it is; nobody's is 0."""
+    return int(partition, 16) if re.fullmatch("[0-9a-f]{16}", partition) else 0, partition
+
+
+class AskingLink(Link):
+    """A link that finds the one process that serves its channel."""
+
+    def __init__(self, transport: DDSTransport, channel: Channel) -> None:
+        super().__init__(transport, channel)
+        self._message = Message(channel.type.request)
+        self._fingerprint = channel.type.fingerprint
+        self._lines: dict[str, Line] = {}
+        self._found: tuple[Endpoint, Line] | None = None
+
+    def open(self) -> None:
+        if ANY not in self.channel.name:
+            self._connect(self.channel.name)
+
+    def looked(self, there: list[Endpoint]) -> None:
+        if self._found and self._found[0] not in there:
+            self._found = None
+            self.lost()
+        if ANY not in self.channel.name:
+            return
+        names = {endpoint.channel for endpoint in there}
+        for name in self._lines.keys() - names:
+            self._disconnect(self._lines.pop(name))
+        for name in names - self._lines.keys():
+            self._connect(name)
+
+    def visible(self) -> bool:
+        if self._found:
+            return True
+        for endpoint in self.counterparts(strict=True):
+            line = self._lines.get(endpoint.channel)
+            if line and line.reaches(endpoint):
+                with self._looking:
+                    if self.bus.endpoints.there(endpoint) and self._lines.get(line.name) is line:
+                        self._found = endpoint, line
+                        return True
+        return False
+
+    def server(self, end: float) -> tuple[Endpoint, Line]:
+        """Who serves this channel, and the way there. Raises Unreachable if nobody does."""
+        self.check_open()
+        while True:
+            found = self._found
+            if found:
+                return found
+            if not self.visible():
+                if not self.counterparts(strict=True) or time.monotonic() >= end:
+                    raise Unreachable(f"{self.channel.name}: nobody serves it")
+                step_aside()
+                self.closed.wait(0.002)  # it is there, and discovery not quite finished
+            self.check_open()
+
+    def lost(self) -> None:
+        """The server left."""
+
+    def lose(self) -> None:
+        super().lose()
+        self._found = None
+
+    def release(self) -> None:
+        self._found = None
+        for line in self._lines.values():
+            self._disconnect(line)
+
+    def _connect(self, name: str) -> None:
+        self._lines[name] = Line(self, name)
+
+    def _disconnect(self, line: Line) -> None:
+        line.close()
+
+    def write(self, line: Line, payload: Payload, flags: int, number: int, end: float) -> bool:
+        """Send a request, trying until `end`; whether it was sent."""
+        sample = self._message.sample(payload)
+        try:
+            with line.order:  # a payload may be sent by several threads at once
+                left = end - time.monotonic()
+                fill_request(sample, flags, left, self._fingerprint, self.id, number, time.time_ns())
+                if line.requests.write(without_tail(sample)):
+                    return True
+                copy = bytearray(without_tail(sample))
+            return line.requests.write_within(copy, end, self._pause)
+        except TransportError:
+            self.check_open()
+            raise
+
+    def _pause(self) -> None:
+        self.check_open()
+        if self._found is None:
+            raise Unreachable(f"{self.channel.name}: its server left")
+        step_aside()
+
+
+class CommandOutlet(AskingLink):
+    role, facing = "commands", "receives"
+
+    def __init__(self, transport: DDSTransport, channel: Channel) -> None:
+        super().__init__(transport, channel)
+        self._order = threading.Lock()
+        self._sent = 0
+
+    def send(self, payload: Payload, deadline: float = 5.0) -> None:
+        end = time.monotonic() + deadline
+        enter(self, self._order, deadline)
+        try:
+            _, line = self.server(end)
+            if not self.write(line, payload, Flag.ONEWAY, self._sent + 1, end):
+                raise Timeout(f"{self.channel.name}: its server did not take the command for {deadline:g} s")
+            self._sent += 1
+        finally:
+            self._order.release()
+
+
+_STATUSES = {status.value: status for status in Status}
+
+
+class _Asker:
+    """A synchronous call that waits. `woken` gets an item when another thread has news for it."""
+
+    __slots__ = ("error", "reply", "woken")
+
+    def __init__(self) -> None:
+        self.reply: Reply | None = None
+        self.error: type[TransportError] | None = None
+        self.woken: queue.SimpleQueue[None] | None = None
+
+
+class Caller(AskingLink):
+    """Who waits for a reply receives it itself, and those of others that come meanwhile.
+
+    Of several threads that wait, one is the receiver, and another becomes it when that one leaves.
+    If none waits, but there are Futures, the crew attends to the replies.
+    """
+
+    role, facing = "calls", "serves"
+
+    def __init__(self, transport: DDSTransport, channel: Channel) -> None:
+        super().__init__(transport, channel)
+        self._response = Message(channel.type.response)
+        self._flags = Flag.IDEMPOTENT if channel.idempotent else Flag.NONE
+        self._numbers = itertools.count(1)
+        self._pending = Pending(channel.name)
+        self._askers: dict[int, _Asker] = {}
+        self._turn = threading.Lock()
+        self._receiver: _Asker | None = None
+        self._crew_receives = self._asynchronous = False
+        self._waiting = self.bus.waiting()
+
+    def call(self, payload: Payload, deadline: float) -> Future[Reply]:
+        end = time.monotonic() + deadline
+        found = self.server(end)
+        number = next(self._numbers)
+        future = self._pending.add(number, deadline)
+        try:
+            self._still(found)
+            if not self.write(found[1], payload, self._flags, number, end):
+                self._pending.fail(number, Timeout(f"{self.channel.name}: could not be asked within {deadline:g} s"))
+        except BaseException:
+            future.cancel()
+            raise
+        with self._turn:
+            self._asynchronous = True
+            if self._receiver is None:
+                self._have_crew_receive()
+        self.bus.loop.due(end)
+        return future
+
+    def ask(self, payload: Payload, deadline: float) -> Reply:
+        end = time.monotonic() + deadline
+        found = self._found or self.server(end)
+        number, asker = next(self._numbers), _Asker()
+        self._askers[number] = asker
+        try:
+            if self._found is not found:
+                self._still(found)
+            if not self.write(found[1], payload, self._flags, number, end):
+                raise Timeout(f"{self.channel.name}: could not be asked within {deadline:g} s")
+            del payload  # a large one makes room for the reply, which then takes no new pages from the system
+            reply = self._await(asker, end)
+        finally:
+            del self._askers[number]
+        if reply is None:
+            raise Timeout(f"{self.channel.name}: no answer in {deadline:g} s")
+        return reply if reply.status is Status.OK else self._understood(reply)
+
+    def tick(self) -> float:
+        wait = self._pending.expire(self.bus.loop.do)
+        return float("inf") if wait is None else time.monotonic() + wait
+
+    def lost(self) -> None:
+        for line in self._lines.values():
+            self._take(line)  # what it answered before it left
+        self._pending.fail_all(Unreachable(self._reason(Unreachable)), do=self.bus.loop.do)
+        self._release_askers(Unreachable)
+
+    def release(self) -> None:
+        self._found = None  # first: who asks from now on is not among those who are told
+        self._pending.close(Closed(self._reason(Closed)))
+        self._release_askers(Closed)
+        with self._turn:
+            self._stop_crew()
+        super().release()
+        with self._turn:
+            self._waiting.close()
+
+    def _connect(self, name: str) -> None:
+        super()._connect(name)
+        replies = self._lines[name].replies
+        assert replies
+        self._waiting.attach(replies.condition)
+        if self._crew_receives:
+            self.bus.loop.attach(replies.condition, partial(self._on_reply, self._lines[name]))
+
+    def _disconnect(self, line: Line) -> None:
+        assert line.replies
+        self._waiting.detach(line.replies.condition)
+        self.bus.loop.detach(line.replies.condition)
+        super()._disconnect(line)
+
+    def _still(self, found: tuple[Endpoint, Line]) -> None:
+        """Raise if the server left before we were among those who are told."""
+        if self._found is not found:
+            self.check_open()
+            raise Unreachable(self._reason(Unreachable))
+
+    def _release_askers(self, why: type[TransportError]) -> None:
+        for asker in list(self._askers.values()):
+            asker.error = why
+            if asker.woken:
+                asker.woken.put(None)
+        self._waiting.wake()
+
+    def _reason(self, why: type[TransportError]) -> str:
+        return f"{self.channel.name}: {'the link is closed' if why is Closed else 'its server left'}"
+
+    def _await(self, asker: _Asker, end: float) -> Reply | None:
+        """The reply, or None if there is none in time."""
+        receives = self._takes_turn(asker)
+        try:
+            while True:
+                if asker.reply is not None:
+                    return asker.reply
+                if asker.error:
+                    raise asker.error(self._reason(asker.error))
+                left = end - time.monotonic()
+                if left <= 0:
+                    return None
+                if receives:
+                    self._receive(left)
+                else:
+                    assert asker.woken
+                    with contextlib.suppress(queue.Empty):
+                        asker.woken.get(timeout=left)
+                    receives = self._takes_turn(asker)
+        finally:
+            self._leave_turn(asker)
+
+    def _takes_turn(self, asker: _Asker) -> bool:
+        """Whether this one receives, until it leaves its turn; if not, it will be woken."""
+        with self._turn:
+            if self._receiver is None:
+                self._receiver = asker
+                if self._crew_receives:
+                    self._stop_crew()
+            elif self._receiver is not asker and asker.woken is None:
+                asker.woken = queue.SimpleQueue()
+            return self._receiver is asker
+
+    def _leave_turn(self, asker: _Asker) -> None:
+        with self._turn:
+            if self._receiver is not asker:
+                return
+            self._receiver = None
+            for other in list(self._askers.values()) if len(self._askers) > 1 else ():
+                if other.woken and other.reply is None and other.error is None:
+                    self._receiver = other
+                    other.woken.put(None)
+                    return
+            if self._asynchronous and len(self._pending):
+                self._have_crew_receive()
+
+    def _have_crew_receive(self) -> None:
+        if not self._crew_receives and not self.closed.is_set():
+            self._crew_receives = True
+            for line in self._lines.values():
+                assert line.replies
+                self.bus.loop.attach(line.replies.condition, partial(self._on_reply, line))
+
+    def _stop_crew(self) -> None:
+        if self._crew_receives:
+            self._crew_receives = False
+            for line in self._lines.values():
+                assert line.replies
+                self.bus.loop.detach(line.replies.condition)
+
+    def _receive(self, timeout: float) -> None:
+        if self._waiting.wait(timeout):
+            for line in list(self._lines.values()):
+                self._take(line)
+
+    def _on_reply(self, line: Line) -> list[Job]:
+        self._take(line)
+        if self._receiver:
+            self._waiting.wake()  # it may have been its reply
+        return []
+
+    def _take(self, line: Line) -> None:
+        assert line.replies
+        for sample in line.replies.take(BATCH):
+            try:
+                _, status, client, number, _, _ = read_reply(sample)
+                if status == Status.OK:
+                    reply = Reply(Status.OK, self._response.payload(sample, tail=True))
+                else:
+                    reply = Reply(_STATUSES[status], self._response.why(sample))
+            except (DecodeError, KeyError) as exc:
+                self.malformed(exc)
+                continue
+            if client != self.id:
+                continue
+            asker = self._askers.get(number)
+            if asker is None:
+                self.bus.loop.do(partial(self._settle, number, reply))  # its callbacks may take long, or ask again
+                continue
+            asker.reply = reply
+            if asker.woken:
+                asker.woken.put(None)
+
+    def _settle(self, number: int, reply: Reply) -> None:
+        try:
+            self._pending.settle(number, self._understood(reply))
+        except ContractMismatch as exc:
+            self._pending.fail(number, exc)
+
+    def _understood(self, reply: Reply) -> Reply:
+        if reply.status is Status.MISMATCH:
+            text = bytes(bare(reply.payload)).decode(errors="replace") if reply.payload else ""
+            raise ContractMismatch(mismatch(self.channel, TypeRef("", 0, text)))
+        return reply

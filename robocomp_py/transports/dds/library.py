@@ -1,0 +1,103 @@
+"""What we use of the C library beside its Python package."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from cyclonedds.core import DDSException, Entity, InstanceState, SampleState, ViewState
+from cyclonedds.internal import DDS
+
+from ...errors import TransportError
+
+
+BLOCKING_MS = 2
+"""How long the library waits for room before it says that a sample was not written."""
+
+LARGE = 32 * 1024
+"""From so many bytes on, writing a sample takes longer than letting other threads run meanwhile."""
+
+ANY = SampleState.Any | ViewState.Any | InstanceState.Any
+TIMEOUT = DDSException.DDS_RETCODE_TIMEOUT
+FOREVER = 2**63 - 1
+
+
+class Container(ctypes.Structure):
+    """A sample, as the types of the Python binding hand it to the library."""
+
+    _fields_ = (("data", ctypes.c_void_p), ("size", ctypes.c_size_t))
+
+
+library = ctypes.CDLL(DDS._dll_handle._name)  # a handle of our own: declaring functions on theirs would change it
+
+
+def _function(name: str, *arguments: Any) -> Callable[..., int]:
+    function = getattr(library, name)
+    function.argtypes, function.restype = arguments, ctypes.c_int32
+    return function  # type: ignore[no-any-return]  # ctypes' functions have no signature
+
+
+_int, _handles = ctypes.c_int32, ctypes.POINTER(ctypes.c_uint64)
+dds_delete = _function("dds_delete", _int)
+dds_write = _function("dds_write", _int, ctypes.c_void_p)
+dds_create_waitset = _function("dds_create_waitset", _int)
+dds_waitset_attach = _function("dds_waitset_attach", _int, _int, ctypes.c_ssize_t)
+dds_waitset_detach = _function("dds_waitset_detach", _int, _int)
+dds_waitset_wait = _function("dds_waitset_wait", _int, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int64)
+dds_create_guardcondition = _function("dds_create_guardcondition", _int)
+dds_set_guardcondition = _function("dds_set_guardcondition", _int, ctypes.c_bool)
+dds_create_readcondition = _function("dds_create_readcondition", _int, ctypes.c_uint32)
+dds_get_matched_subscriptions = _function("dds_get_matched_subscriptions", _int, _handles, ctypes.c_size_t)
+dds_get_matched_publications = _function("dds_get_matched_publications", _int, _handles, ctypes.c_size_t)
+dds_qget_userdata = _function(
+    "dds_qget_userdata", ctypes.c_void_p, ctypes.POINTER(ctypes.c_void_p), ctypes.POINTER(ctypes.c_size_t)
+)
+dds_qget_partition = _function(
+    "dds_qget_partition",
+    ctypes.c_void_p,
+    ctypes.POINTER(ctypes.c_uint32),
+    ctypes.POINTER(ctypes.POINTER(ctypes.c_void_p)),
+)
+library.dds_free.argtypes, library.dds_free.restype = (ctypes.c_void_p,), None
+
+
+class _Creating:
+    """Entered while the library makes something: it keeps some of that in variables of its classes."""
+
+    def __init__(self) -> None:
+        self._lock = threading.RLock()
+
+    def __enter__(self) -> None:
+        self._lock.acquire()
+
+    def __exit__(self, *exc: object) -> None:
+        self._lock.release()
+
+    def renew(self) -> None:
+        """In a forked process: somebody may have held it."""
+        self._lock = threading.RLock()
+
+
+creating = _Creating()
+
+
+@contextlib.contextmanager
+def as_transport_error(doing: str) -> Iterator[None]:
+    try:
+        yield
+    except DDSException as exc:
+        raise TransportError(f"dds: {doing}: {exc}") from exc
+
+
+def checked(code: int, doing: str) -> int:
+    if code < 0:
+        raise TransportError(f"dds: {doing}: {DDSException(code)}")
+    return code
+
+
+def forget(entity: Entity) -> None:
+    """Delete an entity now, and not when its last reference happens to go; what that leaves is inert."""
+    entity.__del__()

@@ -1,0 +1,210 @@
+"""What all ends of channels have in common: their QoS, and how they look for those they face."""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+import time
+from typing import TYPE_CHECKING, Any
+
+from cyclonedds.core import Policy, Qos
+
+from ...contract.qos import History
+from ...errors import (
+    Closed,
+    ContractMismatch,
+    Timeout,
+)
+from ..base import (
+    Channel,
+    Statistics,
+    TypeRef,
+    mismatch,
+    step_aside,
+)
+from .endpoints import Endpoint, user_data
+from .library import BLOCKING_MS
+
+if TYPE_CHECKING:
+    from .transport import DDSTransport
+
+log = logging.getLogger("robocomp.transport.dds")
+
+BATCH = 32
+"""Messages taken from one reader before the others have their turn."""
+
+INTAKE = 2000
+"""The same of those that would pile up in the reader while somebody is slow: more than can come in meanwhile."""
+
+STRANGERS = 100
+"""So many that mean something else by a channel's name are told about; the others are ignored."""
+
+SOON = 0.02
+"""Seconds until the next look at what discovery has not finished."""
+
+KEEP_ALL_DEPTH = 10_000
+
+
+def endpoint_qos(history: Any, *more: Any) -> Qos:
+    """What all our endpoints have in common.
+
+    All are reliable on the wire, since a large sample loses fragments even on one host. Samples are
+    ordered as they arrive, for clocks may be set back.
+    """
+    return Qos(
+        Policy.Reliability.Reliable(BLOCKING_MS * 1_000_000),
+        history,
+        Policy.DestinationOrder.ByReceptionTimestamp,
+        Policy.DataRepresentation(use_cdrv0_representation=True),
+        *more,
+    )
+
+
+def topic_qos(channel: Channel, *more: Any) -> Qos:
+    qos = channel.qos
+    newest = Policy.History.KeepLast(max(depth_of(channel), 8))  # for a moment: what waits for a sink is the lane's
+    if not qos.latched:
+        return endpoint_qos(Policy.History.KeepAll if qos.reliable else newest, *more)
+    unlimited = -1
+    return endpoint_qos(
+        Policy.History.KeepAll if qos.reliable else newest,
+        Policy.Durability.TransientLocal,
+        Policy.DurabilityService(0, Policy.History.KeepLast(qos.depth), unlimited, unlimited, unlimited),
+        *more,
+    )
+
+
+def depth_of(channel: Channel) -> int:
+    return KEEP_ALL_DEPTH if channel.qos.history is History.KEEP_ALL else channel.qos.depth
+
+
+KEEP_ALL = Policy.History.KeepAll
+
+
+class Link:
+    """One end of a channel. `facing` is the role of the other."""
+
+    role: str
+    facing: str
+
+    def __init__(self, transport: DDSTransport, channel: Channel) -> None:
+        self.transport, self.channel = transport, channel
+        self.bus = transport.bus
+        self.stats = Statistics()
+        self.closed = threading.Event()
+        self.id = transport.new_id()
+        self._closing = threading.Lock()
+        self._looking = threading.RLock()
+        self._reported: set[object] = set()
+
+    def open(self) -> None:
+        """Make what is needed."""
+
+    def look(self) -> None:
+        """Somebody came or went."""
+        with self._looking:
+            if not self.closed.is_set():
+                self.looked(self.counterparts())
+
+    def looked(self, there: list[Endpoint]) -> None:
+        """`there` are those who face us and mean the same."""
+
+    def tick(self) -> float:
+        """Do what is due; the time of the next."""
+        return float("inf")
+
+    def wait_peer(self, timeout: float) -> bool:
+        end = time.monotonic() + timeout
+        while True:
+            self.check_open()
+            if self.visible():
+                return True
+            if time.monotonic() >= end:
+                return False
+            self.closed.wait(min(0.005, max(0.0, end - time.monotonic())))
+
+    def visible(self) -> bool:
+        """Whether the other side is there. Raises ContractMismatch if only others are."""
+        return bool(self.counterparts(strict=True))
+
+    def close(self) -> None:
+        with self._closing:
+            if self.closed.is_set():
+                return
+            self.closed.set()
+        self.transport.left(self)
+        with self._looking:  # so that nothing is made any more
+            pass
+        if not self.bus.lost:
+            self.release()
+
+    def release(self) -> None:
+        """Let go of what this link holds; called once, when it is closed."""
+
+    def lose(self) -> None:
+        """Be closed, in a forked process."""
+        self.closed = threading.Event()  # the locks of the former one may be held by threads that are not here
+        self.closed.set()
+
+    def about(self, role: str = "", channel: str = "") -> Policy.Userdata:
+        kind = self.channel.type
+        return user_data(
+            role=role or self.role,
+            channel=channel or self.channel.name,
+            fingerprint=kind.fingerprint,
+            text=kind.text,
+            id=self.id,
+            reliable=self.channel.qos.reliable,
+            latched=self.channel.qos.latched,
+            owner=self.transport.owner,
+            pid=os.getpid(),
+        )
+
+    def counterparts(self, *, strict: bool = False) -> list[Endpoint]:
+        """Those we face who mean the same by the name; the others are reported, once each.
+
+        With `strict`, raises ContractMismatch if there are only others.
+        """
+        named = [
+            endpoint
+            for endpoint in self.bus.endpoints.find(self.facing, self.channel.name)
+            if endpoint.channel == self.channel.name or not self.transport.owns(endpoint.id)
+        ]
+        mine = self.channel.type.fingerprint
+        same = [endpoint for endpoint in named if endpoint.fingerprint == mine]
+        for endpoint in named:
+            if endpoint.fingerprint != mine:
+                self.report_mismatch((endpoint.id, endpoint.fingerprint), type_of(endpoint))
+        if strict and named and not same:
+            raise ContractMismatch(mismatch(self.channel, type_of(named[0])))
+        return same
+
+    def check_open(self) -> None:
+        if self.closed.is_set() or self.transport.closed:
+            raise Closed(f"{self.channel.name}: {self.transport.gone}")
+
+    def report_mismatch(self, who: object, other: TypeRef) -> None:
+        if who not in self._reported and len(self._reported) < STRANGERS:
+            self._reported.add(who)
+            log.error("%s", mismatch(self.channel, other))
+            self.stats.mismatched += 1  # at last: who sees the count finds the reason in the log
+
+    def malformed(self, why: object) -> None:
+        """Count a message that is none of ours; the first one is logged."""
+        self.stats.malformed += 1
+        if self.stats.malformed == 1:
+            log.warning("%s: dropped a malformed message (further ones are only counted): %s", self.channel.name, why)
+
+
+def type_of(endpoint: Endpoint) -> TypeRef:
+    return TypeRef("", endpoint.fingerprint, endpoint.text)
+
+
+def enter(link: Link, order: threading.Lock, deadline: float) -> None:
+    """Take the lock of those who send by a link, who may hold it until deadlines of their own."""
+    if order.acquire(blocking=False):
+        return
+    step_aside()  # what they wait for may come in by this very thread
+    if not order.acquire(timeout=max(0.0, deadline)):
+        raise Timeout(f"{link.channel.name}: another thread was still sending after {deadline:g} s")

@@ -1,0 +1,353 @@
+"""Who is commanded and who is called."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import threading
+import time
+from collections import deque
+from functools import partial
+from typing import TYPE_CHECKING
+
+from ...errors import (
+    AlreadyServed,
+    DecodeError,
+    TransportError,
+)
+from ...wire.codec import Payload
+from ...wire.header import NO_DEADLINE, Flag
+from ..base import (
+    Channel,
+    Reply,
+    Service,
+    Sink,
+    Status,
+    TypeRef,
+    serve,
+    step_aside,
+)
+from ..crew import Gate, Job, Lane
+from ..exclusive import Claim, claim
+from ..ledger import Ledger
+from .asking import client_of
+from .bus import Reader, Writer
+from .endpoints import Endpoint
+from .link import INTAKE, KEEP_ALL, SOON, Link, endpoint_qos
+from .types import (
+    Message,
+    Request,
+    dressed,
+    fill_reply,
+    read_request,
+    reply_type,
+    request_type,
+)
+
+if TYPE_CHECKING:
+    from .transport import DDSTransport
+
+log = logging.getLogger("robocomp.transport.dds")
+
+COMMANDS_WAITING = 1000
+
+QUERIES_WAITING = 1000
+"""Requests that may wait at one server, or be under way there; more are turned away."""
+
+PATIENCE = 60.0
+"""Seconds for which a reply without deadline is kept for a client that cannot be reached yet."""
+
+
+_Asked = tuple[Request, Payload, float]
+"""A request, what is asked, and when that expires."""
+
+
+class ServingLink(Link):
+    ordered: bool
+    claimed: Claim | None = None
+
+    def __init__(self, transport: DDSTransport, channel: Channel) -> None:
+        super().__init__(transport, channel)
+        self._message = Message(channel.type.request)
+        self._fingerprint = channel.type.fingerprint
+        self._ledger = Ledger(self.stats, ordered=self.ordered)
+        self._requests: Reader | None = None
+
+    def open(self) -> None:
+        name, kind = self.channel.name, self.channel.type
+        self.claimed = claim(self.transport.folder, name, self.transport.owner or "a component")
+        for endpoint in self.bus.endpoints.find(self.role, name):  # on another host
+            raise AlreadyServed(f"{name}: already served by {endpoint.owner} (pid {endpoint.pid})")
+        made = request_type(kind.name, kind.request)
+        self._requests = self.bus.reader(f"rc/{name}Request", made, endpoint_qos(KEEP_ALL, self.about()))
+        self.bus.loop.attach(self._requests.condition, self._on_request)
+
+    def accept(self, samples: list[bytes]) -> list[Job]:
+        """Have requests wait for their turn, or turn them away; what is to be done about those that wait."""
+        raise NotImplementedError
+
+    def refuse(self, request: Request) -> None:
+        """Answer one that means something else."""
+
+    def release(self) -> None:
+        if self._requests:
+            self.bus.loop.detach(self._requests.condition)
+            self._requests.close()
+        if self.claimed:
+            self.claimed.close()
+
+    def _on_request(self) -> list[Job]:
+        assert self._requests
+        return self.accept(self._requests.take(INTAKE))
+
+    def read(self, sample: bytes) -> _Asked | None:
+        """A request that means what we mean, and is new."""
+        try:
+            request = read_request(sample)
+            if request.fingerprint != self._fingerprint:
+                self.report_mismatch((request.client, request.fingerprint), self._stranger(request))
+                self.refuse(request)
+                return None
+            payload = self._message.payload(sample)
+        except DecodeError as exc:
+            self.malformed(exc)
+            return None
+        if not self._ledger.admit(request.client, request.sequence):
+            return None
+        remaining = request.remaining_ms / 1000 if request.remaining_ms != NO_DEADLINE else float("inf")
+        return request, payload, time.monotonic() + remaining
+
+    def _stranger(self, request: Request) -> TypeRef:
+        asking = self.bus.endpoints.find(self.facing, self.channel.name)
+        texts = (endpoint.text for endpoint in asking if endpoint.fingerprint == request.fingerprint)
+        return TypeRef("", request.fingerprint, next(texts, ""))
+
+
+class CommandInlet(ServingLink):
+    role, facing, ordered = "receives", "commands", True
+
+    def __init__(self, transport: DDSTransport, channel: Channel, sink: Sink) -> None:
+        super().__init__(transport, channel)
+        self._sink = sink
+        self._lane = Lane(channel.name, self._execute, COMMANDS_WAITING, lossy=False, stats=self.stats)
+
+    def accept(self, samples: list[bytes]) -> list[Job]:
+        for sample in samples:
+            asked = self.read(sample)
+            if asked is None or self._lane.put((asked[2], asked[1])):
+                continue
+            self.stats.dropped += 1
+            if self.stats.dropped == 1:
+                log.warning("%s: %d commands wait; dropping more", self.channel.name, COMMANDS_WAITING)
+        return [self._lane.drain] if self._lane.summon() else []
+
+    def release(self) -> None:
+        super().release()
+        self._lane.close()
+
+    def _execute(self, waiting: tuple[float, Payload]) -> None:
+        expires, payload = waiting
+        if time.monotonic() >= expires:
+            self.stats.expired += 1
+        else:
+            self._sink(payload)
+
+
+class Server(ServingLink):
+    """A reply waits until its client's reader is known: what is written before that is lost.
+
+    One request after the other is begun, and between two of them the other links have their turn,
+    however many wait here.
+    """
+
+    role, facing, ordered = "serves", "calls", False
+
+    def __init__(self, transport: DDSTransport, channel: Channel, service: Service) -> None:
+        super().__init__(transport, channel)
+        self._service = service
+        self._gate = Gate(channel.name)
+        self._response = Message(channel.type.response)
+        self._writers: dict[str, Writer] = {}
+        """By partition."""
+        self._clients: dict[int, Writer] = {}
+        """The same, by whom they reach."""
+        self._others = False
+        """Whether there are clients that know nothing of our partitions."""
+        self._deferred: list[tuple[float, Request, bytearray]] = []
+        self._order = threading.Lock()
+        self._waiting: deque[_Asked] = deque()
+        self._under_way: dict[tuple[int, int], float] = {}
+        """When those that wait or are being served expire."""
+        self._turned_away: deque[tuple[Request, float, Reply]] = deque(maxlen=QUERIES_WAITING)
+        self._full_until = 0.0
+        """When the next of those under way expires, if there were too many when we last looked."""
+        self._beginning = self._refusing = False
+        """Whether somebody will call `_begin`, and `_send_refusals`."""
+
+    def open(self) -> None:
+        super().open()
+        self._writers[""] = self._writer("")  # whom others see, and where they read
+
+    def looked(self, there: list[Endpoint]) -> None:
+        ends = self.bus.endpoints.on_topic(f"rc/{self.channel.name}Reply")
+        partitions = {endpoint.partition for endpoint in ends if not endpoint.writes}
+        self._others = "" in partitions
+        for gone in self._writers.keys() - partitions - {""}:
+            self._writers.pop(gone).close()
+        for new in partitions - self._writers.keys():
+            self._writers[new] = self._writer(new)
+        self._clients = {client: self._writers[name] for client, name in map(client_of, partitions) if client}
+        with self._order:
+            deferred, self._deferred = self._deferred, []
+        for expires, request, sample in deferred:
+            writer = self._clients.get(request.client)
+            if writer:
+                writer.write(sample)  # to a reader that has just come: there is room
+            else:
+                with self._order:
+                    self._deferred.append((expires, request, sample))
+
+    def tick(self) -> float:
+        now = time.monotonic()
+        with self._order:
+            self._deferred = [each for each in self._deferred if each[0] > now]
+            return min((expires for expires, _, _ in self._deferred), default=float("inf"))
+
+    def accept(self, samples: list[bytes]) -> list[Job]:
+        for sample in samples:
+            asked = self.read(sample)
+            if asked is None:
+                continue
+            request, _, expires = asked
+            if len(self._under_way) >= QUERIES_WAITING and not self._forget_expired():
+                self.stats.dropped += 1
+                self._turned_away.append((request, expires, Reply(Status.BUSY)))
+                continue
+            self._under_way[request.client, request.sequence] = expires
+            if len(samples) == 1 and not self._waiting:
+                return [partial(self._serve, asked)]  # as it is nearly always
+            self._waiting.append(asked)
+        return self._jobs()
+
+    def refuse(self, request: Request) -> None:
+        if not request.flags & Flag.ONEWAY:
+            text = dressed(self.channel.type.text.encode())
+            self._turned_away.append((request, time.monotonic() + PATIENCE, Reply(Status.MISMATCH, text)))
+
+    def _jobs(self) -> list[Job]:
+        """What is to be done, and is not being done."""
+        jobs: list[Job] = []
+        if self._waiting and not self._beginning:
+            self._beginning = True
+            jobs.append(self._begin)
+        if self._turned_away and not self._refusing:
+            self._refusing = True
+            jobs.append(self._send_refusals)
+        return jobs
+
+    def release(self) -> None:
+        if self._requests:
+            self.bus.loop.detach(self._requests.condition)
+        self._gate.close()
+        for writer in self._writers.values():
+            writer.close()  # before the reader, whose leaving tells callers that nothing will come any more
+        super().release()
+
+    def _begin(self) -> None:
+        """Serve the one that came first, and have the next one begun, by whoever receives then."""
+        try:
+            asked = self._waiting.popleft()
+        except IndexError:  # another thread was quicker
+            return
+        finally:
+            self._beginning = False  # before looking for more: who adds some later sees this
+            if self._waiting:
+                for job in self._jobs():
+                    self.bus.loop.do(job)
+        self._serve(asked)
+
+    def _send_refusals(self) -> None:
+        self._refusing = False
+        with contextlib.suppress(IndexError):  # another thread sends them, too
+            while True:
+                self._answer(*self._turned_away.popleft())
+
+    def _forget_expired(self) -> bool:
+        """Whether some requests that were never answered need not be counted any more."""
+        now = time.monotonic()
+        if now < self._full_until:
+            return False
+        under_way = list(self._under_way.items())
+        for key, expires in under_way:
+            if expires <= now:
+                self._under_way.pop(key, None)
+        self._full_until = min((expires for _, expires in under_way if expires > now), default=0.0)
+        return len(self._under_way) < QUERIES_WAITING
+
+    def _serve(self, asked: _Asked) -> None:
+        request, payload, expires = asked
+        answer = partial(self._answer, request, expires)
+        if not self._gate.enter():
+            answer(Reply(Status.REFUSED))
+            return
+        try:
+            if time.monotonic() >= expires:
+                self.stats.expired += 1
+                answer(Reply(Status.EXPIRED))
+                return
+            self.stats.received += 1
+            serve(self._service, payload, expires, answer)
+        finally:
+            self._gate.leave()
+
+    def _answer(self, request: Request, expires: float, reply: Reply) -> None:
+        self._under_way.pop((request.client, request.sequence), None)
+        try:
+            if reply.status is Status.OK:
+                sample = self._response.sample(reply.payload)
+            else:
+                sample = self._response.failure(reply.payload)
+            with self._order:  # a service may answer several with the same payload
+                fill_reply(
+                    sample,
+                    reply.status,
+                    request.client,
+                    request.sequence,
+                    self.transport.incarnation,
+                    time.time_ns(),
+                )
+                writer = self._clients.get(request.client)
+                if writer and writer.write(sample):
+                    return
+                sample = bytearray(sample)
+            self._send_later(request, sample, expires)
+        except TransportError as exc:
+            if not self.closed.is_set():
+                log.warning("%s: a reply was dropped: %s", self.channel.name, exc)
+
+    def _send_later(self, request: Request, sample: bytearray, expires: float) -> None:
+        """Send a reply for which there was no room, or no way to the client."""
+        now = time.monotonic()
+        expires = max(now + SOON, min(expires, now + PATIENCE))
+        writer = self._clients.get(request.client)
+        if writer is None:
+            if self._others:
+                self._writers[""].write(sample)
+            with self._order:
+                self._deferred.append((expires, request, sample))
+                if len(self._deferred) > QUERIES_WAITING:
+                    del self._deferred[0]
+                    self.stats.dropped += 1
+            self.bus.loop.due(expires)
+        elif not writer.write_within(sample, expires, self._pause):
+            log.warning("%s: a reply was dropped: who asked does not take it", self.channel.name)
+
+    def _pause(self) -> None:
+        self.check_open()
+        step_aside()
+
+    def _writer(self, partition: str) -> Writer:
+        kind = self.channel.type
+        made = reply_type(kind.response.name if kind.response else kind.name, kind.response)
+        about = self.about("answers")
+        return self.bus.writer(f"rc/{self.channel.name}Reply", made, endpoint_qos(KEEP_ALL, about), partition)
