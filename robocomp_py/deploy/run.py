@@ -11,7 +11,7 @@ from typing import Protocol
 
 from ..contract.interface import Verb
 from ..errors import DeploymentError
-from ..transports.base import TransportConfig, host
+from ..transports.base import TransportConfig, hosting
 from .plan import Plan
 from .policy import Action, Event, Exited, Finish, GraceOver, Kill, Ready, Start, State, Stop, StopRequested, Supervisor
 from .processes import Launcher
@@ -223,6 +223,6 @@ def run(plan: Plan, options: Options, display: Display) -> int:
     """
     with contextlib.ExitStack() as hosted, contextlib.suppress(asyncio.CancelledError):
         for opened in plan.transports:
-            hosted.enter_context(host(opened.middleware, TransportConfig(opened.options, f"rcdeploy {plan.name}")))
+            hosted.enter_context(hosting(opened.middleware, TransportConfig(opened.options, f"rcdeploy {plan.name}")))
         return asyncio.run(run_plan(plan, options, display))
     return 1

@@ -207,16 +207,18 @@ def find_transport(name: str) -> TransportFactory:
     return factory
 
 
-def host(name: str, config: TransportConfig) -> AbstractContextManager[object]:
-    """Run what components need to meet over that middleware, as long as the `with` block lasts.
+def hosting(name: str, config: TransportConfig) -> AbstractContextManager[None]:
+    """For who starts components: while this is entered, what those of this host share is run here.
 
-    Most need nothing, and have no `host`. A transport that does need something (a router, say) offers it as
-    a class method, `host(config: TransportConfig) -> AbstractContextManager`; without a deployer to call it, its
-    components have to find or run it themselves. Raises what opening the transport raises.
+    An optional part of the contract, for a transport whose components would otherwise run it in one
+    of them: its factory then has a `host` that takes what the factory takes and returns such a
+    context manager. It may be entered before, beside and after components, and while somebody else
+    runs the same; whoever runs it, components must do without this. Of a transport that has no
+    `host`, nothing is run. Entering may raise TransportError; finding it, ConfigurationError.
     """
-    hosting: Callable[[TransportConfig], AbstractContextManager[object]] | None
-    hosting = getattr(find_transport(name), "host", None)
-    return hosting(config) if hosting else nullcontext()
+    host: Callable[[TransportConfig], AbstractContextManager[None]] | None
+    host = getattr(find_transport(name), "host", None)
+    return host(config) if host else nullcontext()
 
 
 def require(transport: Transport, name: str, channel: Channel) -> None:

@@ -39,6 +39,7 @@ _QUIET_LOOKS = 50
 _LONGEST_PAUSE = 0.5
 """Seconds between two attempts to receive, when one after the other fails."""
 
+# Where messages pass, locks are entered themselves: the same through their condition takes twice as long.
 
 _THREADS: weakref.WeakSet[threading.Thread] = weakref.WeakSet()
 """All threads of all crews."""
@@ -69,7 +70,8 @@ class Crew:
         self._closing = threading.Event()
         self._traffic = threading.Event()
         self._watched = False
-        self._turn = threading.Condition()
+        self._lock = threading.RLock()
+        self._turn = threading.Condition(self._lock)
         self._leader: threading.Thread | None = None
         self._followers = 0
         self._running: Job | None = None
@@ -78,7 +80,7 @@ class Crew:
         """Seconds to wait after `receive` has failed; 0 while it succeeds."""
 
     def start(self) -> None:
-        with self._turn:
+        with self._lock:
             self._hire(self._serve, "0")
             self._hire(self._look_out, "lookout")
 
@@ -89,7 +91,7 @@ class Crew:
         """
         self._closing.set()
         self._traffic.set()
-        with self._turn:
+        with self._lock:
             self._turn.notify_all()
             others = [thread for thread in self._threads if thread is not threading.current_thread()]
         self._wake()
@@ -113,7 +115,7 @@ class Crew:
             self._lead()
 
     def _await_turn(self) -> bool:
-        with self._turn:
+        with self._lock:
             self._followers += 1
             self._turn.wait_for(lambda: self._leader is None or self._closing.is_set())
             self._followers -= 1
@@ -151,7 +153,7 @@ class Crew:
             job()
         except BaseException:  # also SystemExit, which would end this thread, and nothing else
             log.exception("%s: a message was not handled", self._name)
-        with self._turn:
+        with self._lock:
             if self._leader is not threading.current_thread():
                 return False
             self._running = None
@@ -159,7 +161,7 @@ class Crew:
 
     def _hand_over(self, overdue: Job | None = None) -> None:
         """Let another thread lead: the leader says so in its job, or that job is overdue."""
-        with self._turn:
+        with self._lock:
             mine = self._leader is threading.current_thread() and self._running is not None
             if self._closing.is_set() or not (mine or (overdue is not None and self._running is overdue)):
                 return
@@ -191,18 +193,19 @@ class Gate:
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self._changed = threading.Condition()
+        self._lock = threading.RLock()
+        self._changed = threading.Condition(self._lock)
         self._inside: list[int] = []
         self.closed = False
 
     def enter(self) -> bool:
-        with self._changed:
+        with self._lock:
             if not self.closed:
                 self._inside.append(threading.get_ident())
             return not self.closed
 
     def leave(self) -> None:
-        with self._changed:
+        with self._lock:
             self._inside.remove(threading.get_ident())
             if self.closed:
                 self._changed.notify_all()
@@ -212,7 +215,7 @@ class Gate:
 
         A handler that is stuck is left alone after a while; that is logged.
         """
-        with self._changed:
+        with self._lock:
             self.closed = True
             me = threading.get_ident()
             if not self._changed.wait_for(lambda: all(thread == me for thread in self._inside), STUCK):
@@ -228,7 +231,8 @@ class Lane:
     def __init__(self, name: str, sink: Sink, depth: int, *, lossy: bool, stats: Statistics) -> None:
         self._name, self._sink, self._depth, self._lossy, self._stats = name, sink, depth, lossy, stats
         self._waiting: deque[Payload] = deque()
-        self._changed = threading.Condition()
+        self._lock = threading.RLock()
+        self._changed = threading.Condition(self._lock)
         self._draining = False
         self._summoned = False
         self._gate = Gate(name)
@@ -243,7 +247,7 @@ class Lane:
 
         Somebody has to call `drain` then. A closed lane takes everything and forgets it.
         """
-        with self._changed:
+        with self._lock:
             if not self._changed.wait_for(lambda: not self.full or self._gate.closed, patience):
                 return False
             if len(self._waiting) >= self._depth:
@@ -255,13 +259,13 @@ class Lane:
 
     def start_with(self, payloads: Iterable[Payload]) -> None:
         """Append the newest `depth` of these, without waiting for room: what a late subscriber has missed."""
-        with self._changed:
+        with self._lock:
             if not self._gate.closed:
                 self._waiting.extend(deque(payloads, self._depth))
 
     def summon(self) -> bool:
         """Whether `drain` has to be called: not if it runs, nor between a summons and its being obeyed."""
-        with self._changed:
+        with self._lock:
             if self._draining or self._summoned:
                 return False
             self._summoned = True
@@ -269,13 +273,13 @@ class Lane:
 
     def drain(self) -> None:
         """Give the sink what waits. Returns at once if another thread is doing so."""
-        with self._changed:
+        with self._lock:
             self._summoned = False
             if self._draining:
                 return
             self._draining = True
         while True:
-            with self._changed:
+            with self._lock:
                 if not self._waiting:
                     self._draining = False
                     return
@@ -285,7 +289,7 @@ class Lane:
 
     def close(self) -> None:
         """Forget what waits. The sink is not called any more once this returns."""
-        with self._changed:
+        with self._lock:
             self._waiting.clear()
             self._changed.notify_all()
         self._gate.close()

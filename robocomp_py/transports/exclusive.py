@@ -78,6 +78,11 @@ def try_claim(folder: Path, name: str, owner: str) -> Claim | None:
         raise TransportError(f"{name}: cannot be claimed in {folder}: {exc.strerror}") from exc
 
 
+def is_claimed(folder: Path, name: str) -> bool:
+    """False if `name` was given back. Still true if who had it was killed, or if the folder was removed."""
+    return os.path.exists(_file(folder, name)) or not os.path.exists(folder)
+
+
 def holder(folder: Path, name: str) -> str:
     """Who has claimed `name`, in words."""
     return _signature(folder, name) or "somebody who just came or left"

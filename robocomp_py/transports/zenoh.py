@@ -1,12 +1,15 @@
 """Transport `zenoh`: every component is a client of one router (see `zenoh_session`).
 
-    rc/<domain>/<channel>                 messages: payload in CDR, our header as the attachment
+    rc/<domain>/<channel>                 publications and commands: payload in CDR, our header as the attachment
+    rc_to/<domain>/<transport>/<number>   the same, to one link: a request to its server, an answer to who asked
     rc_lv/<domain>/…/<link>/<channel>     a liveliness token for each link: who is there (`Token`)
     rc_ack/<domain>/<transport>/<number>  to a link: "this message of yours was taken"
     rc_ask/<domain>/<transport>/<number>  of a link: `/text`, its contract; `/history`, its latched messages
 
 A link's id, which is also the client or source of its headers, is 40 bits of its transport and 24
-of its own number, so whoever has got a message from it knows where to acknowledge and to ask.
+of its own number, so whoever has got a message from it knows where to answer, to acknowledge and
+to ask. Calls are two such messages, which is quicker than a query of Zenoh's; for programs that
+know only those, `rc/<domain>/<channel>` of a server answers them, too.
 
 Zenoh drops messages, or closes the connection, where a reader is slow. What must not be lost
 (reliable publications, commands) is therefore sent only to readers that have room for it: they
@@ -20,6 +23,7 @@ queue what came in, and a `Crew` does the rest. They must not log either: `loggi
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import hashlib
 import itertools
 import logging
@@ -74,10 +78,10 @@ from .base import (
 from .credit import Credit
 from .crew import Crew, Gate, Job, Lane, abandoned
 from .directory import runtime_dir
-from .exclusive import Claim, claim
+from .exclusive import Claim, claim, is_claimed
 from .ledger import Ledger
 from .pending import Pending
-from .zenoh_session import Network, as_transport_error
+from .zenoh_session import Network, as_transport_error, shared_router
 from .zenoh_table import Table, Token
 
 log = logging.getLogger("robocomp.transport.zenoh")
@@ -105,19 +109,27 @@ STRANGERS = 100
 INBOX = 10_000
 """Messages that may wait for the crew at one inlet; more are dropped."""
 
+_LONGEST_WAIT = 3600.0
+"""Seconds that one wait may take; Python refuses to wait for ever so long."""
+
 L = TypeVar("L", bound="_Link")
 _ACK = struct.Struct("<QQ")  # who took it · sequence
 
 
 class ZenohTransport:
-    """Options: `connect`, the endpoint of a router to use instead of one on this host; `domain`, a number:
-    those of different domains do not meet."""
+    """Options:
+
+    `connect`   the endpoint of a router to use instead of the one of this run-time folder, as Zenoh
+                writes it: `tcp/192.168.1.5:7447`. Only this reaches other hosts.
+    `domain`    a number from 0. Those of different domains share the router, but do not meet.
+
+    While the router hangs, which is noticed after 2 s, and then logged, all that waits keeps its
+    deadline, except for what is larger than the queue to the router (about 1 MB): handing it over
+    may take up to 2 s longer; a best-effort one is dropped after 1 s.
+    """
 
     def __init__(self, config: TransportConfig) -> None:
-        options = options_of(config, connect="", domain=0)
-        connect, self.domain = options["connect"], options["domain"]
-        if not isinstance(connect, str) or not isinstance(self.domain, int) or self.domain < 0:
-            raise ConfigurationError("options of zenoh: `connect` is an endpoint, `domain` a number from 0")
+        connect, self.domain = _options(config)
         self.codec: Codec = Cdr()
         self.capabilities = Capability.RELIABLE | Capability.LATCHED | Capability.CROSS_PROCESS
         if connect and not connect.startswith("unix"):
@@ -132,7 +144,9 @@ class ZenohTransport:
         self._looking = False
         self._next_tick = 0.0
         self._inquiries, self._giving_up = _Inbox(QUERIES_WAITING), _Cancellation()
-        self.claims = _claims(connect, self.domain)
+        self.lines: dict[int, _Link] = {}
+        """Whose the numbers are that are no link's own."""
+        self.claims, self._elsewhere = _claims(connect, self.domain), bool(connect)
         self._network = Network(connect, config.owner)
         self.session = self._network.session
         try:
@@ -143,6 +157,12 @@ class ZenohTransport:
             raise
         self._crew = Crew("zenoh", self._receive, wake=lambda: self._work.put(_nothing))
         self._crew.start()
+
+    @staticmethod
+    def host(config: TransportConfig) -> contextlib.AbstractContextManager[None]:
+        """See `base.hosting`: run the router, unless it is one elsewhere, or somebody runs it."""
+        connect, _ = _options(config)
+        return contextlib.nullcontext() if connect else shared_router(config.owner)
 
     def outlet(self, channel: Channel) -> _Publisher | _CommandOutlet:
         kind = _Publisher if channel.pattern is Pattern.PUBLISH else _CommandOutlet
@@ -178,6 +198,10 @@ class ZenohTransport:
     def new_id(self) -> int:
         return self._id << 24 | next(self._numbers)
 
+    def has_left(self, channel: str) -> bool:
+        """Whether a channel is not served any more on this host; its server's token may still tell that it is."""
+        return not (self._elsewhere or is_claimed(self.claims, channel))
+
     def owns(self, link: int) -> bool:
         """Whether a link of that number is one of ours."""
         return link >> 24 == self._id
@@ -195,16 +219,25 @@ class ZenohTransport:
             return [_Message(reply.ok.attachment, reply.ok.payload) for reply in replies if reply.ok]
         return []
 
+    def put(self, key: zenoh.KeyExpr | str, header: bytes | None, payload: Payload) -> None:
+        """Send what must arrive. Raises ZError."""
+        self.session.put(key, payload, attachment=header, congestion_control=_BLOCK, express=True)
+
     def acknowledge(self, taken: dict[int, int], by: int) -> None:
         """Tell senders that their messages up to a number were taken."""
         for sender, sequence in taken.items():
             with contextlib.suppress(zenoh.ZError):  # closed meanwhile: nobody waits for it
-                key = self.key("rc_ack", *_halves(sender))
-                self.session.put(key, _ACK.pack(by, sequence), congestion_control=_BLOCK, express=True)
+                self.put(self.key("rc_ack", *_halves(sender)), None, _ACK.pack(by, sequence))
+
+    def tick_soon(self) -> None:
+        """Something is due earlier than the next tick may be."""
+        self.do(self._forget_the_clock)
 
     def left(self, link: _Link) -> None:
         with self._lock:
             self._links.pop(link.id, None)
+            for number in [number for number, owner in list(self.lines.items()) if owner is link]:
+                del self.lines[number]
 
     # Callbacks: on threads of Zenoh.
 
@@ -236,26 +269,31 @@ class ZenohTransport:
     def _receive(self) -> Iterable[Job]:
         wait = self._next_tick - time.monotonic()
         if wait <= 0:
-            self._next_tick = time.monotonic() + TICK
-            self._tick()
-            wait = TICK
+            wait = self._tick()
+            self._next_tick = time.monotonic() + wait
         try:
             return (self._work.get(timeout=wait),)
         except queue.Empty:
             return ()
 
-    def _tick(self) -> None:
-        """On the thread that receives for everybody: nothing may stop it."""
+    def _forget_the_clock(self) -> None:
+        self._next_tick = 0.0
+
+    def _tick(self) -> float:
+        """Do what is due; seconds until the next time.
+
+        On the thread that receives for everybody: nothing may stop it.
+        """
         try:
             if abandoned():
                 log.warning("%s: not closed at the end of the program; closing", self.owner or "zenoh")
                 self.close()
-                return
+                return TICK
             self._network.tick()
         except Exception:
             log.exception("housekeeping")
-        for link in list(self._links.values()):
-            link.tick()
+        waits = [link.tick() for link in list(self._links.values())]
+        return min([TICK, *(wait for wait in waits if wait is not None)])
 
     def _look(self) -> None:
         self._looking = False
@@ -275,9 +313,10 @@ class ZenohTransport:
 
     def _meant(self, number: str) -> _Link | None:
         try:
-            return self._links.get(self._id << 24 | int(number, 16))
+            id_ = self._id << 24 | int(number, 16)
         except ValueError:
             return None
+        return self._links.get(id_) or self.lines.get(id_)
 
     def _open(self, link: L) -> L:
         if self.closed:
@@ -300,6 +339,14 @@ class ZenohTransport:
 def _nothing() -> None: ...
 
 
+def _options(config: TransportConfig) -> tuple[str, int]:
+    options = options_of(config, connect="", domain=0)
+    connect, domain = options["connect"], options["domain"]
+    if not isinstance(connect, str) or not isinstance(domain, int) or domain < 0:
+        raise ConfigurationError("options of zenoh: `connect` is an endpoint, `domain` a number from 0")
+    return connect, domain
+
+
 def _claims(connect: str, domain: int) -> Path:
     """The folder for claims of those who can meet."""
     where = hashlib.sha256(connect.encode()).hexdigest()[:8] if connect else "here"
@@ -311,9 +358,20 @@ _NO_CONSOLIDATION = zenoh.ConsolidationMode.NONE
 _Cancellation: Any = zenoh.CancellationToken  # its stub lacks types
 
 
-def _direct(callback: Callable[[Any], None], drop: Callable[[], None] | None = None) -> Any:
+def _direct(callback: Callable[[Any], object]) -> Any:
     """A callback that Zenoh calls itself, without a thread of Python's for each."""
-    return zenoh.handlers.Callback(callback, drop, indirect=False)
+
+    def call(message: Any) -> None:
+        if not hasattr(_thread_state, "kept"):
+            _thread_state.kept = ctypes.pythonapi.PyGILState_Ensure()
+        callback(message)
+
+    return zenoh.handlers.Callback(call, indirect=False)
+
+
+_thread_state = threading.local()
+"""Python does not know Zenoh's threads, and would make a state for them at each callback, and destroy it afterwards,
+mapping and unmapping memory: 25 µs. Entered once more than left, a thread keeps the one it has."""
 
 
 def _halves(link: int) -> tuple[str, str]:
@@ -365,6 +423,18 @@ class _Query:
         self._query.drop()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
 
 
+class _Sender:
+    """Who asked by a message, and gets the answer as one."""
+
+    def __init__(self, transport: ZenohTransport, line: int) -> None:
+        self._transport, self._line = transport, line
+
+    def reply(self, header: bytes, payload: Payload) -> None:
+        self._transport.put(self._transport.key("rc_to", *_halves(self._line)), header, payload or b"")
+
+    def close(self) -> None: ...
+
+
 # -- links --------------------------------------------------------------------
 
 
@@ -391,8 +461,9 @@ class _Link:
     def open(self) -> None:
         """Become ready; others see this link only afterwards."""
 
-    def tick(self) -> None:
-        """Do what is due."""
+    def tick(self) -> float | None:
+        """Do what is due; seconds until the next time, if not a tick."""
+        return None
 
     def look(self) -> None:
         """Links came or went."""
@@ -509,7 +580,7 @@ class _Publisher(_Link):
         lossless = qos.reliable or qos.history is History.KEEP_ALL
         self.traits = "".join(("r" * lossless, "l" * qos.latched)) or "-"
         self._lossless = lossless
-        self._readers: tuple[int, set[int]] = -1, set()
+        self._readers: tuple[int, dict[int, int]] = -1, {}
         self._credit = Credit(_depth(channel), self._reliable_readers)
         self._history: deque[tuple[bytes, Payload]] = deque(maxlen=qos.depth if qos.latched else 0)
         self._order = threading.Lock()
@@ -525,7 +596,7 @@ class _Publisher(_Link):
         end = time.monotonic() + deadline
         with _within(self._order, self._too_slow(deadline), end):
             self.check_open()
-            if not self._credit.wait(end, self.check_open):
+            if not self._credit.wait(end, self.check_open, len(payload)):
                 raise self._too_slow(deadline)
             fingerprint = self.channel.type.fingerprint
             header = pack_publication(fingerprint, self.id, self._credit.sent, time.time_ns())
@@ -544,12 +615,12 @@ class _Publisher(_Link):
     def acknowledged(self, by: int, sequence: int) -> None:
         self._credit.took(by, sequence)
 
-    def _reliable_readers(self) -> set[int]:
+    def _reliable_readers(self) -> dict[int, int]:
         if not self._lossless:
-            return set()
+            return {}
         version = self.transport.table.version
         if self._readers[0] != version:
-            self._readers = version, {token.link for token in self._same() if "r" in token.traits}
+            self._readers = version, {token.link: token.since for token in self._same() if "r" in token.traits}
         return self._readers[1]
 
     def _same(self) -> Iterator[Token]:
@@ -587,6 +658,8 @@ class _Receiving(_Link):
         self._inbox = _Inbox(INBOX)
         self._taking = threading.Lock()
         self._scheduled = False
+        self._taken: dict[int, int] = {}
+        """Of each sender the number up to which it has to be told that its messages were taken."""
 
     def open(self) -> None:
         from_whom = zenoh.Locality.REMOTE if ANY in self.channel.name else zenoh.Locality.ANY
@@ -612,16 +685,21 @@ class _Receiving(_Link):
 
     def _work(self) -> None:
         self._scheduled = False
-        taken: dict[int, int] = {}
         with self._taking:
             while len(self._inbox) and not self.lane.full:
                 done = self._take(self._inbox.get())
                 if done:
-                    taken[done[0]] = done[1]
-        self.transport.acknowledge(taken, self.id)
+                    if not self._taken:
+                        self.transport.do(self._acknowledge)  # after this, or meanwhile if the sink is slow
+                    self._taken[done[0]] = done[1]
         self.lane.drain()
         if len(self._inbox) and not self.lane.full:
             self.schedule()
+
+    def _acknowledge(self) -> None:
+        with self._taking:
+            taken, self._taken = self._taken, {}
+        self.transport.acknowledge(taken, self.id)
 
     def _take(self, message: _Message) -> tuple[int, int] | None:
         try:
@@ -715,8 +793,11 @@ class _Asking(_Link):
                 raise Unreachable(f"{self.channel.name}: nobody serves it")
             before = [token for token in serving if found and token.channel == found[1].channel]
             token = (before or serving)[-1]  # the one that came last: the other may be leaving
-            found = self._found = version, token, zenoh.KeyExpr(self.transport.key("rc", token.channel))
+            found = self._found = version, token, zenoh.KeyExpr(self.address(token))
         return found[1:]
+
+    def address(self, server: Token) -> str:
+        return self.transport.key("rc", server.channel)
 
 
 class _CommandOutlet(_Asking):
@@ -725,25 +806,91 @@ class _CommandOutlet(_Asking):
     def __init__(self, transport: ZenohTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
         self._order = threading.Lock()
-        self._credit = Credit(COMMANDS_AHEAD, lambda: {self.server()[0].link})
+        self._credit = Credit(COMMANDS_AHEAD, self._reader)
 
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
         end = time.monotonic() + deadline
         with _within(self._order, self._too_slow(deadline), end):
             self.check_open()
-            if not self._credit.wait(end, self.check_open):
+            if not self._credit.wait(end, self.check_open, len(payload)):
                 raise self._too_slow(deadline)
             fingerprint, left = self.channel.type.fingerprint, end - time.monotonic()
             header = pack_request(Flag.ONEWAY, fingerprint, self.id, self._credit.sent, left)
             with as_transport_error(self.channel.name):
-                key, put = self.server()[1], self.transport.session.put
-                put(key, payload, attachment=header, congestion_control=_BLOCK, express=True)
+                self.transport.put(self.server()[1], header, payload)
 
     def acknowledged(self, by: int, sequence: int) -> None:
         self._credit.took(by, sequence)
 
+    def _reader(self) -> dict[int, int]:
+        server, _ = self.server()
+        if self.transport.has_left(server.channel):
+            raise Unreachable(f"{self.channel.name}: its server left")
+        return {server.link: server.since}
+
     def _too_slow(self, deadline: float) -> Timeout:
         return Timeout(f"{self.channel.name}: its server did not take the command for {deadline:g} s")
+
+
+class _Line:
+    """Questions numbered on their own, and where their answers come in."""
+
+    def __init__(self, link: _Link, heard: Callable[[zenoh.Sample], object]) -> None:
+        """`heard` is called on a thread of Zenoh."""
+        self.id = link.transport.new_id()
+        self.numbers = itertools.count(1)
+        link.transport.lines[self.id] = link
+        key = link.transport.key("rc_to", *_halves(self.id))
+        link.declare(link.transport.session.declare_subscriber(key, _direct(heard)))
+
+    def over(self, number: int, error: TransportError) -> None:
+        """There will be no answer to that question."""
+        raise NotImplementedError
+
+
+class _Over(NamedTuple):
+    number: int
+    error: TransportError
+
+
+class _OwnLine(_Line):
+    """Has one question at a time, and the thread that asked waits here itself."""
+
+    def __init__(self, link: _Link) -> None:
+        self._box: queue.SimpleQueue[zenoh.Sample | _Over] = queue.SimpleQueue()
+        super().__init__(link, self._box.put)
+
+    def over(self, number: int, error: TransportError) -> None:
+        self._box.put(_Over(number, error))
+
+    def receive(self, number: int, end: float) -> zenoh.Sample | None:
+        """What came in, or None if nothing did until `end`. Raises what the question is `over` by."""
+        while (left := end - time.monotonic()) > 0:
+            try:
+                got = self._box.get(timeout=min(left, _LONGEST_WAIT))
+            except queue.Empty:
+                continue
+            if not isinstance(got, _Over):
+                return got
+            if got.number == number:
+                raise got.error
+        return None
+
+    def empty(self) -> None:
+        """Forget what nobody waits for."""
+        while not self._box.empty():
+            self._box.get()
+
+
+class _SharedLine(_Line):
+    """Has many questions, and the crew attends to their answers."""
+
+    def __init__(self, link: _Link, pending: Pending, settle: Callable[[_Line, zenoh.Sample], None]) -> None:
+        self._do, self._pending = link.transport.do, pending
+        super().__init__(link, lambda answer: self._do(partial(settle, self, answer)))
+
+    def over(self, number: int, error: TransportError) -> None:
+        self._do(partial(self._pending.fail, number, error))
 
 
 class _Caller(_Asking):
@@ -752,129 +899,120 @@ class _Caller(_Asking):
     def __init__(self, transport: ZenohTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
         self._flags = Flag.IDEMPOTENT if channel.idempotent else Flag.NONE
-        self._numbers = itertools.count(1)
+        self._lock = threading.Lock()
+        self._idle: list[_OwnLine] = []
+        self._shared: _SharedLine | None = None
         self._pending = Pending(channel.name)
-        self._under_way: dict[int, tuple[int, Any]] = {}
+        self._under_way: dict[tuple[_Line, int], int] = {}
+        """Of each question the link that it was put to."""
+
+    def address(self, server: Token) -> str:
+        return self.transport.key("rc_to", *_halves(server.link))
 
     def ask(self, payload: Payload, deadline: float) -> Reply:
         end = time.monotonic() + deadline
-        number, key, options = self._begin(deadline)
+        self.check_open()
+        line = self._take()
+        number = next(line.numbers)
         try:
-            with as_transport_error(self.channel.name):
-                answers = self.transport.session.get(key, payload=payload, **options)
-            while True:
-                reply = self._understood(number, answers.recv())  # quicker than iterating
-                if reply:
-                    return reply
-        except zenoh.ZError:  # that was all
-            raise self._unanswered(end, deadline) from None
+            self._put(line, number, payload, end)
+            while (answer := line.receive(number, end)) is not None:
+                found = self._understood(line, answer)
+                if found and found[0] == number:
+                    return self._accepted(found[1])
         finally:
-            del self._under_way[number]
+            self._under_way.pop((line, number), None)
+            self._idle.append(line)
+        raise Timeout(f"{self.channel.name}: no answer in {deadline:g} s")
 
     def call(self, payload: Payload, deadline: float) -> Future[Reply]:
         end = time.monotonic() + deadline
-        number, key, options = self._begin(deadline)
+        self.check_open()
+        line = self._common_line()
+        number = next(line.numbers)
         future = self._pending.add(number, deadline)
-        future.add_done_callback(partial(self._ended, number))
-        answered: list[bool] = []
-
-        def answer(reply: zenoh.Reply) -> None:
-            if self._is_ours(number, reply):
-                answered.append(True)
-            self.transport.do(partial(self._settle, number, reply))
-
-        def no_more() -> None:
-            if not answered:
-                self.transport.do(lambda: self._pending.fail(number, self._unanswered(end, deadline)))
-
+        future.add_done_callback(lambda _: self._under_way.pop((line, number), None))
         try:
-            with as_transport_error(self.channel.name):
-                self.transport.session.get(key, _direct(answer, no_more), payload=payload, **options)
-        except TransportError:
+            self._put(line, number, payload, end)
+        except BaseException:
             future.cancel()
             raise
+        finally:
+            if future.done():  # perhaps before it was noted as under way
+                self._under_way.pop((line, number), None)
+        if deadline < TICK:
+            self.transport.tick_soon()
         return future
 
     def look(self) -> None:
         there = {token.link for token in self.counterparts()}
-        for server, token in list(self._under_way.values()):
-            if server not in there:  # Zenoh tells of a server that is lost, but not if the router is lost
-                token.cancel()
+        for (line, number), server in list(self._under_way.items()):
+            if server not in there:
+                line.over(number, Unreachable(f"{self.channel.name}: its server left"))
 
-    def tick(self) -> None:
-        self._pending.expire()
+    def tick(self) -> float | None:
+        with self._lock:
+            for line in self._idle:
+                line.empty()
+        return self._pending.expire(self.transport.do)
 
     def release(self) -> None:
-        for _, token in list(self._under_way.values()):
-            token.cancel()
-        self._pending.fail_all(Closed(f"{self.channel.name}: the link is closed"))
+        closed = Closed(f"{self.channel.name}: the link is closed")
+        for line, number in list(self._under_way):
+            line.over(number, closed)
+        self._pending.close(closed)
 
-    def _begin(self, deadline: float) -> tuple[int, zenoh.KeyExpr, dict[str, Any]]:
-        self.check_open()
+    def _take(self) -> _OwnLine:
+        with self._lock:
+            if self._idle:
+                return self._idle.pop()
+        with as_transport_error(self.channel.name):
+            return _OwnLine(self)
+
+    def _common_line(self) -> _SharedLine:
+        with self._lock, as_transport_error(self.channel.name):
+            if self._shared is None:
+                self._shared = _SharedLine(self, self._pending, self._settle)
+            return self._shared
+
+    def _put(self, line: _Line, number: int, payload: Payload, end: float) -> None:
         server, key = self.server()
-        number, token = next(self._numbers), _Cancellation()
-        self._under_way[number] = server.link, token
-        if self.closed.is_set():
-            token.cancel()
-        header = pack_request(self._flags, self.channel.type.fingerprint, self.id, number, deadline)
-        return (
-            number,
-            key,
-            {
-                "attachment": header,
-                "timeout": max(deadline, 0.001),
-                "cancellation_token": token,
-                "consolidation": _NO_CONSOLIDATION,
-                "congestion_control": _BLOCK,
-                "express": True,
-            },
-        )
+        while self._under_way.get((line, number)) != server.link:
+            self._under_way[line, number] = server.link  # from now on its end is told if that server leaves
+            server, key = self.server()  # unless it has left
+        self.check_open()
+        left = end - time.monotonic()
+        header = pack_request(self._flags, self.channel.type.fingerprint, line.id, number, left)
+        with as_transport_error(self.channel.name):
+            self.transport.put(key, header, payload)
 
-    def _is_ours(self, number: int, answer: zenoh.Reply) -> bool:
+    def _understood(self, line: _Line, answer: zenoh.Sample) -> tuple[int, Reply] | None:
+        """The number of a question, and what was answered to it; None if that was nothing of ours."""
         try:
-            header = read_reply(_bytes(answer.ok.attachment) if answer.ok else b"")
-            return (header.client, header.sequence, Status(header.status)) == (self.id, number, header.status)
-        except ValueError:
-            return False
-
-    def _understood(self, number: int, answer: zenoh.Reply) -> Reply | None:
-        """What was answered; None if that was nothing of ours."""
-        sample = answer.ok
-        if sample is None:
-            return None  # an error of Zenoh's own: it is over, and why is known to us
-        try:
-            header = read_reply(_bytes(sample.attachment))
-            reply = Reply(Status(header.status), sample.payload.to_bytes())
+            header = read_reply(_bytes(answer.attachment))
+            reply = Reply(Status(header.status), answer.payload.to_bytes())
         except ValueError as exc:
             self.malformed(exc)
             return None
-        if (header.client, header.sequence) != (self.id, number):
-            self.malformed("the answer to another question")
+        if header.client != line.id:
+            self.malformed("the answer to somebody else's question")
             return None
+        return header.sequence, reply
+
+    def _accepted(self, reply: Reply) -> Reply:
         if reply.status is Status.MISMATCH:
             raise ContractMismatch(mismatch(self.channel, TypeRef("", 0, reply.payload.decode(errors="replace"))))
         return reply
 
-    def _unanswered(self, end: float, deadline: float) -> TransportError:
-        if self.closed.is_set():
-            return Closed(f"{self.channel.name}: the link is closed")
-        if time.monotonic() >= end - 0.001:  # timers may be so early
-            return Timeout(f"{self.channel.name}: no answer in {deadline:g} s")
-        return Unreachable(f"{self.channel.name}: its server left")
-
-    def _settle(self, number: int, answer: zenoh.Reply) -> None:
+    def _settle(self, line: _Line, answer: zenoh.Sample) -> None:
+        found = self._understood(line, answer)
+        if found is None:
+            return
+        number, reply = found
         try:
-            reply = self._understood(number, answer)
+            self._pending.settle(number, self._accepted(reply))
         except ContractMismatch as exc:
             self._pending.fail(number, exc)
-            return
-        if reply:
-            self._pending.settle(number, reply)
-
-    def _ended(self, number: int, future: Future[Reply]) -> None:
-        _, token = self._under_way.pop(number)
-        if future.cancelled() or future.exception():
-            token.cancel()
 
 
 # -- commands and queries, the serving side -----------------------------------
@@ -925,12 +1063,13 @@ class _Server(_Link):
         self._ledger = Ledger(self.stats, ordered=False)
         self._lock = threading.Lock()
         self._waiting = _Inbox(INBOX)
-        self._under_way: dict[tuple[int, int], tuple[_Query, float]] = {}
+        self._under_way: dict[tuple[int, int], tuple[_Query | _Sender, float]] = {}
 
     def open(self) -> None:
         self._claim = _claim(self)
-        queryable = self.transport.session.declare_queryable(self.key, _direct(self._hear), complete=True)
-        self.declare(queryable)
+        session, mine = self.transport.session, self.transport.key("rc_to", *_halves(self.id))
+        self.declare(session.declare_subscriber(mine, _direct(self._hear)))
+        self.declare(session.declare_queryable(self.key, _direct(self._hear), complete=True))
 
     def tick(self) -> None:
         now = time.monotonic()
@@ -946,33 +1085,36 @@ class _Server(_Link):
         for key in list(self._under_way):
             self._forget(*key)
 
-    def _hear(self, query: zenoh.Query) -> None:
-        if self._waiting.put((query, time.monotonic())):
+    def _hear(self, question: zenoh.Sample | zenoh.Query) -> None:
+        if self._waiting.put((question, time.monotonic())):
             self.transport.do(self._next)
         else:
             self.stats.dropped += 1
-            query.drop()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
+            if isinstance(question, zenoh.Query):
+                question.drop()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
 
     def _next(self) -> None:
-        query, arrived = self._waiting.get()
-        asked = _Query(query)
+        question, arrived = self._waiting.get()
+        query = _Query(question) if isinstance(question, zenoh.Query) else None
         try:
-            request = read_request(_bytes(query.attachment))
+            request = read_request(_bytes(question.attachment))
         except DecodeError as exc:
             self.malformed(exc)
-            asked.close()
+            if query:
+                query.close()
             return
+        asked = query or _Sender(self.transport, request.client)
         expires = _expires(request, arrived)
         refusal = self._admit(request, asked, expires)
         if refusal is None:
-            payload = query.payload
+            payload = question.payload
             self._serve(request, payload.to_bytes() if payload is not None else b"", expires)
             return
         if refusal.status is not Status.OK:
             self._send(asked, request, refusal)
         asked.close()
 
-    def _admit(self, request: Request, asked: _Query, expires: float) -> Reply | None:
+    def _admit(self, request: Request, asked: _Query | _Sender, expires: float) -> Reply | None:
         """Note that a request is under way, or say how to refuse it; OK means without a word."""
         mine = self.channel.type
         if request.fingerprint != mine.fingerprint:
@@ -1009,7 +1151,7 @@ class _Server(_Link):
             self._send(asked, request, reply)
             asked.close()
 
-    def _send(self, asked: _Query, request: Request, reply: Reply) -> None:
+    def _send(self, asked: _Query | _Sender, request: Request, reply: Reply) -> None:
         try:
             asked.reply(self._header(reply.status, request), reply.payload)
         except zenoh.ZError as exc:

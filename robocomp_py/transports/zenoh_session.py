@@ -3,7 +3,9 @@
 Every component is a client of one router. Told an address (`connect`), it uses the router there.
 Otherwise the components of a run-time folder find or host one behind a socket in that folder:
 whoever claims it runs the router in a session of its own; when that process ends, another one
-claims it, and Zenoh's clients reconnect by themselves.
+claims it, and Zenoh's clients reconnect by themselves. Whoever starts components may run it for
+them beforehand (`shared_router`), in a process that does nothing else: it then outlives them, and
+no debugger stops it.
 """
 
 from __future__ import annotations
@@ -30,6 +32,9 @@ log = logging.getLogger("robocomp.transport.zenoh")
 OPEN_PATIENCE = 10.0
 """Seconds after which opening gives up to reach a router."""
 
+LOST = 1.0
+"""Seconds without a connection to the router after which that is told: a new one is there sooner."""
+
 _ATTEMPT_MS = 1000
 """One attempt to connect; between two of them we look whether the router has become ours to run."""
 
@@ -43,6 +48,7 @@ _COMMON: dict[str, Any] = {
     "transport/link/tx/lease": 2000,  # ms after which a hung process counts as gone
     "transport/link/tx/keep_alive": 4,
     "transport/link/tx/queue/size/data": 16,  # batches of 64 KiB; a burst of small messages finds room
+    "transport/link/tx/queue/congestion_control/block/wait_before_close": 2_000_000,  # µs; as the lease: it hangs
     "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 1_000_000,  # µs; of large ones
     "transport/unicast/open_timeout": 2000,
     "transport/unicast/accept_timeout": 2000,
@@ -83,6 +89,17 @@ def open_client(endpoint: str) -> zenoh.Session:
     return zenoh.open(_config("client", settings))
 
 
+@contextlib.contextmanager
+def shared_router(owner: str) -> Iterator[None]:
+    """Run the router of the run-time folder, unless somebody does; one of those who need it takes over at the end."""
+    router = _SharedRouter(owner)
+    try:
+        router.run_if_nobody_does()
+        yield
+    finally:
+        router.close()
+
+
 class Network:
     """A session that stays connected. `tick` has to be called now and then."""
 
@@ -90,6 +107,9 @@ class Network:
         self._owner = owner
         self._router = None if connect else _SharedRouter(owner)
         self.endpoint = connect or _SharedRouter.endpoint()
+        self._connected_at = time.monotonic()
+        self._told = False
+        """That the connection is lost."""
         try:
             self.session = self._open()
         except BaseException:
@@ -97,9 +117,19 @@ class Network:
             raise
 
     def tick(self) -> None:
-        """Run the router if nobody does any more."""
-        if self._router:
-            self._router.run_if_nobody_does()
+        """Run the router if nobody does any more, and tell if the one there is does not answer."""
+        self._run_router()
+        if self.session.info.routers_zid():
+            if self._told:
+                log.info("%s: the Zenoh router answers again", self._owner or "zenoh")
+            self._connected_at, self._told = time.monotonic(), False
+        elif not self._told and time.monotonic() - self._connected_at >= LOST:
+            self._told = True
+            log.warning(
+                "%s: no Zenoh router answers at %s; until it does, nobody is reached",
+                self._owner or "zenoh",
+                self._where(),
+            )
 
     def close(self) -> None:
         with contextlib.suppress(zenoh.ZError):
@@ -109,12 +139,16 @@ class Network:
     def _open(self) -> zenoh.Session:
         end = time.monotonic() + OPEN_PATIENCE
         while True:
-            self.tick()
+            self._run_router()
             try:
                 return open_client(self.endpoint)
             except zenoh.ZError as exc:
                 if time.monotonic() >= end:
                     raise TransportError(f"no Zenoh router answers at {self._where()}") from exc
+
+    def _run_router(self) -> None:
+        if self._router:
+            self._router.run_if_nobody_does()
 
     def _where(self) -> str:
         return f"{self.endpoint} (run by {self._router.holder()})" if self._router else self.endpoint

@@ -11,7 +11,8 @@ from ..wire import names
 class Token(NamedTuple):
     """One link, as all can see it: `rc_lv/<domain>/<role>/<traits>/<fingerprint>/<pid>/<link>/<channel>`.
 
-    Traits: `r` reliable, `l` latched, `-` neither. A `*` in the channel is written as a dot.
+    Traits: `r` reliable, `l` latched, `-` neither. A `*` in the channel is written as a dot. `since`
+    is not told, but noted here: the version of the table in which it came.
     """
 
     role: str
@@ -20,6 +21,7 @@ class Token(NamedTuple):
     pid: int
     link: int
     channel: str
+    since: int = 0
 
     def key(self) -> str:
         channel = self.channel.replace(names.ANY, ".")
@@ -52,13 +54,13 @@ class Table:
             if (token.link in known) == there:
                 return False
             self._index[place] = known
+            self.version += 1
             if there:
-                known[token.link] = token
+                known[token.link] = token._replace(since=self.version)
             else:
                 del known[token.link]
                 if not known:
                     del self._index[place]
-            self.version += 1
             self.changed.notify_all()
         return True
 

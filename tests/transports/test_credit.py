@@ -8,7 +8,7 @@ import time
 import pytest
 
 from robocomp_py.testing.patience import SOON
-from robocomp_py.transports.credit import Credit
+from robocomp_py.transports.credit import BYTES_AHEAD, Credit
 
 
 def still() -> None: ...
@@ -19,13 +19,13 @@ def now() -> float:
 
 
 def test_without_readers_nobody_waits() -> None:
-    credit = Credit(2, set)
+    credit = Credit(2, dict)
     assert all(credit.wait(now(), still) for _ in range(100))
     assert credit.sent == 100
 
 
 def test_the_slowest_reader_decides() -> None:
-    credit = Credit(2, lambda: {1, 2})
+    credit = Credit(2, lambda: {1: 0, 2: 0})
     assert [credit.wait(now(), still) for _ in range(3)] == [True, True, False]
     credit.took(1, 2)
     assert not credit.wait(now(), still)
@@ -35,17 +35,33 @@ def test_the_slowest_reader_decides() -> None:
 
 
 def test_newcomers_count_from_when_they_came_and_who_left_does_not_count() -> None:
-    readers: set[int] = set()
+    readers: dict[int, int] = {}
     credit = Credit(1, lambda: readers)
     assert credit.wait(now(), still)
-    readers.add(1)
+    readers[1] = 5
     assert [credit.wait(now(), still) for _ in range(2)] == [True, False]
     readers.clear()
     assert credit.wait(now(), still)
 
 
+def test_who_left_and_came_back_between_two_looks_counts_from_when_it_came_back() -> None:
+    readers = {1: 5}
+    credit = Credit(1, lambda: readers)
+    assert credit.wait(now(), still)
+    readers[1] = 7
+    assert [credit.wait(now(), still) for _ in range(2)] == [True, False]
+
+
+def test_of_large_messages_fewer_may_be_on_their_way_but_one_always() -> None:
+    credit = Credit(100, lambda: {1: 0})
+    assert [credit.wait(now(), still, BYTES_AHEAD // 3) for _ in range(4)] == [True, True, True, False]
+    credit.took(1, 3)
+    assert [credit.wait(now(), still, 2 * BYTES_AHEAD) for _ in range(2)] == [True, False]
+    assert credit.wait(now(), still, 1)
+
+
 def test_lies_about_what_was_taken_gain_nothing() -> None:
-    credit = Credit(1, lambda: {1})
+    credit = Credit(1, lambda: {1: 0})
     assert credit.wait(now(), still)
     credit.took(2, 1)
     credit.took(1, 2**63)
@@ -54,14 +70,14 @@ def test_lies_about_what_was_taken_gain_nothing() -> None:
 
 
 def test_who_waits_is_let_on_by_an_acknowledgement() -> None:
-    credit = Credit(1, lambda: {1})
+    credit = Credit(1, lambda: {1: 0})
     assert credit.wait(now(), still)
     threading.Timer(0.05, credit.took, (1, 1)).start()
     assert credit.wait(now() + SOON, still)
 
 
 def test_waiting_ends_when_there_is_no_point_in_it() -> None:
-    credit = Credit(1, lambda: {1})
+    credit = Credit(1, lambda: {1: 0})
     assert credit.wait(now(), still)
 
     def closed() -> None:

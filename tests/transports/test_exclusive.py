@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from robocomp_py.errors import AlreadyServed, TransportError
-from robocomp_py.transports.exclusive import claim, holder, try_claim
+from robocomp_py.transports.exclusive import claim, holder, is_claimed, try_claim
 
 NAME = "robot/world/Laser/getLaserData"
 
@@ -48,6 +48,16 @@ def test_after_closing_it_is_free_and_nothing_is_left(tmp_path: Path) -> None:
         mine.close()
         mine.close()
         assert files(tmp_path) == []
+
+
+def test_what_was_given_back_is_not_claimed_but_what_was_lost_may_be(tmp_path: Path) -> None:
+    mine, others = claim(tmp_path, NAME, "world"), claim(tmp_path, NAME + "x", "world")
+    assert is_claimed(tmp_path, NAME)
+    mine.close()
+    assert not is_claimed(tmp_path, NAME)
+    shutil.rmtree(tmp_path)
+    assert is_claimed(tmp_path, NAME + "x")
+    others.close()
 
 
 def test_closing_twice_does_not_give_back_what_is_anothers(tmp_path: Path) -> None:

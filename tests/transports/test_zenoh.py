@@ -23,8 +23,9 @@ from robocomp_py.errors import ConfigurationError, Timeout, TransportError, Unre
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.conformance import TransportConformance, answering, blob, command, query, topic, unblob
 from robocomp_py.testing.patience import SOON, wait_until
-from robocomp_py.transports.base import Channel, Reply, Status, Transport, TransportConfig, TypeRef
+from robocomp_py.transports.base import Channel, Reply, Status, Transport, TransportConfig, TypeRef, hosting
 from robocomp_py.transports.directory import runtime_dir
+from robocomp_py.transports.exclusive import holder
 from robocomp_py.transports.zenoh import COMMANDS_AHEAD, ZenohTransport
 from robocomp_py.transports.zenoh_session import open_client, open_router
 from robocomp_py.wire import header
@@ -32,6 +33,7 @@ from robocomp_py.wire import header
 DIVIDE = Channel("robot/calculator/Everything/divide", Pattern.QUERY, TypeRef("", e.divide.fingerprint, e.divide.text))
 NEWS = Channel("robot/calculator/Everything/news", Pattern.PUBLISH, TypeRef("", e.news.fingerprint, e.news.text))
 DIVIDE_KEY, NEWS_KEY = f"rc/0/{DIVIDE.name}", f"rc/0/{NEWS.name}"
+BLOCK = zenoh.CongestionControl.BLOCK
 RELIABLE = QoS(Reliability.RELIABLE, depth=4)
 LATCHED = QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=3)
 
@@ -76,6 +78,11 @@ def division(transport: ZenohTransport, dividend: int, divisor: int) -> Any:
 
 def request(sequence: int, *, client: int = 77, kind: int = e.divide.fingerprint, remaining: float = 5.0) -> bytes:
     return header.pack_request(0, kind, client, sequence, remaining)
+
+
+def address(link: int) -> str:
+    """Where a link, or the line of one, is reached."""
+    return f"rc_to/0/{link >> 24:010x}/{link & 0xFFFFFF:06x}"
 
 
 def send_many(transport: ZenohTransport, outlet: Any, count: int, deadline: float = SOON) -> None:
@@ -141,7 +148,9 @@ def test_garbage_for_a_server_is_dropped_counted_and_logged_once(
         outsider.get(DIVIDE_KEY, payload=noise, attachment=noise, timeout=SOON)
         outsider.get(DIVIDE_KEY, timeout=SOON)
         outsider.put(DIVIDE_KEY, noise)  # not even a question
-    wait_until(lambda: link.stats.malformed == 200)
+        outsider.put(address(link.id), noise, attachment=noise, congestion_control=BLOCK)
+        outsider.put(address(link.id), noise, congestion_control=BLOCK)
+    wait_until(lambda: link.stats.malformed == 400)
     assert answers(outsider, DIVIDE_KEY, division(transport, 8, 3), request(1))[0][0] == Status.OK
     assert sum(DIVIDE.name in record.message for record in caplog.records) == 1
 
@@ -196,22 +205,34 @@ def test_garbage_among_tokens_acknowledgements_and_inquiries_hurts_nobody(
 def test_garbage_for_an_answer_is_none(transport: ZenohTransport, outsider: Any, ask: str) -> None:
     wrong = header.pack_reply(Status.OK, 1, 2, 3)
 
-    def answer(query: Any) -> None:
-        for attachment in (None, b"", wrong, wrong[:-1], bytes([1, 99]) + wrong[2:]):
-            query.reply(query.key_expr, b"x", attachment=attachment)
-        query.reply_err(b"Timeout")
+    def answer(question: Any) -> None:
+        asked = header.read_request(question.attachment.to_bytes())
+        right = header.pack_reply(Status.OK, asked.client, asked.sequence, 3)
+        for attachment in (None, b"", wrong, wrong[:-1], bytes([1, 99]) + wrong[2:], right):
+            outsider.put(address(asked.client), b"x", attachment=attachment, congestion_control=BLOCK)
 
-    fake = outsider.declare_queryable(DIVIDE_KEY, answer, complete=True)
+    fake = outsider.declare_subscriber(address(1), answer)
     fingerprint = f"{e.divide.fingerprint:016x}"
     token = outsider.liveliness().declare_token(f"rc_lv/0/serves/-/{fingerprint}/1/{1:016x}/{DIVIDE.name}")
     caller = transport.caller(DIVIDE)
     assert caller.wait_peer(SOON)
     question = division(transport, 1, 1)
-    with pytest.raises(Unreachable):
-        caller.ask(question, SOON) if ask == "ask" else caller.call(question, SOON).result(SOON)
+    reply = caller.ask(question, SOON) if ask == "ask" else caller.call(question, SOON).result(SOON)
+    assert reply == Reply(Status.OK, b"x")
     assert caller.stats.malformed == 5
     token.undeclare()
     fake.undeclare()
+
+
+def test_garbage_that_comes_while_nobody_asks_is_in_nobodys_way(transport: ZenohTransport, other: Any) -> None:
+    server = other.server(query("a/b/c"), answering(other, bytes.upper))
+    caller: Any = transport.caller(query("a/b/c"))
+    assert caller.wait_peer(SOON)
+    assert is_answered(transport, caller)
+    for line in transport.lines:
+        other.put(address(line), None, b"noise")
+    assert is_answered(transport, caller)
+    server.close()
 
 
 # What must not be lost, and to whom.
@@ -352,7 +373,108 @@ def test_nothing_is_left_behind() -> None:
     assert files() <= before
 
 
+def test_large_messages_for_a_slow_sink_delay_nothing_else(transport: ZenohTransport, other: ZenohTransport) -> None:
+    release, first = threading.Event(), threading.Event()
+    other.inlet(topic("a/b/c", QoS(depth=2)), lambda _: (first.set(), release.wait(SOON * 3)))
+    other.server(query("a/b/d"), answering(other, bytes.upper))
+    outlet, caller = transport.outlet(topic("a/b/c")), transport.caller(query("a/b/d"))
+    assert outlet.wait_peer(SOON)
+    assert caller.wait_peer(SOON)
+    large = blob(transport, bytes(1_000_000))
+    for _ in range(30):
+        outlet.send(large)
+        assert caller.ask(blob(transport, b"x"), SOON).status is Status.OK
+    assert first.wait(SOON)
+    release.set()
+
+
 # Routers come and go.
+
+
+def test_who_starts_components_may_run_their_router_and_one_of_them_takes_over() -> None:
+    folder = runtime_dir() / "zenoh"
+    with hosting("zenoh", TransportConfig(owner="deployer")):
+        here, there = ZenohTransport(TransportConfig(owner="here")), ZenohTransport(TransportConfig(owner="there"))
+        here.server(query("a/b/c"), answering(here, bytes.upper))
+        caller = there.caller(query("a/b/c"))
+        assert caller.wait_peer(SOON)
+        assert holder(folder, "router") == f"deployer (pid {os.getpid()})"
+    wait_until(lambda: is_answered(there, caller))
+    assert holder(folder, "router") != f"deployer (pid {os.getpid()})"
+    here.close()
+    there.close()
+
+
+def test_running_a_router_where_one_runs_changes_nothing(transport: ZenohTransport, other: ZenohTransport) -> None:
+    transport.server(query("a/b/c"), answering(transport, bytes.upper))
+    caller = other.caller(query("a/b/c"))
+    assert caller.wait_peer(SOON)
+    with hosting("zenoh", TransportConfig(owner="deployer")):
+        assert is_answered(other, caller)
+    assert is_answered(other, caller)
+    assert holder(runtime_dir() / "zenoh", "router").startswith("calculator")
+
+
+def test_of_a_router_elsewhere_and_of_other_transports_nothing_is_run() -> None:
+    with (
+        hosting("zenoh", TransportConfig({"connect": "tcp/127.0.0.1:1"})),
+        hosting("inproc", TransportConfig()),
+    ):
+        assert holder(runtime_dir() / "zenoh", "router") == "somebody who just came or left"
+
+
+def test_while_the_router_hangs_deadlines_hold_and_its_holder_is_named(caplog: pytest.LogCaptureFixture) -> None:
+    host = run("t = ZenohTransport(TransportConfig(owner='host')); print('up', flush=True); time.sleep(1000)")
+    assert host.stdout is not None
+    assert host.stdout.readline() == "up\n"
+    here, there = ZenohTransport(TransportConfig()), ZenohTransport(TransportConfig())
+    here.server(query("a/b/c"), answering(here, bytes.upper))
+    caller = there.caller(query("a/b/c"))
+    assert caller.wait_peer(SOON)
+    host.send_signal(signal.SIGSTOP)
+    for size in (1, 6_000_000):
+        with pytest.raises((Timeout, Unreachable)):
+            caller.ask(blob(there, bytes(size)), 0.1)
+        with pytest.raises((Timeout, Unreachable)):
+            caller.call(blob(there, bytes(size)), 0.1).result(SOON)
+    wait_until(lambda: sum(f"run by host (pid {host.pid})" in record.message for record in caplog.records) == 2)
+    host.send_signal(signal.SIGCONT)
+    wait_until(lambda: is_answered(there, caller))
+    host.kill()
+    host.wait()
+    host.stdout.close()
+    here.close()
+    there.close()
+
+
+def test_calls_under_way_end_when_the_router_is_closed_and_later_ones_are_answered() -> None:
+    host = ZenohTransport(TransportConfig(owner="host"))
+    here, there = ZenohTransport(TransportConfig()), ZenohTransport(TransportConfig())
+    here.server(query("a/b/c"), answering(here, bytes.upper))
+    caller = there.caller(query("a/b/c"))
+    assert caller.wait_peer(SOON)
+    answered, failed, stop = [0] * 4, list[TransportError](), threading.Event()
+
+    def call_on(number: int) -> None:
+        while not stop.is_set():
+            try:
+                answered[number] += caller.ask(blob(there, b"x"), SOON).status is Status.OK
+            except TransportError as exc:
+                failed.append(exc)
+
+    callers = [threading.Thread(target=call_on, args=(number,)) for number in range(4)]
+    for each in callers:
+        each.start()
+    wait_until(lambda: all(answered))
+    host.close()
+    before = list(answered)
+    wait_until(lambda: all(now > then for now, then in zip(answered, before, strict=True)))
+    stop.set()
+    for each in callers:
+        each.join()
+    assert [exc for exc in failed if not isinstance(exc, Unreachable)] == []
+    here.close()
+    there.close()
 
 
 def test_when_the_router_is_closed_another_transport_runs_it() -> None:

@@ -13,7 +13,6 @@ from cyclonedds.internal import DDS
 
 from ...errors import TransportError
 
-
 BLOCKING_MS = 2
 """How long the library waits for room before it says that a sample was not written."""
 
