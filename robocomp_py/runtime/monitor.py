@@ -167,7 +167,7 @@ class Monitor:
 
     def step_out(self) -> bool:
         """Before a wait: if the calling thread is inside, let the others in. Pass the result to `step_in`."""
-        if not self.mine:
+        if self._inside != threading.get_ident():
             return False
         with self._state:
             self._aside += 1
@@ -200,6 +200,8 @@ class Monitor:
     def _admit_next(self) -> None:
         """Nobody is inside any more: let the next one in. Called with the state locked."""
         self._inside = None
+        if not self._queue:
+            return
         entry = self._next()
         if isinstance(entry, _Ticket):
             self._inside = entry.thread

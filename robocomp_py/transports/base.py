@@ -48,6 +48,10 @@ class Status(IntEnum):
     REFUSED = 6  # not executed: not served there
 
 
+STATUSES = {status.value: status for status in Status}
+"""By number; quicker than asking the enumeration."""
+
+
 class Reply(NamedTuple):
     status: Status
     payload: Payload = None

@@ -31,6 +31,7 @@ _LETTERS = {dtype: {"bool": "?", "int64": "q", "uint64": "Q"}.get(dtype.name, dt
 _DTYPES = {ord(letter): dtype for dtype, letter in _LETTERS.items()}
 _REFERENCE = struct.Struct("<BI")
 _OCTET = ord("B")
+_OCTETS = np.dtype(np.uint8)
 _NUMBERS = {bool, int, float}
 
 MAX_TREE = 16 * 1024 * 1024
@@ -74,7 +75,8 @@ class MessagePack:
 def _check_size(payload: list[Any]) -> None:
     if len(payload[0]) > MAX_TREE:
         raise ValueError(f"{len(payload[0])} bytes besides large arrays; a message may have {MAX_TREE}")
-    check_size(sum(memoryview(part).nbytes for part in payload) if len(payload) > 1 else len(payload[0]))
+    if len(payload) > 1:
+        check_size(sum(memoryview(part).nbytes for part in payload))
 
 
 def _check_whole(packed: Any) -> None:
@@ -86,22 +88,28 @@ def _check_whole(packed: Any) -> None:
 
 def _pack_array(value: Any, dtype: np.dtype[Any], frames: Frames) -> Any:
     array = as_array(value, dtype)
-    return _share_array(snapshot(array, dtype) if array.nbytes >= APART else array, dtype, frames)
+    return _packed(array, dtype) if array.nbytes < APART else _apart(snapshot(array, dtype), dtype, frames)
 
 
 def _share_array(value: Any, dtype: np.dtype[Any], frames: Frames) -> Any:
     array = as_array(value, dtype)
-    if array.nbytes >= APART:
-        frames.append(array.data)
-        return msgpack.ExtType(APART_EXT, _REFERENCE.pack(ord(_LETTERS[dtype]), len(frames)))
-    if dtype == np.uint8:
+    return _packed(array, dtype) if array.nbytes < APART else _apart(array, dtype, frames)
+
+
+def _packed(array: np.ndarray[Any, Any], dtype: np.dtype[Any]) -> Any:
+    if dtype == _OCTETS:
         return array.tobytes()
     return msgpack.ExtType(INLINE_EXT, _LETTERS[dtype].encode() + array.tobytes())
 
 
+def _apart(array: np.ndarray[Any, Any], dtype: np.dtype[Any], frames: Frames) -> Any:
+    frames.append(array.data)
+    return msgpack.ExtType(APART_EXT, _REFERENCE.pack(ord(_LETTERS[dtype]), len(frames)))
+
+
 def _read_array(value: Any, dtype: np.dtype[Any], payload: Frames) -> np.ndarray[Any, Any]:
     if type(value) is bytes:
-        return _view(value, _OCTET, dtype)
+        return view_of(value, dtype, len(value), 0) if dtype == _OCTETS else _view(value, _OCTET, dtype)
     if type(value) is msgpack.ExtType:
         if value.code == INLINE_EXT:
             return _view(value.data[1:], value.data[0], dtype)  # a copy: behind the letter nothing is aligned

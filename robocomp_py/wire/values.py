@@ -110,6 +110,8 @@ def as_array(value: Any, dtype: np.dtype[Any]) -> _Array:
     value that does not fit raises OverflowError, one of another kind TypeError.
     """
     if isinstance(value, np.ndarray) and value.dtype == dtype and value.ndim:
+        if value.ndim == 1 and value.flags.c_contiguous:
+            return value
         return np.ascontiguousarray(value).reshape(-1)
     if isinstance(value, bytes | bytearray):
         if dtype != np.uint8:
@@ -173,7 +175,8 @@ def view_of(data: Any, dtype: np.dtype[Any], count: int, offset: int) -> _Array:
         return read_only(np.empty(0, dtype))
     if dtype.kind == "b" and np.any(np.frombuffer(data, np.uint8, count, offset) > 1):
         raise ValueError("a bool is neither 0 nor 1")
-    return read_only(np.frombuffer(data, dtype, count, offset))
+    array = np.frombuffer(data, dtype, count, offset)
+    return array if type(data) is bytes else read_only(array)
 
 
 def read_only(array: _Array) -> _Array:

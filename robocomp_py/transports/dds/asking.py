@@ -25,6 +25,7 @@ from ...wire.codec import Payload
 from ...wire.header import Flag
 from ...wire.names import ANY
 from ..base import (
+    STATUSES,
     Channel,
     Reply,
     Status,
@@ -197,9 +198,6 @@ class CommandOutlet(AskingLink):
             self._sent += 1
         finally:
             self._order.release()
-
-
-_STATUSES = {status.value: status for status in Status}
 
 
 class _Asker:
@@ -400,7 +398,7 @@ class Caller(AskingLink):
                 if status == Status.OK:
                     reply = Reply(Status.OK, self._response.payload(sample, tail=True))
                 else:
-                    reply = Reply(_STATUSES[status], self._response.why(sample))
+                    reply = Reply(STATUSES[status], self._response.why(sample))
             except (DecodeError, KeyError) as exc:
                 self.malformed(exc)
                 continue

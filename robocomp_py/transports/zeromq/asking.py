@@ -30,6 +30,7 @@ from ...wire.header import (
     read_reply,
 )
 from ..base import (
+    STATUSES,
     Channel,
     Reply,
     Status,
@@ -255,11 +256,11 @@ class Caller(AskingLink):
     def answered(self, peer: Peer, header: ReplyHeader, payload: Frames) -> None:
         key = peer.id, header.sequence
         try:
-            reply = self._understood(Reply(Status(header.status), payload))
+            reply = self._understood(Reply(STATUSES[header.status], payload))
         except ContractMismatch as exc:
             self._pending.fail(key, exc)
-        except ValueError as exc:
-            self.malformed(exc)
+        except KeyError:
+            self.malformed(f"status {header.status}")
         else:
             if reply.status is Status.REFUSED and self.lost(peer):
                 self._pending.fail(key, Unreachable(f"{self.channel.name}: its server left"))
@@ -289,9 +290,9 @@ class Caller(AskingLink):
             number, frames = self.request(channel, self._flags, remaining, payload)
             self._send(peer, socket, frames, end, deadline)
             while True:
-                header, answer = self._receive(peer, socket, end, deadline)
+                header, reply = self._receive(peer, socket, end, deadline)
                 if header.sequence == number and header.client == self.client:
-                    return self._understood(Reply(Status(header.status), answer))
+                    return reply if reply.status is Status.OK else self._understood(reply)
         finally:
             peer.give(socket)
 
@@ -305,9 +306,7 @@ class Caller(AskingLink):
                 if time.monotonic() >= end:
                     raise Timeout(f"{self.channel.name}: could not be asked within {deadline:g} s") from None
 
-    def _receive(
-        self, peer: Peer, socket: zmq.Socket[bytes], end: float, deadline: float
-    ) -> tuple[ReplyHeader, Frames]:
+    def _receive(self, peer: Peer, socket: zmq.Socket[bytes], end: float, deadline: float) -> tuple[ReplyHeader, Reply]:
         while True:
             left = end - time.monotonic()
             if left <= 0:
@@ -316,11 +315,14 @@ class Caller(AskingLink):
                 if left * 1000 < _SLICE_MS and not socket.poll(max(1, int(left * 1000))):
                     continue
                 frames = receive_frames(socket)
-                return read_reply(frames[0]), frames[1:]
+                header = read_reply(frames[0])
+                return header, Reply(STATUSES[header.status], frames[1:])
             except zmq.Again:
                 self.still(peer)
             except DecodeError as exc:
                 self.malformed(exc)
+            except KeyError as exc:
+                self.malformed(f"status {exc}")
 
     def _understood(self, reply: Reply) -> Reply:
         if reply.status is Status.MISMATCH:
