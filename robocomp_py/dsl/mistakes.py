@@ -145,7 +145,7 @@ def explain_token(source: Source, text: str, span: Span, expected: list[str], wa
         hint = f"write `{right[0]}` instead"
         return Mistake(Diagnostic("syntax", message, span, hint=hint), span.start, span.end, right[0])
     start = span.end - max(len(meant), len(found))  # a longer keyword takes the room of the spaces in front
-    if ways.replaced and re.fullmatch(r"\W?\s*", text[max(0, start - 1) : span.start]):
+    if ways.replaced and start >= 0 and re.fullmatch(r"\W?\s*", text[max(0, start - 1) : span.start]):
         return Mistake(Diagnostic("syntax", message, span, hint=hint), start, span.end, meant)
     if ways.removed and not hint and re.match(r"\w", found) and (not before or before[-1] in ";{}"):
         return Mistake(Diagnostic("syntax", message, span, hint="remove it"), span.start, span.end)

@@ -68,7 +68,7 @@ def test_components_are_started_and_time_is_told_apart(tmp_path: Path) -> None:
 
 
 def test_ctrl_c_ends_all_of_it() -> None:
-    with start("--what", "query", "--only", "dds,zenoh", "--rounds", "1000") as process:
+    with start("--what", "query", "--only", "dds,zenoh", "--rounds", "100") as process:
         assert process.stderr
         assert any("1 KB" in line for line in process.stderr)  # the second size: both processes are at work
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does

@@ -24,6 +24,15 @@ arm.idsl:3:19: error[unknown-type]: unknown type `Jiont`
                       ^^^^^
     did you mean `Joint`?""",
     ),
+    "a first word that lacks a letter, where there is no room for it": (
+        "net.ddsl",
+        "eployment net { Component x {}; };",
+        """\
+net.ddsl:1:1: error[syntax]: unexpected `eployment`; expected `Deployment` or `import`
+    eployment net { Component x {}; };
+    ^^^^^^^^^
+    did you mean `Deployment`?""",
+    ),
     "two definitions": (
         "arm.idsl",
         "module Arm {\n\tstruct Joint { };\n\tenum Joint { elbow };\n};",

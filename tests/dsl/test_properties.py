@@ -94,6 +94,8 @@ def lint(ending: str, text: str) -> None:
 
     workspace = Workspace(read=read)
     workspace.check(path)
+    told = [each.render() for each in workspace.report.diagnostics]
+    assert len(told) == len(set(told)), "one mistake, told twice"
     for each in workspace.report.diagnostics:
         assert each.render().startswith(str(each.span.source.path))
         assert each.to_json()["line"] >= 1
