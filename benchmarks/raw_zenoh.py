@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import zenoh
 
-from robocomp_py.transports.zenoh_session import open_client, open_router
+from robocomp_py.transports.zenoh.session import open_client, open_router
 
 from .parties import PATIENCE, Array, Hear, Place
 

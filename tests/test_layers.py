@@ -22,7 +22,6 @@ FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py.transports.inproc": BUILD | MIDDLEWARES | {"robocomp_py.runtime", "msgpack"},
     "robocomp_py.transports.zeromq": BUILD | (MIDDLEWARES - {"zmq"}) | {"robocomp_py.runtime"},
     "robocomp_py.transports.dds": BUILD | (MIDDLEWARES - {"cyclonedds"}) | {"robocomp_py.runtime", "msgpack"},
-    "robocomp_py.transports.zenoh_table": BUILD | MIDDLEWARES | {"robocomp_py.runtime", "msgpack"},
     "robocomp_py.transports.exclusive": BUILD | MIDDLEWARES | {"robocomp_py.runtime", "msgpack", "numpy"},
     "robocomp_py.transports.zenoh": BUILD | (MIDDLEWARES - {"zenoh"}) | {"robocomp_py.runtime", "msgpack"},
     "robocomp_py.runtime.api": BUILD | MIDDLEWARES | {"msgpack", "argparse"},

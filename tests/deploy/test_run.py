@@ -152,6 +152,15 @@ def test_what_a_middleware_needs_is_there_as_long_as_the_network(monkeypatch: py
     ]
 
 
+def test_the_router_of_a_zenoh_network_is_run_by_its_deployer(runtime_folder: Path) -> None:
+    told = Told()
+    program = f"import pathlib; print(pathlib.Path({str(runtime_folder)!r}, 'zenoh', 'router.lock').read_text())"
+    plan = replace(network(curious=program, notifies=False), transports=(OpenedTransport("zenoh"),))
+    assert run(plan, Options(), told) == 0
+    assert ("line", "curious", f"rcdeploy net (pid {os.getpid()})") in told.said
+    assert not (runtime_folder / "zenoh" / "router.lock").exists()
+
+
 LEAVES_A_CHILD = """
 import subprocess, sys
 child = subprocess.Popen([sys.executable, "-ISc", "import time; time.sleep(600)"], start_new_session=True)

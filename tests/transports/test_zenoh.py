@@ -26,8 +26,9 @@ from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, Reply, Status, Transport, TransportConfig, TypeRef, hosting
 from robocomp_py.transports.directory import runtime_dir
 from robocomp_py.transports.exclusive import holder
-from robocomp_py.transports.zenoh import COMMANDS_AHEAD, ZenohTransport
-from robocomp_py.transports.zenoh_session import open_client, open_router
+from robocomp_py.transports.zenoh import ZenohTransport
+from robocomp_py.transports.zenoh.asking import COMMANDS_AHEAD
+from robocomp_py.transports.zenoh.session import open_client, open_router
 from robocomp_py.wire import header
 
 DIVIDE = Channel("robot/calculator/Everything/divide", Pattern.QUERY, TypeRef("", e.divide.fingerprint, e.divide.text))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from typing import NamedTuple
 
-from ..wire import names
+from ...wire import names
 
 
 class Token(NamedTuple):

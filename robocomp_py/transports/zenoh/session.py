@@ -22,10 +22,10 @@ from typing import Any
 
 import zenoh
 
-from ..errors import ConfigurationError, TransportError
-from ..wire.codec import MAX_BYTES
-from .directory import runtime_dir
-from .exclusive import Claim, holder, try_claim
+from ...errors import ConfigurationError, TransportError
+from ...wire.codec import MAX_BYTES
+from ..directory import runtime_dir
+from ..exclusive import Claim, holder, try_claim
 
 log = logging.getLogger("robocomp.transport.zenoh")
 

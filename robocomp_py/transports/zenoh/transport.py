@@ -1,0 +1,292 @@
+"""The transport: its links, its session, and its thread."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import itertools
+import logging
+import queue
+import secrets
+import struct
+import threading
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import zenoh
+
+from ...contract.interface import Pattern
+from ...errors import Closed, ConfigurationError
+from ...wire.cdr import Cdr
+from ...wire.codec import Codec, Payload
+from ...wire.header import (
+    random_id,
+)
+from ..base import (
+    Capability,
+    Channel,
+    Service,
+    Sink,
+    TransportConfig,
+    options_of,
+)
+from ..crew import Crew, Job, abandoned
+from ..directory import runtime_dir
+from ..exclusive import is_claimed
+from ..memory import keep_memory
+from .asking import Caller, CommandOutlet
+from .link import TICK, Link
+from .messages import BLOCK, NO_CONSOLIDATION, QUERIES_WAITING, Inbox, Message, Query, direct, halves
+from .serving import CommandInlet, Server
+from .session import Network, as_transport_error, shared_router
+from .table import Table
+from .topics import Publisher, Subscriber
+
+log = logging.getLogger("robocomp.transport.zenoh")
+
+INQUIRY = 2.0
+"""Seconds for which a link is asked for its contract or its history."""
+
+L = TypeVar("L", bound=Link)
+_ACK = struct.Struct("<QQ")  # who took it · sequence
+_Cancellation: Any = zenoh.CancellationToken  # its stub lacks types
+
+
+class ZenohTransport:
+    """Options:
+
+    `connect`   the endpoint of a router to use instead of the one of this run-time folder, as Zenoh
+                writes it: `tcp/192.168.1.5:7447`. Only this reaches other hosts.
+    `domain`    a number from 0. Those of different domains share the router, but do not meet.
+
+    While the router hangs, which is noticed after 2 s, and then logged, all that waits keeps its
+    deadline, except for what is larger than the queue to the router (about 1 MB): handing it over
+    may take up to 2 s longer; a best-effort one is dropped after 1 s.
+    """
+
+    def __init__(self, config: TransportConfig) -> None:
+        connect, self.domain = _options(config)
+        self.codec: Codec = Cdr()
+        self.capabilities = Capability.RELIABLE | Capability.LATCHED | Capability.CROSS_PROCESS
+        if connect and not connect.startswith("unix"):
+            self.capabilities |= Capability.CROSS_HOST
+        self.owner, self.incarnation = config.owner, random_id()
+        self.closed = False
+        self.table = Table()
+        self._id, self._numbers = secrets.randbits(40), itertools.count(1)
+        self._links: dict[int, Link] = {}
+        self._lock = threading.RLock()
+        self._work: queue.SimpleQueue[Job] = queue.SimpleQueue()
+        self._looking = False
+        self._next_tick = 0.0
+        self._inquiries, self._giving_up = Inbox(QUERIES_WAITING), _Cancellation()
+        self.lines: dict[int, Link] = {}
+        """Whose the numbers are that are no link's own."""
+        self.claims, self._elsewhere = _claims(connect, self.domain), bool(connect)
+        keep_memory()
+        self._network = Network(connect, config.owner)
+        self.session = self._network.session
+        try:
+            with as_transport_error("joining"):
+                self._join()
+        except BaseException:
+            self._network.close()
+            raise
+        self._crew = Crew("zenoh", self._receive, wake=lambda: self._work.put(_nothing))
+        self._crew.start()
+
+    @staticmethod
+    def host(config: TransportConfig) -> contextlib.AbstractContextManager[None]:
+        """See `base.hosting`: run the router, unless it is one elsewhere, or somebody runs it."""
+        connect, _ = _options(config)
+        return contextlib.nullcontext() if connect else shared_router(config.owner)
+
+    def outlet(self, channel: Channel) -> Publisher | CommandOutlet:
+        kind = Publisher if channel.pattern is Pattern.PUBLISH else CommandOutlet
+        return self._open(kind(self, channel))
+
+    def inlet(self, channel: Channel, sink: Sink) -> Subscriber | CommandInlet:
+        kind = Subscriber if channel.pattern is Pattern.PUBLISH else CommandInlet
+        return self._open(kind(self, channel, sink))
+
+    def caller(self, channel: Channel) -> Caller:
+        return self._open(Caller(self, channel))
+
+    def server(self, channel: Channel, service: Service) -> Server:
+        return self._open(Server(self, channel, service))
+
+    def close(self) -> None:
+        with self._lock:
+            if self.closed:
+                return
+            self.closed = True
+        for link in reversed(list(self._links.values())):
+            link.close()
+        self._giving_up.cancel()
+        self._crew.close()
+        self._network.close()
+
+    # What links use.
+
+    def do(self, job: Job) -> None:
+        """Have a thread of ours run this."""
+        self._work.put(job)
+
+    def new_id(self) -> int:
+        return self._id << 24 | next(self._numbers)
+
+    def has_left(self, channel: str) -> bool:
+        """Whether a channel is not served any more on this host; its server's token may still tell that it is."""
+        return not (self._elsewhere or is_claimed(self.claims, channel))
+
+    def owns(self, link: int) -> bool:
+        """Whether a link of that number is one of ours."""
+        return link >> 24 == self._id
+
+    def key(self, kind: str, *parts: object) -> str:
+        return "/".join(map(str, (kind, self.domain, *parts)))
+
+    def inquire(self, link: int, what: str) -> list[Message]:
+        """What another link answers; nothing, if it has gone or is too busy."""
+        key = self.key("rc_ask", *halves(link), what)
+        with contextlib.suppress(zenoh.ZError):
+            replies = self.session.get(
+                key, timeout=INQUIRY, cancellation_token=self._giving_up, consolidation=NO_CONSOLIDATION
+            )
+            return [Message(reply.ok.attachment, reply.ok.payload) for reply in replies if reply.ok]
+        return []
+
+    def put(self, key: zenoh.KeyExpr | str, header: bytes | None, payload: Payload) -> None:
+        """Send what must arrive. Raises ZError."""
+        self.session.put(key, payload, attachment=header, congestion_control=BLOCK, express=True)
+
+    def acknowledge(self, taken: dict[int, int], by: int) -> None:
+        """Tell senders that their messages up to a number were taken."""
+        for sender, sequence in taken.items():
+            with contextlib.suppress(zenoh.ZError):  # closed meanwhile: nobody waits for it
+                self.put(self.key("rc_ack", *halves(sender)), None, _ACK.pack(by, sequence))
+
+    def tick_soon(self) -> None:
+        """Something is due earlier than the next tick may be."""
+        self.do(self._forget_the_clock)
+
+    def left(self, link: Link) -> None:
+        with self._lock:
+            self._links.pop(link.id, None)
+            for number in [number for number, owner in list(self.lines.items()) if owner is link]:
+                del self.lines[number]
+
+    # Callbacks: on threads of Zenoh.
+
+    def _on_token(self, sample: zenoh.Sample) -> None:
+        if self.table.hear(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT) and not self._looking:
+            self._looking = True
+            self._work.put(self._look)
+
+    def _on_ack(self, sample: zenoh.Sample) -> None:
+        link, data = self._meant(str(sample.key_expr).split("/")[-1]), sample.payload.to_bytes()
+        if link and len(data) == _ACK.size:
+            link.acknowledged(*_ACK.unpack(data))
+
+    def _on_inquiry(self, query: zenoh.Query) -> None:
+        if self._inquiries.put(query):
+            self._work.put(self._answer)
+
+    # On threads of ours.
+
+    def _join(self) -> None:
+        session, mine = self.session, f"{self._id:010x}"
+        session.declare_subscriber(self.key("rc_ack", mine, "*"), direct(self._on_ack))
+        session.declare_queryable(self.key("rc_ask", mine, "*", "*"), direct(self._on_inquiry), complete=True)
+        everybody = self.key("rc_lv", "**")
+        session.liveliness().declare_subscriber(everybody, direct(self._on_token), history=True)
+        for _ in session.liveliness().get(everybody, timeout=INQUIRY):
+            pass  # what is told to the subscriber comes first: once this has ended, we know who is there
+
+    def _receive(self) -> Iterable[Job]:
+        wait = self._next_tick - time.monotonic()
+        if wait <= 0:
+            wait = self._tick()
+            self._next_tick = time.monotonic() + wait
+        try:
+            return (self._work.get(timeout=wait),)
+        except queue.Empty:
+            return ()
+
+    def _forget_the_clock(self) -> None:
+        self._next_tick = 0.0
+
+    def _tick(self) -> float:
+        """Do what is due; seconds until the next time.
+
+        On the thread that receives for everybody: nothing may stop it.
+        """
+        try:
+            if abandoned():
+                log.warning("%s: not closed at the end of the program; closing", self.owner or "zenoh")
+                self.close()
+                return TICK
+            self._network.tick()
+        except Exception:
+            log.exception("housekeeping")
+        waits = [link.tick() for link in list(self._links.values())]
+        return min([TICK, *(wait for wait in waits if wait is not None)])
+
+    def _look(self) -> None:
+        self._looking = False
+        for link in list(self._links.values()):
+            try:
+                link.look()
+            except Exception:
+                log.exception("%s: looking who is there", link.channel.name)
+
+    def _answer(self) -> None:
+        query = self._inquiries.get()
+        *_, number, what = str(query.key_expr).split("/")
+        link = self._meant(number)
+        with contextlib.suppress(zenoh.ZError), contextlib.closing(Query(query)) as asked:
+            for header, payload in link.answer(what) if link else ():
+                asked.reply(header, payload)
+
+    def _meant(self, number: str) -> Link | None:
+        try:
+            id_ = self._id << 24 | int(number, 16)
+        except ValueError:
+            return None
+        return self._links.get(id_) or self.lines.get(id_)
+
+    def _open(self, link: L) -> L:
+        if self.closed:
+            raise Closed("the transport is closed")
+        with self._lock:
+            self._links[link.id] = link
+        try:
+            with as_transport_error(f"{link.channel.name}: opening"):
+                link.open()
+                link.announce()
+            if self.closed:
+                raise Closed("the transport is closed")
+            link.look()
+        except BaseException:
+            link.close()
+            raise
+        return link
+
+
+def _nothing() -> None: ...
+
+
+def _options(config: TransportConfig) -> tuple[str, int]:
+    options = options_of(config, connect="", domain=0)
+    connect, domain = options["connect"], options["domain"]
+    if not isinstance(connect, str) or not isinstance(domain, int) or domain < 0:
+        raise ConfigurationError("options of zenoh: `connect` is an endpoint, `domain` a number from 0")
+    return connect, domain
+
+
+def _claims(connect: str, domain: int) -> Path:
+    """The folder for claims of those who can meet."""
+    where = hashlib.sha256(connect.encode()).hexdigest()[:8] if connect else "here"
+    return runtime_dir() / "zenoh" / f"served-{domain}-{where}"
