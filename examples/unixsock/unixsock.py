@@ -37,9 +37,8 @@ from robocomp_py.transports.base import (
     TypeRef,
     mismatch,
     options_of,
-    serve,
 )
-from robocomp_py.transports.crew import Crew, Gate, Job, Lane
+from robocomp_py.transports.crew import Crew, Job, Lane, Servant
 from robocomp_py.transports.directory import Directory, Entry, Member, runtime_dir
 from robocomp_py.transports.exclusive import Claim, claim
 from robocomp_py.transports.pending import Pending
@@ -507,8 +506,7 @@ class _Server(_Listening):
 
     def __init__(self, transport: UnixSocketTransport, channel: Channel, service: Service) -> None:
         super().__init__(transport, channel)
-        self._service = service
-        self._gate = Gate(channel.name)
+        self._servant = Servant(channel.name, service, self.stats)
 
     def take(self, wire: _Wire, head: bytes, payload: bytes) -> Job | None:
         request = header.read_request(head)
@@ -521,15 +519,8 @@ class _Server(_Listening):
         mine = self.channel.type
         if request.fingerprint != mine.fingerprint:
             answer(Reply(Status.MISMATCH, mine.text.encode()))
-        elif time.monotonic() >= expires:
-            self.stats.expired += 1
-            answer(Reply(Status.EXPIRED))
-        elif self._gate.enter():
-            try:
-                self.stats.received += 1
-                serve(self._service, payload, expires, answer)
-            finally:
-                self._gate.leave()
+        else:
+            self._servant.serve(payload, expires, answer)
 
     def _answer(self, wire: _Wire, request: header.Request, reply: Reply) -> None:
         head = header.pack_reply(reply.status, request.client, request.sequence, self.transport.id)
@@ -537,5 +528,5 @@ class _Server(_Listening):
             wire.send(head, reply.payload)
 
     def release(self) -> None:
-        self._gate.close()
+        self._servant.close()
         super().release()

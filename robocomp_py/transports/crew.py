@@ -21,7 +21,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 
 from ..wire.codec import Payload
-from .base import Sink, Statistics, receives
+from .base import Reply, Service, Sink, Statistics, Status, receives, serve
 
 log = logging.getLogger("robocomp.transport")
 
@@ -220,6 +220,33 @@ class Gate:
             me = threading.get_ident()
             if not self._changed.wait_for(lambda: all(thread == me for thread in self._inside), STUCK):
                 log.warning("%s: still in a handler after %g s; not waiting any longer", self._name, STUCK)
+
+
+class Servant:
+    """A service behind its gate: what expired is not executed, and nothing is once it is closed."""
+
+    def __init__(self, name: str, service: Service, stats: Statistics) -> None:
+        self._service, self._stats = service, stats
+        self._gate = Gate(name)
+
+    def serve(self, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> bool:
+        """Have a request answered, now or later; False if it was closed before, and nothing is answered."""
+        if not self._gate.enter():
+            return False
+        try:
+            if time.monotonic() >= expires:
+                self._stats.expired += 1
+                answer(Reply(Status.EXPIRED))
+            else:
+                self._stats.received += 1
+                serve(self._service, payload, expires, answer)
+        finally:
+            self._gate.leave()
+        return True
+
+    def close(self) -> None:
+        """Let nothing begin any more, and wait for what runs."""
+        self._gate.close()
 
 
 class Lane:

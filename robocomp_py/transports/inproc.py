@@ -32,13 +32,11 @@ from .base import (
     Service,
     Sink,
     Statistics,
-    Status,
     TransportConfig,
     mismatch,
     options_of,
-    serve,
 )
-from .crew import Crew, Gate, Job, Lane
+from .crew import Crew, Job, Lane, Servant
 from .pending import Pending
 
 log = logging.getLogger("robocomp.transport.inproc")
@@ -351,31 +349,17 @@ class _Server(_Link):
 
     def __init__(self, transport: InprocTransport, bus: _Bus, channel: Channel, service: Service) -> None:
         super().__init__(transport, bus, channel)
-        self._service = service
-        self._gate = Gate(channel.name)
+        self._servant = Servant(channel.name, service, self.stats)
 
     def take(self, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> None:
-        self.transport.do(partial(self._serve, payload, expires, answer))
+        self.transport.do(partial(self._servant.serve, payload, expires, answer))
 
     def close(self) -> None:
         callers = [link for link in self.peers_or_none() if isinstance(link, _Caller)]
         super().close()
         for caller in callers:
             caller.server_left(self)
-        self._gate.close()
-
-    def _serve(self, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> None:
-        if not self._gate.enter():
-            return
-        try:
-            if time.monotonic() >= expires:
-                self.stats.expired += 1
-                answer(Reply(Status.EXPIRED))
-                return
-            self.stats.received += 1
-            serve(self._service, payload, expires, answer)
-        finally:
-            self._gate.leave()
+        self._servant.close()
 
 
 _Caller.facing = _Server

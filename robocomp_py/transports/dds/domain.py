@@ -202,7 +202,7 @@ def _why(id: int, config: str, asked: tuple[str, str]) -> TransportError | Confi
     """Why a domain could not be opened, and what to do about it."""
     interface, _ = asked
     lines = _complaints(id, config)
-    said = "; ".join(lines) or "Cyclone DDS says why on standard error"
+    said = "; ".join(line.rstrip(".") for line in lines) or "Cyclone DDS says why on standard error"
     if any(line.startswith("config: ") for line in lines):
         said = re.sub(r" \(CYCLONEDDS_URI\+\d+ line \d+\)", "", said)  # counted in something that nobody has written
         return ConfigurationError(f"CYCLONEDDS_URI: {said.replace('config: //', '')}")

@@ -24,10 +24,9 @@ from ..base import (
     Sink,
     Status,
     TypeRef,
-    serve,
     step_aside,
 )
-from ..crew import Gate, Job, Lane
+from ..crew import Job, Lane, Servant
 from ..exclusive import Claim, claim
 from ..ledger import Ledger
 from .asking import client_of
@@ -164,8 +163,7 @@ class Server(ServingLink):
 
     def __init__(self, transport: DDSTransport, channel: Channel, service: Service) -> None:
         super().__init__(transport, channel)
-        self._service = service
-        self._gate = Gate(channel.name)
+        self._servant = Servant(channel.name, service, self.stats)
         self._response = Message(channel.type.response)
         self._writers: dict[str, Writer] = {}
         """By partition."""
@@ -248,7 +246,7 @@ class Server(ServingLink):
     def release(self) -> None:
         if self._requests:
             self.bus.loop.detach(self._requests.condition)
-        self._gate.close()
+        self._servant.close()
         for writer in self._writers.values():
             writer.close()  # before the reader, whose leaving tells callers that nothing will come any more
         super().release()
@@ -287,18 +285,8 @@ class Server(ServingLink):
     def _serve(self, asked: _Asked) -> None:
         request, payload, expires = asked
         answer = partial(self._answer, request, expires)
-        if not self._gate.enter():
+        if not self._servant.serve(payload, expires, answer):
             answer(Reply(Status.REFUSED))
-            return
-        try:
-            if time.monotonic() >= expires:
-                self.stats.expired += 1
-                answer(Reply(Status.EXPIRED))
-                return
-            self.stats.received += 1
-            serve(self._service, payload, expires, answer)
-        finally:
-            self._gate.leave()
 
     def _answer(self, request: Request, expires: float, reply: Reply) -> None:
         self._under_way.pop((request.client, request.sequence), None)

@@ -23,9 +23,8 @@ from ..base import (
     Service,
     Sink,
     Status,
-    serve,
 )
-from ..crew import Gate, Lane
+from ..crew import Lane, Servant
 from ..exclusive import Claim, claim
 from ..ledger import Ledger
 from .link import INBOX, Link, Receiving
@@ -82,8 +81,7 @@ class Server(Link):
 
     def __init__(self, transport: ZenohTransport, channel: Channel, service: Service) -> None:
         super().__init__(transport, channel)
-        self._service = service
-        self._gate = Gate(channel.name)
+        self._servant = Servant(channel.name, service, self.stats)
         self._ledger = Ledger(self.stats, ordered=False)
         self._lock = threading.Lock()
         self._waiting = Inbox(INBOX)
@@ -105,7 +103,7 @@ class Server(Link):
     def release(self) -> None:
         if self._claim:
             self._claim.close()
-        self._gate.close()
+        self._servant.close()
         for key in list(self._under_way):
             self._forget(*key)
 
@@ -155,18 +153,8 @@ class Server(Link):
 
     def _serve(self, request: Request, payload: bytes, expires: float) -> None:
         answer = partial(self._answer, request)
-        if not self._gate.enter():
+        if not self._servant.serve(payload, expires, answer):
             answer(Reply(Status.REFUSED))
-            return
-        try:
-            if time.monotonic() >= expires:
-                self.stats.expired += 1
-                answer(Reply(Status.EXPIRED))
-                return
-            self.stats.received += 1
-            serve(self._service, payload, expires, answer)
-        finally:
-            self._gate.leave()
 
     def _answer(self, request: Request, reply: Reply) -> None:
         with self._lock:

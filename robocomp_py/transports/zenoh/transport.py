@@ -7,6 +7,7 @@ import hashlib
 import itertools
 import logging
 import queue
+import re
 import secrets
 import struct
 import threading
@@ -281,8 +282,12 @@ def _nothing() -> None: ...
 def _options(config: TransportConfig) -> tuple[str, int]:
     options = options_of(config, connect="", domain=0)
     connect, domain = options["connect"], options["domain"]
-    if not isinstance(connect, str) or not isinstance(domain, int) or domain < 0:
-        raise ConfigurationError("options of zenoh: `connect` is an endpoint, `domain` a number from 0")
+    if type(connect) is not str or not re.fullmatch(r"([\w-]+/\S+)?", connect):
+        raise ConfigurationError(
+            f"transport option `connect` is an endpoint like tcp/192.168.1.5:7447, not {connect!r}"
+        )
+    if type(domain) is not int or domain < 0:
+        raise ConfigurationError(f"transport option `domain` is a number from 0, not {domain!r}")
     return connect, domain
 
 

@@ -31,9 +31,8 @@ from ..base import (
     Sink,
     Status,
     TypeRef,
-    serve,
 )
-from ..crew import Gate, Job, Lane
+from ..crew import Job, Lane, Servant
 from ..exclusive import Claim, claim
 from ..ledger import Ledger
 from .link import Link
@@ -195,25 +194,14 @@ class Server(ServingLink):
 
     def __init__(self, transport: ZeroMQTransport, channel: Channel, service: Service) -> None:
         super().__init__(transport, channel)
-        self._service = service
-        self._gate = Gate(channel.name)
+        self._servant = Servant(channel.name, service, self.stats)
 
     def accept(self, payload: Payload, expires: float, answer: Callable[[Reply], None]) -> Job | None:
         return partial(self._serve, payload, expires, answer)
 
     def finish(self) -> None:
-        self._gate.close()
+        self._servant.close()
 
     def _serve(self, payload: Payload, expires: float, answer: Callable[[Reply], None]) -> None:
-        if not self._gate.enter():
+        if not self._servant.serve(payload, expires, answer):
             answer(Reply(Status.REFUSED))
-            return
-        try:
-            if time.monotonic() >= expires:
-                self.stats.expired += 1
-                answer(Reply(Status.EXPIRED))
-                return
-            self.stats.received += 1
-            serve(self._service, payload, expires, answer)
-        finally:
-            self._gate.leave()
