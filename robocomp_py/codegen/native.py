@@ -135,13 +135,13 @@ def _zenoh(uses: list[_Use], about: str) -> tuple[dict[str, str], Json]:
 
 def _zeromq(uses: list[_Use], about: str) -> tuple[dict[str, str], Json]:
     frames = {
-        "publication": ["channel", "header", "payload"],
-        "request": ["channel", "header", "payload"],
+        "publication": ["channel", "NUL", "header", "payload"],
+        "request": ["channel", "NUL", "header", "payload"],
         "reply": ["header", "payload"],
     }
     kinds = [*_structs(uses, headed=False), *_exceptions(uses), omgidl.FAILURE]
     more: Json = {
-        "frames": {kind: frames[kind] for kind in _headers(uses)},
+        "first_frame": {kind: frames[kind] for kind in _headers(uses)},
         "headers": _headers(uses),
         "channels": _channels(uses, lambda use, kind: {}),
         "types": {kind.name: _layout(kind) for kind in t.walk(*kinds)},

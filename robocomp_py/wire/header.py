@@ -56,6 +56,7 @@ class Publication(NamedTuple):
 
 
 _REQUEST, _REPLY, _PUBLICATION = struct.Struct("<BBQQQI"), struct.Struct("<BBQQQ"), struct.Struct("<BQQQq")
+REQUEST_BYTES, REPLY_BYTES, PUBLICATION_BYTES = _REQUEST.size, _REPLY.size, _PUBLICATION.size
 
 
 def pack_request(flags: int, fingerprint: int, client: int, sequence: int, remaining: float | None) -> bytes:

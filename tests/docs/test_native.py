@@ -164,7 +164,7 @@ def test_a_command_is_sent_to_who_receives_it_in_zeromq(told: list[Any]) -> None
         [address] = [each["address"] for each in entries if (each["role"], each["channel"]) == ("receives", name)]
         with zmq.Context() as context, context.socket(zmq.DEALER) as socket:
             socket.connect(address)
-            socket.send_multipart([name.encode(), command_header(), msgpack.packb([7])])
+            socket.send(name.encode() + b"\0" + command_header() + msgpack.packb([7]))
             wait_until(lambda: told == [(7,)])
     finally:
         transport.close()

@@ -28,6 +28,7 @@ from robocomp_py.transports.zeromq.topics import Subscriber
 from robocomp_py.wire import header
 
 DIVIDE = Channel("robot/calculator/Everything/divide", Pattern.QUERY, TypeRef("", e.divide.fingerprint, e.divide.text))
+NAMED = DIVIDE.name.encode() + b"\0"
 NEWS = Channel("robot/calculator/Everything/news", Pattern.PUBLISH, TypeRef("", e.news.fingerprint, e.news.text))
 
 
@@ -80,6 +81,12 @@ def address_of(transport: ZeroMQTransport, role: str, channel: Channel) -> str:
     return transport.directory.find(role, channel.name)[0][1].address
 
 
+def reply_of(socket: zmq.Socket[Any]) -> tuple[header.ReplyHeader, bytes]:
+    """The next reply: its header, and what follows."""
+    reply = socket.recv()
+    return header.read_reply(reply[: header.REPLY_BYTES]), reply[header.REPLY_BYTES :]
+
+
 def serve_division(transport: ZeroMQTransport) -> Any:
     decode, encode = transport.codec.decoder(e.divide.request), transport.codec.encoder(e.divide.response)
     return transport.server(DIVIDE, lambda payload, _: Reply(Status.OK, encode(divmod(*decode(payload)))))
@@ -89,22 +96,24 @@ def test_a_script_can_call_a_query(transport: ZeroMQTransport, outsider: Outside
     serve_division(transport)
     socket = outsider.dealer(address_of(transport, "serves", DIVIDE))
     head = header.pack_request(0, e.divide.fingerprint, 77, 1, 5.0)
-    socket.send_multipart([DIVIDE.name.encode(), head, msgpack.packb([17, 5])])
-    reply, body = socket.recv_multipart()
-    assert (header.read_reply(reply).status, header.read_reply(reply).client) == (Status.OK, 77)
+    socket.send(NAMED + head + msgpack.packb([17, 5]))
+    reply, body = reply_of(socket)
+    assert (reply.status, reply.client) == (Status.OK, 77)
     assert msgpack.unpackb(body) == [3, 2]
 
 
 def test_a_script_can_listen_to_a_topic(transport: ZeroMQTransport, outsider: Outsider) -> None:
     outlet = transport.outlet(NEWS)
     socket = outsider.socket(zmq.SUB)
-    socket.subscribe(NEWS.name.encode())
+    named = NEWS.name.encode() + b"\0"
+    socket.subscribe(named)
     socket.connect(address_of(transport, "publishes", NEWS))
     assert outlet.wait_peer(SOON)
     outlet.send(transport.codec.encoder(e.news.request)((1, "hello")))
-    name, head, body = socket.recv_multipart()
-    assert (name.decode(), msgpack.unpackb(body)) == (NEWS.name, [1, "hello"])
-    assert header.read_publication(head).sequence == 1
+    message = socket.recv()
+    begin = len(named) + header.PUBLICATION_BYTES
+    assert (message[: len(named)], msgpack.unpackb(message[begin:])) == (named, [1, "hello"])
+    assert header.read_publication(message[len(named) : begin]).sequence == 1
 
 
 def test_operations_are_served_over_tcp_where_the_configuration_says_so(outsider: Outsider) -> None:
@@ -114,8 +123,8 @@ def test_operations_are_served_over_tcp_where_the_configuration_says_so(outsider
         serve_division(transport)
         socket = outsider.dealer(f"tcp://127.0.0.1:{port}")
         head = header.pack_request(0, e.divide.fingerprint, 1, 1, None)
-        socket.send_multipart([DIVIDE.name.encode(), head, msgpack.packb([7, 2])])
-        assert msgpack.unpackb(socket.recv_multipart()[1]) == [3, 1]
+        socket.send(NAMED + head + msgpack.packb([7, 2]))
+        assert msgpack.unpackb(reply_of(socket)[1]) == [3, 1]
     finally:
         transport.close()
 
@@ -134,16 +143,16 @@ def test_a_taken_tcp_address_is_an_error_that_names_it(outsider: Outsider) -> No
 def test_what_is_not_served_is_refused(transport: ZeroMQTransport, outsider: Outsider) -> None:
     serve_division(transport)
     socket = outsider.dealer(address_of(transport, "serves", DIVIDE))
-    socket.send_multipart([b"no/such/Interface/op", header.pack_request(0, 1, 2, 3, 1.0), b"\x90"])
-    assert header.read_reply(socket.recv_multipart()[0]).status == Status.REFUSED
+    socket.send(b"no/such/Interface/op\0" + header.pack_request(0, 1, 2, 3, 1.0) + b"\x90")
+    assert reply_of(socket)[0].status == Status.REFUSED
 
 
 def test_a_call_under_another_contract_gets_ours(transport: ZeroMQTransport, outsider: Outsider) -> None:
     link = serve_division(transport)
     socket = outsider.dealer(address_of(transport, "serves", DIVIDE))
-    socket.send_multipart([DIVIDE.name.encode(), header.pack_request(0, 12345, 2, 3, 1.0), msgpack.packb([1, 1])])
-    head, text = socket.recv_multipart()
-    assert header.read_reply(head).status == Status.MISMATCH
+    socket.send(NAMED + header.pack_request(0, 12345, 2, 3, 1.0) + msgpack.packb([1, 1]))
+    reply, text = reply_of(socket)
+    assert reply.status == Status.MISMATCH
     assert text.decode() == e.divide.text
     assert link.stats.mismatched == 1
 
@@ -153,8 +162,8 @@ def test_a_repeated_request_is_not_executed_again(transport: ZeroMQTransport, ou
     socket = outsider.dealer(address_of(transport, "serves", DIVIDE))
     for sequence in (1, 1, 1, 2):
         head = header.pack_request(0, e.divide.fingerprint, 9, sequence, 1.0)
-        socket.send_multipart([DIVIDE.name.encode(), head, msgpack.packb([9, sequence])])
-    assert [msgpack.unpackb(socket.recv_multipart()[1]) for _ in range(2)] == [[9, 0], [4, 1]]
+        socket.send(NAMED + head + msgpack.packb([9, sequence]))
+    assert [msgpack.unpackb(reply_of(socket)[1]) for _ in range(2)] == [[9, 0], [4, 1]]
     assert (link.stats.repeated, link.stats.received) == (2, 2)
 
 
@@ -162,8 +171,8 @@ def test_an_expired_request_is_not_executed(transport: ZeroMQTransport, outsider
     link = serve_division(transport)
     socket = outsider.dealer(address_of(transport, "serves", DIVIDE))
     head = header.pack_request(0, e.divide.fingerprint, 9, 1, 0.0)
-    socket.send_multipart([DIVIDE.name.encode(), head, msgpack.packb([9, 1])])
-    assert header.read_reply(socket.recv_multipart()[0]).status == Status.EXPIRED
+    socket.send(NAMED + head + msgpack.packb([9, 1]))
+    assert reply_of(socket)[0].status == Status.EXPIRED
     assert (link.stats.expired, link.stats.received) == (1, 0)
 
 
@@ -171,15 +180,14 @@ def test_garbage_hurts_nobody(transport: ZeroMQTransport, outsider: Outsider, ca
     link = serve_division(transport)
     socket = outsider.dealer(address_of(transport, "serves", DIVIDE))
     good = header.pack_request(0, e.divide.fingerprint, 5, 1, 5.0)
-    name = DIVIDE.name.encode()
     for number in range(300):
-        noise = secrets.token_bytes(number)
-        for frames in ([noise], [name, noise], [name, noise, noise], [noise, good, noise], [b"", b"", b""]):
+        noise = b"\xff" + secrets.token_bytes(number)  # no version of ours
+        for frames in ([noise], [NAMED + noise], [NAMED, noise, noise], [noise, NAMED + good, noise], [b"", b"", b""]):
             socket.send_multipart(frames)
-    socket.send_multipart([name, good, msgpack.packb([8, 3])])
-    while header.read_reply((frames := socket.recv_multipart())[0]).status != Status.OK:
+    socket.send(NAMED + good + msgpack.packb([8, 3]))
+    while (answer := reply_of(socket))[0].status != Status.OK:
         pass
-    assert msgpack.unpackb(frames[1]) == [2, 2]
+    assert msgpack.unpackb(answer[1]) == [2, 2]
     assert link.stats.malformed >= 300
     assert sum(DIVIDE.name in record.message for record in caplog.records) == 1
 
@@ -197,8 +205,8 @@ def test_garbage_on_a_topic_is_dropped_and_counted(
         link._socket.raw.connect(address)  # type: ignore[attr-defined]
     publisher.recv()
     for number in range(200):
-        publisher.send_multipart([b"a/b/c", secrets.token_bytes(number % 50), b"x"])
-        publisher.send_multipart([b"a/b/c"])
+        publisher.send_multipart([b"a/b/c\0" + secrets.token_bytes(number % 33), b"x"])
+        publisher.send(b"a/b/c\0")
     wait_until(lambda: link.stats.malformed == 400)
     assert outlet.wait_peer(SOON)
     outlet.send(blob(transport, b"good"))
@@ -216,8 +224,8 @@ def test_a_hostile_stream_of_bytes_does_not_stop_the_server(outsider: Outsider) 
                 connection.sendall(secrets.token_bytes(200))
         asking = outsider.dealer(f"tcp://127.0.0.1:{port}")
         head = header.pack_request(0, e.divide.fingerprint, 1, 1, None)
-        asking.send_multipart([DIVIDE.name.encode(), head, msgpack.packb([7, 2])])
-        assert msgpack.unpackb(asking.recv_multipart()[1]) == [3, 1]
+        asking.send(NAMED + head + msgpack.packb([7, 2]))
+        assert msgpack.unpackb(reply_of(asking)[1]) == [3, 1]
     finally:
         transport.close()
 

@@ -27,7 +27,6 @@ from ...wire.header import (
     ReplyHeader,
     pack_request,
     random_id,
-    read_reply,
 )
 from ..base import (
     STATUSES,
@@ -39,8 +38,9 @@ from ..base import (
 )
 from ..crew import Job
 from ..pending import Pending
+from .frames import Frames, joined, read_reply_frames, topic
 from .link import Link
-from .sockets import Frames, Socket, as_transport_error, new_socket, persist, receive_frames, send_frames
+from .sockets import Socket, as_transport_error, new_socket, persist, receive_frames, send_frames
 
 if TYPE_CHECKING:
     from .transport import ZeroMQTransport
@@ -107,13 +107,13 @@ class Peer:
         jobs: list[Job] = []  # since the callbacks of a Future may take long, or ask again
         while (frames := socket.receive()) is not None:
             try:
-                header = read_reply(frames[0])
+                header, payload = read_reply_frames(frames)
             except DecodeError as exc:
                 log.warning("%s: dropped a malformed reply: %s", self._address, exc)
                 continue
             caller = self.callers.get(header.client)
             if caller:
-                jobs.append(partial(caller.answered, self, header, frames[1:]))
+                jobs.append(partial(caller.answered, self, header, payload))
         return jobs
 
 
@@ -136,7 +136,7 @@ class AskingLink(Link):
         return True
 
     def server(self, *, fresh: bool = False) -> tuple[Peer, bytes]:
-        """The peer that serves this channel, and the channel's name there. Raises Unreachable.
+        """The peer that serves this channel, and what requests begin with there. Raises Unreachable.
 
         It may have stopped doing so since the directory was looked into, unless `fresh`.
         """
@@ -148,14 +148,14 @@ class AskingLink(Link):
         self._found = None
         for member, entry in self.counterparts(strict=True):
             if self.transport.directory.alive(member.id):
-                found = self.transport.peer(member, entry.address), entry.channel.encode()
+                found = self.transport.peer(member, entry.address), topic(entry.channel)
                 self.met(found[0])
                 self._found, self._found_at = found, version
                 return found
         raise Unreachable(f"{self.channel.name}: nobody serves it")
 
     def look(self) -> bool:
-        there = [(member.id, entry.channel.encode()) for member, entry in self.counterparts()]
+        there = [(member.id, topic(entry.channel)) for member, entry in self.counterparts()]
         found = self._found
         if found and (found[0].id, found[1]) not in there:
             self._found = None
@@ -179,7 +179,7 @@ class AskingLink(Link):
     def request(self, channel: bytes, flags: int, remaining: float, payload: Payload) -> tuple[int, Frames]:
         number = next(self._sequence)
         header = pack_request(flags, self.channel.type.fingerprint, self.client, number, remaining)
-        return number, [channel, header, *payload]
+        return number, joined(channel + header, payload)
 
 
 class CommandOutlet(AskingLink):
@@ -315,8 +315,8 @@ class Caller(AskingLink):
                 if left * 1000 < _SLICE_MS and not socket.poll(max(1, int(left * 1000))):
                     continue
                 frames = receive_frames(socket)
-                header = read_reply(frames[0])
-                return header, Reply(STATUSES[header.status], frames[1:])
+                header, payload = read_reply_frames(frames)
+                return header, Reply(STATUSES[header.status], payload)
             except zmq.Again:
                 self.still(peer)
             except DecodeError as exc:

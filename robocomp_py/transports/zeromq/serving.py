@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
@@ -14,7 +16,6 @@ import zmq
 from ...errors import (
     AlreadyServed,
     DecodeError,
-    TransportError,
 )
 from ...wire.codec import Payload
 from ...wire.header import (
@@ -22,7 +23,6 @@ from ...wire.header import (
     Flag,
     Request,
     pack_reply,
-    read_request,
 )
 from ..base import (
     Channel,
@@ -32,11 +32,12 @@ from ..base import (
     Status,
     TypeRef,
 )
-from ..crew import Job, Lane, Servant
+from ..crew import Crew, Job, Lane, Servant
 from ..exclusive import Claim, claim
 from ..ledger import Ledger
+from .frames import Frames, joined, read_request_frames, topic
 from .link import Link
-from .sockets import Frames, Socket, as_transport_error
+from .sockets import as_transport_error, new_socket, receive_frames, send_frames
 
 if TYPE_CHECKING:
     from .transport import ZeroMQTransport
@@ -45,56 +46,118 @@ log = logging.getLogger("robocomp.transport.zeromq")
 
 COMMANDS_WAITING = 1000
 
+REPLIES_WAITING = 10_000
+"""So many replies may wait to be sent by the thread that receives."""
+
+_LOOK_MS = 1000
+"""Who waits for requests looks this often whether it is to stop, though it is told."""
+
+_NOBLOCK = int(zmq.NOBLOCK)
+
 
 class Router:
-    """The socket behind which everything is served that this transport serves."""
+    """The socket behind which everything is served that this transport serves, and the threads that take turns at it.
+
+    One of them waits inside the socket, so that nothing lies between a request and its handler; that handler's reply is
+    sent on the same thread, when nobody is inside. Replies that come later, from other threads, are left to whoever
+    waits there, who is called out by a bell: an empty message from within this process.
+    """
 
     def __init__(self, transport: ZeroMQTransport, bind: str) -> None:
         self._transport = transport
         self._routes: dict[bytes, ServingLink] = {}
-        self.socket = transport.socket(zmq.ROUTER, self._on_request, ROUTER_MANDATORY=1, ROUTER_HANDOVER=1)
-        path = transport.member.address("router")
-        self.address = f"ipc://{path}"
-        try:
-            for address in filter(None, (self.address, bind)):
-                with as_transport_error(f"binding {address}"), self.socket.lock:
-                    self.socket.raw.bind(address)
-        except TransportError:
-            transport.forget(self.socket)
-            raise
+        self._inside = threading.Lock()
+        """Held by whoever uses the socket, also while it waits there."""
+        self._ringing = threading.Lock()
+        self._late: deque[Frames] = deque()
+        self._closed = False
+        self._told = False
+        """Whether it was said that there are malformed requests."""
+        self.address = f"ipc://{transport.member.address('router')}"
+        with contextlib.ExitStack() as undo:
+            options = {"ROUTER_MANDATORY": 1, "ROUTER_HANDOVER": 1, "RCVTIMEO": _LOOK_MS}
+            self._socket = new_socket(transport.context, zmq.ROUTER, **options)
+            undo.callback(self._socket.close)
+            for address in filter(None, (self.address, bind, _BELL)):
+                with as_transport_error(f"binding {address}"):
+                    self._socket.bind(address)
+            self._bell = new_socket(transport.context, zmq.DEALER, LINGER=0)
+            undo.callback(self._bell.close)
+            with as_transport_error("opening a socket"):
+                self._bell.connect(_BELL)
+            undo.pop_all()
+        self._crew = Crew("zeromq-serving", self._receive, self._ring)
+        self._crew.start()
 
     def add(self, link: ServingLink) -> None:
-        self._routes[link.channel.name.encode()] = link
+        self._routes[topic(link.channel.name)] = link
 
     def remove(self, link: ServingLink) -> None:
-        name = link.channel.name.encode()
-        if self._routes.get(name) is link:
-            del self._routes[name]
+        named = topic(link.channel.name)
+        if self._routes.get(named) is link:
+            del self._routes[named]
+
+    def close(self) -> None:
+        """Stop, and wait for the threads. Replies that come later are forgotten."""
+        self._crew.close()
+        with self._inside, self._ringing:
+            self._closed = True
+            self._socket.close()
+            self._bell.close()
 
     def reply(self, identity: bytes, request: Request, status: Status, payload: Payload = ()) -> None:
         header = pack_reply(status, request.client, request.sequence, self._transport.incarnation)
+        frames = [identity, *joined(header, payload)]
+        if self._inside.acquire(blocking=False):
+            try:
+                self._send(frames)
+            finally:
+                self._inside.release()
+        elif len(self._late) < REPLIES_WAITING:
+            self._late.append(frames)
+            self._ring()
+        else:
+            log.warning("a reply was dropped: %d wait to be sent", REPLIES_WAITING)
+
+    def _send(self, frames: Frames) -> None:
+        """Called by whoever is inside."""
+        if self._closed:
+            return
         try:
-            sent = self.socket.send([identity, header, *(payload or ())])
+            send_frames(self._socket, frames, _NOBLOCK)
+        except zmq.Again:
+            log.warning("a reply was dropped: who asked does not take it")
         except zmq.ZMQError:
             return  # who asked has gone
-        if not sent:
-            log.warning("a reply was dropped: who asked does not take it")
 
-    def _on_request(self, socket: Socket) -> list[Job]:
-        frames = socket.receive()
-        if frames is None:
-            return []
-        job = self._accept(frames)  # whether there is more is found out after this one was answered
+    def _ring(self) -> None:
+        """Call out whoever waits inside."""
+        with self._ringing:
+            if not self._closed:
+                with contextlib.suppress(zmq.Again):  # so many calls wait there that this one is not needed
+                    self._bell.send(b"", _NOBLOCK)
+
+    def _receive(self) -> list[Job]:
+        with self._inside:
+            while self._late:
+                self._send(self._late.popleft())
+            try:
+                frames = receive_frames(self._socket)
+            except zmq.Again:
+                return []
+        identity, *message = frames
+        if not message or not message[0]:
+            return []  # the bell
+        job = self._accept(identity, message)  # whether there is more is found out after this one was answered
         return [job] if job else []
 
-    def _accept(self, frames: Frames) -> Job | None:
-        identity, channel, head, *payload = [*frames, b"", b""] if len(frames) < 3 else frames
-        link = self._routes.get(channel)
+    def _accept(self, identity: bytes, frames: Frames) -> Job | None:
         try:
-            request = read_request(head)
+            named, request, payload = read_request_frames(frames)
         except DecodeError as exc:
-            self._malformed(link, exc)
+            self._malformed(frames, exc)
             return None
+        link = self._routes.get(named)
         if link is None:
             if not request.flags & Flag.ONEWAY:
                 self.reply(identity, request, Status.REFUSED)
@@ -111,11 +174,16 @@ class Router:
     def _answer(self, identity: bytes, request: Request, reply: Reply) -> None:
         self.reply(identity, request, reply.status, reply.payload)
 
-    def _malformed(self, link: ServingLink | None, why: DecodeError) -> None:
+    def _malformed(self, frames: Frames, why: DecodeError) -> None:
+        link = self._routes.get(bytes(frames[0][: frames[0].find(b"\0") + 1]))
         if link:
             link.malformed(why)
-        else:
-            log.warning("dropped a malformed request: %s", why)
+        elif not self._told:
+            self._told = True
+            log.warning("dropped a malformed request (further ones are dropped silently): %s", why)
+
+
+_BELL = "inproc://bell"
 
 
 class ServingLink(Link):

@@ -19,6 +19,7 @@ from ...errors import (
 )
 from ...wire.codec import MAX_BYTES
 from ..crew import Job
+from .frames import Frames
 
 log = logging.getLogger("robocomp.transport.zeromq")
 
@@ -27,8 +28,6 @@ LINGER_MS = 500
 
 LONGEST_PAUSE = 0.005
 """Seconds between two attempts to send, when there is no room."""
-
-Frames = list[Any]
 
 # Plain numbers: calculating with the library's enumerations takes as long as sending a frame.
 _NOBLOCK, _SNDMORE, _POLLIN, _EVENTS = int(zmq.NOBLOCK), int(zmq.SNDMORE), int(zmq.POLLIN), int(zmq.EVENTS)

@@ -21,7 +21,6 @@ from ...wire.codec import Payload
 from ...wire.header import (
     pack_publication,
     random_id,
-    read_publication,
 )
 from ..base import (
     Channel,
@@ -30,8 +29,9 @@ from ..base import (
 )
 from ..crew import Job, Lane
 from ..ledger import Ledger
+from .frames import OWN_TOPIC_BYTES, Frames, joined, read_publication_frames, topic
 from .link import Link
-from .sockets import Frames, Socket, as_transport_error, persist
+from .sockets import Socket, as_transport_error, persist
 
 if TYPE_CHECKING:
     from .transport import ZeroMQTransport
@@ -50,7 +50,7 @@ class Publisher(Link):
     def open(self) -> None:
         qos = self.channel.qos
         depth = KEEP_ALL_DEPTH if qos.history is History.KEEP_ALL else max(qos.depth, 8)
-        self._name = self.channel.name.encode()
+        self._topic = topic(self.channel.name)
         self._source, self._sequence = random_id(), itertools.count(1)
         self._history: deque[Frames] = deque(maxlen=qos.depth if qos.latched else 0)
         self._subscribers = 0
@@ -70,7 +70,7 @@ class Publisher(Link):
         try:
             self.check_open()
             header = pack_publication(self.channel.type.fingerprint, self._source, next(self._sequence), time.time_ns())
-            frames = [self._name, header, *payload]
+            frames = joined(self._topic + header, payload)
             with as_transport_error(f"publishing {self.channel.name}"):
                 sent = self._send(frames) or persist(partial(self._send, frames), end, self.check_open, self.closed)
             if not sent:
@@ -95,18 +95,19 @@ class Publisher(Link):
             self._on_subscription(self._socket)
             sent = self._socket.send(frames)
             if sent:
-                self._history.append([frames[1], *map(bytes, frames[2:])])
+                first, *arrays = frames
+                self._history.append([first[len(self._topic) :], *map(bytes, arrays)])
             return sent
 
     def _on_subscription(self, socket: Socket) -> list[Job]:
         with socket.lock:
             while (frames := socket.receive()) is not None:
-                begins, topic = frames[0][:1] == b"\1", frames[0][1:]
-                if topic == self._name:
+                begins, named = frames[0][:1] == b"\1", frames[0][1:]
+                if named == self._topic:
                     self._subscribers += 1 if begins else -1
-                elif begins and topic[:1] == b"\0":
-                    for message in self._history:
-                        socket.send([topic, *message])
+                elif begins and named[:1] == b"\0" and len(named) == OWN_TOPIC_BYTES:
+                    for first, *arrays in self._history:
+                        socket.send([named + first, *arrays])
         return []
 
 
@@ -140,7 +141,7 @@ class Subscriber(Link):
                     self._socket.raw.disconnect(address)
             for address in there.keys() - self._connected.keys():
                 with as_transport_error(f"connecting to {address}"):
-                    self._socket.raw.subscribe(there[address].encode())
+                    self._socket.raw.subscribe(topic(there[address]))
                     if self.channel.qos.latched:
                         self._socket.raw.subscribe(b"\0" + random_id().to_bytes(8, "little"))
                     self._socket.raw.connect(address)
@@ -174,14 +175,14 @@ class Subscriber(Link):
 
     def _take(self, frames: Frames) -> bool:
         try:
-            header = read_publication(frames[1] if len(frames) > 1 else b"")
+            header, payload = read_publication_frames(frames)
         except DecodeError as exc:
             self.malformed(exc)
             return False
         if header.fingerprint != self.channel.type.fingerprint:
             self.report_mismatch(header.source, TypeRef("", header.fingerprint))
             return False
-        return self._ledger.admit(header.source, header.sequence) and self._lane.put(frames[2:])
+        return self._ledger.admit(header.source, header.sequence) and self._lane.put(payload)
 
     def _drain(self) -> None:
         self._lane.drain()

@@ -104,15 +104,20 @@ class ZeroMQTransport:
             everything.callback(self.context.term)
             everything.callback(self._close_sockets)
             everything.callback(self._crew.close)
+            everything.callback(self._close_router)
             everything.callback(self.member.close)
             for link in list(self._links):
                 everything.callback(link.close)
+
+    def _close_router(self) -> None:
+        if self._router:
+            self._router.close()
 
     def _close_sockets(self) -> None:
         with self._lock:
             peers = list(self._peers.values())
         with contextlib.ExitStack() as everything:
-            for socket in self._loop.sockets():  # the router's, and those of links that could not be closed
+            for socket in self._loop.sockets():  # those of links that could not be closed
                 everything.callback(socket.close)
             for peer in peers:
                 everything.callback(peer.close)
