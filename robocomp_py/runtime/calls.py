@@ -17,7 +17,6 @@ from ..errors import (
     Closed,
     ContractMismatch,
     DeclaredError,
-    DecodeError,
     EncodeError,
     Refused,
     RemoteFailure,
@@ -114,7 +113,8 @@ class Answering:
             self.blame(exc)
             return self.failed(exc)
         try:
-            return Reply(Status.OK, self._encode(self._values(value)))
+            values = (value,) if self._outputs == 1 else self._values(value)
+            return Reply(Status.OK, self._encode(values))
         except EncodeError as exc:
             log.error("%s returned what its interface does not allow: %s", self.method.__qualname__, exc)
             return self.failed(exc)
@@ -141,8 +141,7 @@ class Answering:
         return Reply(Status.FAILED, _encoder(self._codec, _FAILURE)(safe))
 
     def _values(self, value: Any) -> tuple[Any, ...]:
-        if self._outputs == 1:
-            return (value,)
+        """What was returned for no output, or for several."""
         if self._outputs == 0:
             if value is not None:
                 raise EncodeError(f"{self.method.__qualname__} must return None, not {type(value).__name__}")
@@ -161,14 +160,6 @@ class Answering:
             log.error("%s raised %s with wrong fields: %s", self.method.__qualname__, type(exc).__name__, wrong)
             return self.failed(wrong)
         return Reply(Status.THROWN, payload)
-
-
-def read_arguments(answering: Answering, payload: Payload) -> tuple[Any, ...] | DecodeError:
-    """The arguments in a payload, or why it holds none."""
-    try:
-        return answering.decode(payload)
-    except DecodeError as exc:
-        return exc
 
 
 # Failures are compiled when they first happen, and then kept: some happen at every call.

@@ -16,7 +16,7 @@ from ..contract.qos import QoS
 from ..errors import Closed, DecodeError, RobocompError
 from ..transports.base import Caller, Channel, Link, Outlet, Reply, Statistics, Status, Transport, TypeRef, require
 from ..wire.codec import Payload
-from .calls import Answering, Call, read_arguments
+from .calls import Answering, Call
 from .monitor import Monitor
 
 log = logging.getLogger("robocomp.worker")
@@ -204,10 +204,11 @@ class _Handling:
         self._stats = stats
 
     def serve(self, payload: Payload, expires: float) -> Reply | Future[Reply]:
-        arguments = read_arguments(self._answering, payload)
-        if isinstance(arguments, DecodeError):
-            self._count_malformed(arguments)
-            return self._answering.failed(arguments)
+        try:
+            arguments = self._answering.decode(payload)
+        except DecodeError as exc:
+            self._count_malformed(exc)
+            return self._answering.failed(exc)
         if not self._concurrent and self._monitor.try_enter():
             try:
                 return self._answering.answer(arguments)
@@ -224,9 +225,10 @@ class _Handling:
         return Reply(Status.REFUSED if self._monitor.closed else Status.BUSY)
 
     def receive(self, payload: Payload) -> None:
-        arguments = read_arguments(self._answering, payload)
-        if isinstance(arguments, DecodeError):
-            self._count_malformed(arguments)
+        try:
+            arguments = self._answering.decode(payload)
+        except DecodeError as exc:
+            self._count_malformed(exc)
             return
         if self._concurrent:
             self._answering.take(arguments)

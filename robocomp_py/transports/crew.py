@@ -189,36 +189,40 @@ class Crew:
 
 
 class Gate:
-    """Lets calls through until it is closed, and knows when the last one has left."""
+    """Lets calls through until it is closed, and knows when the last one has left.
+
+    Who passes takes no lock: it is in the list before it looks whether the gate is closed, and who closes it looks
+    into the list afterwards. Operations on a list are atomic.
+    """
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self._lock = threading.RLock()
-        self._changed = threading.Condition(self._lock)
+        self._left = threading.Condition()
         self._inside: list[int] = []
         self.closed = False
 
     def enter(self) -> bool:
-        with self._lock:
-            if not self.closed:
-                self._inside.append(threading.get_ident())
-            return not self.closed
+        self._inside.append(threading.get_ident())
+        if self.closed:
+            self.leave()
+            return False
+        return True
 
     def leave(self) -> None:
-        with self._lock:
-            self._inside.remove(threading.get_ident())
-            if self.closed:
-                self._changed.notify_all()
+        self._inside.remove(threading.get_ident())
+        if self.closed:
+            with self._left:
+                self._left.notify_all()
 
     def close(self) -> None:
         """Let nobody in any more, and wait for those inside, except the calling thread.
 
         A handler that is stuck is left alone after a while; that is logged.
         """
-        with self._lock:
+        with self._left:
             self.closed = True
             me = threading.get_ident()
-            if not self._changed.wait_for(lambda: all(thread == me for thread in self._inside), STUCK):
+            if not self._left.wait_for(lambda: all(thread == me for thread in self._inside), STUCK):
                 log.warning("%s: still in a handler after %g s; not waiting any longer", self._name, STUCK)
 
 

@@ -33,7 +33,7 @@ from ..contract.types import (
     Struct,
     Type,
 )
-from .codec import Decoder, Encoder, check_size, guard_decoder, guard_encoder
+from .codec import Decoder, Encoder, check_size, refused, unreadable
 from .program import Program, is_loop
 from .values import as_array, as_bool, as_dict, as_list, as_member, as_str, view_of
 
@@ -67,10 +67,10 @@ class Cdr:
         self._room = room
 
     def encoder(self, message: Struct, *, snapshot: bool = True) -> Encoder:
-        return guard_encoder(message, _EncodeProgram(message, self._room).compile())
+        return _EncodeProgram(message, self._room).compile()
 
     def decoder(self, message: Struct, *, prefix: bool = False) -> Decoder:
-        return guard_decoder(message, _DecodeProgram(message, self._room).compile(prefix))
+        return _DecodeProgram(message, self._room).compile(prefix)
 
 
 # What has a fixed size is a run of primitives, its leaves.
@@ -130,7 +130,8 @@ class _EncodeProgram:
         p = self._program
         fields = self._message.fields
         names = [p.fresh() for _ in fields]
-        with p.block("def encode(values)"):
+        refusal = f"{p.name(refused)}({p.name(self._message)}, values, exc)"
+        with p.block("def encode(values)"), p.guarded(refusal):
             p.line(f"out = [{p.name(ENCAPSULATION + bytes(self._room))}]; add = out.append; n = 0")
             p.line(f"[{', '.join(names)}] = values")
             self._fields(fields, names)
@@ -271,7 +272,7 @@ class _DecodeProgram:
 
     def compile(self, prefix: bool) -> Callable[[Any], tuple[Any, ...]]:
         p = self._program
-        with p.block("def decode(payload)"):
+        with p.block("def decode(payload)"), p.guarded(f"{p.name(unreadable)}({p.name(self._message)}, exc)"):
             p.line(f"data = {p.name(_body)}(payload, {len(ENCAPSULATION) + self._room}); n = 0")
             values = self._fields(self._message.fields)
             if not prefix:

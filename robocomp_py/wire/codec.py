@@ -48,28 +48,18 @@ class Codec(Protocol):
         ...
 
 
-def guard_encoder(message: Struct, encode: Encoder) -> Encoder:
-    """An encoder whose failures say which field holds what instead of what."""
-
-    def checked(values: tuple[Any, ...]) -> Payload:
-        try:
-            return encode(values)
-        except Exception as exc:  # whatever the compiled code met; the reason is found by looking again, slowly
-            raise EncodeError(explain(message, values) or f"{message.name}: {exc}") from exc
-
-    return checked
+# Encoders and decoders catch everything themselves, and raise one of these: a function around them would cost more
+# than what it guards.
 
 
-def guard_decoder(message: Struct, decode: Decoder) -> Decoder:
-    """A decoder that raises DecodeError, whatever the bytes held."""
+def refused(message: Struct, values: Any, exc: Exception) -> EncodeError:
+    """Which field holds what instead of what; found by looking again, slowly."""
+    return EncodeError(explain(message, values) or f"{message.name}: {exc}")
 
-    def checked(payload: Payload) -> tuple[Any, ...]:
-        try:
-            return decode(payload)
-        except Exception as exc:  # hostile bytes may raise anything; callers get one kind
-            raise DecodeError(f"not a {message.name}: {type(exc).__name__}: {exc}") from exc
 
-    return checked
+def unreadable(message: Struct, exc: Exception) -> DecodeError:
+    """What hostile bytes led to: anything, but callers get one kind."""
+    return DecodeError(f"not a {message.name}: {type(exc).__name__}: {exc}")
 
 
 def check_size(size: int) -> None:

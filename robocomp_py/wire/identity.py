@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..contract.types import Struct
-from .codec import Decoder, Encoder, check_size, guard_decoder, guard_encoder
+from .codec import Decoder, Encoder, check_size, refused, unreadable
 from .plain import Frames, compile_planter, compile_reader
 from .values import snapshot
 
@@ -27,17 +27,27 @@ class Identity:
         plant = compile_planter(message, _freeze)
 
         def encode(values: tuple[Any, ...]) -> list[Any]:
-            sizes: Frames = []
-            tree = plant(values, sizes)
-            if sizes:
-                check_size(sum(sizes))
-            return tree
+            try:
+                sizes: Frames = []
+                tree = plant(values, sizes)
+                if sizes:
+                    check_size(sum(sizes))
+                return tree
+            except Exception as exc:
+                raise refused(message, values, exc) from exc
 
-        return guard_encoder(message, encode)
+        return encode
 
     def decoder(self, message: Struct, *, prefix: bool = False) -> Decoder:
         read = compile_reader(message, _view, prefix=prefix)
-        return guard_decoder(message, lambda payload: read(payload, []))
+
+        def decode(payload: Any) -> tuple[Any, ...]:
+            try:
+                return read(payload, [])
+            except Exception as exc:
+                raise unreadable(message, exc) from exc
+
+        return decode
 
 
 def _freeze(value: Any, dtype: np.dtype[Any], sizes: Frames) -> np.ndarray[Any, Any]:

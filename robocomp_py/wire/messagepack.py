@@ -19,7 +19,7 @@ import msgpack
 import numpy as np
 
 from ..contract.types import DTYPES, Struct
-from .codec import Decoder, Encoder, check_size, guard_decoder, guard_encoder
+from .codec import Decoder, Encoder, check_size, refused, unreadable
 from .plain import Frames, compile_planter, compile_reader
 from .values import as_array, read_only, snapshot, view_of
 
@@ -51,25 +51,31 @@ class MessagePack:
         packb = msgpack.packb
 
         def encode(values: tuple[Any, ...]) -> list[Any]:
-            frames: Frames = []
-            tree = plant(values, frames)
-            payload = [packb(tree), *frames]
-            _check_size(payload)
-            return payload
+            try:
+                frames: Frames = []
+                tree = plant(values, frames)
+                payload = [packb(tree), *frames]
+                _check_size(payload)
+                return payload
+            except Exception as exc:
+                raise refused(message, values, exc) from exc
 
-        return guard_encoder(message, encode)
+        return encode
 
     def decoder(self, message: Struct, *, prefix: bool = False) -> Decoder:
         read = compile_reader(message, _read_array, prefix=prefix)
         unpackb = msgpack.unpackb
 
         def decode(payload: list[Any]) -> tuple[Any, ...]:
-            _check_size(payload)
-            if len(payload[0]) > _SHORT:
-                _check_whole(payload[0])
-            return read(unpackb(payload[0], strict_map_key=False), payload)
+            try:
+                _check_size(payload)
+                if len(payload[0]) > _SHORT:
+                    _check_whole(payload[0])
+                return read(unpackb(payload[0], strict_map_key=False), payload)
+            except Exception as exc:
+                raise unreadable(message, exc) from exc
 
-        return guard_decoder(message, decode)
+        return decode
 
 
 def _check_size(payload: list[Any]) -> None:

@@ -40,6 +40,14 @@ class Program:
         yield
         self._depth -= 1
 
+    @contextmanager
+    def guarded(self, error: str) -> Iterator[None]:
+        """What is written in it raises this, made from `exc`, whatever goes wrong."""
+        with self.block("try"):
+            yield
+        with self.block("except Exception as exc"):
+            self.line(f"raise {error} from exc")
+
     def fresh(self, stem: str = "v") -> str:
         """A variable name not used before."""
         self._count += 1

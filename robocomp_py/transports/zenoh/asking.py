@@ -31,7 +31,6 @@ from ..pending import Pending
 from .credit import Credit
 from .link import TICK, Link, within
 from .messages import direct, halves, octets
-from .session import as_transport_error
 from .table import Token
 
 if TYPE_CHECKING:
@@ -84,7 +83,7 @@ class CommandOutlet(Asking):
                 raise self._too_slow(deadline)
             fingerprint, left = self.channel.type.fingerprint, end - time.monotonic()
             header = pack_request(Flag.ONEWAY, fingerprint, self.id, self._credit.sent, left)
-            with as_transport_error(self.channel.name):
+            with self.using_the_session():
                 self.transport.put(self.server()[1], header, payload)
 
     def acknowledged(self, by: int, sequence: int) -> None:
@@ -234,11 +233,11 @@ class Caller(Asking):
         with self._lock:
             if self._idle:
                 return self._idle.pop()
-        with as_transport_error(self.channel.name):
+        with self.using_the_session():
             return _OwnLine(self)
 
     def _common_line(self) -> _SharedLine:
-        with self._lock, as_transport_error(self.channel.name):
+        with self._lock, self.using_the_session():
             if self._shared is None:
                 self._shared = _SharedLine(self, self._pending, self._settle)
             return self._shared
@@ -251,7 +250,7 @@ class Caller(Asking):
         self.check_open()
         left = end - time.monotonic()
         header = pack_request(self._flags, self.channel.type.fingerprint, line.id, number, left)
-        with as_transport_error(self.channel.name):
+        with self.using_the_session():
             self.transport.put(key, header, payload)
 
     def _understood(self, line: Line, answer: zenoh.Sample) -> tuple[int, Reply] | None:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import zenoh
 
 from ...contract.qos import History
-from ...errors import Closed, ContractMismatch, DecodeError, Timeout
+from ...errors import Closed, ContractMismatch, DecodeError, Timeout, TransportError
 from ...wire.codec import Payload
 from ...wire.names import ANY
 from ..base import (
@@ -147,6 +147,15 @@ class Link:
     def check_open(self) -> None:
         if self.closed.is_set() or self.transport.closed:
             raise Closed(f"{self.channel.name}: the link is closed")
+
+    @contextlib.contextmanager
+    def using_the_session(self) -> Iterator[None]:
+        """What goes wrong in it is a TransportError; or Closed, if it went wrong because of that."""
+        try:
+            yield
+        except zenoh.ZError as exc:
+            self.check_open()
+            raise TransportError(f"zenoh: {self.channel.name}: {exc}") from exc
 
     def report_mismatch(self, link: int, fingerprint: int) -> None:
         """Count and log, once, that another link means something else. May wait for its answer."""

@@ -28,7 +28,6 @@ from ..ledger import Ledger
 from .credit import Credit
 from .link import Link, Receiving, depth_of, within
 from .messages import BLOCK, DROP, Message, octets
-from .session import as_transport_error
 from .table import Token
 
 if TYPE_CHECKING:
@@ -66,7 +65,7 @@ class Publisher(Link):
             header = pack_publication(fingerprint, self.id, self._credit.sent, time.time_ns())
             if self._history.maxlen:
                 self._history.append((header, payload))  # first: who asks for it now may not hear the other one
-            with as_transport_error(self.channel.name):
+            with self.using_the_session():
                 self._publisher.put(payload, attachment=header)
 
     def visible(self) -> bool:

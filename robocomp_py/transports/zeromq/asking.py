@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import logging
 import threading
@@ -62,7 +63,6 @@ class Peer:
         self.id, self._address, self._transport = member_id, address, transport
         self.closed = False
         self.callers: dict[int, Caller] = {}
-        self._lock = threading.Lock()
         self._idle: list[zmq.Socket[bytes]] = []
         self.line = transport.socket(zmq.DEALER, self._on_reply, **_TO_SERVER)
         with as_transport_error(f"connecting to {address}"), self.line.lock:
@@ -73,11 +73,13 @@ class Peer:
 
     def take(self) -> zmq.Socket[bytes]:
         """A socket for the calling thread alone; it must `give` it back."""
-        with self._lock:
-            if self.closed:
-                raise Unreachable(f"{self._address}: its server left")
-            if self._idle:
+        if self.closed:
+            raise Unreachable(f"{self._address}: its server left")
+        if self._idle:
+            try:
                 return self._idle.pop()
+            except IndexError:  # another thread was quicker
+                pass
         options = _TO_SERVER | {"SNDTIMEO": _SLICE_MS, "RCVTIMEO": _SLICE_MS}
         socket = new_socket(self._transport.context, zmq.DEALER, **options)
         try:
@@ -89,19 +91,20 @@ class Peer:
         return socket
 
     def give(self, socket: zmq.Socket[bytes]) -> None:
-        with self._lock:
-            if not self.closed:
-                self._idle.append(socket)
-                return
-        socket.close()
+        self._idle.append(socket)
+        if self.closed:
+            self._close_idle()
 
     def close(self) -> None:
-        with self._lock:
-            self.closed = True
-            idle, self._idle = self._idle, []
-        for socket in idle:
-            socket.close()
+        self.closed = True
+        self._close_idle()
         self._transport.forget(self.line)
+
+    def _close_idle(self) -> None:
+        """By whoever gets hold of each: more may be given back meanwhile."""
+        with contextlib.suppress(IndexError):
+            while True:
+                self._idle.pop().close()
 
     def _on_reply(self, socket: Socket) -> list[Job]:
         jobs: list[Job] = []  # since the callbacks of a Future may take long, or ask again

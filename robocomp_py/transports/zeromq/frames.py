@@ -29,6 +29,9 @@ Frames = list[Any]
 
 OWN_TOPIC_BYTES = 9
 
+_SHORT = 4096
+"""What has fewer bytes is copied sooner than looked at through a view."""
+
 
 def topic(channel: str) -> bytes:
     """What the messages of a channel begin with."""
@@ -37,10 +40,7 @@ def topic(channel: str) -> bytes:
 
 def joined(begin: bytes, payload: Payload) -> Frames:
     """A message that begins so."""
-    if not payload:
-        return [begin]
-    packed, *arrays = payload
-    return [begin + packed, *arrays]
+    return [begin + payload[0], *payload[1:]] if payload else [begin]
 
 
 def read_request_frames(frames: Frames) -> tuple[bytes, Request, Frames]:
@@ -70,4 +70,7 @@ def read_publication_frames(frames: Frames) -> tuple[Publication, Frames]:
 def _payload(frames: Frames, at: int) -> Frames:
     """What follows the header: nothing, or the packed values and the arrays."""
     first = frames[0]
-    return [memoryview(first)[at:], *frames[1:]] if at < len(first) else []
+    if at == len(first):
+        return []
+    packed = first[at:] if len(first) < _SHORT else memoryview(first)[at:]
+    return [packed, *frames[1:]]

@@ -105,9 +105,9 @@ class Router:
             self._socket.close()
             self._bell.close()
 
-    def reply(self, identity: bytes, request: Request, status: Status, payload: Payload = ()) -> None:
-        header = pack_reply(status, request.client, request.sequence, self._transport.incarnation)
-        frames = [identity, *joined(header, payload)]
+    def reply(self, identity: bytes, request: Request, reply: Reply) -> None:
+        header = pack_reply(reply.status, request.client, request.sequence, self._transport.incarnation)
+        frames = [identity, *joined(header, reply.payload)]
         if self._inside.acquire(blocking=False):
             try:
                 self._send(frames)
@@ -160,19 +160,16 @@ class Router:
         link = self._routes.get(named)
         if link is None:
             if not request.flags & Flag.ONEWAY:
-                self.reply(identity, request, Status.REFUSED)
+                self.reply(identity, request, Reply(Status.REFUSED))
             return None
         if request.fingerprint != link.channel.type.fingerprint:
             link.refuse_stranger(request)
-            self.reply(identity, request, Status.MISMATCH, [link.channel.type.text.encode()])
+            self.reply(identity, request, Reply(Status.MISMATCH, [link.channel.type.text.encode()]))
             return None
         if not link.ledger.admit(request.client, request.sequence):
             return None
         remaining = float("inf") if request.remaining_ms == NO_DEADLINE else request.remaining_ms / 1000
-        return link.accept(payload, time.monotonic() + remaining, partial(self._answer, identity, request))
-
-    def _answer(self, identity: bytes, request: Request, reply: Reply) -> None:
-        self.reply(identity, request, reply.status, reply.payload)
+        return link.accept(payload, time.monotonic() + remaining, partial(self.reply, identity, request))
 
     def _malformed(self, frames: Frames, why: DecodeError) -> None:
         link = self._routes.get(bytes(frames[0][: frames[0].find(b"\0") + 1]))
