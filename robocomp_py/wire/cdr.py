@@ -17,7 +17,7 @@ import operator
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NoReturn
 
 from ..contract.types import (
     BOOL,
@@ -33,7 +33,7 @@ from ..contract.types import (
     Struct,
     Type,
 )
-from .codec import Decoder, Encoder, check_size, refused, unreadable
+from .codec import MAX_BYTES, Decoder, Encoder, check_size, refused, unreadable
 from .program import Program, is_loop
 from .values import as_array, as_bool, as_dict, as_list, as_member, as_str, view_of
 
@@ -135,7 +135,8 @@ class _EncodeProgram:
             p.line(f"out = [{p.name(ENCAPSULATION + bytes(self._room))}]; add = out.append; n = 0")
             p.line(f"[{', '.join(names)}] = values")
             self._fields(fields, names)
-            p.line(f"{p.name(check_size)}(n + {len(ENCAPSULATION)})")
+            with p.block(f"if n > {MAX_BYTES - len(ENCAPSULATION)}"):
+                p.line(f"{p.name(check_size)}(n + {len(ENCAPSULATION)})")
             if self._room:
                 p.line(f"add({p.name(_TAILS)}[n & 3])")
             p.line(f"return {'bytearray' if self._room else 'bytes'}().join(out)")
@@ -273,10 +274,16 @@ class _DecodeProgram:
     def compile(self, prefix: bool) -> Callable[[Any], tuple[Any, ...]]:
         p = self._program
         with p.block("def decode(payload)"), p.guarded(f"{p.name(unreadable)}({p.name(self._message)}, exc)"):
-            p.line(f"data = {p.name(_body)}(payload, {len(ENCAPSULATION) + self._room}); n = 0")
+            start = len(ENCAPSULATION) + self._room
+            p.line("data = memoryview(payload)")
+            with p.block(f"if not {start} <= data.nbytes <= {MAX_BYTES} or data[0] != 0 or data[1] != 1"):
+                p.line(f"{p.name(_refuse)}(data)")
+            p.line(f"data = data[{start}:]; n = 0")
             values = self._fields(self._message.fields)
             if not prefix:
-                p.line(f"{p.name(_check_end)}(data, n, {len(_TAILS[1]) if self._room else 3})")
+                slack = len(_TAILS[1]) if self._room else 3  # DDS may pad a payload to a multiple of four
+                with p.block(f"if not 0 <= data.nbytes - n <= {slack}"):
+                    p.line(f"{p.name(_refuse_rest)}(data, n)")
             p.line(f"return ({values})")
         p.write_functions(self._write)
         return p.compile("decode")
@@ -385,17 +392,13 @@ class _DecodeProgram:
 # What compiled decoders call.
 
 
-def _body(payload: Any, start: int) -> memoryview:
-    data = memoryview(payload)
-    if data.nbytes < start or data[0] != 0 or data[1] != 1:
-        raise ValueError("not XCDR1 little-endian")
+def _refuse(data: memoryview) -> NoReturn:
     check_size(data.nbytes)
-    return data[start:]
+    raise ValueError("not XCDR1 little-endian")
 
 
-def _check_end(data: memoryview, n: int, slack: int) -> None:
-    if not 0 <= data.nbytes - n <= slack:  # DDS may pad a payload to a multiple of four
-        raise ValueError(f"{data.nbytes - n} bytes left over")
+def _refuse_rest(data: memoryview, n: int) -> NoReturn:
+    raise ValueError(f"{data.nbytes - n} bytes left over")
 
 
 def _check_count(data: memoryview, n: int, count: int) -> None:

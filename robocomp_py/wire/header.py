@@ -76,17 +76,41 @@ def pack_publication(fingerprint: int, source: int, sequence: int, stamp: int) -
 
 
 def read_request(data: bytes) -> Request:
-    header: Request = _new(Request, _read(_REQUEST, data))
-    return header
+    _check_length(data, REQUEST_BYTES)
+    return request_at(data, 0)
 
 
 def read_reply(data: bytes) -> ReplyHeader:
-    header: ReplyHeader = _new(ReplyHeader, _read(_REPLY, data))
-    return header
+    _check_length(data, REPLY_BYTES)
+    return reply_at(data, 0)
 
 
 def read_publication(data: bytes) -> Publication:
-    header: Publication = _new(Publication, _read(_PUBLICATION, data))
+    _check_length(data, PUBLICATION_BYTES)
+    return publication_at(data, 0)
+
+
+# At an offset within a message; more may follow.
+
+
+def request_at(data: bytes, at: int) -> Request:
+    if len(data) < at + REQUEST_BYTES or data[at] != VERSION:
+        raise _unreadable(data, at)
+    header: Request = _new(Request, _REQUEST.unpack_from(data, at))
+    return header
+
+
+def reply_at(data: bytes, at: int) -> ReplyHeader:
+    if len(data) < at + REPLY_BYTES or data[at] != VERSION:
+        raise _unreadable(data, at)
+    header: ReplyHeader = _new(ReplyHeader, _REPLY.unpack_from(data, at))
+    return header
+
+
+def publication_at(data: bytes, at: int) -> Publication:
+    if len(data) < at + PUBLICATION_BYTES or data[at] != VERSION:
+        raise _unreadable(data, at)
+    header: Publication = _new(Publication, _PUBLICATION.unpack_from(data, at))
     return header
 
 
@@ -99,8 +123,11 @@ def random_id() -> int:
     return secrets.randbits(64)
 
 
-def _read(layout: struct.Struct, data: bytes) -> tuple[int, ...]:
-    if len(data) != layout.size or data[0] != VERSION:
-        version = data[0] if data else "none"
-        raise DecodeError(f"not a version {VERSION} header: {len(data)} bytes, version {version}")
-    return layout.unpack(data)
+def _check_length(data: bytes, length: int) -> None:
+    if len(data) != length:
+        raise _unreadable(data, 0)
+
+
+def _unreadable(data: bytes, at: int) -> DecodeError:
+    version = data[at] if len(data) > at else "none"
+    return DecodeError(f"not a version {VERSION} header: {max(0, len(data) - at)} bytes, version {version}")

@@ -176,7 +176,7 @@ def view_of(data: Any, dtype: np.dtype[Any], count: int, offset: int) -> _Array:
     if dtype.kind == "b" and np.any(np.frombuffer(data, np.uint8, count, offset) > 1):
         raise ValueError("a bool is neither 0 nor 1")
     array = np.frombuffer(data, dtype, count, offset)
-    return array if type(data) is bytes else read_only(array)
+    return read_only(array) if array.flags.writeable else array
 
 
 def read_only(array: _Array) -> _Array:

@@ -60,6 +60,7 @@ from robocomp_py.transports.dds.domain import address_of, compose, settings
 from robocomp_py.transports.dds.serving import COMMANDS_WAITING, QUERIES_WAITING
 from robocomp_py.transports.dds.topics import MESSAGES_WAITING
 from robocomp_py.transports.dds.types import (
+    BEFORE_TAIL,
     CODEC,
     Message,
     fill_reply,
@@ -68,7 +69,6 @@ from robocomp_py.transports.dds.types import (
     read_reply,
     reply_type,
     request_type,
-    without_tail,
 )
 
 _RELIABLE = QoS(Reliability.RELIABLE, depth=8)
@@ -132,7 +132,7 @@ _VALUES: list[tuple[Operation[Any], tuple[Any, ...]]] = [
 def test_the_librarys_own_codec_reads_our_samples(operation: Operation[Any], values: tuple[Any, ...]) -> None:
     message = operation.request
     payload = CODEC.encoder(message)(values)
-    sample = without_tail(Message(message).sample(payload))
+    sample = memoryview(Message(message).sample(payload))[:BEFORE_TAIL]
     fill_request(payload, 1, 2.5, 3, 4, 5, 6)
     kind = request_type(message.name, message)
     read = kind.deserialize(bytes(sample))

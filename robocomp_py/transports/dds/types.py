@@ -36,7 +36,8 @@ BODY = len(ENCAPSULATION) + ROOM
 
 CODEC = Cdr(ROOM)
 
-_BEFORE_TAIL = -len(TAIL)
+BEFORE_TAIL = -len(TAIL)
+"""Where what is sent of a sample ends, but for replies."""
 
 DdsType = type[IdlStruct]
 
@@ -174,7 +175,7 @@ class Message:
     def payload(self, sample: bytes, tail: bool = False) -> Payload:
         """The payload in a sample, not copied. Raises DecodeError."""
         if self.kind is not None:
-            return memoryview(sample)[:_BEFORE_TAIL] if tail else sample
+            return memoryview(sample)[:BEFORE_TAIL] if tail else sample
         return dressed(_octets(sample, BODY))
 
     def failure(self, payload: Payload) -> bytearray:
@@ -186,11 +187,6 @@ class Message:
         """The payload of another type in a sample, if there is one. Raises DecodeError."""
         octets = _octets(sample, BODY + len(self._empty))
         return dressed(octets) if len(octets) else None
-
-
-def without_tail(sample: bytearray) -> memoryview:
-    """What is sent of a sample, but for replies."""
-    return memoryview(sample)[:_BEFORE_TAIL]
 
 
 def bare(payload: Payload) -> memoryview:

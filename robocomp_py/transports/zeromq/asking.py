@@ -146,7 +146,7 @@ class AskingLink(Link):
         found = self._found
         if found and not found[0].closed and not (fresh and self.transport.directory.version() != self._found_at):
             return found
-        self.check_open()
+        self.check_open()  # once we are closed nothing is found any more, so it need not be looked at above
         version = self.transport.directory.version()
         self._found = None
         for member, entry in self.counterparts(strict=True):
@@ -154,6 +154,9 @@ class AskingLink(Link):
                 found = self.transport.peer(member, entry.address), topic(entry.channel)
                 self.met(found[0])
                 self._found, self._found_at = found, version
+                if self.closed.is_set():  # meanwhile
+                    self._found = None
+                self.check_open()
                 return found
         raise Unreachable(f"{self.channel.name}: nobody serves it")
 
@@ -168,6 +171,9 @@ class AskingLink(Link):
         """Whether a peer has stopped serving this channel, as one that refuses a request probably has."""
         self.look()
         return not (self._found and self._found[0] is peer)
+
+    def release(self) -> None:
+        self._found = None
 
     def met(self, peer: Peer) -> None:
         """A server was found."""
@@ -242,7 +248,6 @@ class Caller(AskingLink):
         return future
 
     def ask(self, payload: Payload, deadline: float) -> Reply:
-        self.check_open()
         end = time.monotonic() + deadline
         try:
             while True:
@@ -282,6 +287,7 @@ class Caller(AskingLink):
         return wait
 
     def release(self) -> None:
+        super().release()
         for peer in list(self._met.values()):
             peer.callers.pop(self.client, None)
         self._pending.close(Closed(f"{self.channel.name}: the link is closed"))
@@ -291,7 +297,10 @@ class Caller(AskingLink):
         try:
             remaining = max(0.0, end - time.monotonic())
             number, frames = self.request(channel, self._flags, remaining, payload)
-            self._send(peer, socket, frames, end, deadline)
+            try:
+                send_frames(socket, frames)
+            except zmq.Again:
+                self._send(peer, socket, frames, end, deadline)
             while True:
                 header, reply = self._receive(peer, socket, end, deadline)
                 if header.sequence == number and header.client == self.client:

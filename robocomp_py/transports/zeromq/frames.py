@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...errors import DecodeError
 from ...wire.codec import Payload
 from ...wire.header import (
     PUBLICATION_BYTES,
@@ -20,9 +19,9 @@ from ...wire.header import (
     Publication,
     ReplyHeader,
     Request,
-    read_publication,
-    read_reply,
-    read_request,
+    publication_at,
+    reply_at,
+    request_at,
 )
 
 Frames = list[Any]
@@ -47,24 +46,19 @@ def read_request_frames(frames: Frames) -> tuple[bytes, Request, Frames]:
     """The topic, the header and the payload of a request or command. Raises DecodeError."""
     first = frames[0]
     at = first.find(b"\0") + 1
-    end = at + REQUEST_BYTES
-    return first[:at], read_request(first[at:end]), _payload(frames, end)
+    return first[:at], request_at(first, at), _payload(frames, at + REQUEST_BYTES)
 
 
 def read_reply_frames(frames: Frames) -> tuple[ReplyHeader, Frames]:
     """The header and the payload of a reply. Raises DecodeError."""
-    first = frames[0]
-    return read_reply(first[:REPLY_BYTES]), _payload(frames, REPLY_BYTES)
+    return reply_at(frames[0], 0), _payload(frames, REPLY_BYTES)
 
 
 def read_publication_frames(frames: Frames) -> tuple[Publication, Frames]:
     """The header and the payload of a publication. Raises DecodeError."""
     first = frames[0]
     at = OWN_TOPIC_BYTES if first[:1] == b"\0" else first.find(b"\0") + 1
-    end = at + PUBLICATION_BYTES
-    if not at:
-        raise DecodeError("not a publication: its channel has no end")
-    return read_publication(first[at:end]), _payload(frames, end)
+    return publication_at(first, at), _payload(frames, at + PUBLICATION_BYTES)
 
 
 def _payload(frames: Frames, at: int) -> Frames:
