@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from .expressions import handler, handler_signature
 from .generate import Model, handlers
 from .imports import bound_names, import_statements, used_names
+from .machine import state_method, state_signature
 from .names import module_name
 
 
@@ -35,12 +36,18 @@ def find_stubs(source: str, model: Model) -> Stubs:
         return Stubs({}, {}, "", gone)
     bound = set(_bound(worker.body))
     methods = {node.name: node for node in worker.body if isinstance(node, ast.FunctionDef)}
-    wanted = {port.handler(operation.name): (port, operation) for port, operation in handlers(model.component)}
-    missing = {name: handler(port, operation) for name, (port, operation) in wanted.items() if name not in bound}
+    wanted = {
+        port.handler(operation.name): (handler(port, operation), handler_signature(port, operation), operation.inputs)
+        for port, operation in handlers(model.component)
+    }
+    if machine := model.component.machine:
+        for state in machine.every_state():
+            wanted[state.method] = (state_method(state, machine), state_signature(state), ())
+    missing = {name: text for name, (text, _, _) in wanted.items() if name not in bound}
     unfit = {
-        name: handler_signature(port, operation)
-        for name, (port, operation) in wanted.items()
-        if name in methods and not _takes(methods[name].args, len(operation.inputs))
+        name: begins
+        for name, (_, begins, inputs) in wanted.items()
+        if name in methods and not _takes(methods[name].args, len(inputs))
     }
     used = used_names(textwrap.dedent("\n".join(missing.values()))) - set(bound_names(source))
     return Stubs(missing, unfit, import_statements(used, siblings, ".generic"), gone)

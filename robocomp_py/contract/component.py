@@ -10,6 +10,7 @@ from typing import Any
 from .interface import Interface, Verb
 from .parameters import ParameterSet
 from .qos import DEFAULT_QOS, QoS
+from .statemachine import StateMachine
 
 MAX_SECONDS = 1e6
 """No period and no deadline is longer: clocks and locks do not take every number."""
@@ -59,6 +60,7 @@ class Component:
     period: float = 0.1
     """Seconds from one `compute` to the next."""
     description: str = ""
+    machine: StateMachine | None = None
 
     def segment(self, port: Port) -> str:
         """How a port that provides something appears in the names of channels: `Laser`, `Laser1`, ...

@@ -1,0 +1,73 @@
+"""What a state machine is: states within states, regions that are active together, transitions between any of them.
+
+composite    has states of its own, of which one is active while it is; `initial` is the one that it begins with
+parallel     has states of its own, its regions, of which all are active while it is
+final        ends what it is in; the whole machine, if that is what it is in
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class State:
+    """One state, and what is in it. Names are unique in a machine."""
+
+    name: str
+    states: tuple[State, ...] = ()
+    initial: str = ""
+    """The state inside that is entered if none is named; not always a direct child."""
+    parallel: bool = False
+    final: bool = False
+
+    @property
+    def method(self) -> str:
+        """What is called when it is entered: `sm_<state>`."""
+        return f"sm_{self.name}"
+
+
+@dataclass(frozen=True)
+class Transition:
+    """From one state to another; `events` are the names (`go`, `error.*`, `*`) that have it taken besides its own."""
+
+    source: str
+    target: str
+    events: tuple[str, ...] = ()
+
+    @property
+    def trigger(self) -> str:
+        """What fires it: `t_<source>_to_<target>`."""
+        return f"t_{self.source}_to_{self.target}"
+
+
+@dataclass(frozen=True)
+class StateMachine:
+    """Everything is in the order of its file, which decides what is entered first and which transition goes first."""
+
+    name: str
+    states: tuple[State, ...]
+    initial: str
+    transitions: tuple[Transition, ...] = ()
+
+    def every_state(self) -> Iterator[State]:
+        """All states, each before those in it."""
+        return _within(self.states)
+
+    def triggers(self) -> dict[str, Transition]:
+        """What can be fired, by name. Transitions that differ only in their events share one."""
+        found: dict[str, Transition] = {}
+        for each in self.transitions:
+            found.setdefault(each.trigger, each)
+        return found
+
+    def leaving(self, state: str) -> list[str]:
+        """The names of what fires the transitions out of a state."""
+        return list(dict.fromkeys(each.trigger for each in self.transitions if each.source == state))
+
+
+def _within(states: Iterable[State]) -> Iterator[State]:
+    for state in states:
+        yield state
+        yield from _within(state.states)

@@ -1,0 +1,77 @@
+# Generated from Shapes.idsl by rcgen 0.1.0: edits are lost.
+"""Module Shapes: what travels, and how to send it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, TypeAlias
+
+from robocomp_py.runtime.api import (
+    FLOAT32,
+    Field,
+    Future,
+    Interface,
+    Operation,
+    Proxy,
+    Sequence,
+    Struct,
+)
+
+
+@dataclass(slots=True)
+class Point:
+    """Point of module Shapes."""
+
+    x: float = 0.0  # in m
+    y: float = 0.0  # in m
+
+    __contract__: ClassVar[Struct]
+
+
+Point.__contract__ = Struct(
+    "Shapes::Point",
+    (
+        Field("x", FLOAT32),
+        Field("y", FLOAT32),
+    ),
+    Point,
+)
+
+Points: TypeAlias = list[Point]
+
+_Drawing_draw: Operation[None] = Operation(
+    "Shapes::Drawing",
+    "draw",
+    inputs=(Field("outline", Sequence(Point.__contract__)),),
+)
+DRAWING_INTERFACE = Interface(
+    "Shapes::Drawing",
+    (_Drawing_draw,),
+)
+
+
+class DrawingProxy(Proxy):
+    """Calls Drawing of another component.
+
+    Deadlines are in seconds. Raises what the operation declares, RemoteFailure for
+    other exceptions over there, and TransportErrors: Unreachable, Timeout, Busy,
+    ContractMismatch, Refused, Closed.
+    """
+
+    interface = DRAWING_INTERFACE
+
+    def draw(self, outline: Points, *, deadline: float | None = None) -> None:
+        """`draw` of Shapes.Drawing.
+
+        IDSL: void draw(Points outline)
+        """
+        return self._ask(_Drawing_draw, (outline,), deadline)
+
+    def drawAsync(
+        self,
+        outline: Points,
+        *,
+        deadline: float | None = None,
+    ) -> Future[None]:
+        """`draw` without waiting: a Future that ends within the deadline."""
+        return self._ask_async(_Drawing_draw, (outline,), deadline)

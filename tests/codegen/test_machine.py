@@ -1,0 +1,96 @@
+"""State machines in generated components: what they carry, and that they run."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+from typing import Any
+
+from robocomp_py.cli.rcgen import main as rcgen
+from robocomp_py.codegen.stubs import find_stubs
+from robocomp_py.contract.statemachine import StateMachine
+from robocomp_py.dsl.workspace import Workspace
+from robocomp_py.testing.components import ComponentTest
+
+from .generated import MODELS, artifacts, linked, loaded
+from .golden import GOLDEN
+
+PATROL = linked(MODELS / "patrol.cdsl")
+
+
+def specific() -> str:
+    return next(each.text for each in artifacts("patrol") if str(each.path) == "specificworker.py")
+
+
+def test_generated_code_carries_the_machine_that_its_file_describes() -> None:
+    machine = Workspace().statemachine(MODELS / "patrol.smdsl")
+    assert isinstance(machine, StateMachine)
+    assert loaded(GOLDEN / "patrol").component.machine == machine
+
+
+def test_the_generated_component_goes_where_its_machine_leads() -> None:
+    entered: list[str] = []
+
+    class Patrol(loaded(GOLDEN / "patrol")):  # type: ignore[misc]  # a class that is known when it runs
+        def __getattribute__(self, name: str) -> Any:
+            if name.startswith("sm_"):
+                entered.append(name)
+            return super().__getattribute__(name)
+
+        def initialize(self) -> None:
+            self.t_waiting_to_working()
+            self.t_driving_to_turning()
+            self.t_turning_to_charging()
+
+    with ComponentTest(Patrol) as component:
+        component.wait_for(lambda: component.worker.statemachine.active == ("charging",))
+    assert component.fine
+    assert entered == [
+        *("sm_waiting", "sm_working", "sm_moving", "sm_driving", "sm_watching", "sm_looking"),
+        *("sm_turning", "sm_charging"),
+    ]
+
+
+def test_a_generated_specific_part_lacks_no_state() -> None:
+    found = find_stubs(specific(), PATROL)
+    assert (found.missing, found.unfit) == ({}, {})
+
+
+def test_the_method_of_a_new_state_comes_to_be_pasted() -> None:
+    tree = ast.parse(specific())
+    [worker] = [node for node in tree.body if isinstance(node, ast.ClassDef)]
+    worker.body = [node for node in worker.body if getattr(node, "name", "") not in ("sm_turning", "sm_off")]
+    found = find_stubs(ast.unparse(tree), PATROL)
+    assert found.missing == {
+        "sm_turning": (
+            "    def sm_turning(self) -> None:\n"
+            '        """Called when `turning` is entered. From here: self.t_turning_to_charging(),\n'
+            "        self.t_turning_to_driving().\n"
+            '        """\n'
+        ),
+        "sm_off": (
+            '    def sm_off(self) -> None:\n        """Called when `off` is entered, which ends the state machine."""\n'
+        ),
+    }
+
+
+def test_the_method_of_a_state_that_wants_more_than_it_gets_is_unfit() -> None:
+    source = specific().replace("def sm_broken(self)", "def sm_broken(self, why)")
+    assert find_stubs(source, PATROL).unfit == {"sm_broken": "def sm_broken(self) -> None:"}
+
+
+def test_a_state_that_is_added_is_announced_and_the_file_stays_as_it_is(tmp_path: Path, capsys: Any) -> None:
+    cdsl, smdsl = tmp_path / "arm.cdsl", tmp_path / "arm.smdsl"
+    cdsl.write_text('Component arm { language python; statemachine "arm.smdsl"; };')
+    smdsl.write_text("arm { initial_state begin; };")
+    assert rcgen([str(cdsl)]) == 0
+    before = (tmp_path / "specificworker.py").read_text()
+    smdsl.write_text("arm { initial_state begin; end_state over; transitions { begin => over; }; };")
+    capsys.readouterr()
+    assert rcgen(["--check", str(cdsl)]) == 1
+    assert rcgen([str(cdsl)]) == 0
+    said = capsys.readouterr().out
+    assert "lacks sm_over; add to SpecificWorker:" in said
+    assert "def sm_over(self) -> None:" in said
+    assert (tmp_path / "specificworker.py").read_text() == before
+    assert "`arm.cdsl`, `arm.smdsl`" in (tmp_path / "README.md").read_text()
