@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from ..contract.parameters import Parameter, ParameterKind, ParameterList, ParameterSet
-from .layout import assigned, call, commented, printable, quoted, remark, spread, tuple_of
+from .layout import assigned, call, commented, printable, quoted, remark, spread, text, tuple_of
 from .names import camel
 from .shadows import Shadows
 
@@ -84,7 +84,15 @@ def parameter_expression(parameter: Parameter) -> str:
         arguments.append(_choices(parameter.choices))
     if parameter.mandatory:
         arguments.append("mandatory=True")
+    if parameter.description:
+        arguments.append(f"description={_description(parameter.description)}")
+    if parameter.dynamic:
+        arguments.append("dynamic=True")
     return call("Parameter", arguments, 8, 1)
+
+
+def _description(description: str) -> str:
+    return text(" ".join(description.split()), 12, len("description=,"))
 
 
 def _choices(choices: Sequence[str]) -> str:
@@ -97,6 +105,8 @@ def list_expression(each: ParameterList, scope: Scope) -> str:
     arguments = [quoted(each.name), f"{scope.items[each.name]}.__spec__"]
     if each.minimum or each.maximum is not None:
         arguments += [f"minimum={each.minimum}", f"maximum={each.maximum}"]
+    if each.description:
+        arguments.append(f"description={_description(each.description)}")
     return call("ParameterList", arguments, 8, 1)
 
 
@@ -117,6 +127,7 @@ def _annotation(parameter: Parameter) -> str:
 def _remarks(parameter: Parameter) -> str:
     words = [parameter.description] if parameter.description else []
     words += [f"{parameter.minimum} to {parameter.maximum}"] if parameter.minimum is not None else []
+    words += ["dynamic"] if parameter.dynamic else []
     return ", ".join(words)
 
 
@@ -133,6 +144,7 @@ def _toml_lines(params: ParameterSet, path: str, mark: str = "") -> list[str]:
     for parameter in params.parameters:
         words = [parameter.description] if parameter.description else []
         words += [parameter.allowed()] + (["mandatory"] if parameter.mandatory else [])
+        words += ["dynamic"] if parameter.dynamic else []
         lines.append(beside(f"{mark}{parameter.name} = {_toml(parameter.default)}", "; ".join(words)))
     for each in params.lists:
         limit = "any number" if each.maximum is None else f"{each.minimum} to {each.maximum}"

@@ -14,7 +14,7 @@ from enum import StrEnum
 from typing import Any, ClassVar
 
 from ..errors import ConfigurationError
-from ..spelling import unknown
+from ..spelling import closest, unknown
 
 Key = tuple[str | int, ...]
 
@@ -30,7 +30,7 @@ class ParameterKind(StrEnum):
 
 @dataclass(frozen=True)
 class Parameter:
-    """One value. `mandatory` ones must be given; the others have a default."""
+    """One value. `mandatory` ones must be given; `dynamic` ones may be changed while the component runs."""
 
     name: str
     kind: ParameterKind
@@ -40,6 +40,7 @@ class Parameter:
     choices: tuple[str, ...] = ()
     mandatory: bool = False
     description: str = field(default="", compare=False)
+    dynamic: bool = False
 
     def admits(self, value: Any) -> bool:
         """Whether a number is in the range; everything is, if there is none."""
@@ -53,6 +54,21 @@ class Parameter:
             return "one of " + ", ".join(self.choices)
         kind = "float" if self.kind is ParameterKind.DOUBLE else str(self.kind)
         return kind if self.minimum is None else f"{kind}, {self.minimum} to {self.maximum}"
+
+    def read(self, text: str) -> Any:
+        """The value that a text without a type means; the text itself, if it means none of this kind."""
+        try:
+            match self.kind:
+                case ParameterKind.INT:
+                    return int(text, 16 if "x" in text.lower() else 10)
+                case ParameterKind.FLOAT | ParameterKind.DOUBLE:
+                    return float(text)
+                case ParameterKind.BOOL:
+                    return {"true": True, "false": False}.get(text.lower(), text)
+                case ParameterKind.STRING | ParameterKind.ENUM:
+                    return text
+        except ValueError:
+            return text
 
 
 @dataclass(frozen=True)
@@ -70,7 +86,8 @@ class ParameterList:
         if number >= self.minimum and (self.maximum is None or number <= self.maximum):
             return []
         upper = "any number" if self.maximum is None else self.maximum
-        return [Complaint(at, f"{number} items of `{self.name}`; allowed: {self.minimum} to {upper}")]
+        what = _described(self.name, self.description)
+        return [Complaint(at, f"{number} items of {what}; allowed: {self.minimum} to {upper}", "config-item-count")]
 
 
 @dataclass(frozen=True)
@@ -101,10 +118,14 @@ class Parameters:
 
 @dataclass(frozen=True)
 class Complaint:
-    """One thing wrong with a configuration: at which key, and in words."""
+    """One thing wrong with a configuration: at which key, in words, and as a code.
+
+    What cannot be wrong in a file has no code.
+    """
 
     key: Key
     message: str
+    code: str = ""
 
     @property
     def path(self) -> str:
@@ -139,6 +160,51 @@ def build(spec: ParameterSet, values: Mapping[str, Any]) -> Any:
     return spec.python(**{p.name: values[p.name] for p in spec.parameters}, **lists)
 
 
+def flat(spec: ParameterSet, values: Mapping[str, Any], at: Key = ()) -> Iterator[tuple[Key, Parameter, Any]]:
+    """Every parameter of checked values, those of items, too: its key, what it is, and its value."""
+    for parameter in spec.parameters:
+        yield (*at, parameter.name), parameter, values[parameter.name]
+    for each in spec.lists:
+        for number, item in enumerate(values[each.name]):
+            yield from flat(each.items, item, (*at, each.name, number))
+
+
+def change(
+    spec: ParameterSet, values: Mapping[str, Any], texts: Mapping[str, str]
+) -> tuple[dict[str, Any], list[str], list[Complaint]]:
+    """The values with those of dynamic parameters changed that are given as texts by `motors[0].max_speed`.
+
+    Also the keys whose value is another one now, and what is wrong; then nothing may be used of it. Who gives back
+    what it was told may give back all: values that stay what they are need not be dynamic.
+    """
+    new = _copied(values)
+    known = {dotted(key): (key, parameter, value) for key, parameter, value in flat(spec, values)}
+    changed: list[str] = []
+    complaints: list[Complaint] = []
+    for name, text in texts.items():
+        if name not in known:
+            complaints.append(Complaint((name,), unknown("parameter", name, known), "config-unknown-key"))
+            continue
+        key, parameter, before = known[name]
+        value, wrong = _value(parameter, parameter.read(text), key)
+        if wrong:
+            complaints.append(wrong)
+        elif value != before and not parameter.dynamic:
+            message = f"`{name}` is not dynamic: it keeps its value while the component runs"
+            complaints.append(Complaint(key, message))
+        elif value != before:
+            changed.append(name)
+            scope: Any = new
+            for part in key[:-1]:
+                scope = scope[part]
+            scope[key[-1]] = value
+    return new, changed, complaints
+
+
+def _copied(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: list(map(_copied, each)) if isinstance(each, list) else each for name, each in values.items()}
+
+
 def _fill(
     spec: ParameterSet,
     given: Mapping[str, Any],
@@ -150,26 +216,29 @@ def _fill(
     lists = {each.name: each for each in spec.lists}
     for name in given:
         if name not in known and name not in lists:
-            complaints.append(Complaint((*at, name), unknown("parameter", name, [*known, *lists])))
+            message = unknown("parameter", name, [*known, *lists])
+            complaints.append(Complaint((*at, name), message, "config-unknown-key"))
     for parameter in spec.parameters:
         key = (*at, parameter.name)
         values[parameter.name] = parameter.default
         if parameter.name in given:
-            values[parameter.name], wrong = _value(parameter, given[parameter.name])
-            complaints.extend(Complaint(key, text) for text in wrong)
+            value, wrong = _value(parameter, given[parameter.name], key)
+            values[parameter.name] = parameter.default if wrong else value
+            complaints += [wrong] if wrong else []
         elif parameter.mandatory:
-            complaints.append(Complaint(key, f"`{parameter.name}` is mandatory: give it ({parameter.allowed()})"))
+            what = _described(parameter.name, parameter.description)
+            message = f"{what} is mandatory: give it ({parameter.allowed()})"
+            complaints.append(Complaint(key, message, "config-missing"))
     for each in spec.lists:
         values[each.name] = list(_items(each, given.get(each.name, []), (*at, each.name), complaints))
 
 
 def _items(spec: ParameterList, given: Any, at: Key, complaints: list[Complaint]) -> Iterator[dict[str, Any]]:
     if not isinstance(given, list) or not all(isinstance(item, Mapping) for item in given):
-        complaints.append(
-            Complaint(
-                at, f"`{spec.name}` is a list: write its items as tables, each under [[{dotted(('params', *at))}]]"
-            )
-        )
+        where = dotted(("params", *(part for part in at if isinstance(part, str))))
+        what = _described(spec.name, spec.description)
+        message = f"{what} is a list: write its items as tables, each under [[{where}]]"
+        complaints.append(Complaint(at, message, "config-wrong-type"))
         return
     complaints += spec.count(len(given), at)
     for number, item in enumerate(given):
@@ -178,15 +247,22 @@ def _items(spec: ParameterList, given: Any, at: Key, complaints: list[Complaint]
         yield values
 
 
-def _value(parameter: Parameter, given: Any) -> tuple[Any, list[str]]:
-    """The value as its Python type, and what is wrong with it."""
+def _value(parameter: Parameter, given: Any, key: Key) -> tuple[Any, Complaint | None]:
+    """The value as its Python type, or what is wrong with it."""
+    message = f"{_described(parameter.name, parameter.description)} is {given!r}; allowed: {parameter.allowed()}"
     if not _is_a(parameter.kind, given):
-        return parameter.default, [f"`{parameter.name}` is {given!r}; allowed: {parameter.allowed()}"]
+        return given, Complaint(key, message, "config-wrong-type")
     if parameter.choices and given not in parameter.choices:
-        return parameter.default, [f"`{parameter.name}`: {unknown('value', given, parameter.choices)}"]
+        near = closest(given, parameter.choices)
+        return given, Complaint(key, f"{message}; did you mean `{near}`?" if near else message, "config-unknown-value")
     if not parameter.admits(given):
-        return parameter.default, [f"`{parameter.name}` is {given!r}; allowed: {parameter.allowed()}"]
-    return float(given) if parameter.kind in _FLOATS else given, []
+        return given, Complaint(key, message, "config-out-of-range")
+    return float(given) if parameter.kind in _FLOATS else given, None
+
+
+def _described(name: str, description: str) -> str:
+    """A name in a sentence, with what it is: `max_speed` (m/s)."""
+    return f"`{name}` ({' '.join(description.split())})" if description else f"`{name}`"
 
 
 _FLOATS = (ParameterKind.FLOAT, ParameterKind.DOUBLE)

@@ -16,6 +16,7 @@ from robocomp_py.runtime.api import (
     Field,
     Interface,
     Operation,
+    Sequence,
     Struct,
 )
 
@@ -62,6 +63,8 @@ Parameter.__contract__ = Struct(
 
 ParameterList: TypeAlias = dict[str, Parameter]
 
+StateList: TypeAlias = list[str]
+
 _CommonBehavior_getPeriod: Operation[int] = Operation(
     "RoboCompCommonBehavior::CommonBehavior",
     "getPeriod",
@@ -102,6 +105,12 @@ _CommonBehavior_getState: Operation[State] = Operation(
     "getState",
     outputs=(Field("ret", State.__contract__),),
 )
+_CommonBehavior_getActiveStates: Operation[StateList] = Operation(
+    "RoboCompCommonBehavior::CommonBehavior",
+    "getActiveStates",
+    outputs=(Field("ret", Sequence(STRING)),),
+    idempotent=True,
+)
 COMMONBEHAVIOR_INTERFACE = Interface(
     "RoboCompCommonBehavior::CommonBehavior",
     (
@@ -113,5 +122,6 @@ COMMONBEHAVIOR_INTERFACE = Interface(
         _CommonBehavior_setParameterList,
         _CommonBehavior_reloadConfig,
         _CommonBehavior_getState,
+        _CommonBehavior_getActiveStates,
     ),
 )

@@ -8,6 +8,7 @@ from ..contract.component import Component, Port
 from ..contract.interface import Interface, Operation, Pattern, Verb
 from ..contract.parameters import Parameter, ParameterKind, ParameterList, Parameters, ParameterSet
 from ..contract.qos import Durability, History, Liveliness, QoS, Reliability
+from ..contract.statemachine import State, StateMachine, Transition
 from ..contract.types import (
     BOOL,
     FLOAT32,
@@ -31,6 +32,7 @@ from ..contract.types import (
 )
 from ..errors import DeclaredError
 from .ports import Proxy
+from .statemachine import Machine, Trigger
 from .worker import Worker
 
 __all__ = [
@@ -58,6 +60,7 @@ __all__ = [
     "History",
     "Interface",
     "Liveliness",
+    "Machine",
     "Operation",
     "Parameter",
     "ParameterKind",
@@ -70,7 +73,11 @@ __all__ = [
     "QoS",
     "Reliability",
     "Sequence",
+    "State",
+    "StateMachine",
     "Struct",
+    "Transition",
+    "Trigger",
     "Verb",
     "Worker",
 ]

@@ -15,6 +15,7 @@ from ..contract.types import STRING, ExceptionType, Field, Struct
 from ..errors import (
     Busy,
     Closed,
+    ConfigurationError,
     ContractMismatch,
     DeclaredError,
     EncodeError,
@@ -132,6 +133,8 @@ class Answering:
         """Tell the author of the method what it raised."""
         if isinstance(exc, SystemExit):
             log.error("%s called sys.exit(): a handler ends its component by self.stop()", self.method.__qualname__)
+        elif isinstance(exc, ConfigurationError):
+            log.warning("%s refused: %s", self.method.__qualname__, exc)  # it is its caller who is wrong
         else:
             log.error("%s raised\n%s", self.method.__qualname__, user_trace(exc))
 

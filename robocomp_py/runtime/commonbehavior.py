@@ -3,21 +3,36 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from typing import Any
 
 from ..contract.component import Component, Port
 from ..contract.interface import Verb
+from ..contract.parameters import build, change, dotted, flat
+from ..errors import ConfigurationError
 from .lifecycle import State
 from .RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE, Parameter, ParameterList
 from .RoboCompCommonBehavior import State as Told
+from .statemachine import Machine
 from .worker import Worker
 
 
 class CommonBehavior:
-    """Handlers of the interface for one worker. They may run beside its code, and are quick."""
+    """Handlers of the interface for one worker. They may run beside its code, and are quick.
 
-    def __init__(self, worker: Worker[Any], params: dict[str, Any]) -> None:
-        self._worker, self._params = worker, params
+    Only a change of parameters waits for its turn, which `held` gives, so that the worker's code sees it whole.
+    """
+
+    def __init__(
+        self,
+        worker: Worker[Any],
+        params: Mapping[str, Any],
+        held: Callable[[], AbstractContextManager[None]],
+        machine: Machine | None = None,
+    ) -> None:
+        self._worker, self._params, self._held, self._machine = worker, params, held, machine
+        self._spec = worker.component.params
         self._born = time.monotonic()
 
     def CommonBehavior_getPeriod(self) -> int:
@@ -34,12 +49,33 @@ class CommonBehavior:
 
     def CommonBehavior_getParameterList(self) -> ParameterList:
         return {
-            name: Parameter(editable=False, value=str(value), type=type(value).__name__)
-            for name, value in self._params.items()
+            dotted(key): Parameter(editable=parameter.dynamic, value=str(value), type=type(value).__name__)
+            for key, parameter, value in (flat(self._spec, self._params) if self._spec else ())
         }
 
     def CommonBehavior_setParameterList(self, l: ParameterList) -> None:  # noqa: E741 - the IDSL's name
-        raise PermissionError("parameters are read-only while the component runs; change its configuration")
+        if self._spec is None:
+            raise ConfigurationError("this component has no parameters")
+        with self._held():
+            texts = {name: parameter.value for name, parameter in l.items()}
+            values, changed, complaints = change(self._spec, self._params, texts)
+            if complaints:
+                raise ConfigurationError("\n".join(f"{each.path}: {each.message}" for each in complaints))
+            if changed:
+                self._become(values, build(self._spec, values), frozenset(changed))
+                shown = (f"{name} = {texts[name]}" for name in changed)
+                self._worker.log.info("parameters changed: %s", ", ".join(shown))
+
+    def _become(self, values: Mapping[str, Any], params: Any, changed: frozenset[str]) -> None:
+        """Let the worker have new parameters, unless it objects."""
+        before = self._worker.params
+        self._worker._configured = params
+        try:
+            self._worker.paramsChanged(changed)
+        except BaseException:
+            self._worker._configured = before
+            raise
+        self._params = values
 
     def CommonBehavior_reloadConfig(self) -> None:
         raise PermissionError("a running component keeps its configuration; restart it to load another")
@@ -47,6 +83,9 @@ class CommonBehavior:
     def CommonBehavior_getState(self) -> Told:
         starting = self._worker.state in (State.STARTING, State.INITIALIZE)
         return Told.Starting if starting else Told.Running
+
+    def CommonBehavior_getActiveStates(self) -> list[str]:
+        return list(self._machine.active) if self._machine else []
 
 
 def port_of(component: Component) -> Port | None:

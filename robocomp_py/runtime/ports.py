@@ -171,7 +171,8 @@ class _Asked:
         try:
             reply = self._caller.ask(payload, limit)
         finally:
-            self._monitor.step_in(stepped_out)
+            if stepped_out:
+                self._monitor.step_in(stepped_out)
         return self._call.result(reply)
 
     def ask_async(self, arguments: tuple[Any, ...], deadline: float | None) -> Future[Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import inspect
 import logging
 import os
@@ -10,7 +11,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from types import FrameType
@@ -37,6 +38,7 @@ from .lifecycle import Beat, Event, State, after
 from .monitor import Monitor
 from .notify import notify
 from .settings import Settings
+from .statemachine import Machine, Trigger
 from .trace import user_trace
 from .worker import Worker, check_methods
 
@@ -44,6 +46,9 @@ log = logging.getLogger("robocomp.worker")
 
 _REMIND = 5.0
 """Seconds between two messages that say for whom a component waits."""
+
+_TOLD = 8
+"""Keys without effect that are named at the start; `rc lint` names all."""
 
 _STUCK = 2.0
 """Seconds after which somebody who asked a component to stop is told what it still does."""
@@ -80,6 +85,7 @@ class Running:
         self._excuse = ""
         self.doing = ""
         """The hook that runs, if one does."""
+        self._machine: Machine | None = None
         self.worker = self._build(worker_class)
 
     def run(self) -> bool:
@@ -116,12 +122,17 @@ class Running:
     def _build(self, worker_class: type[Worker[Any]]) -> Worker[Any]:
         worker = worker_class.__new__(worker_class)
         spec = self.component.params
-        worker.params = build(spec, self.settings.params) if spec else None
+        worker._configured = build(spec, self.settings.params) if spec else None
         worker.log = logging.getLogger(self.settings.instance)
         worker._period = self.settings.period
         worker._signal = self.signal
         worker._state = lambda: self.state
         worker._set_period = self._set_period
+        if self.component.machine:
+            self._machine = Machine(self.component.machine, self._enter, self._wake.set)
+            triggers = self.component.machine.triggers().items()
+            found = {name: Trigger(self._machine, transition) for name, transition in triggers}
+            vars(worker).update(found, statemachine=self._machine)
         self._beat = Beat(self.settings.period, time.monotonic())
         try:
             worker_class.__init__(worker)  # after the above, so that a user's __init__ has it
@@ -140,7 +151,7 @@ class Running:
         wanted = [port for port in self.component.ports if not port.verb.provides]
         own = port_of(self.component)
         if own:
-            servant = CommonBehavior(self.worker, dict(self.settings.params))
+            servant = CommonBehavior(self.worker, self.settings.params, self._monitor.held, self._machine)
             try:
                 self._links += ports.bind_handlers(own, servant, self._route, self._monitor)
             except AlreadyServed as exc:
@@ -207,6 +218,7 @@ class Running:
                     self._once(self.worker.initialize, early=True)
                     self._get_going()
                 case State.COMPUTE:
+                    self._take_transitions()
                     self.computes += self._on_the_beat(self.worker.compute)
                 case State.EMERGENCY:
                     self._on_the_beat(self.worker.emergency)
@@ -218,7 +230,9 @@ class Running:
                     raise AssertionError("connected, but still starting")
 
     def _get_going(self) -> None:
-        """Let handlers in and say ready, unless it was stopped meanwhile."""
+        """Enter the first states, let handlers in and say ready, unless it was stopped meanwhile."""
+        if self._machine and self.state is State.COMPUTE:
+            self._move(self._machine._begin, early=True)
         if self.state is not State.COMPUTE:
             return
         self._monitor.open()
@@ -226,6 +240,24 @@ class Running:
         self.ready.set()
         notify("READY=1")
         log.info("ready")
+
+    def _take_transitions(self) -> None:
+        """Take those that were fired until now; each lets handlers in between, and none comes inside another."""
+        for _ in range(self._machine._waiting if self._machine else 0):
+            if self._machine and self.state is State.COMPUTE:
+                self._move(self._machine._step)
+
+    def _move(self, move: Callable[[], None], *, early: bool = False) -> None:
+        """Move the state machine, alone. Its methods are guarded one by one: what is entered is entered whole."""
+        with contextlib.suppress(Closed), self._monitor.held(early=early):  # closed: the component ends
+            move()
+
+    def _enter(self, state: str) -> None:
+        """Tell the worker of a state that is entered, unless it has failed in another one."""
+        method = getattr(self.worker, f"sm_{state}")
+        if not self._failed:
+            with self._guarded(method):
+                method()
 
     def _on_the_beat(self, hook: Callable[[], None]) -> bool:
         """Call a hook if it is time to, else wait for that, or for news. Whether it was called."""
@@ -245,11 +277,15 @@ class Running:
         self.signal(Event.DONE, during=state)
 
     def _call(self, hook: Callable[[], None], *, early: bool = False) -> None:
-        """Run a hook; decide what becomes of the component if it raises."""
+        """Run a hook, alone; decide what becomes of the component if it raises."""
+        with self._guarded(hook), self._monitor.held(early=early):
+            hook()
+
+    @contextlib.contextmanager
+    def _guarded(self, hook: Callable[[], None]) -> Iterator[None]:
         self.doing = hook.__qualname__
         try:
-            with self._monitor.held(early=early):
-                hook()
+            yield
             self._excuse = ""
         except TransportError as exc:
             self._hindered(hook, exc)
@@ -312,8 +348,12 @@ def main(worker_class: type[Worker[Any]], arguments: Sequence[str] | None = None
     try:
         document = _document(worker_class, options)
         chosen = settings.check(component, document, options.name)
-        _configure_logging(chosen)
         _check_middlewares(worker_class, chosen, document)
+        if options.print_config:
+            _print_config(worker_class, chosen, document, as_json=options.json)
+            return 0
+        _configure_logging(chosen)
+        _tell_notes(document)
         running = Running(worker_class, chosen)
     except (ConfigurationError, ComponentError) as exc:
         print(exc, file=sys.stderr)
@@ -328,16 +368,24 @@ def _parser(name: str, description: str) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=name,
         description=f"{description or f'Run the component {name}.'} It stops on Ctrl-C or SIGTERM.",
-        epilog="Every key of the configuration can be set: --set component.period=0.02 --set params.NAME=VALUE",
+        epilog="Every key of the configuration can be set: --set component.period=0.02 --set params.NAME=VALUE, or by "
+        "the environment: ROBOCOMP__COMPONENT__PERIOD=0.02. The command line counts most, then the environment.",
     )
     parser.add_argument(
-        "--config", type=Path, metavar="FILE", help="configuration (default: etc/config.toml beside it)"
+        "--config",
+        type=Path,
+        metavar="FILE",
+        help="configuration (default: etc/config.toml beside it, or RoboComp's etc/config)",
     )
     parser.add_argument("--name", help=f"name of this instance (default: {name.lower()})")
     parser.add_argument("--middleware", help="what carries its messages, as in `middleware = …`")
     parser.add_argument(
         "--set", action="append", default=[], type=_assignment, metavar="KEY=VALUE", help="set one key; may be repeated"
     )
+    parser.add_argument(
+        "--print-config", action="store_true", help="print the configuration that holds, and who says so; run nothing"
+    )
+    parser.add_argument("--json", action="store_true", help="--print-config: for machines, one key a line")
     parser.add_argument("--version", action="version", version=f"robocomp_py {__version__}")
     return parser
 
@@ -350,16 +398,39 @@ def _assignment(text: str) -> str:
 
 
 def _document(worker_class: type[Worker[Any]], options: argparse.Namespace) -> settings.Document:
-    beside = Path(inspect.getfile(worker_class)).parent / "etc" / "config.toml"
-    if options.config is None and not beside.exists():
-        document = settings.Document()
-    else:
-        document = settings.read(_short(options.config or beside))
+    component = worker_class.component
+    path = options.config or settings.find(Path(inspect.getfile(worker_class)).parent)
+    params = component.params
+    document = settings.read(_short(path), params) if path else settings.Document(params=params)
+    settings.environment(document, component, os.environ)
     for assignment in options.set:
         settings.override(document, assignment)
     if options.middleware:
-        settings.override(document, f"middleware={options.middleware}")
+        origin = f"--middleware {options.middleware}"
+        settings.override(document, f"middleware={options.middleware}", origin)
     return document
+
+
+def _print_config(
+    worker_class: type[Worker[Any]], chosen: Settings, document: settings.Document, *, as_json: bool
+) -> None:
+    from . import effective  # only who asks needs it
+
+    found = effective.effective(worker_class.component, chosen, document, worker_class.middleware)
+    print(effective.as_json(found) if as_json else effective.as_toml(found), end="")
+
+
+def _tell_notes(document: settings.Document) -> None:
+    """Say what became of the lines of a configuration that was written for RoboComp."""
+    if document.path and document.path.name == "config.toml" and document.path.with_name("config").is_file():
+        log.info("%s is not read, since there is %s", document.path.with_name("config"), document.path)
+    for note in document.notes:
+        if not note.understood:
+            log.warning("%s:%d: %s", document.path, note.line, note.why)
+    idle = [note.key for note in document.notes if note.understood and not note.became]
+    if document.notes:
+        shown = ", ".join(idle[:_TOLD]) + (f" and {len(idle) - _TOLD} more" if len(idle) > _TOLD else "")
+        log.info("configured by %s, written for RoboComp; without effect here: %s", document.path, shown or "nothing")
 
 
 def _short(path: Path) -> Path:

@@ -1,4 +1,4 @@
-"""How a component is configured: `etc/config.toml`, then what its launcher sets.
+"""How a component is configured: `etc/config.toml`, then its environment, then what its launcher sets.
 
     namespace = "robot1"             the first part of its channels' names
     middleware = "zeromq"            what carries its messages
@@ -15,6 +15,12 @@
     [ports.laser.getLaserData]       the same for one operation
     [transports.zeromq]              options of a transport
 
+    ROBOCOMP__COMPONENT__PERIOD=0.05         in the environment: the same keys, parts separated by `__`
+    --set component.period=0.05              on the command line
+    --set max_speed=1.5                      a parameter may be called without `params.`
+
+A file of RoboComp's own (`etc/config`) is read, too: see `classic`.
+
 Everything is checked before anything is opened, and all complaints come at once, with their place.
 """
 
@@ -29,12 +35,15 @@ from typing import Any
 
 from .. import installed
 from ..contract.component import MAX_SECONDS, Component, Port
-from ..contract.parameters import Complaint, ParameterSet, dotted
+from ..contract.parameters import Complaint, Key, Parameter, ParameterKind, ParameterSet, dotted
 from ..contract.parameters import check as check_parameters
 from ..contract.qos import PRESETS, Durability, History, Liveliness, QoS, Reliability
 from ..errors import ConfigurationError
-from ..spelling import unknown
+from ..spelling import closest, unknown
 from ..wire import names
+from . import classic
+from .document import Document as Document
+from .document import parsed
 
 DEADLINE = 5.0
 """Seconds a call may take, unless configuration or the caller say otherwise."""
@@ -43,7 +52,10 @@ PATIENCE = 60.0
 
 LOG_LEVELS = ("debug", "info", "warning", "error")
 
-Key = tuple[str | int, ...]
+PREFIX = "ROBOCOMP__"
+"""What a variable of the environment begins with that sets a key."""
+
+KEYS = ("namespace", "middleware", "component", "params", "ports", "transports")
 
 
 @dataclass(frozen=True)
@@ -84,37 +96,47 @@ class Settings:
         return self.ports.get((port.name, operation), PortSettings()).under(of_port)
 
 
-@dataclass
-class Document:
-    """Nested tables, and where each came from."""
-
-    data: dict[str, Any] = field(default_factory=dict)
-    path: Path | None = None
-    text: str = ""
-    overrides: list[tuple[Key, str]] = field(default_factory=list)
-
-    def place(self, key: Key) -> str:
-        """`etc/config.toml:12`, or the `--set` that gave it."""
-        for given, origin in reversed(self.overrides):
-            if given == key[: len(given)] or key == given[: len(key)]:
-                return origin
-        return f"{self.path}:{_line_of(self.text, key)}" if self.path else "configuration"
+def find(folder: Path) -> Path | None:
+    """The configuration in a component's folder: `etc/config.toml`, or else RoboComp's `etc/config`."""
+    own, other = folder / "etc" / "config.toml", folder / "etc" / "config"
+    return own if own.exists() else other if other.is_file() else None
 
 
-def read(path: Path) -> Document:
-    """A TOML file. Raises ConfigurationError with the place if it is none."""
+def read(path: Path, params: ParameterSet | None = None) -> Document:
+    """A configuration file for a component with these parameters, in our form or in one of RoboComp's own.
+
+    Raises ConfigurationError with the place if it is none.
+    """
     try:
         text = path.read_text(encoding="utf-8-sig")
-        return Document(tomllib.loads(text), path, text)
     except OSError as exc:
         raise ConfigurationError(f"{path}: cannot be read: {exc.strerror}") from exc
     except UnicodeDecodeError as exc:
-        raise ConfigurationError(f"{path}: is not UTF-8 text") from exc
-    except tomllib.TOMLDecodeError as exc:
-        found = re.search(r"(.*) \(at (?:line (\d+), column (\d+)|end of document)\)", str(exc))
-        message, line, column = found.groups() if found else (str(exc), None, None)
-        at = f":{line}:{column}" if line else f":{text.count(chr(10)) + 1}"
-        raise ConfigurationError(f"{path}{at}: {message[:1].lower()}{message[1:]}") from exc
+        if path.suffix == ".toml":
+            raise ConfigurationError(f"{path}: is not UTF-8 text") from exc
+        return classic.read_classic(path, params)
+    return from_text(text, path, params)
+
+
+def from_text(text: str, path: Path, params: ParameterSet | None = None) -> Document:
+    """The same for a text that was read."""
+    declared = params or ParameterSet("")
+    if path.suffix != ".toml" and not _is_toml_of_ours(text):
+        return classic.from_text(text, path, declared)
+    data = parsed(text, path)
+    if classic.is_of_2025(data):
+        return classic.from_text(text, path, declared)
+    return Document(data, path, text, params=params)
+
+
+def _is_toml_of_ours(text: str) -> bool:
+    """Whether a file is ours whose name does not tell: one with tables, or only with keys that we know."""
+    if classic.has_sections(text):
+        return True
+    try:
+        return set(tomllib.loads(text)) <= set(KEYS)
+    except tomllib.TOMLDecodeError:
+        return False
 
 
 def is_assignment(text: str) -> bool:
@@ -123,29 +145,79 @@ def is_assignment(text: str) -> bool:
     return bool(equals) and all(map(_KEY.fullmatch, name.strip().split(".")))
 
 
-def override(document: Document, assignment: str) -> None:
-    """Apply `key=value`; the value is TOML, or else a plain string. Raises ConfigurationError."""
+def override(document: Document, assignment: str, origin: str = "") -> None:
+    """Apply `key=value`; the value is TOML, or else a plain string. Raises ConfigurationError.
+
+    `origin` is who says so, for people; `--set` if nothing else.
+    """
     name, equals, text = assignment.partition("=")
     if not equals or not name.strip():
         raise ConfigurationError(f"--set {assignment}: write it as key=value, as in params.max_speed=0.5")
     key = _parse_key(name.strip())
+    if key[0] not in KEYS and document.params and _means_parameter(str(key[0]), document.params):
+        key = ("params", *key)
+    _set(document, key, text.strip(), origin or f"--set {assignment}")
+
+
+def environment(document: Document, component: Component, variables: Mapping[str, str]) -> None:
+    """Apply the variables of an environment that begin with `ROBOCOMP__`. Raises ConfigurationError.
+
+    The parts of a key are separated by `__`, in any case: `ROBOCOMP__PARAMS__MOTORS__0__MAX_SPEED=1.5`.
+    """
+    for name in sorted(variables):
+        if name.startswith(PREFIX):
+            origin = f"environment variable {name}"
+            try:
+                key = _spelled(component, name.removeprefix(PREFIX).split("__"))
+            except ValueError as exc:
+                raise ConfigurationError(f"{origin}: {exc}") from exc
+            _set(document, key, variables[name].strip(), origin)
+
+
+def _set(document: Document, key: Key, text: str, origin: str) -> None:
+    parameter = _parameter(document.params, key[1:]) if document.params and key[0] == "params" else None
     try:
-        value = tomllib.loads(f"value = {text.strip()}")["value"]
+        value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
-        value = text.strip()
-    origin = f"--set {assignment}"
+        value = text
+    if parameter and parameter.kind in (ParameterKind.STRING, ParameterKind.ENUM) and not isinstance(value, str):
+        value = text  # what looks like a number may be a name, too
     _put(document.data, key, value, origin)
     document.overrides.append((key, origin))
 
 
+def _means_parameter(name: str, params: ParameterSet) -> bool:
+    """Whether the first part of a key that is none of ours is the name of a parameter, or nearly so."""
+    names = [*(each.name for each in params.parameters), *(each.name for each in params.lists)]
+    near = closest(name, [*KEYS, *names])
+    return name in names or (near in names and near not in KEYS)
+
+
+def _parameter(params: ParameterSet, key: Key) -> Parameter | None:
+    """The parameter at a key below `params`."""
+    match key:
+        case (str(name),):
+            return next((each for each in params.parameters if each.name == name), None)
+        case (str(name), int(), *rest):
+            return next((_parameter(each.items, tuple(rest)) for each in params.lists if each.name == name), None)
+    return None
+
+
 def check(component: Component, document: Document, instance: str | None = None) -> Settings:
     """The settings in a document, for this component. Raises ConfigurationError with all that is wrong."""
-    checker = _Checker(component)
-    settings = checker.settings(document.data, instance or component.name.lower())
-    if checker.complaints:
-        lines = [f"{document.place(c.key)}: {c.message}" if c.key else c.message for c in checker.complaints]
+    settings, complaints = examine(component, document, instance)
+    if complaints:
+        lines = [f"{document.place(c.key)}: {c.message}" if c.key else c.message for c in complaints]
         raise ConfigurationError("\n".join(lines))
     return settings
+
+
+def examine(component: Component, document: Document, instance: str | None = None) -> tuple[Settings, list[Complaint]]:
+    """The settings in a document, for this component, and all that is wrong with them."""
+    checker = _Checker(component)
+    settings = checker.settings(document.data, instance or component.name.lower())
+    told = [each.key for each in document.complaints]
+    return settings, [*document.complaints, *(each for each in checker.complaints if each.key not in told)]
 
 
 class _Checker:
@@ -156,18 +228,20 @@ class _Checker:
         self.complaints: list[Complaint] = []
 
     def settings(self, data: Mapping[str, Any], instance: str) -> Settings:
-        self._known(data, (), ("namespace", "middleware", "component", "params", "ports", "transports"))
+        self._known(data, (), KEYS)
         own = self._table(data, "component", ())
-        self._known(own, ("component",), ("period", "log", "patience"))
+        self._known(own, ("component",), _COMPONENT_KEYS)
         params, wrong = check_parameters(
             self._component.params or ParameterSet(self._component.name), self._table(data, "params", ())
         )
-        self.complaints += [Complaint(("params", *c.key), c.message) for c in wrong]
+        self.complaints += [Complaint(("params", *c.key), c.message, c.code) for c in wrong]
         namespace = self._text(data, "namespace", ()) or ""
         if not names.is_namespace(namespace):
-            self._complain(("namespace",), f"{namespace!r} is no namespace: letters, digits, `_`, `-`; parts with `/`")
+            message = f"{namespace!r} is no namespace: letters, digits, `_`, `-`; parts with `/`"
+            self._complain("config-bad-name", ("namespace",), message)
         if not names.is_segment(instance):
-            self._complain((), f"{instance!r} is no name for an instance: letters, digits, `_`, `-`")
+            message = f"{instance!r} is no name for an instance: letters, digits, `_`, `-`"
+            self._complain("config-bad-name", (), message)
         transports = self._table(data, "transports", ())
         self._known(transports, ("transports",), installed.transports())
         return Settings(
@@ -187,7 +261,7 @@ class _Checker:
         found: dict[tuple[str, ...], PortSettings] = {}
         for name in data:
             if name not in known:
-                self._complain(("ports", name), unknown("port", name, known))
+                self._complain("config-unknown-key", ("ports", name), unknown("port", name, known))
                 continue
             table = self._table(data, name, ("ports",))
             operations = [operation.name for operation, _ in known[name].interface.under(known[name].verb)]
@@ -204,7 +278,7 @@ class _Checker:
         try:
             names.resolve(source or "", "", "X")
         except ValueError as exc:
-            self._complain((*at, "from"), str(exc))
+            self._complain("config-bad-name", (*at, "from"), str(exc))
         return PortSettings(
             middleware=self._text(table, "middleware", at),
             source=source,
@@ -215,10 +289,10 @@ class _Checker:
     def _qos(self, given: Any, at: Key) -> QoS | None:
         if isinstance(given, str):
             if given not in PRESETS:
-                self._complain(at, unknown("QoS preset", given, PRESETS))
+                self._complain("config-unknown-value", at, unknown("QoS preset", given, PRESETS))
             return PRESETS.get(given)
         if not isinstance(given, Mapping):
-            self._complain(at, f"a QoS is a table or the name of a preset, not {given!r}")
+            self._complain("config-wrong-type", at, f"a QoS is a table or the name of a preset, not {given!r}")
             return None
         self._known(given, at, [f.name for f in fields(QoS)])
         values: dict[str, Any] = {}
@@ -230,7 +304,7 @@ class _Checker:
                 values[name] = self._seconds(given, name, at)
         depth = given.get("depth", 10)
         if not isinstance(depth, int) or isinstance(depth, bool) or not 1 <= depth <= 1_000_000:
-            self._complain((*at, "depth"), f"`depth` is {depth!r}; allowed: 1 to 1000000")
+            self._complain("config-out-of-range", (*at, "depth"), f"`depth` is {depth!r}; allowed: 1 to 1000000")
         else:
             values["depth"] = depth
         return QoS(**values)
@@ -239,14 +313,14 @@ class _Checker:
         value = data.get(name, {})
         if isinstance(value, Mapping):
             return value
-        self._complain((*at, name), f"`{name}` is a table, not {value!r}")
+        self._complain("config-wrong-type", (*at, name), f"`{name}` is a table, not {value!r}")
         return {}
 
     def _text(self, data: Mapping[str, Any], name: str, at: Key) -> str | None:
         value = data.get(name)
         if value is None or isinstance(value, str):
             return value
-        self._complain((*at, name), f"`{name}` is a string, not {value!r}")
+        self._complain("config-wrong-type", (*at, name), f"`{name}` is a string, not {value!r}")
         return None
 
     def _seconds(self, data: Mapping[str, Any], name: str, at: Key) -> float | None:
@@ -256,25 +330,26 @@ class _Checker:
         if isinstance(value, int | float) and not isinstance(value, bool) and 0 < value <= MAX_SECONDS:
             return float(value)
         allowed = f"a positive number of seconds, at most {MAX_SECONDS:g}"
-        self._complain((*at, name), f"`{name}` is {value!r}; allowed: {allowed}")
+        self._complain("config-out-of-range", (*at, name), f"`{name}` is {value!r}; allowed: {allowed}")
         return None
 
     def _choice(self, data: Mapping[str, Any], name: str, at: Key, allowed: Sequence[str]) -> str | None:
         value = data.get(name)
         if value is None or value in allowed:
             return value
-        self._complain((*at, name), f"`{name}`: {unknown('value', str(value), allowed)}")
+        self._complain("config-unknown-value", (*at, name), f"`{name}`: {unknown('value', str(value), allowed)}")
         return None
 
     def _known(self, data: Mapping[str, Any], at: Key, allowed: Iterable[str]) -> None:
         for name in data:
             if name not in allowed:
-                self._complain((*at, name), unknown("key", name, allowed))
+                self._complain("config-unknown-key", (*at, name), unknown("key", name, allowed))
 
-    def _complain(self, key: Key, message: str) -> None:
-        self.complaints.append(Complaint(key, message))
+    def _complain(self, code: str, key: Key, message: str) -> None:
+        self.complaints.append(Complaint(key, message, code))
 
 
+_COMPONENT_KEYS = ("period", "log", "patience")
 _PORT_KEYS = ("middleware", "from", "deadline", "qos")
 _QOS_WORDS: dict[str, type[Reliability | Durability | History | Liveliness]] = {
     "reliability": Reliability,
@@ -296,46 +371,78 @@ def _parse_key(text: str) -> Key:
     return tuple(parts)
 
 
+def _spelled(component: Component, parts: Sequence[str]) -> Key:
+    """The key whose parts are spelled in any case. Raises ValueError if it may be two."""
+    known = _keys_of(component)
+    if not _spellings(parts[0], known) and component.params and _means_parameter(parts[0].lower(), component.params):
+        parts = ["params", *parts]
+    key: Key = ()
+    for part in parts:
+        if not part:
+            raise ValueError(f"the parts of a key are separated by `__`, as in {PREFIX}COMPONENT__PERIOD")
+        if part.isdecimal() and _ITEM in known:
+            key, known = (*key, int(part)), known[_ITEM]
+            continue
+        found = _spellings(part, known)
+        if len(found) > 1:
+            raise ValueError(
+                f"`{part}` may be {' or '.join(f'`{each}`' for each in found)}: write it as that is written"
+            )
+        name = found[0] if found else part.lower()
+        key, known = (*key, name), known.get(name, {})
+    return key
+
+
+_Keys = Mapping[str, "_Keys"]
+_ITEM = "[]"
+"""Stands for any item of a list."""
+
+
+def _keys_of(component: Component) -> _Keys:
+    """All keys that mean something to a component, in their tables."""
+    port = {**_words(_PORT_KEYS), "qos": _words(f.name for f in fields(QoS))}
+    ports = {
+        each.name: {operation.name: port for operation, _ in each.interface.under(each.verb)} | port
+        for each in component.ports
+    }
+    return {
+        **_words(KEYS),
+        "component": _words(_COMPONENT_KEYS),
+        "params": _keys_of_params(component.params) if component.params else {},
+        "ports": ports,
+        "transports": _words(installed.transports()),
+    }
+
+
+def _words(names: Iterable[str]) -> dict[str, _Keys]:
+    """Keys without others below them."""
+    return {name: {} for name in names}
+
+
+def _keys_of_params(params: ParameterSet) -> _Keys:
+    lists = {each.name: {_ITEM: _keys_of_params(each.items)} for each in params.lists}
+    return {each.name: {} for each in params.parameters} | lists
+
+
+def _spellings(name: str, known: Iterable[str]) -> list[str]:
+    """The known names that differ from a name in their case only; just it, if it is known."""
+    return [name] if name in known else [each for each in known if each.lower() == name.lower()]
+
+
 def _put(data: dict[str, Any], key: Key, value: Any, origin: str) -> None:
+    """Set a key; missing tables are made, and so is the item behind the last one of a list."""
     table: Any = data
     for depth, part in enumerate(key):
-        last = depth == len(key) - 1
+        inner: Any = value if depth == len(key) - 1 else [] if isinstance(key[depth + 1], int) else {}
         if isinstance(part, int):
-            if not isinstance(table, list) or part >= len(table):
+            if not isinstance(table, list) or part > len(table):
                 raise ConfigurationError(f"{origin}: there is no item {dotted(key[: depth + 1])} to change")
+            if part == len(table):
+                table.append(inner)
         elif not isinstance(table, dict):
             raise ConfigurationError(f"{origin}: {dotted(key[:depth])} is no table")
-        elif not last and part not in table:
-            table[part] = {}
-        if last:
+        elif part not in table:
+            table[part] = inner
+        if depth == len(key) - 1:
             table[part] = value
-        else:
-            table = table[part]
-
-
-def _line_of(text: str, key: Key) -> int:
-    """The line of a TOML text at which a key stands, or the nearest table above it."""
-    best, best_depth = 1, 0
-    table: Key = ()
-    counts: dict[Key, int] = {}
-    for number, line in enumerate(text.splitlines(), 1):
-        if found := re.match(r"\s*\[\[\s*([^\]]+?)\s*\]\]", line):
-            name = _names(found[1])
-            counts[name] = counts.get(name, -1) + 1
-            table = (*name, counts[name])
-            here = table
-        elif found := re.match(r"\s*\[\s*([^\]]+?)\s*\]", line):
-            here = table = _names(found[1])
-        elif found := re.match(r"""\s*([\w."'-]+)\s*=""", line):
-            here = (*table, *_names(found[1]))
-        else:
-            continue
-        shared = min(len(here), len(key))
-        depth = shared if here[:shared] == key[:shared] else 0
-        if depth > best_depth:
-            best, best_depth = number, depth
-    return best
-
-
-def _names(text: str) -> tuple[str, ...]:
-    return tuple(part.strip().strip("\"'") for part in text.split("."))
+        table = table[part]

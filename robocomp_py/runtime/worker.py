@@ -8,8 +8,7 @@ from abc import ABC
 from collections.abc import Callable, Iterator
 from typing import Any, ClassVar, Generic, TypeVar
 
-from ..contract.component import MAX_SECONDS, Component, Port
-from ..contract.interface import Operation
+from ..contract.component import MAX_SECONDS, Component
 from ..errors import ComponentError
 from .lifecycle import Event, State
 
@@ -28,12 +27,10 @@ class Worker(ABC, Generic[P]):
     middleware: ClassVar[str]
     """What carries its messages, unless configuration or deployment say otherwise."""
 
-    params: P
-    """The configured parameters; read-only."""
-
     log: logging.Logger
     """Where to write messages for people."""
 
+    _configured: P
     _signal: Callable[[Event], None]
     _state: Callable[[], State]
     _set_period: Callable[[float], None]
@@ -53,6 +50,12 @@ class Worker(ABC, Generic[P]):
     def finish(self) -> None:
         """Called once at the end. Other components may have gone already."""
 
+    def paramsChanged(self, changed: frozenset[str]) -> None:
+        """Called after dynamic parameters were changed from outside, with their names: `motors[0].max_speed`.
+
+        `self.params` has the new values. Whatever this raises takes them back, and reaches who wanted the change.
+        """
+
     def goToEmergency(self) -> None:
         """Stop computing and call `emergency` instead. No effect unless computing."""
         self._signal(Event.ALARM)
@@ -64,6 +67,11 @@ class Worker(ABC, Generic[P]):
     def stop(self) -> None:
         """End this component, as Ctrl-C does: after what runs now, `finish` is called."""
         self._signal(Event.STOP)
+
+    @property
+    def params(self) -> P:
+        """The configured parameters; read-only. Those that are dynamic change from outside, between two calls."""
+        return self._configured
 
     @property
     def state(self) -> State:
@@ -89,18 +97,18 @@ HOOKS = ("initialize", "compute", "emergency", "restore", "finish")
 
 
 def check_methods(worker: type[Worker[Any]]) -> None:
-    """Raise ComponentError if a hook or a handler is none.
+    """Raise ComponentError if a hook, a handler or the method of a state is none.
 
     That is: it is missing, is no method or an asynchronous one, or takes other arguments than it is given.
     """
     for name in HOOKS:
         _check_method(worker, name, [])
-    for port, operation in _handled(worker.component):
-        name = port.handler(operation.name)
+    _check_method(worker, "paramsChanged", ["changed"])
+    for name, arguments in _wanted(worker.component):
         declared = getattr(worker, name, None)
         if declared is None or getattr(declared, "__isabstractmethod__", False):
             raise ComponentError(f"{worker.__name__} lacks the method {name}; add:\n\n{_stub(worker, name)}")
-        _check_method(worker, name, [field.attribute for field in operation.inputs])
+        _check_method(worker, name, arguments)
 
 
 def _check_method(worker: type[Worker[Any]], name: str, arguments: list[str]) -> None:
@@ -118,11 +126,14 @@ def _check_method(worker: type[Worker[Any]], name: str, arguments: list[str]) ->
         ) from None
 
 
-def _handled(component: Component) -> Iterator[tuple[Port, Operation[Any]]]:
+def _wanted(component: Component) -> Iterator[tuple[str, list[str]]]:
+    """The methods that a component has to have, and what they take."""
     for port in component.ports:
         if not port.verb.has_proxy:
             for operation, _ in port.interface.under(port.verb):
-                yield port, operation
+                yield port.handler(operation.name), [field.attribute for field in operation.inputs]
+    for state in component.machine.every_state() if component.machine else ():
+        yield state.method, []
 
 
 def _stub(worker: type[Worker[Any]], name: str) -> str:

@@ -28,8 +28,10 @@ from ..contract import types as t
 from ..contract.component import Port
 from ..contract.interface import Operation, Verb
 from ..runtime import ports, settings
+from ..runtime.commonbehavior import port_of
 from ..runtime.load import load_worker
 from ..runtime.monitor import Monitor
+from ..runtime.RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE, Parameter
 from ..runtime.run import Running
 from ..runtime.worker import Worker
 from ..spelling import unknown
@@ -49,6 +51,8 @@ _OPPOSITE = {
     Verb.PUBLISHES: Verb.SUBSCRIBES,
     Verb.SUBSCRIBES: Verb.PUBLISHES,
 }
+_SET_PARAMETERS = next(each for each in COMMONBEHAVIOR_INTERFACE.operations if each.name == "setParameterList")
+
 _buses = itertools.count(1)
 
 
@@ -138,6 +142,19 @@ class ComponentTest:
         """Publish to the component, or send it a command: `send("LaserPub.pushLaserData", scan)`."""
         proxy, contract = self._proxy(operation)
         proxy._send(contract, arguments, SOON)
+
+    def change(self, params: Mapping[str, Any]) -> None:
+        """Change dynamic parameters, as another component would: `change({"max_speed": 1.0})`.
+
+        Raises RemoteFailure if the component, or what is declared of its parameters, does not allow it.
+        """
+        port = port_of(self._running.component)
+        if port is None:
+            raise ValueError("the component implements CommonBehavior itself: call its setParameterList")
+        if port.name not in self._proxies:
+            self._face(port)
+        given = {name: Parameter(editable=True, value=str(value), type="") for name, value in params.items()}
+        self._proxies[port.name]._ask(_SET_PARAMETERS, (given,), SOON)
 
     def received(self, operation: str) -> list[tuple[Any, ...]]:
         """The arguments of every call, command or publication so far: `received("batterypub.pushBattery")`."""

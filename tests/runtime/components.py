@@ -101,8 +101,9 @@ class Params(Parameters):
 PARAMS = ParameterSet(
     "tuned",
     (
-        Parameter("max_speed", ParameterKind.FLOAT, 0.5, 0.0, 2.0),
+        Parameter("max_speed", ParameterKind.FLOAT, 0.5, 0.0, 2.0, dynamic=True),
         Parameter("device", ParameterKind.STRING, "", mandatory=True),
+        Parameter("verbose", ParameterKind.BOOL, False, dynamic=True),
     ),
     python=Params,
 )

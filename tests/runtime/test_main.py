@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,13 +31,15 @@ def run(*command: str, cwd: Path | None = None) -> subprocess.CompletedProcess[s
 
 
 @contextmanager
-def started(*command: str, cwd: Path | None = None, **environment: str) -> Iterator[subprocess.Popen[str]]:
-    """A process, once it has said that it is ready."""
+def started(
+    *command: str, cwd: Path | None = None, before: list[str] | None = None, **environment: str
+) -> Iterator[subprocess.Popen[str]]:
+    """A process, once it has said that it is ready. What it says until then is put into `before`."""
     process = subprocess.Popen(
         [sys.executable, "-m", *command], cwd=cwd, stderr=subprocess.PIPE, text=True, env=os.environ | environment
     )
     assert process.stderr is not None
-    seen = []
+    seen: list[str] = [] if before is None else before
     for line in process.stderr:
         seen.append(line)
         if "ready" in line:
@@ -105,14 +109,53 @@ def test_a_launcher_that_has_gone_does_no_harm(hello: Path, tmp_path: Path) -> N
 
 def test_a_wrong_configuration_is_said_and_nothing_is_opened(hello: Path, tmp_path: Path) -> None:
     result = subprocess.run(
-        [sys.executable, "-m", "robocomp_py.cli.rc", "run", str(hello), "--set", "params.greeting=3"],
+        [sys.executable, "-m", "robocomp_py.cli.rc", "run", str(hello), "--set", "params.greetin=3"],
         capture_output=True,
         text=True,
         env=os.environ | {"ROBOCOMP_RUNTIME_DIR": str(tmp_path / "never")},
     )
     assert (result.returncode, result.stdout) == (1, "")
-    assert result.stderr == "--set params.greeting=3: `greeting` is 3; allowed: string\n"
+    assert result.stderr == "--set params.greetin=3: unknown parameter `greetin`; did you mean `greeting`?\n"
     assert not (tmp_path / "never").exists()
+
+
+def test_the_configuration_that_holds_is_printed_and_nothing_is_run(hello: Path, tmp_path: Path) -> None:
+    command = [
+        sys.executable,
+        "-m",
+        "robocomp_py.cli.rc",
+        "run",
+        str(hello),
+        "--print-config",
+        "--middleware",
+        "inproc",
+    ]
+    variables = {"ROBOCOMP_RUNTIME_DIR": str(tmp_path / "never"), "ROBOCOMP__COMPONENT__PERIOD": "0.2"}
+    run_it = partial(subprocess.run, capture_output=True, text=True, env=os.environ | variables)
+    result = run_it([*command, "--set", "greeting=Hi"])
+    assert (result.returncode, result.stderr) == (0, "")
+    printed = [" ".join(line.split()) for line in result.stdout.splitlines()]
+    assert 'middleware = "inproc" # --middleware inproc' in printed
+    assert "period = 0.2 # environment variable ROBOCOMP__COMPONENT__PERIOD" in printed
+    assert 'greeting = "Hi" # --set greeting=Hi' in printed
+    assert not (tmp_path / "never").exists()
+    as_json = run_it([*command, "--json"])
+    assert {"key": "middleware", "value": "inproc", "from": "--middleware inproc"} in map(
+        json.loads, as_json.stdout.splitlines()
+    )
+    wrong = run_it([*command, "--set", "greting=Hi"])
+    assert (wrong.returncode, wrong.stdout) == (1, "")
+    assert "did you mean `greeting`" in wrong.stderr
+
+
+def test_a_configuration_written_for_robocomp_is_read_and_said_to_be_one(hello: Path, tmp_path: Path) -> None:
+    told: list[str] = []
+    classic = tmp_path / "config"
+    classic.write_text("Ice.Warn.Connections = 0\ngreeting = Hi # there\nno key\nPeriod.Compute = 5\n")
+    with started("robocomp_py.cli.rc", "run", str(hello), "--config", str(classic), before=told) as process:
+        process.send_signal(signal.SIGINT)
+    assert any("config:3: no `key = value`" in line for line in told)
+    assert any("written for RoboComp; without effect here: Ice.Warn.Connections" in line for line in told)
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from robocomp_py.runtime import ports, settings
 from robocomp_py.runtime.lifecycle import State
 from robocomp_py.runtime.monitor import Monitor
 from robocomp_py.runtime.RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE
+from robocomp_py.runtime.RoboCompCommonBehavior import Parameter as Told_
 from robocomp_py.runtime.RoboCompCommonBehavior import State as Told
 from robocomp_py.runtime.run import Running
 from robocomp_py.runtime.worker import Worker
@@ -74,6 +75,7 @@ def test_a_life_without_incidents(find: Any) -> None:
 
 def test_an_emergency_replaces_compute_until_it_is_over(find: Any) -> None:
     with running(make(Diary, find)) as worker:
+        wait_until(lambda: "compute" in worker.entries)
         worker.goToEmergency()
         wait_until(lambda: worker.entries.count("emergency") >= 2)
         worker.goToRestore()
@@ -256,12 +258,118 @@ def test_every_component_answers_common_behavior(find: Any) -> None:
         assert worker.period == 0.02
         assert common("timeAwake") >= 0
         assert common("getParameterList")["device"].value == "/dev/laser"
-        with pytest.raises(Exception, match="parameters are read-only"):
-            common("setParameterList", {})
         with pytest.raises(Exception, match="keeps its configuration"):
             common("reloadConfig")
         common("killYourSelf")
         wait_until(lambda: worker.entries[-1:] == ["finish"])
+
+
+class Changing(Tuned):
+    """Writes down which parameters were changed, and objects to standing still."""
+
+    def paramsChanged(self, changed: frozenset[str]) -> None:
+        self.entries.append(f"{sorted(changed)}: {self.params.max_speed} {self.params.verbose}")
+        if self.params.max_speed == 0:
+            raise ValueError("it has to move")
+
+
+@contextmanager
+def changing(find: Any, worker: type[Worker[Any]] = Changing) -> Iterator[tuple[Any, Callable[..., Any]]]:
+    """A component whose parameters may be changed, and how: `change(max_speed="1")`."""
+    operations = {operation.name: operation for operation in COMMONBEHAVIOR_INTERFACE.operations}
+
+    with running(make(worker, find, "params.device=/dev/laser")) as made, asking(find) as ask:
+
+        def change(wait: bool = True, **values: str) -> Any:
+            given = {name: Told_(False, value, "") for name, value in values.items()}
+            operation = operations["setParameterList"]
+            return ask("tuned/CommonBehavior", COMMONBEHAVIOR_INTERFACE, operation, given, wait=wait)
+
+        change.told = lambda: ask(  # type: ignore[attr-defined]
+            "tuned/CommonBehavior", COMMONBEHAVIOR_INTERFACE, operations["getParameterList"]
+        )
+        yield made, change
+
+
+def test_dynamic_parameters_change_together_and_the_component_is_told(find: Any) -> None:
+    with changing(find) as (worker, change):
+        before = worker.params
+        change(max_speed="1.5", verbose="true")
+        assert "['max_speed', 'verbose']: 1.5 True" in worker.entries
+        assert (worker.params.max_speed, worker.params.verbose, worker.params.device) == (1.5, True, "/dev/laser")
+        assert (before.max_speed, before.verbose) == (0.5, False)
+
+
+def test_what_can_be_changed_is_told_with_its_value(find: Any) -> None:
+    with changing(find) as (_, change):
+        change(max_speed="1.5")
+        told = {name: (each.value, each.type, each.editable) for name, each in change.told().items()}
+    assert told == {
+        "max_speed": ("1.5", "float", True),
+        "device": ("/dev/laser", "str", False),
+        "verbose": ("False", "bool", True),
+    }
+
+
+def test_a_list_of_parameters_can_be_given_back_as_it_was_told(find: Any) -> None:
+    with changing(find) as (worker, change):
+        change(**{name: each.value for name, each in change.told().items()})
+        assert not [entry for entry in worker.entries if "max_speed" in entry]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"max_speed": "3"}, r"max_speed: `max_speed` is 3\.0; allowed: float, 0\.0 to 2\.0"),
+        ({"max_speed": "fast"}, "max_speed: `max_speed` is 'fast'; allowed: float"),
+        ({"max_sped": "1"}, "max_sped: unknown parameter `max_sped`; did you mean `max_speed`"),
+        ({"device": "/dev/other"}, "device: `device` is not dynamic: it keeps its value"),
+        ({"max_speed": "0"}, "ValueError: it has to move"),
+    ],
+)
+def test_if_one_change_is_wrong_nothing_is_changed(find: Any, wrong: dict[str, str], message: str) -> None:
+    with changing(find) as (worker, change):
+        before = worker.params
+        with pytest.raises(RemoteFailure, match=message):
+            change(verbose="true", **wrong)
+        assert worker.params is before
+        assert change.told()["verbose"].value == "False"
+        change(verbose="true")
+        assert worker.params.verbose
+
+
+def test_a_change_that_is_wrong_is_told_in_a_line(find: Any, caplog: pytest.LogCaptureFixture) -> None:
+    with changing(find) as (_, change), pytest.raises(RemoteFailure):
+        change(max_speed="3")
+    [said] = [record for record in caplog.records if "max_speed" in record.message]
+    assert said.levelname == "WARNING"
+    assert said.message.endswith("max_speed: `max_speed` is 3.0; allowed: float, 0.0 to 2.0")
+
+
+def test_parameters_do_not_change_while_the_component_computes(find: Any) -> None:
+    entered, release = threading.Event(), threading.Event()
+
+    class Computing(Changing):
+        def compute(self) -> None:
+            entered.set()
+            release.wait(SOON)
+            self.entries.append(f"computed at {self.params.max_speed}")
+
+    with changing(find, Computing) as (worker, change):
+        assert entered.wait(SOON)
+        answer = change(wait=False, max_speed="1.5")
+        assert change.told()["max_speed"].value == "0.5"  # which is answered while it computes
+        assert not answer.done()
+        release.set()
+        answer.result(SOON)
+        told = worker.entries.index("['max_speed']: 1.5 False")
+        assert set(worker.entries[:told]) == {"initialize", "computed at 0.5"}
+        wait_until(lambda: "computed at 1.5" in worker.entries)
+
+
+def test_parameters_cannot_be_assigned(find: Any) -> None:
+    with running(make(Tuned, find, "params.device=x")) as worker, pytest.raises(AttributeError, match="params"):
+        worker.params = None
 
 
 def test_common_behavior_is_answered_while_compute_is_stuck(find: Any) -> None:

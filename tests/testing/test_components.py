@@ -12,12 +12,13 @@ import pytest
 from robocomp_py.contract.component import Component, Port
 from robocomp_py.contract.interface import Verb
 from robocomp_py.contract.parameters import Parameter, ParameterKind, ParameterList, ParameterSet
+from robocomp_py.errors import RemoteFailure
 from robocomp_py.runtime.worker import Worker
 from robocomp_py.testing import components
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.components import ComponentTest
 
-from ..runtime.components import Calculator, EverythingProxy
+from ..runtime.components import Calculator, EverythingProxy, Tuned
 
 
 class Comparing(Worker[None]):
@@ -121,3 +122,19 @@ def test_one_that_does_not_start_leaves_nothing_running(monkeypatch: pytest.Monk
     with pytest.raises(AssertionError, match="not ready"), ComponentTest(Calculator):
         raise AssertionError("it was entered")
     assert set(threading.enumerate()) == before
+
+
+class Retuned(Tuned):
+    def paramsChanged(self, changed: frozenset[str]) -> None:
+        self.entries.append(f"{sorted(changed)} changed")
+
+
+def test_dynamic_parameters_can_be_changed_as_from_outside() -> None:
+    with ComponentTest(Retuned, {"params.device": "x"}) as component:
+        component.change({"max_speed": 1.5, "verbose": True})
+        component.change({"verbose": False})
+        assert (component.worker.params.max_speed, component.worker.params.verbose) == (1.5, False)
+        told = [entry for entry in component.worker.entries if "changed" in entry]
+        assert told == ["['max_speed', 'verbose'] changed", "['verbose'] changed"]
+        with pytest.raises(RemoteFailure, match="`device` is not dynamic"):
+            component.change({"device": "y"})

@@ -24,15 +24,35 @@ class Params(Parameters):
 Params.__spec__ = ParameterSet(
     "camera",
     (
-        Parameter("map", ParameterKind.STRING, "../house.toml"),
-        Parameter("width", ParameterKind.INT, 160, minimum=16, maximum=1920),
-        Parameter("height", ParameterKind.INT, 120, minimum=16, maximum=1080),
+        Parameter(
+            "map",
+            ParameterKind.STRING,
+            "../house.toml",
+            description="file of the house, from this component's folder",
+        ),
+        Parameter(
+            "width",
+            ParameterKind.INT,
+            160,
+            minimum=16,
+            maximum=1920,
+            description="pixels",
+        ),
+        Parameter(
+            "height",
+            ParameterKind.INT,
+            120,
+            minimum=16,
+            maximum=1080,
+            description="pixels",
+        ),
         Parameter(
             "field_of_view",
             ParameterKind.FLOAT,
             70.0,
             minimum=20.0,
             maximum=120.0,
+            description="degrees from edge to edge",
         ),
     ),
     python=Params,

@@ -20,7 +20,16 @@ class Params(Parameters):
 
 Params.__spec__ = ParameterSet(
     "speech",
-    (Parameter("computes_per_word", ParameterKind.INT, 3, minimum=1, maximum=100),),
+    (
+        Parameter(
+            "computes_per_word",
+            ParameterKind.INT,
+            3,
+            minimum=1,
+            maximum=100,
+            description="how long a word takes",
+        ),
+    ),
     python=Params,
 )
 

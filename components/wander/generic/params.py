@@ -23,9 +23,28 @@ class Params(Parameters):
 Params.__spec__ = ParameterSet(
     "wander",
     (
-        Parameter("explores", ParameterKind.BOOL, False),
-        Parameter("speed", ParameterKind.FLOAT, 1.2, minimum=0.1, maximum=2.0),
-        Parameter("near", ParameterKind.FLOAT, 0.15, minimum=0.05, maximum=1.0),
+        Parameter(
+            "explores",
+            ParameterKind.BOOL,
+            False,
+            description="whether it explores before it is told to",
+        ),
+        Parameter(
+            "speed",
+            ParameterKind.FLOAT,
+            1.2,
+            minimum=0.1,
+            maximum=2.0,
+            description="m/s on a free way",
+        ),
+        Parameter(
+            "near",
+            ParameterKind.FLOAT,
+            0.15,
+            minimum=0.05,
+            maximum=1.0,
+            description="m to a place at which it counts as reached",
+        ),
     ),
     python=Params,
 )

@@ -27,7 +27,8 @@ def _param(param: m.Param) -> Parameter:
     kind = ParameterKind(param.kind)
     low, high = (_value(kind, bound) for bound in param.range) if param.range else (None, None)
     choices = tuple(value.text for value in param.values)
-    return Parameter(param.name.text, kind, _value(kind, param.default), low, high, choices, param.mandatory, param.doc)
+    default = _value(kind, param.default)
+    return Parameter(param.name.text, kind, default, low, high, choices, param.mandatory, param.doc, param.dynamic)
 
 
 def _value(kind: ParameterKind, text: Name) -> Any:

@@ -19,6 +19,7 @@ class Param:
     range: tuple[Name, Name] | None = None
     values: tuple[Name, ...] = ()
     mandatory: bool = False
+    dynamic: bool = False
     doc: str = ""
 
 

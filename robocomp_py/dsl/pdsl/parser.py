@@ -14,8 +14,11 @@ from . import model as m
 _GRAMMAR = Grammar(
     "pdsl",
     {
+        r"^\s*(lists?|Lits|Lst|Lis)\s+\w+": "did you mean `List`?",
         r"^\s*(int|float|double|string|bool|enum)\s+\w+": "the name comes first: `speed float 0.5;`",
         r"\bList\b[^{;]*\[[^\]]*\]": "a list's range has two whole numbers: `List motors [1:6] { … };`",
+        r"\b(mandatory|T|dynamic)\s+[-+.\d]+\s*:": "a range stands behind the default: `speed float 0.5 0:2 T;`",
+        r"^\s*(mandatory|dynamic)\s+\w+\s+(int|float|double|string|bool|enum)": "it comes last: `x float 0.5 dynamic;`",
         r"\[[^\]]*:[^\]]*\]": "a range has no brackets: `speed float 0.5 0:2;`",
     },
 )
@@ -61,6 +64,7 @@ class _Builder:
             self._pair([each for each in values if isinstance(each, Tree)]),
             tuple(map(self._name, values[1:])) if word == "enum" else (),
             any(each.data == "mandatory" for each in rest),
+            any(each.data == "dynamic" for each in rest),
             self._doc(tree),
         )
 

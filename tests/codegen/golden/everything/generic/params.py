@@ -98,7 +98,7 @@ class Params(Parameters):
     # in one line, 0.0 to 2.0
     speed: float = 0.5
     precise: float = 1e-09
-    enabled: bool = True
+    enabled: bool = True  # dynamic
     mode: Literal["walk", "run", "stand still"] = "walk"  # what to do
     one: Literal["only"] = "only"
     motors: tuple[MotorsItem, ...] = ()  # from left to right
@@ -110,22 +110,57 @@ class Params(Parameters):
 Params.__spec__ = ParameterSet(
     "everything",
     (
-        Parameter("verbose", ParameterKind.BOOL, False),
-        Parameter("device", ParameterKind.STRING, "/dev/tty\\USB0", mandatory=True),
-        Parameter("rate", ParameterKind.INT, 10, minimum=1, maximum=1000),
-        Parameter("speed", ParameterKind.FLOAT, 0.5, minimum=0.0, maximum=2.0),
+        Parameter(
+            "verbose",
+            ParameterKind.BOOL,
+            False,
+            description="whether to tell more",
+        ),
+        Parameter(
+            "device",
+            ParameterKind.STRING,
+            "/dev/tty\\USB0",
+            mandatory=True,
+            description="where the device is",
+        ),
+        Parameter(
+            "rate",
+            ParameterKind.INT,
+            10,
+            minimum=1,
+            maximum=1000,
+            description="Hz",
+        ),
+        Parameter(
+            "speed",
+            ParameterKind.FLOAT,
+            0.5,
+            minimum=0.0,
+            maximum=2.0,
+            description=(
+                "m/s; and a description that is so long that it cannot stand "
+                "behind the parameter in one line"
+            ),
+        ),
         Parameter("precise", ParameterKind.DOUBLE, 1e-09),
-        Parameter("enabled", ParameterKind.BOOL, True),
+        Parameter("enabled", ParameterKind.BOOL, True, dynamic=True),
         Parameter(
             "mode",
             ParameterKind.ENUM,
             "walk",
             choices=("walk", "run", "stand still"),
+            description="what to do",
         ),
         Parameter("one", ParameterKind.ENUM, "only", choices=("only",)),
     ),
     lists=(
-        ParameterList("motors", MotorsItem.__spec__, minimum=0, maximum=4),
+        ParameterList(
+            "motors",
+            MotorsItem.__spec__,
+            minimum=0,
+            maximum=4,
+            description="from left to right",
+        ),
         ParameterList("sensors", SensorsItem.__spec__),
     ),
     python=Params,
