@@ -30,6 +30,7 @@ examples:
   rcdeploy net.ddsl --until mission              ... until that instance ends
   rcdeploy net.ddsl --set world.params.step=0.1  set a key of an instance's configuration (*: of all)
   rcdeploy plan net.ddsl                         show what would run, and start nothing
+  rcdeploy --import deployment.xml -o net.ddsl   make a network of rcmanager's XML, or of a sub.toml
 
 The whole network is checked first; nothing is started while anything is wrong.
 Exit status: 0 fine, 1 wrong input or something failed, 2 usage, 130/143 stopped by a signal.
@@ -40,6 +41,8 @@ Exit status: 0 fine, 1 wrong input or something failed, 2 usage, 130/143 stopped
 def main(arguments: Sequence[str] | None = None) -> int:
     _prepare_output()
     options = _parse(arguments)
+    if options.imported:
+        return _import(options.imported, options.output)
     from ..deploy.plan import Overrides, make_plan
     from ..dsl.workspace import Workspace
 
@@ -80,6 +83,12 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     made = _parser()
     options = made.parse_intermixed_args(arguments)
     words = options.words
+    if options.output and not options.imported:
+        made.error("-o is for --import")
+    if options.imported and words:
+        made.error(f"--import {options.imported} imports and starts nothing; leave out `{' '.join(words)}`")
+    if options.imported:
+        return options
     options.plan = words[:1] == ["plan"]
     if len(words) == 2 and not options.plan:
         proposal = did_you_mean(words[0], ["plan"])
@@ -96,7 +105,7 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 def _parser() -> argparse.ArgumentParser:
     made = parser("rcdeploy", "Start, watch and stop a network of components described in DDSL.", _EXAMPLES)
-    made.usage = "rcdeploy [plan] [options] NET.ddsl"
+    made.usage = "rcdeploy [plan] [options] NET.ddsl\n       rcdeploy --import FILE [-o NET.ddsl]"
     made.add_argument(
         "words", nargs="*", metavar="[plan] NET.ddsl", help="the network; after `plan`, only show what would run"
     )
@@ -109,6 +118,14 @@ def _parser() -> argparse.ArgumentParser:
     )
     made.add_argument("--until", metavar="INSTANCE", help="stop everything when this one ends")
     made.add_argument("--json", action="store_true", help="plan: for machines")
+    made.add_argument(
+        "--import",
+        dest="imported",
+        type=Path,
+        metavar="FILE",
+        help="write a network of rcmanager's (.xml) or of sub.toml as DDSL",
+    )
+    made.add_argument("-o", dest="output", type=Path, metavar="NET.ddsl", help="with --import: where (default: stdout)")
     add_include(made)
     return made
 
@@ -137,6 +154,40 @@ def _check_middleware(name: str | None) -> None:
     fault = unfit(name) if name else None
     if fault:
         raise ValueError(f"--middleware {name}: {fault}")
+
+
+# Networks of other tools.
+
+
+def _import(path: Path, output: Path | None) -> int:
+    """Write a network as DDSL. A file that is there is never written over: it may have been edited."""
+    from ..deploy.importers import FORMATS, import_deployment
+    from ..deploy.importers.finding import Finder
+    from ..dsl.workspace import Workspace
+
+    if path.suffix.lower() not in FORMATS:
+        return complain(f"rcdeploy: --import {path}: give it rcmanager's XML (.xml) or a sub.toml (.toml)")
+    if output and output.suffix.lower() != ".ddsl":
+        return complain(f"rcdeploy: -o {output}: a network is a .ddsl file")
+    workspace = Workspace()
+    source = workspace.source(path)
+    folder = output.parent if output else Path.cwd()
+    text = import_deployment(source, Finder(path), folder, workspace.report) if source else None
+    show(workspace.report.diagnostics)
+    if text is None:
+        return WRONG
+    if output is None:
+        print(text, end="")
+        return FINE
+    try:
+        with output.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError:
+        return complain(f"rcdeploy: {output} exists, and stays as it is; give another name, or move it away")
+    except OSError as exc:
+        return complain(f"rcdeploy: {output} cannot be written: {exc.strerror}")
+    print(f"{output} is written; read its comments, then: rc lint {shlex.quote(str(output))}", file=sys.stderr)
+    return FINE
 
 
 # What was generated.

@@ -3,13 +3,27 @@
 from __future__ import annotations
 
 import argparse
+import json
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from .. import installed
+from ..codegen.existing import (
+    WORKER,
+    Finding,
+    Verdict,
+    beside,
+    in_configuration,
+    in_model,
+    in_worker,
+    is_existing,
+    listed,
+)
+from ..codegen.exporting import Files
+from ..codegen.formats import FORMATS, export
 from ..codegen.generate import (
     DEFAULT_MIDDLEWARE,
     Artifact,
@@ -22,7 +36,14 @@ from ..codegen.generate import (
 )
 from ..codegen.stubs import find_stubs
 from ..codegen.write import compare, remove_stale, write
+from ..contract.component import Component
+from ..contract.parameters import ParameterSet
+from ..dsl.cdsl.parser import parse as parse_cdsl
+from ..dsl.diagnostics import Report
+from ..dsl.format import format_text
 from ..dsl.workspace import Workspace, read_file
+from ..errors import ConfigurationError
+from ..runtime import settings
 from ..spelling import unknown
 from .common import FINE, WRONG, add_include, command, complain, parser, show
 
@@ -33,6 +54,8 @@ examples:
   rcgen net.ddsl                          generate every component of a network
   rcgen --check camera.cdsl               exit 1 if something is out of date (for CI)
   rcgen --new Hello                       write a starter component into hello/
+  rcgen Laser.idsl --to slice -o ice/     write the interfaces in another language
+  rcgen components/laser                  a component made by RoboComp: only generic/ is added
 
 The folder generic/ is rewritten on every run. specificworker.py, etc/config.toml, README.md
 and tests/ are written once and then yours. Imports are looked for beside the importing file,
@@ -53,19 +76,30 @@ class _Job:
     model: Model
     root: Path
     artifacts: tuple[Artifact, ...]
+    findings: tuple[Finding, ...] | None = None
+    """What became of a component that RoboComp's generator made; None of one that is ours."""
 
 
 @command
 def main(arguments: Sequence[str] | None = None) -> int:
     made = _parser()
     options = made.parse_args(arguments)
-    if bool(options.new) == bool(options.models):
+    if options.underscore and options.to != "slice":
+        made.error("--underscore is for --to slice")
+    if options.to:
+        if options.new or options.middleware or not options.models:
+            made.error("--to is for interfaces: give it .idsl files, and neither --new nor --middleware")
+    elif bool(options.new) == bool(options.models):
         made.error("give it components or networks (.cdsl, .ddsl), or --new NAME")
+    if options.json and (options.new or options.to or options.check):
+        made.error("--json is for generating components")
     if options.new and options.check:
         made.error("--check is for components that are there")
     if options.middleware and options.middleware not in installed.transports():
         return complain(f"rcgen: {unknown('middleware', options.middleware, installed.transports())}")
     try:
+        if options.to:
+            return _export(options)
         if options.new:
             return _new(options.new, options.output or Path(options.new.lower()), options.middleware)
         jobs = _jobs(options.models, options.include, options.output, options.middleware)
@@ -74,22 +108,55 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for job in jobs:
             if library := _library(job.root):
                 print(f"rcgen: warning: {library}; rename it", file=sys.stderr)
-        return _check(jobs) if options.check else _write(jobs)
+        if options.check:
+            return _check(jobs)
+        return _write_as_json(jobs) if options.json else _write(jobs)
     except GenerationError as exc:
         return complain(f"rcgen: {exc}")
 
 
 def _parser() -> argparse.ArgumentParser:
     made = parser("rcgen", "Generate the Python of components from their CDSL, IDSL and PDSL files.", _EXAMPLES)
-    made.add_argument("models", nargs="*", type=Path, metavar="FILE", help="component (.cdsl) or network (.ddsl)")
+    made.add_argument(
+        "models", nargs="*", type=Path, metavar="FILE", help="component (.cdsl, or its folder) or network (.ddsl)"
+    )
     made.add_argument("--middleware", metavar="NAME", help="what carries the messages (default: as before, or zeromq)")
     made.add_argument(
         "-o", dest="output", type=Path, metavar="DIR", help="folder of the component (default: the model's)"
     )
     add_include(made)
     made.add_argument("--check", action="store_true", help="write nothing; exit 1 and list what is out of date")
+    made.add_argument("--json", action="store_true", help="what was written and found, one component a line")
     made.add_argument("--new", metavar="NAME", help="write a commented starter component")
+    made.add_argument("--to", choices=FORMATS, metavar="FORMAT", help=_TO)
+    made.add_argument("--underscore", action="store_true", help="with --to slice: names may have underscores")
     return made
+
+
+_TO = (
+    f"write .idsl files, and what they import, as {', '.join(FORMATS[:-1])} or {FORMATS[-1]} (-o: where; default: here)"
+)
+
+
+def _export(options: argparse.Namespace) -> int:
+    """The interfaces in another language."""
+    others = [path for path in options.models if path.suffix.lower() != ".idsl"]
+    if others:
+        return complain(f"rcgen: {others[0]} is no .idsl file; --to is for interfaces")
+    workspace = Workspace(options.include)
+    files = Files(tuple({each: None for path in options.models for each in workspace.interface_files(path)}))
+    report = workspace.report
+    artifacts = () if report.errors else export(files, options.to, report, underscore=options.underscore)
+    show(report.diagnostics)
+    if report.errors:
+        return WRONG
+    root = options.output or Path(".")
+    if options.check:
+        return _say(compare(artifacts, root).lines(root))
+    [changes] = write((root, artifacts))
+    done = f"{len(changes.written)} written" if changes.written else "up to date"
+    print(f"{options.to}: {done} in {root}/")
+    return FINE
 
 
 def _jobs(models: list[Path], include: list[Path], output: Path | None, middleware: str | None) -> list[_Job] | None:
@@ -108,9 +175,33 @@ def _jobs(models: list[Path], include: list[Path], output: Path | None, middlewa
             raise GenerationError(f"{other} and {path.name} would share {root}/; nothing was written")
         assert linked is not None, "there was no error"
         chosen = middleware or _middleware_before(root) or DEFAULT_MIDDLEWARE
-        model = Model(linked.component, linked.modules, path.name, linked.params, chosen)
-        jobs[root.resolve()] = _Job(model, root, generate(model))
+        model = Model(linked.component, linked.modules, path.name, linked.params, chosen, linked.statemachine)
+        if is_existing(root):
+            findings = tuple(_findings(path, root, linked.component, workspace))
+            jobs[root.resolve()] = _Job(model, root, beside(generate(model), root), findings)
+        else:
+            jobs[root.resolve()] = _Job(model, root, generate(model))
     return list(jobs.values())
+
+
+def _findings(cdsl: Path, root: Path, component: Component, workspace: Workspace) -> Iterator[Finding]:
+    """The report of a component that RoboComp's generator made."""
+    source = workspace.source(cdsl)
+    parsed = parse_cdsl(source, Report()) if source else None
+    if parsed:
+        yield from in_model(parsed, workspace.report.diagnostics)
+    yield from in_worker(read_file(root / WORKER).decode(errors="replace"), component)
+    configuration = settings.find(root)
+    if configuration is None:
+        return
+    file = str(configuration.relative_to(root))
+    try:
+        params = component.params or ParameterSet("")
+        document = settings.read(configuration, params)
+    except ConfigurationError as exc:
+        yield Finding(file, 1, "the file", Verdict.NOT_UNDERSTOOD, str(exc))
+    else:
+        yield from in_configuration(file, document.notes, params)
 
 
 def _components(models: list[Path], workspace: Workspace) -> list[Path]:
@@ -118,15 +209,32 @@ def _components(models: list[Path], workspace: Workspace) -> list[Path]:
     found: list[Path] = []
     for path in models:
         match path.suffix.lower():
+            case _ if path.is_dir():
+                found.append(_model_in(path))
             case ".cdsl":
                 found.append(path)
             case ".ddsl":
                 found += workspace.components_of(path)
-            case ".idsl" | ".pdsl":
-                raise GenerationError(f"{path} is no component: give rcgen a .cdsl or .ddsl that uses it")
+            case ".idsl" | ".pdsl" | ".smdsl" | ".scxml":
+                raise GenerationError(_no_component(path))
             case _:
                 workspace.check(path)
     return list(dict.fromkeys(found))
+
+
+def _model_in(folder: Path) -> Path:
+    """The CDSL file of a component's folder."""
+    found = sorted(folder.glob("*.cdsl"))
+    found = [each for each in found if len(found) == 1 or each.stem.lower() == folder.resolve().name.lower()] or found
+    if len(found) != 1:
+        there = ", ".join(each.name for each in found) or "none"
+        raise GenerationError(f"{folder} should hold one .cdsl, and holds {there}; give rcgen the one that is meant")
+    return found[0]
+
+
+def _no_component(path: Path) -> str:
+    hint = ", or write it in another language by --to" if path.suffix.lower() == ".idsl" else ""
+    return f"{path} is no component: give rcgen a .cdsl or .ddsl that uses it{hint}"
 
 
 def _middleware_before(root: Path) -> str | None:
@@ -153,7 +261,11 @@ def _library(root: Path) -> str:
 
 
 def _check(jobs: list[_Job]) -> int:
-    lines = [line for job in jobs for line in compare(job.artifacts, job.root).lines(job.root)]
+    return _say([line for job in jobs for line in compare(job.artifacts, job.root).lines(job.root)])
+
+
+def _say(lines: list[str]) -> int:
+    """What is out of date."""
     for line in lines:
         print(line)
     return WRONG if lines else FINE
@@ -164,7 +276,25 @@ def _write(jobs: list[_Job]) -> int:
         done = [f"{len(changes.written)} written"] if changes.written else []
         done += [f"{len(changes.removed)} removed"] if changes.removed else []
         print(f"{job.model.component.name}: {', '.join(done) or 'up to date'} in {job.root}/ ({job.model.middleware})")
-        _announce_stubs(job)
+        if job.findings is None:
+            _announce_stubs(job)
+        else:
+            print(f"\nIt was made by RoboComp's generator, and its files stay as they are. What is in {job.root}/:\n")
+            print("\n".join(listed(job.findings)))
+    return FINE
+
+
+def _write_as_json(jobs: list[_Job]) -> int:
+    for job, changes in zip(jobs, write(*((job.root, job.artifacts) for job in jobs)), strict=True):
+        found = {
+            "component": job.model.component.name,
+            "folder": str(job.root),
+            "written": changes.written,
+            "removed": changes.removed,
+            "existing": job.findings is not None,
+            "report": [each.to_json() for each in job.findings or ()],
+        }
+        print(json.dumps(found))
     return FINE
 
 
@@ -196,7 +326,7 @@ def _new(name: str, root: Path, middleware: str | None) -> int:
     remove_stale(root)
     if root.exists() and (not root.is_dir() or any(root.iterdir())):
         return complain(f"rcgen: {root} exists and is no empty folder; nothing was written")
-    models = {root / file: text for file, text in starter(name).items()}
+    models = {root / file: format_text(text, file.rpartition(".")[2]) for file, text in starter(name).items()}
     cdsl = f"{name.lower()}.cdsl"
     workspace = Workspace(read=lambda path: models[path].encode() if path in models else read_file(path))
     found = workspace.component(root / cdsl)

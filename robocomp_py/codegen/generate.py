@@ -19,7 +19,7 @@ from ..contract.component import Component, Port
 from ..contract.interface import Interface, Operation
 from ..contract.module import Constant, Module
 from ..errors import RobocompError
-from . import configuration, expressions, layout, names
+from . import configuration, expressions, layout, machine, names
 from .imports import bound_names, complete
 from .layout import printable
 from .native import native
@@ -55,6 +55,7 @@ class Model:
     cdsl: str
     pdsl: str = ""
     middleware: str = DEFAULT_MIDDLEWARE
+    statemachine: str = ""
 
 
 def generate(model: Model) -> tuple[Artifact, ...]:
@@ -124,7 +125,7 @@ def _specific(model: Model) -> dict[str, str]:
         "__main__.py": _render("main.py.j2", component=component),
         "specificworker.py": complete(_render("specificworker.py.j2", **_common(model)), siblings, ".generic"),
         "etc/config.toml": _render("config.toml.j2", **_common(model)),
-        "README.md": _render("readme.md.j2", **_common(model), pdsl=model.pdsl),
+        "README.md": _render("readme.md.j2", **_common(model), pdsl=model.pdsl, statemachine=model.statemachine),
         _test(component): _render("test_component.py.j2", component=component, demanded=demanded),
     }
 
@@ -141,6 +142,7 @@ def _common(model: Model) -> dict[str, Any]:
         "middleware": model.middleware,
         "handlers": handlers(component),
         "proxies": [port for port in component.ports if port.verb.has_proxy],
+        "states": machine.states_of(component),
     }
 
 
@@ -170,7 +172,7 @@ def _environment() -> Environment:
         keep_trailing_newline=True,
         autoescape=False,  # Python and TOML, not HTML
     )
-    for filters in (names, layout, expressions, configuration):
+    for filters in (names, layout, expressions, configuration, machine):
         environment.filters |= {
             name: each
             for name, each in vars(filters).items()

@@ -28,7 +28,8 @@ TYPES = (
 API = (
     *TYPES,
     *("Component", "Durability", "History", "Liveliness", "Parameter", "ParameterKind", "ParameterList"),
-    *("Parameters", "ParameterSet", "Port", "QoS", "Reliability", "Verb", "Worker"),
+    *("Parameters", "ParameterSet", "Port", "QoS", "Reliability", "State", "StateMachine", "Transition", "Trigger"),
+    *("Machine", "Verb", "Worker"),
 )
 BUILTINS = ("bool", "dict", "float", "int", "list", "str", "tuple")
 

@@ -19,6 +19,7 @@ from typing import Any
 
 from ..contract import types as t
 from ..contract.interface import Operation
+from ..contract.module import Constant
 from .layout import printable
 from .names import module_of, short
 
@@ -180,7 +181,9 @@ def ambiguous(kinds: Iterable[t.Type]) -> set[str]:
 # -- files -----------------------------------------------------------------------------
 
 
-def idl(sent: Iterable[t.Type], parts: Iterable[t.Type], head: str) -> dict[str, str]:
+def idl(
+    sent: Iterable[t.Type], parts: Iterable[t.Type], head: str, constants: Iterable[Constant] = ()
+) -> dict[str, str]:
     """IDL files by name: types that are sent as they are, types that are parts of them, and all that these use.
 
     `head` is the first line of every file.
@@ -190,11 +193,16 @@ def idl(sent: Iterable[t.Type], parts: Iterable[t.Type], head: str) -> dict[str,
     twice = ambiguous([*inside, *whole])
     topics = {kind.name for kind in whole if isinstance(kind, t.Struct)}
     files = _files(kinds)
+    values: dict[str, list[Constant]] = {}
+    for each in constants:
+        values.setdefault(module_of(each.name), []).append(each)
+    files |= {module: module for module in values if module not in files}
     texts: dict[str, str] = {}
     for stem in dict.fromkeys(files.values()):
         mine = [kind for kind in kinds if files[module_of(kind.name)] == stem]
         uses = {files[module_of(used.name)] for kind in mine for used in t.walk(kind)} - {stem}
-        texts[f"{stem}.idl"] = "\n".join(_file(stem, mine, sorted(uses), topics, twice, head)) + "\n"
+        fixed = [each for module, found in values.items() if files[module] == stem for each in found]
+        texts[f"{stem}.idl"] = "\n".join(_file(stem, mine, sorted(uses), topics, twice, head, fixed)) + "\n"
     return texts
 
 
@@ -210,7 +218,13 @@ def _files(kinds: Iterable[t.Struct | t.Enumeration]) -> dict[str, str]:
 
 
 def _file(
-    stem: str, kinds: list[t.Struct | t.Enumeration], uses: list[str], topics: set[str], twice: set[str], head: str
+    stem: str,
+    kinds: list[t.Struct | t.Enumeration],
+    uses: list[str],
+    topics: set[str],
+    twice: set[str],
+    head: str,
+    constants: list[Constant],
 ) -> Iterator[str]:
     yield f"// {' '.join(head.splitlines())}"
     yield from _notes(kinds, twice)
@@ -222,6 +236,12 @@ def _file(
     for used in uses:
         yield f'#include "{used}.idl"'
     if uses:
+        yield ""
+    for module in dict.fromkeys(module_of(each.name) for each in constants):
+        yield f"module {_escaped(module)} {{"
+        for each in constants:
+            yield from (f"    {line}" for line in _constant(each) if module_of(each.name) == module)
+        yield "};"
         yield ""
     for module, inside in _runs(kinds):
         yield f"module {_escaped(module)} {{"
@@ -254,6 +274,22 @@ def _constants(kind: t.Enumeration) -> Iterator[str]:
     for member, value in kind.members:
         yield f"    const int32 {_escaped(member)} = {value};"
     yield "};"
+
+
+def _constant(constant: Constant) -> Iterator[str]:
+    kind, value = constant.type, constant.value
+    match kind, value:
+        case t.Enumeration(members=members), _:
+            written = str(dict(members)[value])
+        case _, bool():
+            written = str(value).upper()
+        case _, str():
+            escaped = printable(value).replace("\\", "\\\\")
+            written = f'"{escaped}"'
+        case _:
+            written = str(value)
+    yield from _comment(": ".join(filter(None, (_enumeration(kind), constant.doc))))
+    yield f"const {_spelled(kind, '', set(), set())} {_escaped(short(constant.name))} = {written};"
 
 
 def _struct(kind: t.Struct, names: set[str], nested: bool) -> Iterator[str]:

@@ -19,8 +19,8 @@ from typing import Any, Self
 
 from .generate import Artifact, GenerationError, Owner
 
-_MARK = re.compile(rb'(?:# |// |\{\n  "about": ")Generated from (.+) by rcgen ')
-"""How our files begin: Python, OMG IDL, JSON."""
+_MARK = re.compile(rb'(?:# |// |<!-- |\{\n  "about": ")Generated from (.+) by rcgen ')
+"""How our files begin: Python, OMG IDL, XML, JSON."""
 
 
 @dataclass
@@ -71,7 +71,8 @@ def compare(artifacts: Sequence[Artifact], root: Path) -> Changes:
         for artifact in artifacts:
             _add(changes, artifact, root)
         wanted = {str(artifact.path) for artifact in artifacts}
-        for path in _generated(root / "generic"):
+        whole = any(name.startswith("generic/") for name in wanted)  # else it is nothing of a component
+        for path in _generated(root / "generic") if whole else ():
             name = str(path.relative_to(root))
             if name not in wanted:
                 changes.removed.append(name)

@@ -14,7 +14,7 @@ from robocomp_py.runtime.load import load_worker
 from robocomp_py.runtime.worker import Worker
 
 MODELS = Path(__file__).parent / "models"
-NAMES = ("everything", "names", "plain")
+NAMES = ("everything", "names", "patrol", "plain")
 """The components that have golden files."""
 
 
@@ -23,7 +23,7 @@ def linked(cdsl: Path) -> Model:
     workspace = Workspace()
     found = workspace.component(cdsl)
     assert found is not None, "\n".join(each.render() for each in workspace.report.diagnostics)
-    return Model(found.component, found.modules, cdsl.name, found.params)
+    return Model(found.component, found.modules, cdsl.name, found.params, statemachine=found.statemachine)
 
 
 def artifacts(name: str) -> tuple[Artifact, ...]:

@@ -20,6 +20,7 @@ from concurrent.futures import Future
 import numpy as np
 from golden.everything.generic import Everything, Shapes
 from golden.everything.specificworker import SpecificWorker
+from golden.patrol.specificworker import SpecificWorker as Patrol
 from numpy.typing import NDArray
 
 
@@ -50,6 +51,22 @@ class Worker(SpecificWorker):
 
     def Store_count(self) -> str:  # type: ignore[override]
         return ""
+
+
+class Round(Patrol):
+    def compute(self) -> None:
+        self.t_waiting_to_working()
+        self.t_driving_to_driving.emit()
+        active: tuple[str, ...] = self.statemachine.active
+        self.statemachine.send("go")
+        ended: bool = self.statemachine.ended
+
+        self.t_waiting_to_wokring()  # type: ignore[attr-defined]
+        self.t_waiting_to_working(1)  # type: ignore[call-arg]
+        self.statemachine.active = ()  # type: ignore[misc]
+
+    def sm_waiting(self, why: str) -> None:  # type: ignore[override]
+        pass
 '''
 
 

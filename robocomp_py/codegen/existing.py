@@ -1,0 +1,239 @@
+"""Components made by RoboComp's own generator: what of them is understood, and what is not.
+
+Their files stay as they are. `src/specificworker.py` keeps the place of our specific part, `etc/config` that of our
+configuration; only the generic part is new.
+
+    handlers   Laser_getLaserData, or getLaserData, as generators before 2018 called it
+    proxies    self.laser_proxy, or self.laserpub, as generators before 2018 called that of a topic
+"""
+
+from __future__ import annotations
+
+import ast
+import warnings
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..contract.component import Component, Port
+from ..contract.interface import Operation, Verb
+from ..contract.parameters import ParameterSet
+from ..dsl.cdsl.model import Component as CdslComponent
+from ..dsl.diagnostics import Diagnostic, did_you_mean, mistyped
+from ..dsl.source import Span
+from ..spelling import unknown
+from .generate import Artifact, Owner, handlers
+from .machine import states_of
+
+if TYPE_CHECKING:
+    from ..runtime.document import Note
+
+WORKER = Path("src") / "specificworker.py"
+
+
+class Verdict(StrEnum):
+    UNDERSTOOD = "understood"
+    WITHOUT_EFFECT = "without effect"
+    LACKING = "lacking"
+    NOT_UNDERSTOOD = "not understood"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What became of one thing; for machines as it is."""
+
+    file: str
+    """Below the component's folder."""
+    line: int
+    what: str
+    verdict: Verdict
+    text: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def is_existing(folder: Path) -> bool:
+    """Whether a folder holds a component of RoboComp's in Python, and no specific part of ours."""
+    return (folder / WORKER).is_file() and not (folder / "specificworker.py").exists()
+
+
+def beside(artifacts: Iterable[Artifact], folder: Path) -> tuple[Artifact, ...]:
+    """What is written for such a component: the generic part, and a configuration if it has none of its own."""
+    configured = (folder / "etc" / "config").exists()
+    return tuple(
+        each
+        for each in artifacts
+        if each.owner is Owner.GENERATOR or (str(each.path) == "etc/config.toml" and not configured)
+    )
+
+
+# -- its CDSL --------------------------------------------------------------------------
+
+
+def in_model(model: CdslComponent, diagnostics: Sequence[Diagnostic]) -> Iterator[Finding]:
+    """What each clause is for, by what was said about it."""
+    file = model.source.path.name
+    for item in model.items:
+        yield Finding(file, _line(item.span), f"{item.verb} {item.interface}", Verdict.UNDERSTOOD)
+    for clause in model.clauses:
+        text = " ".join(clause.span.text.split()).rstrip(";")
+        said = [each for each in diagnostics if _overlap(each.span, clause.span)]
+        if said:
+            yield Finding(file, _line(clause.span), text, Verdict.WITHOUT_EFFECT, said[0].message)
+        else:
+            yield Finding(file, _line(clause.span), text, Verdict.UNDERSTOOD)
+
+
+def _line(span: Span) -> int:
+    return span.source.position(span.start)[0]
+
+
+def _overlap(one: Span, other: Span) -> bool:
+    return one.source is other.source and one.start < other.end and other.start < one.end
+
+
+# -- its worker ------------------------------------------------------------------------
+
+
+def in_worker(text: str, component: Component) -> Iterator[Finding]:
+    """Which operations its class handles, and which proxies it uses."""
+    file = str(WORKER)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what its strings look like is none of our business
+            tree = ast.parse(text)
+    except (SyntaxError, ValueError) as exc:
+        message = (
+            f"this is no Python 3 ({getattr(exc, 'msg', exc)}); what is Python 2 has to be converted first, as by 2to3"
+        )
+        yield Finding(file, getattr(exc, "lineno", None) or 1, "the file", Verdict.NOT_UNDERSTOOD, message)
+        return
+    worker = next((node for node in ast.walk(tree) if _is_worker(node)), None)
+    if worker is None:
+        yield Finding(file, 1, "the file", Verdict.NOT_UNDERSTOOD, "there is no class SpecificWorker in it")
+        return
+    assert isinstance(worker, ast.ClassDef)
+    methods = {node.name: node for node in ast.walk(worker) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)}
+    for port, operation in handlers(component):
+        yield _handler(file, worker, methods, port, operation)
+    for state in states_of(component):
+        if state.method in methods:
+            yield Finding(file, methods[state.method].lineno, state.method, Verdict.UNDERSTOOD, "a state")
+        else:
+            yield Finding(file, worker.lineno, state.method, Verdict.LACKING, "a state without a method")
+    yield from _proxies(file, worker, component)
+
+
+_Method = ast.FunctionDef | ast.AsyncFunctionDef
+
+
+def _is_worker(node: ast.AST) -> bool:
+    return isinstance(node, ast.ClassDef) and node.name == "SpecificWorker"
+
+
+def _handler(
+    file: str, worker: ast.ClassDef, methods: dict[str, _Method], port: Port, operation: Operation[Any]
+) -> Finding:
+    name = port.handler(operation.name)
+    what = "handles" if port.verb is Verb.IMPLEMENTS else "hears"
+    about = f"{what} {port.interface.short}.{operation.name}"
+    method = methods.get(name) or methods.get(operation.name)
+    if method is None:
+        near = mistyped(name, [each for each in methods if each.startswith(f"{port.label}_")])
+        hint = f"; did you mean `{near}`?" if near else ""
+        return Finding(file, worker.lineno, name, Verdict.LACKING, f"nothing {about}{hint}")
+    number = len(operation.inputs)
+    if not _takes(method.args, number):
+        inputs = ", ".join(each.name for each in operation.inputs) or "nothing"
+        message = f"it does not take what it is given: {inputs}"
+        return Finding(file, method.lineno, method.name, Verdict.NOT_UNDERSTOOD, message)
+    return Finding(file, method.lineno, method.name, Verdict.UNDERSTOOD, about)
+
+
+def _takes(arguments: ast.arguments, number: int) -> bool:
+    """Whether a method can be called with so many values, besides `self`."""
+    positional = len(arguments.posonlyargs) + len(arguments.args) - 1
+    demanded = any(default is None for default in arguments.kw_defaults)
+    enough = number <= positional or arguments.vararg is not None
+    return positional - len(arguments.defaults) <= number and enough and not demanded
+
+
+def _proxies(file: str, worker: ast.ClassDef, component: Component) -> Iterator[Finding]:
+    known = {port.attribute: port for port in component.ports if port.verb.has_proxy}
+    older = {port.name: port for port in known.values() if port.verb is Verb.PUBLISHES}
+    used: dict[str, ast.Attribute] = {}
+    called: dict[str, dict[str, int]] = {}
+    for node in ast.walk(worker):
+        match node:
+            case ast.Attribute(value=ast.Attribute(value=ast.Name(id="self"), attr=proxy), attr=operation):
+                called.setdefault(proxy, {}).setdefault(operation, node.lineno)
+            case ast.Attribute(value=ast.Name(id="self"), attr=proxy):
+                used.setdefault(proxy, node)
+            case _:
+                pass
+    seen = []
+    for name, node in used.items():
+        port = known.get(name) or older.get(name)
+        if port is None and name.endswith("_proxy"):
+            hint = did_you_mean(name, known)
+            message = f"the .cdsl has nothing that is called so{f'; {hint}' if hint else ''}"
+            yield Finding(file, node.lineno, f"self.{name}", Verdict.NOT_UNDERSTOOD, message)
+        elif port is not None:
+            seen.append(port)
+            yield Finding(file, node.lineno, f"self.{name}", Verdict.UNDERSTOOD, f"{port.verb} {port.interface.short}")
+            yield from _calls(file, name, port, called.get(name, {}))
+    for name, port in known.items():
+        if port not in seen:
+            message = f"{port.verb} {port.interface.short}, and nothing here uses it"
+            yield Finding(file, worker.lineno, f"self.{name}", Verdict.WITHOUT_EFFECT, message)
+
+
+def _calls(file: str, name: str, port: Port, called: dict[str, int]) -> Iterator[Finding]:
+    """What is asked of a proxy that it has not, and Ice's own may have."""
+    there = {operation.name for operation, _ in port.interface.under(port.verb)}
+    for operation, line in called.items():
+        if operation not in there and operation.removesuffix("Async") not in there:
+            hint = did_you_mean(operation, there)
+            message = f"`{port.interface.short}` has no such operation{f'; {hint}' if hint else ''}"
+            yield Finding(file, line, f"self.{name}.{operation}", Verdict.NOT_UNDERSTOOD, message)
+
+
+# -- its configuration -----------------------------------------------------------------
+
+
+def in_configuration(file: str, notes: Iterable[Note], params: ParameterSet) -> Iterator[Finding]:
+    """What each key of a configuration of RoboComp's sets."""
+    names = [*(each.name for each in params.parameters), *(each.name for each in params.lists)]
+    for note in notes:
+        if note.became[:1] == ("params",) and note.became[1] not in names:
+            message = unknown("parameter", str(note.became[1]), names)
+            yield Finding(file, note.line, note.key, Verdict.NOT_UNDERSTOOD, message)
+        elif note.became:
+            key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in note.became).lstrip(".")
+            yield Finding(file, note.line, note.key, Verdict.UNDERSTOOD, f"sets {key}")
+        else:
+            verdict = Verdict.WITHOUT_EFFECT if note.understood else Verdict.NOT_UNDERSTOOD
+            yield Finding(file, note.line, note.key, verdict, note.why)
+
+
+# -- for people ------------------------------------------------------------------------
+
+
+def listed(findings: Sequence[Finding]) -> Iterator[str]:
+    """By file, and by what became of things, the good news first; what is the same of several things is said once."""
+    for file in dict.fromkeys(each.file for each in findings):
+        yield f"  {file}"
+        for verdict in Verdict:
+            group = [each for each in findings if each.file == file and each.verdict is verdict]
+            if verdict is Verdict.UNDERSTOOD and group:
+                yield f"    {verdict}: {', '.join(each.what for each in group)}"
+                continue
+            group.sort(key=lambda each: each.line)
+            for text in dict.fromkeys(each.text for each in group):
+                same = [each for each in group if each.text == text]
+                numbers = ", ".join(dict.fromkeys(str(each.line) for each in same))
+                line = f"line{'s' if ',' in numbers else ''} {numbers}"
+                yield f"    {verdict}: {line}: {', '.join(each.what for each in same)}: {text}"

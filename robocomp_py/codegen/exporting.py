@@ -1,0 +1,127 @@
+"""What the writers of other people's formats share: IDSL files, and what their names mean.
+
+They start from what a file says, and not from the contract it comes to: they keep its names, its inheritance and its
+comments, and say of everything that a format cannot hold where it stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+from .. import __version__
+from ..contract.module import Definition, Module
+from ..dsl.idsl import model as m
+from ..dsl.idsl.check import module_of, qualified
+from ..dsl.idsl.link import link
+from ..dsl.source import Name
+from .layout import printable
+
+
+@dataclass(frozen=True)
+class Files:
+    """IDSL files in which nothing is wrong, with all that they import, each behind what it imports."""
+
+    all: tuple[m.File, ...]
+
+    @cached_property
+    def clash(self) -> str:
+        """What is defined in two of them, in words, or nothing."""
+        seen: dict[str, m.File] = {}
+        for file in self.all:
+            for each in file.definitions:
+                name = qualified(each.name.text, file.module.text)
+                first = seen.setdefault(name, file)
+                if first is not file:
+                    return f"{first.source.path} and {file.source.path} both define {name}"
+        return ""
+
+    @cached_property
+    def scope(self) -> dict[str, m.Definition]:
+        """Every definition, by qualified name."""
+        return {qualified(each.name.text, file.module.text): each for file in self.all for each in file.definitions}
+
+    @cached_property
+    def modules(self) -> dict[str, list[m.Definition]]:
+        """The definitions of each module, which may be several files."""
+        found: dict[str, list[m.Definition]] = {}
+        for name, definition in self.scope.items():
+            found.setdefault(module_of(name), []).append(definition)
+        return found
+
+    @cached_property
+    def contracts(self) -> tuple[Module, ...]:
+        """What they come to; files that share a module are one."""
+        known: dict[str, Definition] = {}
+        found: dict[str, Module] = {}
+        for file in self.all:
+            module = link(file, known)
+            known |= {each.name: each for each in module.definitions}
+            before = found.get(module.name, Module(module.name, ()))
+            definitions = (*before.definitions, *module.definitions)
+            found[module.name] = Module(module.name, definitions, (*before.files, *module.files))
+        return tuple(found.values())
+
+    def bases(self, definition: m.Interface | m.Exception_, module: str) -> Iterator[tuple[str, m.Definition]]:
+        """What it extends, however indirectly, each once and with its module."""
+        waiting, seen = [(base.text, module) for base in definition.bases], set[str]()
+        while waiting:
+            name = qualified(*waiting.pop(0))
+            if name not in seen:
+                seen.add(name)
+                found = self.scope[name]
+                yield module_of(name), found
+                if isinstance(found, m.Interface | m.Exception_):
+                    waiting += [(base.text, module_of(name)) for base in found.bases]
+
+
+def in_order(file: m.File) -> list[m.Definition]:
+    """The definitions of a file, each behind those it uses; else as they stand."""
+    module = file.module.text
+    own = {qualified(each.name.text, module): each for each in file.definitions}
+    done: dict[str, m.Definition] = {}
+
+    def visit(name: str) -> None:
+        if name in own and name not in done:
+            for used in _uses(own[name]):
+                visit(qualified(used.text, module))
+            done[name] = own[name]
+
+    for name in own:
+        visit(name)
+    return list(done.values())
+
+
+def _uses(definition: m.Definition) -> Iterator[Name]:
+    match definition:
+        case m.Struct(fields=fields):
+            kinds: Iterable[m.TypeName] = (each.type for each in fields)
+        case m.Exception_(fields=fields, bases=bases):
+            kinds = (*bases, *(each.type for each in fields))
+        case m.Sequence(item=item):
+            kinds = (item,)
+        case m.Dictionary(key=key, value=value):
+            kinds = (key, value)
+        case m.Const(type=kind):
+            kinds = (kind,)
+        case m.Enum():
+            kinds = ()
+        case m.Interface(bases=bases, operations=operations):
+            used: list[m.TypeName] = [*bases]
+            for each in operations:
+                used += [each.result, *(param.type for param in each.params), *each.throws]
+            kinds = used
+    yield from map(innermost, kinds)
+
+
+def innermost(kind: m.TypeName) -> Name:
+    """The type whose sequence, of sequences perhaps, this is."""
+    while isinstance(kind, m.SequenceOf):
+        kind = kind.item
+    return kind
+
+
+def heading(file: str) -> str:
+    """What a file that is generated from another one begins with."""
+    return f"Generated from {printable(file)} by rcgen {__version__}: edits are lost."

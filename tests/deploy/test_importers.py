@@ -1,0 +1,344 @@
+"""Networks of other tools become DDSL; of what it cannot hold a comment tells, with its line."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from robocomp_py.cli.rc import main as rc
+from robocomp_py.cli.rcdeploy import main as rcdeploy
+from robocomp_py.deploy.importers import import_deployment
+from robocomp_py.deploy.importers.finding import Finder
+from robocomp_py.deploy.plan import make_plan
+from robocomp_py.dsl.diagnostics import Report
+from robocomp_py.dsl.source import Source
+from robocomp_py.dsl.workspace import Workspace
+
+Said = pytest.CaptureFixture[str]
+
+LASER = """Component laserComp { Communications { implements Laser; }; language python; };"""
+DRIVER = """import "Laser.idsl";
+Component driver { Communications { requires Laser; }; language python; };"""
+
+
+def node(alias: str, *inside: str, endpoint: str = "") -> str:
+    return f'<node alias="{alias}" endpoint="{endpoint}">{"".join(inside)}</node>'
+
+
+def up(command: str) -> str:
+    return f'<upCommand command="{command}"/>'
+
+
+def rcmanager(*nodes: str) -> str:
+    return "<rcmanager>\n" + "\n".join(nodes) + "\n</rcmanager>\n"
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Path:
+    """A folder with the components `laser` and `driver`, as their users have them."""
+    for name, text in (("laser", 'import "Laser.idsl";\n' + LASER), ("driver", DRIVER)):
+        (tmp_path / "robot" / name / "etc").mkdir(parents=True)
+        (tmp_path / "robot" / name / f"{name}.cdsl").write_text(text)
+        (tmp_path / "robot" / name / "etc" / "config").write_text("")
+    return tmp_path / "robot"
+
+
+def imported(text: str, folder: Path, name: str = "net.xml") -> str:
+    """The DDSL for a file in that folder."""
+    report = Report()
+    path = folder / name
+    found = import_deployment(Source(path, text), Finder(path, {"HOME": "/nobody"}), folder, report)
+    assert found is not None, report.diagnostics
+    return found
+
+
+def clauses(text: str, name: str) -> list[str]:
+    """What is said of an instance, comments included; what stands on several lines, on one."""
+    block = text.partition(f"    Component {name}")[2].partition("\n    {\n")[2].partition("\n    };")[0]
+    joined = re.sub(r"\n( *//     | {12,})", " ", block)
+    return [line.strip() for line in joined.splitlines()]
+
+
+def test_components_are_found_where_they_are_started(robot: Path) -> None:
+    text = imported(
+        rcmanager(
+            node(
+                "eyes", f'<workingDir path="{robot}/laser"/>', up("src/laser.py etc/config"), endpoint="l:tcp -p 10003"
+            ),
+            node(
+                "driver", '<dependence alias="eyes"/>', up(f"rcremote localhost x {robot}/driver python src/driver.py")
+            ),
+        ),
+        robot,
+    )
+    assert text.partition("\n\n")[2].splitlines() == [
+        'import "laser/laser.cdsl";',
+        'import "driver/driver.cdsl";',
+        "",
+        "Deployment net",
+        "{",
+        "    Component eyes : laserComp",
+        "    {",
+        "        // line 2: it was started by `src/laser.py etc/config`",
+        '        config "laser/etc/config";',
+        "        port 10003;",
+        "    };",
+        "",
+        "    Component driver",
+        "    {",
+        "        // line 3: it was started by `python src/driver.py`",
+        "        dependences eyes;",
+        "    };",
+        "};",
+    ]
+
+
+def test_it_is_laid_out_as_the_formatter_does(robot: Path) -> None:
+    long = " ".join(["--an-option-of-some-length"] * 6)
+    text = imported(
+        rcmanager(
+            node(
+                "eyes", f'<workingDir path="{robot}/laser"/>', up("src/laser.py etc/config"), endpoint="l:tcp -p 10003"
+            ),
+            node("sim", f'<workingDir path="{robot}"/>', '<dependence alias="eyes"/>', up(f"./bin/sim {long}")),
+        ),
+        robot,
+    )
+    (robot / "net.ddsl").write_text(text)
+    assert rc(["fmt", "--check", str(robot / "net.ddsl")]) == 0
+
+
+def test_a_sub_toml_says_the_same(robot: Path) -> None:
+    text = imported(
+        f"""
+[[components]]
+name = "eyes"
+cwd = "{robot}/laser"
+cmd = "src/laser.py --Ice.Config=etc/config --prefix=A"
+ice_name = "Laser:tcp -h localhost -p 10003"
+colour = "red"
+
+#[[components]]
+#name = "driver"
+""",
+        robot,
+        "sub.toml",
+    )
+    assert 'import "laser/laser.cdsl";' in text
+    assert clauses(text, "eyes") == [
+        "// line 5: it was started by `src/laser.py --Ice.Config=etc/config --prefix=A`",
+        "// line 5: the arguments --prefix=A are left out",
+        "// line 7: colour = 'red' is not understood",
+        'config "laser/etc/config";',
+        "ip localhost;",
+        "port 10003;",
+    ]
+    assert "driver" not in text
+
+
+def test_of_two_that_could_be_meant_the_configuration_tells_which(robot: Path) -> None:
+    (robot / "driver" / "etc" / "config").write_text("LaserProxy = laser:tcp -h localhost -p 10004 # the left one\n")
+    text = imported(
+        rcmanager(
+            node("a", f'<workingDir path="{robot}/laser"/>', up("src/laser.py"), endpoint="l:tcp -p 10003"),
+            node("b", f'<workingDir path="{robot}/laser"/>', up("src/laser.py"), endpoint="l:tcp -p 10004"),
+            node("driver", f'<workingDir path="{robot}/driver"/>', up("src/driver.py etc/config")),
+        ),
+        robot,
+    )
+    assert "requires Laser from b;" in clauses(text, "driver")
+
+
+def test_what_is_made_is_a_network_that_can_be_planned(robot: Path) -> None:
+    """Where all components are there, and generated, nothing is wrong with it."""
+    components = Path(__file__).parents[2] / "components"
+    ddsl = robot / "net.ddsl"
+    ddsl.write_text(
+        imported(
+            rcmanager(
+                node("world", f'<workingDir path="{components}/world2d"/>', up("python3 src/world.py")),
+                node("wander", f'<workingDir path="{components}/wander"/>', up("python3 src/wander.py")),
+            ),
+            robot,
+        )
+    )
+    workspace = Workspace()
+    plan = make_plan(ddsl, workspace)
+    assert plan is not None, [each.render() for each in workspace.report.diagnostics]
+    assert {(process.name, process.component.lower()) for process in plan.processes} == {
+        ("world", "world2d"),
+        ("wander", "wander"),
+    }
+
+
+def test_other_programs_are_started_in_their_folder(robot: Path) -> None:
+    text = imported(rcmanager(node("sim", f'<workingDir path="{robot}"/>', up("./bin/sim 'a b' etc/config"))), robot)
+    assert clauses(text, "sim") == [
+        f"// line 2: no .cdsl is in {robot}: write one with what it requires and implements, and import it",
+        'path "/usr/bin/env";',
+        f'args "--chdir={robot}", "./bin/sim", "a b", "etc/config";',
+    ]
+
+
+def test_paths_of_another_machine_are_found_below_the_folder_the_file_is_in(robot: Path) -> None:
+    text = imported(
+        rcmanager(node("eyes", up("rcremote localhost t /home/x/src/robot/laser python a.py"))), robot / "laser"
+    )
+    assert 'import "laser.cdsl";' in text
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (up("cd x &amp;&amp; bin/laser"), "only a shell understands `cd x && bin/laser`"),
+        (up("bin/laser 'a"), "only a shell understands"),
+        (up("bin/laser &quot;a\\&quot;b&quot;"), "has quotes in it, which DDSL has not"),
+        ("", "nothing says how it is started"),
+        ('<dependence alias="ghost"/>', "it depends on `ghost`, which is not there"),
+        ('<dependence alias="eyes"/>', "it depends on `eyes`, which depends on it: left out"),
+        ("<speed/>", "<speed> is not understood"),
+        (up("rcremote 10.0.0.7 t /x bin/laser"), "it belongs on 10.0.0.7; other hosts are not reached"),
+    ],
+)
+def test_what_cannot_be_carried_over_is_said_with_its_line(given: str, said: str, tmp_path: Path) -> None:
+    text = imported(rcmanager("", node("eyes", given)), tmp_path)
+    assert any(line.startswith("// line 3: ") and said in line for line in clauses(text, "eyes"))
+
+
+def test_what_only_the_window_showed_is_left_out_without_a_word(tmp_path: Path) -> None:
+    window = '<xpos value="1"/><color value="#ff0000"/><downCommand command="killall x"/><configFile path="x"/>'
+    text = imported(
+        rcmanager("<generalInformation><editor path='x'/></generalInformation>", node("a", window)), tmp_path
+    )
+    assert "not understood" not in text
+    assert "killall" not in text
+
+
+def test_circles_of_dependences_are_opened_and_said(tmp_path: Path) -> None:
+    a, b = node("a", '<dependence alias="b"/>', up("a")), node("b", '<dependence alias="a"/>', up("b"))
+    text = imported(rcmanager(a, b), tmp_path)
+    assert "dependences b;" in clauses(text, "a")
+    assert "// line 3: it depends on `a`, which depends on it: left out" in clauses(text, "b")
+
+
+def test_the_broker_of_topics_is_not_needed(tmp_path: Path) -> None:
+    text = imported(rcmanager(node("IS", up("rcnode")), node("a", '<dependence alias="IS"/>', up("a"))), tmp_path)
+    assert "// line 2: `IS` is the broker of IceStorm" in text
+    assert "Component IS" not in text
+    assert "dependences" not in text
+
+
+def test_names_that_are_none_are_changed_and_stay_apart(tmp_path: Path) -> None:
+    nodes = (node("my eye", up("a")), node("my-eye", up("b")), node("2nd", '<dependence alias="my-eye"/>', up("c")))
+    text = imported(rcmanager(*nodes), tmp_path)
+    assert "// line 2: it is called `my eye` there" in clauses(text, "my_eye")
+    assert "dependences my_eye_2;" in clauses(text, "_2nd")
+
+
+def test_a_port_is_given_to_the_first_that_wants_it(tmp_path: Path) -> None:
+    text = imported(rcmanager(node("a", endpoint="a:tcp -p 10001"), node("b", endpoint="b:tcp -p 10001")), tmp_path)
+    assert "port 10001;" in clauses(text, "a")
+    assert "// line 3: its port, 10001, is that of `a`, too" in clauses(text, "b")
+
+
+@pytest.mark.parametrize("port", ["0", "65536", "9" * 5000])
+def test_a_port_that_is_none_is_left_out(port: str, tmp_path: Path) -> None:
+    text = imported(rcmanager(node("a", endpoint=f"a:tcp -p {port}")), tmp_path)
+    assert any("is none" in line for line in clauses(text, "a"))
+    assert "\n        port " not in text
+
+
+def test_components_that_are_called_alike_are_said_to_be(robot: Path) -> None:
+    (robot / "driver" / "driver.cdsl").write_text('import "Laser.idsl";\n' + LASER)
+    folders = [f'<workingDir path="{robot}/{each}"/>' for each in ("laser", "driver")]
+    text = imported(rcmanager(*(node(f"a{n}", each, up("src/a.py")) for n, each in enumerate(folders))), robot)
+    assert "// line 3: laser/laser.cdsl describes a `laserComp`, too: rename one of them" in clauses(text, "a1")
+
+
+def test_no_comment_can_be_left(tmp_path: Path) -> None:
+    """A name with the end of a line in it writes no clause."""
+    text = imported(rcmanager(node("a&#10;};port 1;", up("x&#10;y;"))), tmp_path)
+    for line in text.splitlines():
+        assert line.lstrip().startswith("//") or "port 1" not in line
+    workspace = Workspace(read=lambda _: text.encode())
+    assert workspace.deployment(tmp_path / "x.ddsl") is not None
+    assert not workspace.report.errors
+
+
+# Files that are none.
+
+WRONG = [
+    (
+        "net.xml",
+        "<rcmanager>\n <node alias='a'>\n</rcmanager>",
+        "net.xml:3:3: error[bad-import]: this is no XML: mismatched tag",
+    ),
+    ("net.xml", "", "net.xml:1:1: error[bad-import]: this is no XML: no element found"),
+    (
+        "net.xml",
+        "\n<html/>",
+        "net.xml:2:1: error[bad-import]: the first element is <html>; that of rcmanager is <rcmanager>",
+    ),
+    ("net.xml", "<rcmanager><node/></rcmanager>", "net.xml:1:12: error[bad-import]: this <node> has no alias"),
+    ("sub.toml", "[[components]]\nname = x\n", "sub.toml:2:8: error[bad-import]: this is no TOML: invalid value"),
+    ("sub.toml", "[[components]]\nname = 'a", "sub.toml:2:10: error[bad-import]: this is no TOML: "),
+    ("sub.toml", "[a]\n", "sub.toml:1:1: error[bad-import]: this is no sub.toml: it has no [[components]]"),
+    ("sub.toml", "\n[[components]]\ncmd = 'a'\n", "sub.toml:2:1: error[bad-import]: a component without `name`"),
+    ("sub.toml", "[[components]]\nname = 'a'\ncwd = 1\n", "sub.toml:3:1: error[bad-import]: `cwd` is no text"),
+]
+
+
+@pytest.mark.parametrize(("name", "text", "said"), WRONG)
+def test_a_file_that_is_none_is_refused_with_its_place(
+    name: str, text: str, said: str, tmp_path: Path, capsys: Said
+) -> None:
+    (tmp_path / name).write_text(text)
+    assert rcdeploy(["--import", str(tmp_path / name)]) == 1
+    assert said in capsys.readouterr().err
+
+
+def test_entities_are_not_expanded(tmp_path: Path, capsys: Said) -> None:
+    bomb = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;"><!ENTITY f SYSTEM "/etc/passwd">]>\n'
+    (tmp_path / "net.xml").write_text(f"{bomb}<rcmanager><node alias='&b;&f;'/></rcmanager>")
+    assert rcdeploy(["--import", str(tmp_path / "net.xml")]) == 1
+    assert "net.xml:1:13: error[bad-import]: a document type is declared, which is not read" in capsys.readouterr().err
+
+
+# The command.
+
+
+def test_it_is_written_once_and_never_over_a_file(tmp_path: Path, capsys: Said) -> None:
+    (tmp_path / "net.xml").write_text(rcmanager(node("a", up("a"))))
+    command = ["--import", str(tmp_path / "net.xml"), "-o", str(tmp_path / "net.ddsl")]
+    assert rcdeploy(command) == 0
+    (tmp_path / "net.ddsl").write_text("mine")
+    assert rcdeploy(command) == 1
+    assert "exists, and stays as it is" in capsys.readouterr().err
+    assert (tmp_path / "net.ddsl").read_text() == "mine"
+
+
+def test_without_a_name_it_is_printed(tmp_path: Path, capsys: Said) -> None:
+    (tmp_path / "net.xml").write_text(rcmanager(node("a", up("a"))))
+    assert rcdeploy(["--import", str(tmp_path / "net.xml")]) == 0
+    assert "Deployment net\n{\n    Component a\n" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["--import", "net.ddsl"], 1, "give it rcmanager's XML"),
+        (["--import", "gone.xml"], 1, "cannot be read"),
+        (["--import", "a.xml", "-o", "net.txt"], 1, "a network is a .ddsl file"),
+        (["--import", "a.xml", "net.ddsl"], 2, "imports and starts nothing"),
+        (["net.ddsl", "-o", "x.ddsl"], 2, "-o is for --import"),
+    ],
+)
+def test_it_says_how_it_is_used(arguments: list[str], code: int, said: str, capsys: Said) -> None:
+    try:
+        found = rcdeploy(arguments)
+    except SystemExit as exc:
+        found = int(exc.code or 0)
+    assert found == code
+    assert said in capsys.readouterr().err
