@@ -1,0 +1,204 @@
+"""`rc fmt`: bring files of the languages into one style."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import difflib
+import errno
+import os
+import stat
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
+
+from .common import FINE, WRONG, complain, show
+
+NAME = "fmt"
+HELP = "format files of any of the languages"
+
+_ABOUT = """\
+Bring files into one style, in place. Neither what they mean nor their comments change; a file that has the style
+already is not touched, and neither is one whose syntax is wrong. There is nothing to configure.
+"""
+_EXAMPLES = """\
+examples:
+  rc fmt .                          all files of the languages in this folder and below
+  rc fmt --check interfaces         say which are not formatted, and change none: in a hook, or in CI
+  rc fmt --diff arm.cdsl            show what would change
+  rc fmt --language idsl - < Arm.idsl    from stdin to stdout: in an editor
+
+exit status: 0 fine, 1 a file is wrong, or with --check and --diff one is not formatted, 2 usage
+"""
+_STDIN = Path("<stdin>")
+
+
+def add_arguments(to: argparse.ArgumentParser) -> None:
+    to.description, to.epilog = _ABOUT, _EXAMPLES
+    to.formatter_class = argparse.RawDescriptionHelpFormatter
+    to.add_argument(
+        "files", nargs="+", metavar="FILE", help="a file; a folder, for all that are in it and below; or - for stdin"
+    )
+    to.add_argument("--check", action="store_true", help="list the files that are not formatted, and change none")
+    to.add_argument("--diff", action="store_true", help="show what would change, and change nothing")
+    to.add_argument("--language", metavar="NAME", help="what stdin is: idsl, cdsl, pdsl, ddsl or smdsl")
+    to.set_defaults(usage_error=to.error)
+
+
+def run(options: argparse.Namespace) -> int:
+    _check_usage(options)
+    if options.files == ["-"]:
+        return _format_stdin(options)
+    paths, problems = _files(map(Path, options.files))
+    codes = [complain(f"rc fmt: {problem}") for problem in problems]
+    return max([*codes, *(_format_file(path, options) for path in paths)], default=FINE)
+
+
+def _check_usage(options: argparse.Namespace) -> None:
+    from ..dsl.format import LANGUAGES
+    from ..spelling import closest
+
+    if "-" in options.files and len(options.files) > 1:
+        options.usage_error("stdin (-) is formatted alone")
+    if options.files == ["-"] and not options.language:
+        options.usage_error("say what stdin is, as in: rc fmt --language idsl -")
+    if options.files != ["-"] and options.language:
+        options.usage_error("--language is for stdin (-); that of a file is told by its ending")
+    if options.language and options.language not in LANGUAGES:
+        near = closest(options.language, LANGUAGES)
+        known = f"did you mean {near}?" if near else f"known: {', '.join(LANGUAGES)}"
+        options.usage_error(f"no language is called {options.language}; {known}")
+
+
+def _format_stdin(options: argparse.Namespace) -> int:
+    found = _formatted(_STDIN, options.language, lambda _: sys.stdin.buffer.read())
+    if found is None:
+        return WRONG
+    if options.check or options.diff:
+        return found.told(options)
+    sys.stdout.flush()
+    sys.stdout.buffer.write(found.after)
+    return FINE
+
+
+def _format_file(path: Path, options: argparse.Namespace) -> int:
+    from ..dsl.format import LANGUAGES
+    from ..dsl.workspace import read_file
+
+    language = path.suffix.lower()[1:]
+    if language not in LANGUAGES:
+        endings = ", ".join(f".{each}" for each in LANGUAGES)
+        return complain(f"rc fmt: {path}: nothing with this ending is formatted; known: {endings}")
+    found = _formatted(path, language, read_file)
+    if found is None:
+        return WRONG
+    if found.before == found.after:
+        return FINE
+    if options.check or options.diff:
+        return found.told(options)
+    try:
+        _replace(path, found.after)
+    except OSError as exc:
+        return complain(f"rc fmt: {path}: {exc.strerror}; the file is as it was")
+    print(f"formatted: {path}")
+    return FINE
+
+
+@dataclass(frozen=True)
+class _Formatted:
+    """What is in a file, and what is to be."""
+
+    path: Path
+    before: bytes
+    after: bytes
+    encoding: str
+
+    def told(self, options: argparse.Namespace) -> int:
+        """Say what would change; the exit code for it."""
+        if self.before == self.after:
+            return FINE
+        if options.diff:
+            sys.stdout.writelines(self._difference())
+        else:
+            print(f"would format: {self.path}")
+        return WRONG
+
+    def _difference(self) -> Iterator[str]:
+        texts = (data.decode(self.encoding) for data in (self.before, self.after))
+        before, after = (list(StringIO(text, newline="\n")) for text in texts)
+        for line in difflib.unified_diff(before, after, str(self.path), str(self.path)):
+            yield line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n"
+
+
+def _formatted(path: Path, language: str, read: Callable[[Path], bytes]) -> _Formatted | None:
+    """What a file is to be; None if that cannot be said, and it has been said why."""
+    from ..dsl.diagnostics import DslError
+    from ..dsl.format import format_text
+    from ..dsl.workspace import Workspace
+
+    held = dict[Path, bytes]()
+    workspace = Workspace(read=lambda path: held.setdefault(path, read(path)), middlewares=())
+    source, told = workspace.source(path), workspace.report
+    text = ""
+    try:
+        text = format_text(source.text, language, path) if source else ""
+    except DslError as exc:
+        told.extend(exc.diagnostics)
+    show(told.diagnostics)
+    if source is None or told.errors:
+        return None
+    # What is not UTF-8 was read as Latin-1, and is written so, too: every byte of its comments stays what it is.
+    encoding = "latin-1" if any(each.code == "not-utf8" for each in told.diagnostics) else "utf-8"
+    return _Formatted(path, held[path], text.encode(encoding), encoding)
+
+
+def _replace(path: Path, data: bytes) -> None:
+    """Give a file that content, all of it or none. A link stays one: what it leads to is replaced."""
+    path = Path(os.path.realpath(path))
+    if not os.access(path, os.W_OK):  # or a file that is protected would be replaced by one that is not
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    was = path.stat()
+    descriptor, name = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
+    new = Path(name)
+    try:
+        with open(descriptor, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(descriptor)
+        with contextlib.suppress(PermissionError):  # somebody else's file becomes ours, as with any editor
+            os.chown(new, was.st_uid, was.st_gid)
+        new.chmod(stat.S_IMODE(was.st_mode))
+        new.replace(path)
+    except BaseException:
+        new.unlink(missing_ok=True)
+        raise
+
+
+def _files(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
+    """The files that paths mean, each once, and what is wrong with the folders among them."""
+    found: dict[str, Path] = {}
+    problems: list[str] = []
+    for path in paths:
+        inside = list(_below(path, problems)) if path.is_dir() else [path]
+        if not inside and not problems:
+            problems.append(f"{path}: no file of the languages is in this folder")
+        for each in inside:
+            found.setdefault(os.path.realpath(each), each)
+    return list(found.values()), problems
+
+
+def _below(folder: Path, problems: list[str]) -> Iterator[Path]:
+    """The files of the languages in a folder; nothing that is hidden, and nothing that is only linked there."""
+    from ..dsl.format import LANGUAGES
+
+    def note(exc: OSError) -> None:
+        problems.append(f"{exc.filename}: {exc.strerror}")
+
+    for here, folders, names in os.walk(folder, onerror=note):
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        for path in (Path(here, name) for name in sorted(names) if not name.startswith(".")):
+            if path.suffix.lower()[1:] in LANGUAGES and path.is_file() and not path.is_symlink():
+                yield path
