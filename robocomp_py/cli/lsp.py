@@ -1,0 +1,41 @@
+"""`rc lsp`: the language server, for editors. It talks over stdin and stdout."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+from typing import BinaryIO
+
+from .common import FINE, USAGE, WRONG
+
+NAME = "lsp"
+HELP = "the language server, which editors start; see docs/editors.md"
+
+
+def add_arguments(to: argparse.ArgumentParser) -> None:
+    to.add_argument("--stdio", action="store_true", help="talk over stdin and stdout, as it does anyway")
+
+
+def run(options: argparse.Namespace) -> int:
+    try:
+        from ..lsp.server import make_server
+    except ModuleNotFoundError as exc:
+        if exc.name not in ("pygls", "lsprotocol"):
+            raise
+        print("rc lsp: the language server needs pygls; run: pip install 'robocomp-py[lsp]'", file=sys.stderr)
+        return WRONG
+    if sys.stdin.isatty():
+        print("rc lsp: editors start this, and talk to it; see docs/editors.md", file=sys.stderr)
+        return USAGE
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)  # there is nothing to clean up, and a thread that reads stdin to wait for
+    return FINE if make_server().serve(*_channels()) else WRONG
+
+
+def _channels() -> tuple[BinaryIO, BinaryIO]:
+    """stdin and stdout, kept for the editor alone: whatever else is printed goes to stderr."""
+    channels = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    return channels

@@ -1,0 +1,46 @@
+"""What is wrong with an open file.
+
+Besides what `rc lint` tells there are hints: imports that bring nothing, and imports with mistakes of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from ..dsl.diagnostics import Diagnostic, Severity
+from .index import Index
+from .project import Project, real
+
+UNUSED_IMPORT = "unused-import"
+BROKEN_IMPORT = "broken-import"
+
+
+def complaints(project: Project, path: Path) -> list[Diagnostic]:
+    found = project.check(path)
+    own = [each for each in found if each.span.source.path == path]
+    elsewhere = [each for each in found if each.span.source.path != path and each.severity is Severity.ERROR]
+    if elsewhere:
+        own += _broken_imports(Index(project), path, elsewhere)
+    if any(each.severity is Severity.ERROR for each in found):
+        return own  # what uses an import may be what is wrong
+    return [*own, *_unused_imports(Index(project), path)]
+
+
+def _unused_imports(index: Index, path: Path) -> Iterator[Diagnostic]:
+    for link in index.unused_imports(path):
+        message = f"nothing of `{link.name}` is used here"
+        yield Diagnostic(UNUSED_IMPORT, message, link.name.span, Severity.INFO, "remove it")
+
+
+def _broken_imports(index: Index, path: Path, errors: list[Diagnostic]) -> Iterator[Diagnostic]:
+    """One for each file that is named and has mistakes, or imports one that has: its names may be missing here."""
+    made = index.outline(path)
+    for link in made.links if made else ():
+        target = index.target(link)
+        brought = {real(each.source.path) for each in index.closure(target)} | {real(target)} if target else set()
+        wrong = [each for each in errors if real(each.span.source.path) in brought]
+        if wrong:
+            related = tuple((each.message, each.span) for each in wrong[:1])
+            message = f"there are mistakes in what `{link.name}` brings"
+            yield Diagnostic(BROKEN_IMPORT, message, link.name.span, Severity.INFO, related=related)

@@ -1,0 +1,341 @@
+"""What can be written at a place. Keywords are what the grammar lets come there; names are those that make sense.
+
+The text in front of the place is looked at word by word, since while it is written it is seldom right as a whole.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from itertools import islice
+from pathlib import Path
+
+from .. import installed
+from ..contract.interface import Verb
+from ..contract.qos import PRESETS, Durability, History, Liveliness, Reliability
+from ..dsl.cdsl.check import OPTIONS
+from ..dsl.cdsl.model import SECONDS
+from ..dsl.comments import find_comments
+from ..dsl.idsl.check import BUILTIN
+from ..dsl.source import Source, Span
+from ..dsl.syntax import Grammar
+from ..dsl.workspace import ENDINGS
+from .edits import Edit, add_import
+from .fixes import relative
+from .index import Index
+from .outline import VALUE_TYPES, Kind, Symbol
+from .project import real
+
+_MOST_FILES = 200
+"""Files that are looked into for what could be imported."""
+
+_WORDS = re.compile(r'"[^"\n]*"?|\w+|::|\S')
+_QOS = (*PRESETS, *Reliability, *Durability, *History, "depth", "deadline", "lifespan", "lease", "liveliness")
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Something that can be written. `kind` is a symbol's, or `keyword`, `word`, `file`."""
+
+    label: str
+    kind: str
+    detail: str = ""
+    doc: str = ""
+    text: str = ""
+    """What is written, if not the label."""
+    also: tuple[Edit, ...] = ()
+    """What else is to be done."""
+    rank: int = 1
+    """The smaller, the likelier."""
+    over: Span | None = None
+    """What it stands in for, if that is not just the word that has been begun."""
+
+
+@dataclass
+class _Block:
+    """A block that is open, by the words in front of its brace, and the statement that is written in it."""
+
+    head: list[str]
+    words: list[str] = field(default_factory=list)
+
+
+@dataclass
+class _Place:
+    index: Index
+    source: Source
+    offset: int
+    blocks: list[_Block]
+    """Outermost first; the first is the file."""
+
+    @property
+    def path(self) -> Path:
+        return self.source.path
+
+    @property
+    def words(self) -> list[str]:
+        """Of the statement, in front of the one that is being written."""
+        return self.blocks[-1].words
+
+    @property
+    def first(self) -> str:
+        return self.words[0] if self.words else ""
+
+    @property
+    def last(self) -> str:
+        return self.words[-1] if self.words else ""
+
+    @property
+    def heads(self) -> list[str]:
+        """The first word of each block around."""
+        return [block.head[0].lower() if block.head else "" for block in self.blocks[1:]]
+
+
+def complete(index: Index, path: Path, text: str, offset: int) -> list[Candidate]:
+    """All that can be written at an offset, where perhaps a word has been begun."""
+    before = re.sub(r"\w*$", "", text[:offset])
+    comments = find_comments(Source(path, text[:offset]))
+    if comments.spans and comments.spans[-1].end == offset and not comments.spans[-1].text.endswith("*/"):
+        return []
+    place = _Place(index, Source(path, text), offset, _blocks(comments.bare[: len(before)]))
+    language = path.suffix.lower()
+    if comments.bare.rpartition("\n")[2].count('"') % 2 == 1:
+        place.blocks[-1].words = place.words[:-1] if place.last.startswith('"') else place.words
+        begun = place.source.span(comments.bare.rindex('"') + 1, offset)
+        return [replace(each, over=begun) for each in _files(place)]
+    keywords = Grammar(language.removeprefix(".")).words_behind(Source(path, before)) if language in ENDINGS else []
+    names = _NAMES[language](place) if language in _NAMES else ()
+    found = [*names, *(Candidate(word, "keyword", rank=2) for word in keywords)]
+    return list({each.label: each for each in reversed(found)}.values())[::-1]
+
+
+def _blocks(text: str) -> list[_Block]:
+    blocks = [_Block([])]
+    for found in _WORDS.finditer(text):
+        word = found[0]
+        if word == "{":
+            blocks.append(_Block(blocks[-1].words))
+            blocks[-2].words = []
+        elif word == "}" and len(blocks) > 1:
+            blocks.pop()
+            blocks[-1].words = []
+        elif word == ";":
+            blocks[-1].words = []
+        else:
+            blocks[-1].words.append(word)
+    return blocks
+
+
+# Files.
+
+
+def _files(place: _Place) -> Iterator[Candidate]:
+    """Those that a text in quotes may name."""
+    word = place.last.lower()
+    endings = {"params": (".pdsl",), "statemachine": (".smdsl", ".scxml"), "config": (".toml",)}
+    if word == "import":
+        yield from _importable(place)
+    elif word in endings:
+        folder = place.path.parent
+        below = "*/etc/" if word == "config" else ""
+        for path in sorted(each for end in endings[word] for each in folder.glob(f"{below}*{end}")):
+            yield Candidate(path.relative_to(folder).as_posix(), "file")
+
+
+def _importable(place: _Place) -> Iterator[Candidate]:
+    ending = {".idsl": ".idsl", ".cdsl": ".idsl", ".ddsl": ".cdsl", ".pdsl": ".pdsl"}.get(place.path.suffix.lower())
+    for name, path in _importable_files(place, ending).items() if ending else ():
+        yield Candidate(name, "file", str(path.parent))
+
+
+def _importable_files(place: _Place, ending: str) -> dict[str, Path]:
+    """How files are imported: by their names alone if these find them, else, those of the project, by their paths."""
+    found: dict[str, Path] = {}
+    for folder in place.index.search_path(place.path):
+        for path in sorted(folder.glob(f"*{ending}")):
+            found.setdefault(path.name, path)
+    known = {real(each) for each in found.values()}
+    for path in place.index.project.files():
+        if path.suffix.lower() == ending and real(path) not in known:
+            found[relative(path, place.path)] = path
+    return {name: path for name, path in found.items() if real(path) != real(place.path)}
+
+
+# Names, by language.
+
+
+def _of(symbols: Iterable[Symbol], *kinds: Kind) -> list[Symbol]:
+    return [each for each in symbols if each.kind in kinds]
+
+
+def _symbol(symbol: Symbol, rank: int = 0, text: str = "", also: tuple[Edit, ...] = ()) -> Candidate:
+    return Candidate(symbol.name.text, symbol.kind, symbol.detail, symbol.doc, text, also, rank)
+
+
+def _in_idsl(place: _Place) -> Iterator[Candidate]:
+    wanted = _wanted_in_idsl(place)
+    if not wanted:
+        return
+    modules = [block.head[1] for block in place.blocks[1:] if block.head[:1] == ["module"] and len(block.head) > 1]
+    module = modules[0] if modules else ""
+    if place.last == "::":
+        given = place.words[-2] if len(place.words) > 1 else ""
+        yield from (_symbol(each) for each in _of(place.index.visible(place.path), *wanted) if each.within == given)
+        return
+    if Kind.STRUCT in wanted:
+        yield from (Candidate(name, "word", f"{kind}", rank=1) for name, kind in BUILTIN.items())
+        if _is_in(place, "interface") and place.last in ("", "]", "idempotent"):
+            yield Candidate("void", "word")
+    seen = set()
+    for each in _of(place.index.visible(place.path), *wanted):
+        seen.add(each.qualified)
+        own = each.within == module
+        yield _symbol(each) if own else _symbol(each, 1, text=each.qualified)
+    for name, path in islice(_importable_files(place, ".idsl").items(), _MOST_FILES):
+        made = place.index.outline(path)
+        for each in _of(made.walk(), *wanted) if made else ():
+            if each.qualified not in seen and each.within != module:
+                also = (add_import(place.source, name),)
+                yield replace(_symbol(each, 3, each.qualified, also), detail=f'import "{name}"')
+
+
+def _wanted_in_idsl(place: _Place) -> tuple[Kind, ...]:
+    """The kinds of names that can come."""
+    words, first = place.words, place.first
+    if words and words[-1] == "::":
+        words = words[:-2]
+    last = words[-1] if words else ""
+    if _is_in(place, "interface"):
+        if "throws" in words:
+            return (Kind.EXCEPTION,) if last in ("throws", ",") else ()
+        opened = "(" in words and ")" not in words
+        if opened:
+            return VALUE_TYPES if last in ("(", ",", "out", "<") else ()
+        return VALUE_TYPES if last in ("", "]", "idempotent", "<") else ()
+    if _is_in(place, "struct") or _is_in(place, "exception"):
+        if last == "=":
+            return (Kind.ENUMERATOR,)
+        return VALUE_TYPES if last in ("", "<") else ()
+    if first in ("sequence", "dictionary"):
+        return VALUE_TYPES if last in ("<", ",") and ">" not in words else ()
+    if first == "const":
+        return VALUE_TYPES if last == "const" else (Kind.ENUMERATOR,) if last == "=" else ()
+    if last == "extends" or (last == "," and "extends" in words):
+        return (Kind.INTERFACE,) if first == "interface" else (Kind.EXCEPTION,)
+    return ()
+
+
+def _is_in(place: _Place, kind: str) -> bool:
+    return place.heads[-1:] == [kind]
+
+
+def _in_cdsl(place: _Place) -> Iterator[Candidate]:
+    words = [word.lower() for word in place.words]
+    last = words[-1] if words else ""
+    verbs = {verb.value.lower() for verb in Verb}
+    inside = _open_call(words)
+    if inside == "qos":
+        yield from (Candidate(str(word), "word") for word in (Liveliness if last == "liveliness" else _QOS))
+    elif inside:
+        yield from (Candidate(name, "word", "middleware") for name in installed.transports())
+    elif words and words[0] in verbs and last in (words[0], ","):
+        yield from _interfaces(place)
+    elif last == "language":
+        yield Candidate("python", "word")
+    elif words[:1] == ["options"] and last in ("options", ","):
+        yield from (Candidate(option, "word") for option in OPTIONS)
+    elif words[:1] == ["period"] and len(words) > 1:
+        yield from (Candidate(unit, "word") for unit in SECONDS)
+
+
+def _open_call(words: list[str]) -> str:
+    """The word in front of a parenthesis that is not closed."""
+    depth = 0
+    for at in range(len(words) - 1, -1, -1):
+        depth += {")": 1, "(": -1}.get(words[at], 0)
+        if depth < 0:
+            return words[at - 1] if at else ""
+    return ""
+
+
+def _interfaces(place: _Place) -> Iterator[Candidate]:
+    """Those that are imported, then those that could be; a file that could be imported is not read for it."""
+    seen = set()
+    for each in _of(place.index.visible(place.path), Kind.INTERFACE):
+        seen.add(each.name.text)
+        yield _symbol(each)
+    for written, path in _importable_files(place, ".idsl").items():
+        for name in _interfaces_of(place, path):
+            if name not in seen:
+                seen.add(name)
+                also = (add_import(place.source, written),)
+                yield Candidate(name, Kind.INTERFACE, f'import "{written}"', also=also, rank=1)
+
+
+def _interfaces_of(place: _Place, path: Path) -> list[str]:
+    """Of files of the project, what they define; of others, what they are called."""
+    if not place.index.project.owns(path):
+        return [path.stem]
+    made = place.index.outline(path)
+    return [each.name.text for each in _of(made.walk(), Kind.INTERFACE)] if made else []
+
+
+def _in_ddsl(place: _Place) -> Iterator[Candidate]:
+    words = place.words
+    last = words[-1] if words else ""
+    symbols = list(place.index.visible(place.path))
+    if last == ":" or (last == "Component" and len(words) == 1):
+        yield from (_symbol(each) for each in _of(symbols, Kind.COMPONENT))
+    elif words[:1] == ["dependences"] and last in ("dependences", ","):
+        own = place.blocks[-1].head[1] if len(place.blocks[-1].head) > 1 else ""
+        yield from (_symbol(each) for each in _of(symbols, Kind.INSTANCE) if each.name.text != own)
+    elif last == "from":
+        yield from _providers(place, symbols)
+    elif len(words) == 1 and last in ("requires", "subscribesTo"):
+        yield from _wireable(place, last, symbols)
+    elif last == "middleware":
+        yield from (Candidate(name, "word", "middleware") for name in installed.transports())
+
+
+def _wireable(place: _Place, verb: str, symbols: list[Symbol]) -> Iterator[Candidate]:
+    """The interfaces that the component of this instance uses so."""
+    head = place.blocks[-1].head
+    kind = (head[3] if head[2:3] == [":"] and len(head) > 3 else head[1] if len(head) > 1 else "").lower()
+    for component in _of(symbols, Kind.COMPONENT):
+        if component.name.text.lower() == kind:
+            for port in component.detail.split(", "):
+                used, _, interface = port.partition(" ")
+                if used == verb:
+                    yield Candidate(interface, Kind.INTERFACE, port, rank=0)
+
+
+def _providers(place: _Place, symbols: list[Symbol]) -> Iterator[Candidate]:
+    """Instances; first those whose component offers what is asked for."""
+    verb = "implements" if place.first == "requires" else "publishes"
+    interface = place.words[1].rstrip("0123456789") if len(place.words) > 2 else ""
+    components = _of(symbols, Kind.COMPONENT)
+    offering = {each.name.text.lower() for each in components if f"{verb} {interface}" in each.detail.split(", ")}
+    for each in _of(symbols, Kind.INSTANCE):
+        yield _symbol(each, 0 if each.detail.lower() in offering else 3)
+
+
+def _in_pdsl(place: _Place) -> Iterator[Candidate]:
+    """The choices, for the default that stands in front of them."""
+    if place.last == "enum":
+        behind = re.match(r"\w*\s*\{([^{}]*)\}", place.source.text[place.offset :])
+        for choice in re.findall(r'"[^"\n]*"|[\w.+-]+', behind[1]) if behind else ():
+            yield Candidate(choice, "word")
+
+
+def _in_smdsl(place: _Place) -> Iterator[Candidate]:
+    if "transitions" in place.heads[-1:] or place.last in (":", "=>"):
+        yield from (_symbol(each) for each in _of(place.index.visible(place.path), Kind.STATE))
+
+
+_NAMES: dict[str, Callable[[_Place], Iterator[Candidate]]] = {
+    ".idsl": _in_idsl,
+    ".cdsl": _in_cdsl,
+    ".ddsl": _in_ddsl,
+    ".pdsl": _in_pdsl,
+    ".smdsl": _in_smdsl,
+}

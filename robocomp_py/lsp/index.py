@@ -1,0 +1,203 @@
+"""From words to what they name, and back, across files. Made afresh for every question; files are read as needed."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..dsl.source import Name, Span
+from ..dsl.workspace import SHIPPED
+from .outline import Kind, Link, Outline, Symbol, Use, outline
+from .project import Project, real
+
+_COMMON = SHIPPED / "CommonBehavior.idsl"
+_ANY_CASE = (Kind.COMPONENT,)
+"""What is called by its name in any case."""
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A word, and what it names; of a use, how it names it."""
+
+    name: Name
+    symbols: tuple[Symbol, ...]
+    use: Use | None = None
+
+
+class Index:
+    def __init__(self, project: Project) -> None:
+        self.project = project
+        self._workspace = project.workspace()
+        self._outlines: dict[str, Outline | None] = {}
+        self._visible: dict[str, dict[str, list[Symbol]]] = {}
+        self._texts: dict[str, str] = {}
+        self._closures: dict[str, list[Outline]] = {}
+        self._targets: dict[Link, Path | None] = {}
+
+    def outline(self, path: Path) -> Outline | None:
+        """What a file defines and uses; None if nothing can be made of it."""
+        key = real(path)
+        if key not in self._outlines:
+            model = self._workspace.model(path)
+            made = self._outlines[key] = self.project.remembered(outline, path, model) if model else None
+            if made:
+                self.project.last_outlines[key] = made
+        return self._outlines[key]
+
+    def target(self, link: Link) -> Path | None:
+        """The file that a link leads to, if it is there."""
+        if link not in self._targets:
+            self._targets[link] = self._find_target(link)
+        return self._targets[link]
+
+    def _find_target(self, link: Link) -> Path | None:
+        source = link.name.span.source
+        if link.ending:
+            return self._workspace.find(link.name.text, source.path, link.ending)
+        try:
+            path = source.path.parent / link.name.text
+            return path if path.is_file() else None
+        except (OSError, ValueError):
+            return None
+
+    def search_path(self, importing: Path) -> list[Path]:
+        return self._workspace.search_path(importing)
+
+    # What a file sees.
+
+    def visible(self, path: Path) -> Iterator[Symbol]:
+        """All that can be named in a file: of itself, and of what it imports, however indirectly."""
+        for symbols in self._seen_from(path).values():
+            yield from symbols
+
+    def _seen_from(self, path: Path) -> dict[str, list[Symbol]]:
+        """By name in lower case."""
+        key = real(path)
+        if key not in self._visible:
+            found: dict[str, list[Symbol]] = {}
+            for each in self.closure(path):
+                for symbol in each.walk():
+                    found.setdefault(symbol.name.text.lower(), []).append(symbol)
+            self._visible[key] = found
+        return self._visible[key]
+
+    def closure(self, path: Path) -> list[Outline]:
+        """A file, and those it imports, however indirectly."""
+        key = real(path)
+        if key not in self._closures:
+            self._closures[key] = self._close(path)
+        return self._closures[key]
+
+    def _close(self, path: Path) -> list[Outline]:
+        done: dict[str, Outline] = {}
+        waiting = [path]
+        while waiting:
+            each = waiting.pop(0)
+            key, made = real(each), self.outline(each) or self.project.last_outlines.get(real(each))
+            if key in done or made is None:
+                continue
+            done[key] = made
+            waiting += [target for link in made.links if link.ending and (target := self.target(link))]
+        if path.suffix.lower() == ".cdsl" and (common := self.outline(_COMMON)):
+            done.setdefault(real(_COMMON), common)  # every component knows it
+        return list(done.values())
+
+    def resolve(self, use: Use) -> list[Symbol]:
+        """What a use may stand for; several only if the file is wrong."""
+        seen = self._seen_from(use.name.span.source.path).get(use.name.text.lower(), [])
+        return [
+            each
+            for each in seen
+            if each.kind in use.kinds
+            and (use.within is None or use.within == each.within)
+            and (each.kind in _ANY_CASE or each.name.text == use.name.text)
+        ]
+
+    # At a place.
+
+    def at(self, path: Path, offset: int) -> Found | None:
+        """The word at a place, if it names something."""
+        made = self.outline(path)
+        if made is None:
+            return None
+        named = [Found(each.name, (each,)) for each in made.walk() if _touches(each.name.span, offset)]
+        used = [each for each in made.uses if _touches(each.name.span, offset)]
+        named += [Found(each.name, tuple(symbols), each) for each in used if (symbols := self.resolve(each))]
+        return named[0] if named else None
+
+    def elsewhere(self, path: Path, offset: int) -> list[Symbol]:
+        """What the word at a place stands for; of one that both defines and uses something, what it uses."""
+        made = self.outline(path)
+        used = [each for each in made.uses if _touches(each.name.span, offset)] if made else []
+        symbols = [symbol for use in used for symbol in self.resolve(use)]
+        found = None if symbols else self.at(path, offset)
+        return symbols or (list(found.symbols) if found else [])
+
+    def occurrences(self, path: Path, symbols: Collection[Symbol]) -> list[Span]:
+        """Where a file names any of these."""
+        made = self.outline(path)
+        if made is None:
+            return []
+        spans = [each.name.span for each in made.walk() if each in symbols]
+        spans += [use.name.span for use in made.uses if any(each in symbols for each in self.resolve(use))]
+        return list(dict.fromkeys(spans))
+
+    def link_at(self, path: Path, offset: int) -> Link | None:
+        made = self.outline(path)
+        return next((each for each in made.links if _touches(each.name.span, offset)), None) if made else None
+
+    # Everywhere.
+
+    def uses_of(self, symbol: Symbol) -> list[Use]:
+        """Where something is used, in all files of the project."""
+        word = symbol.name.text.lower()
+        found = []
+        for path in self.project.files():
+            if word in self._text_of(path):
+                made = self.outline(path)
+                for use in made.uses if made else ():
+                    if use.name.text.lower() == word and symbol in self.resolve(use):
+                        found.append(use)
+        return found
+
+    def seeing(self, symbol: Symbol) -> list[Path]:
+        """The files that import the one something is defined in, and that one."""
+        home = real(symbol.name.span.source.path)
+        return [each for each in self.project.files() if any(real(o.source.path) == home for o in self.closure(each))]
+
+    def symbols(self) -> Iterator[Symbol]:
+        """All that the files of the project define."""
+        for path in self.project.files():
+            made = self.outline(path)
+            if made:
+                yield from made.walk()
+
+    def unused_imports(self, path: Path) -> list[Link]:
+        """Imports of interfaces and components that bring nothing that the file names."""
+        made = self.outline(path)
+        if made is None or path.suffix.lower() == ".pdsl":
+            return []
+        named = {(use.within, use.name.text.lower()) for use in made.uses}
+        imports = [(link, self.target(link)) for link in made.links if link.ending]
+        return [link for link, target in imports if target and not self._brings(target, named)]
+
+    def _brings(self, path: Path, named: set[tuple[str | None, str]]) -> bool:
+        """Whether a file, or one that it imports, defines any of these: names, with what they are in if it matters."""
+        symbols = (symbol for each in self.closure(path) for symbol in each.walk())
+        return any(
+            {(symbol.within, name), (None, name)} & named for symbol in symbols if (name := symbol.name.text.lower())
+        )
+
+    def _text_of(self, path: Path) -> str:
+        key = real(path)
+        if key not in self._texts:
+            try:
+                self._texts[key] = self.project.read(path).decode("latin-1").lower()
+            except (OSError, ValueError):
+                self._texts[key] = ""
+        return self._texts[key]
+
+
+def _touches(span: Span, offset: int) -> bool:
+    return span.start <= offset <= span.end

@@ -1,0 +1,359 @@
+"""What a model defines and what it uses, for all the languages in one form.
+
+A use is a word that names something defined elsewhere, perhaps in another file. What it stands for is
+said by what it may be (`kinds`) and where that is defined (`within`, if it matters): `index` finds it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from ..dsl.cdsl.model import Component
+from ..dsl.ddsl.model import Deployment, Instance
+from ..dsl.idsl import model as idsl
+from ..dsl.idsl.check import BUILTIN
+from ..dsl.pdsl import model as pdsl
+from ..dsl.smdsl import model as smdsl
+from ..dsl.source import Name, Source, Span
+
+Model = idsl.File | Component | pdsl.File | Deployment | smdsl.File
+
+
+class Kind(StrEnum):
+    """What something that has a name is, in words for people."""
+
+    MODULE = "module"
+    STRUCT = "struct"
+    ENUM = "enum"
+    ENUMERATOR = "enumerator"
+    EXCEPTION = "exception"
+    SEQUENCE = "sequence"
+    DICTIONARY = "dictionary"
+    CONST = "const"
+    FIELD = "field"
+    INTERFACE = "interface"
+    OPERATION = "operation"
+    ARGUMENT = "argument"
+    COMPONENT = "component"
+    PARAMETERS = "parameters"
+    LIST = "list"
+    PARAMETER = "parameter"
+    CHOICE = "choice"
+    DEPLOYMENT = "deployment"
+    INSTANCE = "instance"
+    MACHINE = "state machine"
+    STATE = "state"
+
+
+VALUE_TYPES = (Kind.STRUCT, Kind.ENUM, Kind.SEQUENCE, Kind.DICTIONARY)
+DEFINITIONS = (*VALUE_TYPES, Kind.EXCEPTION, Kind.CONST, Kind.INTERFACE)
+
+
+@dataclass(frozen=True, slots=True)
+class Symbol:
+    """Something with a name, where it is defined. `within` is the qualified name of what it belongs to."""
+
+    kind: Kind
+    name: Name
+    within: str
+    span: Span = field(compare=False)
+    """All of its definition."""
+    doc: str = field(default="", compare=False)
+    detail: str = field(default="", compare=False)
+    """What more there is to say on a line: a type, a signature."""
+    children: tuple[Symbol, ...] = field(default=(), compare=False)
+
+    @property
+    def qualified(self) -> str:
+        return f"{self.within}::{self.name}" if self.within else self.name.text
+
+    def walk(self) -> Iterator[Symbol]:
+        yield self
+        for child in self.children:
+            yield from child.walk()
+
+
+@dataclass(frozen=True, slots=True)
+class Use:
+    """A word that names something. `implied`: it says a name only because it has the same; see `rename`."""
+
+    name: Name
+    kinds: tuple[Kind, ...]
+    within: str | None = None
+    implied: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A file that is named. `ending` is of an import, which is searched for; else it is beside the file."""
+
+    name: Name
+    ending: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Outline:
+    """All of it for one file."""
+
+    source: Source
+    symbols: tuple[Symbol, ...]
+    uses: tuple[Use, ...] = ()
+    links: tuple[Link, ...] = ()
+
+    def walk(self) -> Iterator[Symbol]:
+        for each in self.symbols:
+            yield from each.walk()
+
+
+def outline(model: Model) -> Outline:
+    match model:
+        case idsl.File():
+            return _of_interfaces(model)
+        case Component():
+            return _of_component(model)
+        case pdsl.File():
+            return _of_parameters(model)
+        case Deployment():
+            return _of_deployment(model)
+        case smdsl.File():
+            return _of_machine(model)
+
+
+# IDSL.
+
+
+def _of_interfaces(file: idsl.File) -> Outline:
+    module = file.module.text
+    children = tuple(_definition(each, module) for each in file.definitions)
+    whole = file.module.span
+    for each in file.definitions:
+        whole = whole.to(each.span)
+    return Outline(
+        file.source,
+        (Symbol(Kind.MODULE, file.module, "", whole, children=children),),
+        tuple(use for each in file.definitions for use in _uses_in(each, module)),
+        tuple(Link(each, ".idsl") for each in file.imports),
+    )
+
+
+def _definition(definition: idsl.Definition, module: str) -> Symbol:
+    inside = f"{module}::{definition.name}"
+    detail, children = "", tuple[Symbol, ...]()
+    match definition:
+        case idsl.Struct(fields=fields):
+            kind, children = Kind.STRUCT, _fields(fields, inside)
+        case idsl.Exception_(fields=fields, bases=bases):
+            kind, children = Kind.EXCEPTION, _fields(fields, inside)
+            detail = _extends(bases)
+        case idsl.Enum(members=members):
+            kind = Kind.ENUM
+            children = tuple(Symbol(Kind.ENUMERATOR, each.name, inside, each.span) for each in members)
+        case idsl.Sequence(item=item):
+            kind, detail = Kind.SEQUENCE, f"sequence<{type_text(item)}>"
+        case idsl.Dictionary(key=key, value=value):
+            kind, detail = Kind.DICTIONARY, f"dictionary<{type_text(key)}, {type_text(value)}>"
+        case idsl.Const(type=kind_of, value=value):
+            kind, detail = Kind.CONST, f"{type_text(kind_of)} = {value.text}"
+        case idsl.Interface(operations=operations, bases=bases):
+            kind, detail = Kind.INTERFACE, _extends(bases)
+            children = tuple(_operation(each, inside) for each in operations)
+    return Symbol(kind, definition.name, module, definition.span, definition.doc, detail, children)
+
+
+def _extends(bases: Iterable[Name]) -> str:
+    names = ", ".join(map(str, bases))
+    return f"extends {names}" if names else ""
+
+
+def _fields(fields: Iterable[idsl.Field], inside: str) -> tuple[Symbol, ...]:
+    return tuple(Symbol(Kind.FIELD, each.name, inside, each.span, each.doc, type_text(each.type)) for each in fields)
+
+
+def _operation(operation: idsl.Operation, inside: str) -> Symbol:
+    name = f"{inside}::{operation.name}"
+    arguments = tuple(
+        Symbol(Kind.ARGUMENT, each.name, name, each.span, "", ("out " if each.out else "") + type_text(each.type))
+        for each in operation.params
+    )
+    return Symbol(
+        Kind.OPERATION, operation.name, inside, operation.span, operation.doc, operation.text, children=arguments
+    )
+
+
+def type_text(kind: idsl.TypeName) -> str:
+    return kind.text if isinstance(kind, Name) else f"sequence<{type_text(kind.item)}>"
+
+
+def _uses_in(definition: idsl.Definition, module: str) -> Iterator[Use]:
+    match definition:
+        case idsl.Struct(fields=fields):
+            yield from _uses_of_fields(fields, module)
+        case idsl.Exception_(fields=fields, bases=bases):
+            yield from (_definition_use(each, (Kind.EXCEPTION,), module) for each in bases)
+            yield from _uses_of_fields(fields, module)
+        case idsl.Sequence(item=item):
+            yield from _uses_of_type(item, module)
+        case idsl.Dictionary(key=key, value=value):
+            yield from _uses_of_type(key, module)
+            yield from _uses_of_type(value, module)
+        case idsl.Const(type=kind, value=value):
+            yield from _uses_of_type(kind, module)
+            yield from _uses_of_literal(kind, value, module)
+        case idsl.Interface(operations=operations, bases=bases):
+            yield from (_definition_use(each, (Kind.INTERFACE,), module) for each in bases)
+            for operation in operations:
+                yield from _uses_of_type(operation.result, module)
+                for param in operation.params:
+                    yield from _uses_of_type(param.type, module)
+                    yield from _uses_of_literal(param.type, param.default, module)
+                yield from (_definition_use(each, (Kind.EXCEPTION,), module) for each in operation.throws)
+        case idsl.Enum():
+            pass
+
+
+def _uses_of_fields(fields: Iterable[idsl.Field], module: str) -> Iterator[Use]:
+    for each in fields:
+        yield from _uses_of_type(each.type, module)
+        yield from _uses_of_literal(each.type, each.default, module)
+
+
+def _uses_of_type(kind: idsl.TypeName, module: str) -> Iterator[Use]:
+    if isinstance(kind, idsl.SequenceOf):
+        yield from _uses_of_type(kind.item, module)
+    elif kind.text not in BUILTIN and kind.text != "void":
+        yield _definition_use(kind, VALUE_TYPES, module)
+
+
+def _uses_of_literal(kind: idsl.TypeName, literal: idsl.Literal | None, module: str) -> Iterator[Use]:
+    """An enumerator, if it can be one."""
+    if literal and not literal.quoted and isinstance(kind, Name) and kind.text not in BUILTIN:
+        enum, name = _qualified(kind, module), _last(Name(literal.text, literal.span))
+        yield Use(name, (Kind.ENUMERATOR,), enum)
+
+
+def _definition_use(name: Name, kinds: tuple[Kind, ...], module: str) -> Use:
+    return Use(_last(name), kinds, name.text.rpartition("::")[0] or module)
+
+
+def _qualified(name: Name, module: str) -> str:
+    return name.text if "::" in name.text else f"{module}::{name}"
+
+
+def _last(name: Name) -> Name:
+    """The last word of a qualified name."""
+    word = name.text.rpartition("::")[2]
+    span = name.span
+    return name if word == name.text else Name(word, span.source.span(span.end - len(word), span.end))
+
+
+# CDSL.
+
+
+def _of_component(model: Component) -> Outline:
+    ports = ", ".join(f"{item.verb} {item.interface}" for item in model.items)
+    links = [Link(each, ".idsl") for each in model.imports]
+    links += [Link(clause.names[0]) for kind in ("params", "statemachine") for clause in model.all(kind)]
+    return Outline(
+        model.source,
+        (Symbol(Kind.COMPONENT, model.name, "", model.span, model.doc, ports),),
+        tuple(Use(item.interface, (Kind.INTERFACE,)) for item in model.items),
+        tuple(links),
+    )
+
+
+# PDSL.
+
+
+def _of_parameters(file: pdsl.File) -> Outline:
+    return Outline(
+        file.source,
+        (_scope(file.scope, Kind.PARAMETERS, ""),),
+        tuple(_uses_of_choices(file.scope, "")),
+        tuple(Link(each, ".pdsl") for each in file.imports),
+    )
+
+
+def _scope(scope: pdsl.Scope, kind: Kind, within: str, doc: str = "") -> Symbol:
+    inside = _inside(scope, within)
+    children = [_parameter(each, inside) for each in scope.params]
+    children += [_scope(each.scope, Kind.LIST, inside, each.doc) for each in scope.lists]
+    return Symbol(kind, scope.name, within, scope.span, doc, "", tuple(children))
+
+
+def _parameter(param: pdsl.Param, inside: str) -> Symbol:
+    bounds = f" {param.range[0]}:{param.range[1]}" if param.range else ""
+    words = [word for word, given in (("mandatory", param.mandatory), ("dynamic", param.dynamic)) if given]
+    detail = " ".join([f"{param.kind} {param.default}{bounds}", *words])
+    choices = tuple(Symbol(Kind.CHOICE, each, f"{inside}::{param.name}", each.span) for each in param.values)
+    return Symbol(Kind.PARAMETER, param.name, inside, param.span, param.doc, detail, choices)
+
+
+def _uses_of_choices(scope: pdsl.Scope, within: str) -> Iterator[Use]:
+    inside = _inside(scope, within)
+    for param in scope.params:
+        if param.kind == "enum":
+            yield Use(param.default, (Kind.CHOICE,), f"{inside}::{param.name}")
+    for each in scope.lists:
+        yield from _uses_of_choices(each.scope, inside)
+
+
+def _inside(scope: pdsl.Scope, within: str) -> str:
+    return f"{within}::{scope.name}" if within else scope.name.text
+
+
+# DDSL.
+
+
+def _of_deployment(model: Deployment) -> Outline:
+    within = model.name.text
+    instances = tuple(
+        Symbol(Kind.INSTANCE, each.name, within, each.span, detail=each.component.text) for each in model.instances
+    )
+    return Outline(
+        model.source,
+        (Symbol(Kind.DEPLOYMENT, model.name, "", model.span, children=instances),),
+        tuple(use for each in model.instances for use in _uses_of_instance(each, within)),
+        (
+            *(Link(each, ".cdsl") for each in model.imports),
+            *(Link(name) for each in model.instances for name in (each.path, each.config) if name),
+        ),
+    )
+
+
+def _uses_of_instance(instance: Instance, within: str) -> Iterator[Use]:
+    yield Use(instance.component, (Kind.COMPONENT,), "", implied=instance.kind is None)
+    for name in instance.dependences:
+        yield Use(name, (Kind.INSTANCE,), within)
+    for wiring in instance.wirings:
+        yield Use(_without_number(wiring.port), (Kind.INTERFACE,))
+        if re.search(r"\d$", wiring.port.text):
+            yield Use(wiring.port, (Kind.INTERFACE,))
+        yield Use(wiring.instance, (Kind.INSTANCE,), within)
+
+
+def _without_number(port: Name) -> Name:
+    """The interface of a port: `Laser` of `Laser1`."""
+    word = port.text.rstrip("0123456789") or port.text
+    return Name(word, port.span.source.span(port.span.start, port.span.start + len(word)))
+
+
+# SMDSL.
+
+
+def _of_machine(file: smdsl.File) -> Outline:
+    within = file.name.text
+    states, uses, whole = list[Symbol](), dict[Span, Name](), file.name.span
+    for block in file.blocks:
+        inside = f"in {block.parent}" if block.parent else ""
+        states += [Symbol(Kind.STATE, each.name, within, each.name.span, detail=inside) for each in block.states]
+        ends = [end for each in block.transitions for end in (each.source, each.target)]
+        uses |= {each.span: each for each in (block.parent, *ends) if each}  # one source may have several targets
+        whole = whole.to(block.span)
+    return Outline(
+        file.source,
+        (Symbol(Kind.MACHINE, file.name, "", whole, children=tuple(states)),),
+        tuple(Use(each, (Kind.STATE,), within) for each in uses.values()),
+    )

@@ -1,0 +1,193 @@
+"""What the editor has open, and the files around it: read, checked, found.
+
+Every check is a workspace of its own, on one memory: what did not change is not parsed again.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TypeVar
+
+from .. import installed
+from ..dsl.diagnostics import Diagnostic, Report, ordered
+from ..dsl.memory import Memory
+from ..dsl.workspace import ENDINGS, Workspace, read_file
+from .outline import Outline
+
+BOM = "\ufeff"
+
+MAX_FILES = 5000
+"""Models that are looked for in the folders of a project."""
+
+MAX_FOLDERS = 20_000
+
+_PASSED_OVER = ("node_modules", "__pycache__", "site-packages", "build", "dist")
+
+
+G = TypeVar("G")
+M = TypeVar("M")
+
+
+@dataclass
+class Buffer:
+    """A file as the editor has it, and calls it."""
+
+    path: Path
+    text: str
+    version: int | None = None
+    uri: str = ""
+
+
+class Project:
+    """Folders, include folders, and open files. The disk is read through `read`, which prefers the open ones."""
+
+    def __init__(self, folders: Sequence[Path] = (), include: Sequence[Path] = ()) -> None:
+        self.folders, self.include = list(folders), list(include)
+        self._buffers: dict[str, Buffer] = {}
+        self._memory = Memory()
+        self._middlewares = list(installed.transports())
+        self._scanned: dict[str, Path] | None = None
+        self.last_outlines: dict[str, Outline] = {}
+        """What files defined when they could be read the last time: what can be named while one is written."""
+        self._used: dict[str, set[str]] = {}
+        """What was read, or looked for in vain, to check an open file."""
+
+    # Open files.
+
+    def open(self, path: Path, text: str, version: int | None = None, uri: str = "") -> None:
+        """An editor opened a file, or changed what it has."""
+        self._buffers[real(path)] = Buffer(path, text, version, uri)
+
+    def close(self, path: Path) -> None:
+        self._buffers.pop(real(path), None)
+        self._used.pop(real(path), None)
+
+    def buffer(self, path: Path) -> Buffer | None:
+        return self._buffers.get(real(path))
+
+    @property
+    def opened(self) -> list[Path]:
+        return [each.path for each in self._buffers.values()]
+
+    @property
+    def versions(self) -> dict[str, int | None]:
+        """Of what is open, by its real name."""
+        return {key: each.version for key, each in self._buffers.items()}
+
+    def forget_disk(self) -> None:
+        """Files came, went or changed, which nobody opened."""
+        self._scanned = None
+        real.cache_clear()
+
+    # Reading.
+
+    def read(self, path: Path) -> bytes:
+        """A file's bytes: what the editor has, else what the disk has."""
+        buffer = self._buffers.get(real(path))
+        return buffer.text.encode("utf-8", "replace") if buffer else read_file(path)
+
+    def text(self, path: Path) -> str:
+        """A file as an editor shows it; nothing if it cannot be read."""
+        buffer = self.buffer(path)
+        if buffer:
+            return buffer.text
+        source = self.workspace().source(path)
+        return source.text if source else ""
+
+    def workspace(self) -> Workspace:
+        return Workspace(self.include, self.read, self._middlewares, self._memory)
+
+    def remembered(self, make: Callable[[G], M], path: Path, given: G) -> M:
+        """What `make` comes to for a file's model, made once for each."""
+        return self._memory.recall((make, path), given, lambda report: make(given), Report())
+
+    def with_texts(self, texts: Iterable[tuple[Path, str]]) -> Project:
+        """This project as it would be with other texts."""
+        other = Project(self.folders, self.include)
+        other._buffers = dict(self._buffers)
+        other._scanned = self._scanned
+        other._memory = self._memory
+        for path, text in texts:
+            other.open(path, text)
+        return other
+
+    # Checking.
+
+    def check(self, path: Path) -> list[Diagnostic]:
+        """What is wrong with a file and with what it imports, as `rc lint` would tell it."""
+        used: set[str] = set()
+
+        def read(asked: Path) -> bytes:
+            used.add(real(asked))
+            return self.read(asked)
+
+        workspace = Workspace(self.include, read, self._middlewares, self._memory)
+        if path.suffix.lower() == ".ddsl":
+            report = _check_network(path, workspace)
+        else:
+            workspace.check(path)
+            report = workspace.report
+        if real(path) in self._buffers:
+            self._used[real(path)] = used
+        return ordered(report.diagnostics)
+
+    def dependents(self, path: Path) -> list[Path]:
+        """The other open files to which it matters what is in this one."""
+        changed = real(path)
+        found = (self._buffers[each] for each, used in self._used.items() if changed in used and each != changed)
+        return [buffer.path for buffer in found]
+
+    # Finding.
+
+    def files(self) -> list[Path]:
+        """Every model of the project: in its folders, or beside what is open; the open ones first."""
+        if self._scanned is None:
+            folders = self.folders or sorted({each.parent for each in self.opened})
+            self._scanned = {real(each): each for each in _scan(folders, deep=bool(self.folders))}
+        opened = {key: buffer.path for key, buffer in self._buffers.items()}
+        return list({**opened, **self._scanned, **opened}.values())
+
+    def owns(self, path: Path) -> bool:
+        """Whether a file is the user's: open, or in a folder of the project."""
+        where = real(path)
+        return where in self._buffers or any(where.startswith(real(each) + os.sep) for each in self.folders)
+
+
+@lru_cache(maxsize=4 * MAX_FILES)
+def real(path: Path) -> str:
+    """One name for a file, whatever it is called."""
+    return os.path.realpath(path)
+
+
+def without_mark(text: str) -> str:
+    """A text as our sources hold it."""
+    return text.removeprefix(BOM)
+
+
+def _check_network(path: Path, workspace: Workspace) -> Report:
+    from ..deploy.plan import make_plan  # takes a while, and not everybody deploys
+
+    make_plan(path, workspace)
+    return Report([each for each in workspace.report.diagnostics if each.code != "not-generated"])
+
+
+def _scan(folders: Iterable[Path], *, deep: bool) -> Iterator[Path]:
+    found = visited = 0
+    for folder in folders:
+        for where, below, files in os.walk(folder):
+            below[:] = sorted(each for each in below if deep and not _is_passed_over(where, each))
+            for name in sorted(files):
+                if name.lower().endswith(ENDINGS):
+                    yield Path(where, name)
+                    found += 1
+            visited += 1
+            if found >= MAX_FILES or visited >= MAX_FOLDERS:
+                return
+
+
+def _is_passed_over(where: str, name: str) -> bool:
+    return name.startswith(".") or name in _PASSED_OVER or os.path.exists(os.path.join(where, name, "pyvenv.cfg"))

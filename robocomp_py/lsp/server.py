@@ -1,0 +1,226 @@
+"""The shell around the rest: editors' messages in, answers out. One thread; nothing waits in it.
+
+A file is checked when it changes, and so are the open files that it matters to. What took long the last
+time waits for further changes, as long as it took.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import logging
+import os
+import time
+import traceback
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from lsprotocol import types as lsp
+from pygls.exceptions import JsonRpcException, JsonRpcInternalError
+from pygls.lsp.server import LanguageServer
+
+from .. import __version__
+from ..dsl.workspace import ENDINGS
+from . import answers
+from .complaints import complaints
+from .features import FEATURES, Feature
+from .places import Places, path_of
+from .project import Project
+
+SOON = 0.05
+"""What took less than these seconds is done at once."""
+
+LATEST = 1.0
+"""No check waits longer than these seconds."""
+
+_WATCHED = f"**/*{{{','.join((*ENDINGS, '.toml'))}}}"
+
+
+class Server(LanguageServer):
+    """Holds the project, and checks it; `features` answers what it is asked."""
+
+    def __init__(self) -> None:
+        super().__init__("rc lsp", __version__, lsp.TextDocumentSyncKind.Full, max_workers=1)
+        self.project = Project()
+        self.ended_well = False
+        self._waiting: dict[Path, asyncio.TimerHandle] = {}
+        self._took: dict[Path, float] = {}
+
+    def serve(self, stdin: BinaryIO, stdout: BinaryIO) -> bool:
+        """Until the editor is gone; whether it said so before."""
+        gc.freeze()  # modules stay: to look through them again and again makes every hundredth answer a slow one
+        self.start_io(stdin, stdout)
+        return self.ended_well
+
+    @property
+    def places(self) -> Places:
+        return Places(self.project, self.workspace.position_encoding or lsp.PositionEncodingKind.Utf16)
+
+    @property
+    def versions(self) -> dict[str, int | None] | None:
+        """Of what is open; None if the editor does not take changes with versions."""
+        workspace = self.client_capabilities.workspace
+        edit = workspace.workspace_edit if workspace else None
+        return self.project.versions if edit and edit.document_changes else None
+
+    @property
+    def annotates(self) -> bool:
+        """Whether the editor shows what is said of a change."""
+        workspace = self.client_capabilities.workspace
+        edit = workspace.workspace_edit if workspace else None
+        return bool(edit and edit.document_changes and edit.change_annotation_support)
+
+    def configure(self, settings: Any) -> None:
+        """Take over what the user set: `include`, folders that begin at the first one of the project."""
+        given = settings.get("robocomp", settings) if isinstance(settings, dict) else {}
+        include = given.get("include", []) if isinstance(given, dict) else []
+        base = self.project.folders[0] if self.project.folders else Path.cwd()
+        folders = [each for each in include if isinstance(each, str)] if isinstance(include, list) else []
+        self.project.include = [base / os.path.expanduser(each) for each in folders]
+
+    # Checking.
+
+    def changed(self, path: Path) -> None:
+        """See to it that a file is checked, and those it matters to."""
+        self._check_soon(path)
+        for each in self.project.dependents(path):
+            self._check_soon(each)
+
+    def check_all(self) -> None:
+        for each in self.project.opened:
+            self._check_soon(each)
+
+    def _check_soon(self, path: Path) -> None:
+        waiting = self._waiting.pop(path, None)
+        if waiting:
+            waiting.cancel()
+        took = self._took.get(path, 0.0)
+        delay = 0.0 if took < SOON else min(took, LATEST)
+        self._waiting[path] = asyncio.get_running_loop().call_later(delay, self._check, path)
+
+    def _check(self, path: Path) -> None:
+        del self._waiting[path]
+        buffer = self.project.buffer(path)
+        if buffer is None:
+            return
+        begun = time.thread_time()  # what others have to do is no reason to wait
+        try:
+            places = self.places
+            found = [answers.diagnostic(each, places) for each in complaints(self.project, path)]
+        except Exception as exc:
+            self.tell_of(exc)  # a mistake of ours; the next change may avoid it
+            return
+        self._took[path] = time.thread_time() - begun
+        self.publish(buffer.uri, found, buffer.version)
+
+    def publish(self, uri: str, found: Sequence[lsp.Diagnostic], version: int | None = None) -> None:
+        self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, list(found), version))
+
+    # Mistakes of ours.
+
+    def tell_of(self, error: BaseException) -> None:
+        text = "".join(traceback.format_exception(error))
+        self.window_log_message(lsp.LogMessageParams(lsp.MessageType.Error, f"a mistake in rc lsp: {text}"))
+
+    def report_server_error(self, error: Exception, source: Any) -> None:
+        if not isinstance(error, JsonRpcException) or isinstance(error, JsonRpcInternalError):
+            self.tell_of(error)  # others are refusals, which are the answer already
+
+
+def make_server() -> Server:
+    logging.getLogger("pygls").setLevel(logging.CRITICAL)  # what it would print is told to the editor
+    server = Server()
+    for name, handler, options in (*_LIFE, *FEATURES):
+        server.feature(name, options)(partial(handler, server))
+    return server
+
+
+# The life of a session.
+
+
+def _initialize(server: Server, params: lsp.InitializeParams) -> None:
+    folders = [path_of(each.uri) for each in params.workspace_folders or ()]
+    root = path_of(params.root_uri) if params.root_uri else None
+    server.project.folders = [each for each in folders or [root] if each]
+    server.configure(params.initialization_options)
+
+
+def _initialized(server: Server, params: lsp.InitializedParams) -> None:
+    """Ask to be told of changes on the disk, if the editor can."""
+    workspace = server.client_capabilities.workspace
+    watching = workspace.did_change_watched_files if workspace else None
+    if watching and watching.dynamic_registration:
+        watcher = lsp.FileSystemWatcher(_WATCHED)
+        options = lsp.DidChangeWatchedFilesRegistrationOptions([watcher])
+        registration = lsp.Registration("files", lsp.WORKSPACE_DID_CHANGE_WATCHED_FILES, options)
+        server.client_register_capability(lsp.RegistrationParams([registration]))
+
+
+def _shutdown(server: Server, params: None) -> None:
+    server.ended_well = True
+
+
+def _did_change_configuration(server: Server, params: lsp.DidChangeConfigurationParams) -> None:
+    if isinstance(params.settings, dict) and params.settings:
+        server.configure(params.settings)
+        server.check_all()
+
+
+def _did_change_folders(server: Server, params: lsp.DidChangeWorkspaceFoldersParams) -> None:
+    gone = {path_of(each.uri) for each in params.event.removed}
+    new = [path_of(each.uri) for each in params.event.added]
+    server.project.folders = [each for each in server.project.folders if each not in gone]
+    server.project.folders += [each for each in new if each]
+    server.project.forget_disk()
+
+
+def _did_change_watched_files(server: Server, params: lsp.DidChangeWatchedFilesParams) -> None:
+    server.project.forget_disk()
+    server.check_all()
+
+
+# Documents.
+
+
+def _did_open(server: Server, params: lsp.DidOpenTextDocumentParams) -> None:
+    document = params.text_document
+    _take_over(server, document.uri, document.text, document.version)
+
+
+def _did_change(server: Server, params: lsp.DidChangeTextDocumentParams) -> None:
+    text = server.workspace.get_text_document(params.text_document.uri).source
+    _take_over(server, params.text_document.uri, text, params.text_document.version)
+
+
+def _take_over(server: Server, uri: str, text: str, version: int) -> None:
+    path = path_of(uri)
+    if path is None:
+        return  # of a revision, say, that an editor compares with; it has no place of its own
+    server.project.open(path, text, version, uri)
+    server.changed(path)
+
+
+def _did_close(server: Server, params: lsp.DidCloseTextDocumentParams) -> None:
+    path = path_of(params.text_document.uri)
+    if path is None:
+        return
+    dependents = server.project.dependents(path)
+    server.project.close(path)
+    server.publish(params.text_document.uri, [])
+    for each in dependents:
+        server.changed(each)
+
+
+_LIFE: tuple[Feature, ...] = (
+    (lsp.INITIALIZE, _initialize, None),
+    (lsp.INITIALIZED, _initialized, None),
+    (lsp.SHUTDOWN, _shutdown, None),
+    (lsp.WORKSPACE_DID_CHANGE_CONFIGURATION, _did_change_configuration, None),
+    (lsp.WORKSPACE_DID_CHANGE_WORKSPACE_FOLDERS, _did_change_folders, None),
+    (lsp.WORKSPACE_DID_CHANGE_WATCHED_FILES, _did_change_watched_files, None),
+    (lsp.TEXT_DOCUMENT_DID_OPEN, _did_open, None),
+    (lsp.TEXT_DOCUMENT_DID_CHANGE, _did_change, None),
+    (lsp.TEXT_DOCUMENT_DID_CLOSE, _did_close, None),
+)
