@@ -9,18 +9,23 @@ import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from ..contract.component import Component, Port
 from ..contract.interface import Verb, differences
+from ..contract.parameters import Complaint
 from ..dsl.ddsl.model import Deployment, Instance, Wiring
-from ..dsl.diagnostics import Report, did_you_mean
-from ..dsl.source import Name
-from ..dsl.workspace import LinkedComponent, Workspace
+from ..dsl.ddsl.order import start_order
+from ..dsl.diagnostics import Diagnostic, Report, did_you_mean, mistyped
+from ..dsl.numbers import whole
+from ..dsl.source import Name, Source
+from ..dsl.workspace import LinkedComponent, Workspace, nearby
 from ..errors import ConfigurationError
 from ..runtime import settings
+from ..runtime.document import Document, NotToml
 from ..spelling import unknown
+from .configuration import check_text, span_of
 from .routes import Configured, check_routes, generated_for, unfit
 
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
@@ -137,6 +142,7 @@ class _Planner:
         self._model, self._workspace, self._overrides = model, workspace, overrides
         self._report: Report = workspace.report
         self._folder = model.source.path.parent
+        self._instances = [instance.name.text for instance in model.instances]
         self._links: list[Link] = []
         self._configured: list[Configured] = []
         self._unfit: set[str] = set()
@@ -147,8 +153,7 @@ class _Planner:
         nodes = self._nodes()
         for node in nodes:
             self._wire(node, nodes)
-        order = self._start_order(nodes)
-        processes = [self._process(node) for node in order]
+        processes = [self._process(node) for node in self._in_order(nodes)]
         self._check_routes(nodes)
         middleware = self._overrides.middleware or (self._model.middleware.text if self._model.middleware else "")
         return Plan(
@@ -168,34 +173,28 @@ class _Planner:
             self._check_middleware(Name(self._overrides.middleware, model.name.span))
         for word in (*model.later, *(word for instance in model.instances for word in instance.later)):
             self._error("not-yet", f"`{word}` is not understood by this version yet", word)
-        seen: dict[str, Name] = {}
-        ports: dict[str, Name] = {}
         for instance in model.instances:
-            first = seen.setdefault(instance.name.text, instance.name)
-            if first is not instance.name:
-                self._error("duplicate", f"instance `{instance.name}` is there twice", instance.name, "", first)
-            self._check_instance(instance, ports)
+            self._check_instance(instance)
         for name, _ in self._overrides.settings:
-            if name != "*" and name not in seen:
-                message = f"--set {name}.…: {unknown('instance', name, seen)}"
+            if name != "*" and name not in self._instances:
+                message = f"--set {name}.…: {unknown('instance', name, self._instances)}"
                 self._error("unknown-instance", message, model.name)
         if not model.instances and not self._report.errors:
             self._report.warning("empty-deployment", "there is nothing to run", model.name.span)
 
-    def _check_instance(self, instance: Instance, ports: dict[str, Name]) -> None:
+    def _check_instance(self, instance: Instance) -> None:
         self._check_middleware(instance.middleware)
         if instance.ip and instance.ip.text not in LOOPBACK:
             hint = "use localhost"
             self._error(
                 "not-yet", f"`{instance.ip}`: other hosts are not reached by this version yet", instance.ip, hint
             )
-        if instance.port:
-            number = int(instance.port.text, 0)
-            if not 1 <= number <= 65535:
-                self._error("bad-port", f"{number} is no port; allowed: 1 to 65535", instance.port)
-            first = ports.setdefault(str(number), instance.port)
-            if first is not instance.port:
-                self._error("port-clash", f"port {number} is taken", instance.port, "", first)
+        for name in (instance.path, instance.config):
+            file = self._folder / name.text if name else None
+            if name and file and not file.is_file():
+                self._error("missing-file", f"there is no file {file}", name, nearby(file, name.text))
+            elif name and file and name is instance.path and not os.access(file, os.X_OK):
+                self._error("not-executable", f"{file} is not executable", name)
 
     def _check_middleware(self, name: Name | None) -> None:
         fault = unfit(name.text) if name else None
@@ -210,40 +209,48 @@ class _Planner:
             linked = self._workspace.component(path)
             if linked:
                 known[linked.component.name.lower()] = linked
+        read = {linked.path.stem for linked in known.values()}
+        unread = {PurePosixPath(name.text).stem for name in self._model.imports} - read
         complete = len(known) == len(self._model.imports)
         nodes = []
         for instance in self._model.instances:
             found = known.get(instance.component.text.lower())
             if found:
                 nodes.append(Node(instance, found))
-            elif complete:
-                names = [each.component.name for each in known.values()]
-                hint = did_you_mean(instance.component.text, names) or "import its .cdsl"
-                self._error("unknown-component", f"unknown component `{instance.component}`", instance.component, hint)
+                continue
+            hint = did_you_mean(instance.component.text, [each.component.name for each in known.values()])
+            if complete or (hint and not mistyped(instance.component.text, unread)):
+                message = f"unknown component `{instance.component}`"
+                self._error("unknown-component", message, instance.component, hint or "import its .cdsl")
         return nodes
 
     # Who uses whom.
 
     def _wire(self, node: Node, nodes: Sequence[Node]) -> None:
-        wirings = {}
+        wirings: dict[str, Wiring] = {}
+        astray: set[Verb] = set()
+        """Of wirings whose port is not there: they may be meant for any port that has none."""
         for wiring in node.instance.wirings:
             port = self._wired_port(node, wiring)
-            if port and any(other.name == wiring.instance.text for other in nodes):
+            if port:
                 wirings[port.name] = wiring
-            elif port:
-                hint = did_you_mean(wiring.instance.text, [other.name for other in nodes])
-                self._error("unknown-instance", f"unknown instance `{wiring.instance}`", wiring.instance, hint)
+            else:
+                astray.add(Verb(wiring.verb.text))
+        there = {other.name for other in nodes}
         complete = len(nodes) == len(self._model.instances)
         for port in node.component.ports:
-            if not port.verb.provides:
-                self._wire_port(node, port, wirings.get(port.name), nodes, complete)
+            given = wirings.get(port.name)
+            lost = given.instance.text not in there if given else port.verb in astray
+            if not port.verb.provides and not lost:
+                self._wire_port(node, port, given, nodes, complete)
 
     def _wired_port(self, node: Node, wiring: Wiring) -> Port | None:
         verb = Verb(wiring.verb.text)
         ports = {port.label: port for port in node.component.ports if port.verb is verb}
         if wiring.port.text not in ports:
             message = f"`{node.component.name}` has no `{verb} {wiring.port}`"
-            self._error("unknown-port", message, wiring.port, did_you_mean(wiring.port.text, ports))
+            hint = did_you_mean(wiring.port.text, ports) or (f"it has: {', '.join(ports)}" if ports else "")
+            self._error("unknown-port", message, wiring.port, hint)
         return ports.get(wiring.port.text)
 
     def _wire_port(self, node: Node, port: Port, wiring: Wiring | None, nodes: Sequence[Node], complete: bool) -> None:
@@ -264,7 +271,9 @@ class _Planner:
             names = ", ".join(f"`{name}`" for name in providers)
             likely = providers[min(int(port.number or 0), len(providers) - 1)]
             hint = f"write in its block: requires {port.label} from {likely};"
-            self._error("ambiguous-provider", f"`{port.label}` for `{node.name}`: {names} implement it", at, hint)
+            message = f"`{port.label}` for `{node.name}`: {names} implement it"
+            ones = dict.fromkeys(other.instance.name for other, _ in offers)
+            self._error("ambiguous-provider", message, at, hint, *(("one is here", name) for name in ones))
             return
         for other, theirs in offers:
             self._check_match(port, other, theirs, at)
@@ -291,7 +300,8 @@ class _Planner:
             if match is None or match.fingerprint != operation.fingerprint:
                 what = "; ".join(differences(operation.text, match.text)) if match else "it is absent there"
                 message = f"`{port.interface.short}.{operation.name}` means something else in `{other.name}`: {what}"
-                self._error("contract-mismatch", message, at, "generate both from the same IDSL")
+                hint = "generate both from the same IDSL"
+                self._error("contract-mismatch", message, at, hint, ("the other one", other.instance.name))
                 return
         for asked, given, word in (
             (port.qos.reliable, theirs.qos.reliable, "reliable"),
@@ -299,33 +309,16 @@ class _Planner:
         ):
             if port.verb.is_topic and asked and not given:
                 message = f"`{port.interface.short}` is asked for as {word}, but `{other.name}` does not offer that"
-                self._error("qos-mismatch", message, at, f"publish it with qos({word})")
+                hint = f"publish it with qos({word})"
+                self._error("qos-mismatch", message, at, hint, ("the publisher", other.instance.name))
 
     # In which order, and how.
 
-    def _start_order(self, nodes: Sequence[Node]) -> list[Node]:
+    def _in_order(self, nodes: Sequence[Node]) -> list[Node]:
         """Those others depend on first; else as written."""
+        order, _ = start_order({node.name: node.instance.dependences for node in nodes})
         by_name = {node.name: node for node in nodes}
-        names = {instance.name.text for instance in self._model.instances}
-        for node in nodes:
-            for name in node.instance.dependences:
-                if name.text not in names:
-                    hint = did_you_mean(name.text, names)
-                    self._error("unknown-instance", f"unknown instance `{name}`", name, hint)
-        done: dict[str, Node] = {}
-
-        def visit(node: Node, path: tuple[str, ...]) -> None:
-            for name in node.instance.dependences:
-                if name.text in (*path, node.name):
-                    self._error("dependence-cycle", f"`{node.name}` depends on itself, by way of `{name}`", name)
-                elif name.text in by_name and name.text not in done:
-                    visit(by_name[name.text], (*path, node.name))
-            done[node.name] = node
-
-        for node in nodes:
-            if node.name not in done:
-                visit(node, ())
-        return list(done.values())
+        return [by_name[name] for name in order]
 
     def _process(self, node: Node) -> Process | None:
         command = self._command(node)
@@ -344,33 +337,24 @@ class _Planner:
     def _command(self, node: Node) -> list[str] | None:
         arguments = [name.text for name in node.instance.args]
         if node.instance.path:
-            program = self._folder / node.instance.path.text
-            if not program.is_file():
-                self._error("missing-file", f"there is no file {program}", node.instance.path)
-            elif not os.access(program, os.X_OK):
-                self._error("not-executable", f"{program} is not executable", node.instance.path)
-            return [str(program.resolve()), *arguments]
+            return [str((self._folder / node.instance.path.text).resolve()), *arguments]
         folder = node.linked.path.parent
+        config = self._config(node)
+        assignments = list(self._assignments(node))
+        self._configure(node, config, assignments)
         if not (folder / "generic" / "genericworker.py").is_file():
             hint = f"run: rcgen {node.linked.path}"
             self._error("not-generated", f"`{node.component.name}` has not been generated", node.instance.name, hint)
             return None
         command = [sys.executable, "-m", "robocomp_py.cli.rc", "run", str(folder.resolve()), "--name", node.name]
-        config = self._config(node)
         command += ["--config", str(config.resolve())] if node.instance.config and config else []
-        assignments = list(self._assignments(node))
-        self._configure(node, config, assignments)
         return [*command, *(part for each, _ in assignments for part in ("--set", each)), *arguments]
 
     def _config(self, node: Node) -> Path | None:
         if node.instance.config:
             path = self._folder / node.instance.config.text
-            if not path.is_file():
-                self._error("missing-file", f"there is no file {path}", node.instance.config)
-                return None
-            return path
-        path = node.linked.path.parent / "etc" / "config.toml"
-        return path if path.is_file() else None
+            return path if path.is_file() else None
+        return settings.find(node.linked.path.parent)
 
     def _assignments(self, node: Node) -> Iterator[tuple[str, str]]:
         """What the deployment sets, weakest first, and who says so."""
@@ -383,26 +367,33 @@ class _Planner:
         elif named:
             yield f"middleware={named}", network
         if node.instance.port:
-            yield f"transports.zeromq.bind=tcp://127.0.0.1:{int(node.instance.port.text, 0)}", network
+            yield f"transports.zeromq.bind=tcp://127.0.0.1:{whole(node.instance.port.text)}", network
         for port, source in node.wires.items():
             yield f"ports.{port}.from={source}", network
         for assignment in self._overrides.of(node.name):
             yield assignment, f"--set {assignment}"
 
     def _configure(self, node: Node, config: Path | None, assignments: Iterable[tuple[str, str]]) -> None:
+        at = node.instance.config or node.instance.name
         try:
-            document = settings.read(config) if config else settings.Document()
+            params = node.component.params
+            document = settings.read(config, params) if config else Document(params=params)
+            variables = {variable.name.text: variable.value.text for variable in node.instance.env}
+            settings.environment(document, node.component, {**os.environ, **variables})
             for assignment, origin in assignments:
-                settings.override(document, assignment)
-                key, _ = document.overrides[-1]
-                document.overrides[-1] = (key, origin)
-            checked = settings.check(node.component, document, node.name)
+                settings.override(document, assignment, origin)
+        except NotToml:
+            source = self._workspace.source(config) if config else None
+            if source:
+                check_text(source, node.component, self._workspace)
+            return
         except ConfigurationError as exc:
-            self._error(
-                "configuration",
-                f"`{node.name}` is configured wrongly\n  " + str(exc).replace("\n", "\n  "),
-                node.instance.config or node.instance.name,
-            )
+            self._error("configuration", f"`{node.name}` is configured wrongly: {exc}", at)
+            return
+        checked, complaints = settings.examine(node.component, document, node.name)
+        for each in complaints:
+            self._report.extend([_complaint(node, config, document, each)])
+        if complaints:
             return
         middleware = generated_for(node.linked.path.parent)
         self._configured.append(Configured(node.name, node.component, checked, document, middleware))
@@ -418,13 +409,21 @@ class _Planner:
 
     def _check_routes(self, nodes: Sequence[Node]) -> None:
         at = {node.name: node.instance.config or node.instance.name for node in nodes}
-        instances = [instance.name.text for instance in self._model.instances]
-        for fault in check_routes(self._configured, instances, self._unfit):
+        for fault in check_routes(self._configured, self._instances, self._unfit):
             self._error(fault.code, fault.message, at[fault.instance], fault.hint)
 
-    def _error(self, code: str, message: str, at: Name, hint: str = "", first: Name | None = None) -> None:
-        related = (("first here", first.span),) if first else ()
-        self._report.error(code, message, at.span, hint, *related)
+    def _error(self, code: str, message: str, at: Name, hint: str = "", *related: tuple[str, Name]) -> None:
+        self._report.error(code, message, at.span, hint, *((text, name.span) for text, name in related))
+
+
+def _complaint(node: Node, config: Path | None, document: Document, complaint: Complaint) -> Diagnostic:
+    """Something wrong with a configuration, in its file, or else where the instance stands that somebody set it for."""
+    origin = document.overridden(complaint.key) if complaint.key else ""
+    if config and not origin:
+        source = Source(config, document.text)
+        return Diagnostic(complaint.code, complaint.message, span_of(source, document, complaint))
+    message = f"`{node.name}` is configured wrongly: {f'{origin}: ' if origin else ''}{complaint.message}"
+    return Diagnostic(complaint.code, message, (node.instance.config or node.instance.name).span)
 
 
 def _offered(node: Node, wanted: Port) -> list[Port]:

@@ -204,7 +204,9 @@ WRONG = {
     'Component sensor { path "nowhere"; };': ["missing-file"],
     'Component sensor { path "net.ddsl"; };': ["not-executable"],
     'Component sensor { config "nowhere.toml"; };': ["missing-file"],
-    'Component sensor { config "bad.toml"; };': ["configuration"],
+    'Component sensor { config "bad.toml"; };': ["config-out-of-range"],
+    'Component sensor { config "no.toml"; };': ["config-syntax"],
+    'Component sensor { env ROBOCOMP__PARAMS__RANGE "99"; };': ["config-out-of-range"],
     'Component sensor { ip "192.168.1.10"; };': ["not-yet"],
     "Component sensor { restart always; };": ["not-yet"],
     "host onboard { }; Component sensor { };": ["not-yet"],
@@ -217,6 +219,7 @@ WRONG = {
 @pytest.mark.parametrize("body", WRONG)
 def test_what_is_wrong_is_found_before_anything_starts(folder: Path, body: str) -> None:
     (folder / "bad.toml").write_text("[params]\nrange = 99\n")
+    (folder / "no.toml").write_text("[params\n")
     assert errors(folder, body) == WRONG[body]
 
 
@@ -225,16 +228,38 @@ def test_several_mistakes_are_told_at_once(folder: Path) -> None:
     assert set(errors(folder, body)) >= {"unknown-instance", "unknown-component", "bad-port"}
 
 
-def test_a_wrong_configuration_is_told_with_its_file_and_line(folder: Path) -> None:
+def test_what_is_wrong_in_a_configuration_is_told_where_it_stands(folder: Path) -> None:
     (folder / "bad.toml").write_text("[params]\nrange = 99\nrnage = 1\n")
-    _, (found,) = plan(folder, 'Component sensor { config "bad.toml"; };')
-    assert f"{folder}/bad.toml:2: `range` is 99; allowed: float, 0.0 to 30.0" in found.message
-    assert f"{folder}/bad.toml:3: unknown parameter `rnage`; did you mean `range`?" in found.message
+    _, found = plan(folder, 'Component a : sensor { config "bad.toml"; }; Component b : sensor { config "bad.toml"; };')
+    far, misspelt = sorted(found, key=lambda each: each.span.start)
+    assert far.message == "`range` (m) is 99; allowed: float, 0.0 to 30.0"
+    assert far.render().startswith(f"{folder}/bad.toml:2:9: error[config-out-of-range]")
+    assert misspelt.message == "unknown parameter `rnage`; did you mean `range`?"
+    assert misspelt.render().startswith(f"{folder}/bad.toml:3:1: error[config-unknown-key]")
+
+
+def test_what_cannot_be_set_is_told_with_who_sets_it(folder: Path) -> None:
+    override = Overrides(settings=(("sensor", "namespace.x=1"),))
+    _, (found,) = plan(folder, "namespace a; Component sensor { };", override)
+    assert found.code == "configuration"
+    assert found.message.endswith("--set namespace.x=1: namespace is no table")
+
+
+def test_what_an_instance_finds_in_its_environment_is_checked(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    body = 'Component sensor { env ROBOCOMP__RANGE "99"; };'
+    _, (found,) = plan(folder, body)
+    assert "environment variable ROBOCOMP__RANGE: `range` (m) is 99; allowed: float, 0.0 to 30.0" in found.message
+    assert errors(folder, body, Overrides(settings=(("sensor", "range=9"),))) == []
+    monkeypatch.setenv("ROBOCOMP__RANGE", "98")
+    assert errors(folder, "Component sensor { };") == ["config-out-of-range"]
+    assert errors(folder, 'Component sensor { env ROBOCOMP__RANGE "9"; };') == []
 
 
 def test_a_wrong_override_is_told_as_it_was_given(folder: Path) -> None:
     _, (found,) = plan(folder, "Component sensor { };", Overrides(settings=(("sensor", "params.range=99"),)))
-    assert "--set params.range=99: `range` is 99" in found.message
+    assert "--set params.range=99: `range` (m) is 99; allowed: float, 0.0 to 30.0" in found.message
+    _, (found,) = plan(folder, "Component sensor { };", Overrides(settings=(("sensor", "range=99"),)))
+    assert "--set range=99: `range` (m) is 99" in found.message
     assert errors(folder, "Component sensor { };", Overrides(settings=(("senser", "a=1"),))) == ["unknown-instance"]
 
 
@@ -257,6 +282,28 @@ def test_a_component_that_was_not_generated_says_how(folder: Path, tmp_path: Pat
     assert make_plan(tmp_path / "net.ddsl", workspace) is None
     ((code, hint),) = [(each.code, each.hint) for each in workspace.report.errors]
     assert (code, hint) == ("not-generated", f"run: rcgen {tmp_path}/sensor.cdsl")
+
+
+def test_its_configuration_is_checked_all_the_same(tmp_path: Path) -> None:
+    (tmp_path / "sensor.cdsl").write_text(SENSOR)
+    (tmp_path / "sensor.pdsl").write_text(PARAMS)
+    (tmp_path / "etc").mkdir()
+    (tmp_path / "etc" / "config.toml").write_text("[params]\nrange = 99\n")
+    (tmp_path / "net.ddsl").write_text('import "sensor.cdsl"; Deployment net { Component sensor { }; };')
+    workspace = Workspace()
+    assert make_plan(tmp_path / "net.ddsl", workspace) is None
+    assert any("config.toml:2" in each.render() for each in workspace.report.errors)
+
+
+def test_an_instance_whose_component_is_unknown_is_there_for_those_that_use_it(folder: Path) -> None:
+    body = "Component left : sensr { }; Component driver { dependences left; requires Laser from left; };"
+    assert errors(folder, body) == ["unknown-component"]
+
+
+def test_a_wire_that_is_wrong_is_not_told_to_be_missing_too(folder: Path) -> None:
+    both = "Component left : sensor { }; Component right : sensor { };"
+    assert errors(folder, f"{both} Component driver {{ requires Lasr from left; }};") == ["unknown-port"]
+    assert errors(folder, f"{both} Component driver {{ requires Laser from lfet; }};") == ["unknown-instance"]
 
 
 def test_two_definitions_of_one_interface_are_told_apart(folder: Path, tmp_path: Path) -> None:

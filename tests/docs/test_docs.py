@@ -30,7 +30,7 @@ from robocomp_py.transports.base import TransportConfig, find_transport
 from .pages import ROOT, Command, File, blocks, steps
 
 DOCS = ROOT / "docs"
-LANGUAGES = ("idsl", "cdsl", "pdsl", "ddsl")
+LANGUAGES = ("idsl", "cdsl", "pdsl", "ddsl", "smdsl")
 
 
 def do(step: File | Command, folder: Path, **variables: str) -> None:
@@ -79,6 +79,14 @@ def test_the_minute_of_the_readme_works_as_written(tmp_path: Path) -> None:
     assert len(done) > 6
     for step in done:
         do(step, tmp_path)
+
+
+def test_the_guide_to_state_machines_works_as_written(tmp_path: Path) -> None:
+    done = list(steps(DOCS / "statemachines.md"))
+    assert len(done) > 7
+    for step in done:
+        do(step, tmp_path)
+    assert (DOCS / "patrol.svg").read_text() == (tmp_path / "patrol.svg").read_text(), "draw it again"
 
 
 MIDDLEWARES = DOCS / "middlewares.md"

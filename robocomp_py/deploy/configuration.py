@@ -1,0 +1,122 @@
+"""A configuration file checked against models, with the places in its text.
+
+What is wrong is found by what a component checks itself with when it starts.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from .. import installed
+from ..contract.component import Component
+from ..contract.parameters import Complaint, Key
+from ..dsl.diagnostics import Diagnostic
+from ..dsl.source import Source, Span
+from ..dsl.workspace import ENDINGS, Workspace
+from ..runtime import settings
+from ..runtime.document import Document, NotToml
+from ..runtime.settings import Settings
+from ..spelling import unknown
+from .mending import Mended, mend
+
+
+def is_configuration(path: Path) -> bool:
+    """Whether a file is a configuration, by its name: `config.toml`, `config`, `config.debug`, `configRobot`."""
+    is_ours = path.suffix.lower() in (*ENDINGS, ".scxml")
+    return path.suffix.lower() == ".toml" or (path.name.lower().startswith("config") and not is_ours)
+
+
+def check_configuration(path: Path, workspace: Workspace, against: Path | None = None) -> None:
+    """Report what is wrong with a configuration for a component (.cdsl) or for parameters (.pdsl).
+
+    Without them, it is for the component beside it, or beside the folder it is in.
+    """
+    source = workspace.source(path)
+    model = against or _beside(path)
+    if source is None:
+        return
+    if model is None:
+        message = "nothing says for which component this is; give its .cdsl or .pdsl by --against"
+        workspace.report.error("config-without-model", message, source.span(0, 0))
+        return
+    component = _component(model, workspace)
+    if component:
+        check_text(source, component, workspace, ports=model.suffix.lower() != ".pdsl")
+
+
+def _beside(path: Path) -> Path | None:
+    """The only component in the folder of a configuration, or in the one around that."""
+    for folder in (path.absolute().parent, path.absolute().parent.parent):
+        found = list(folder.glob("*.cdsl"))
+        if found:
+            return found[0] if len(found) == 1 else None
+    return None
+
+
+def _component(model: Path, workspace: Workspace) -> Component | None:
+    if model.suffix.lower() != ".pdsl":
+        linked = workspace.component(model)
+        return linked.component if linked else None
+    params = workspace.parameters(model)
+    return Component(params.name, (), params) if params else None
+
+
+def check_text(source: Source, component: Component, workspace: Workspace, *, ports: bool = True) -> None:
+    """Report what is wrong with a configuration for a component; not with its ports, if these are not known."""
+    report = workspace.report
+    try:
+        document, mended = settings.from_text(source.text, source.path, component.params), Mended(source.text)
+    except NotToml:
+        mended = mend(source.text, source.path)
+        report.extend(_not_toml(source, each) for each in mended.errors)
+        if mended.is_wrong or mended.lacks_header:
+            return
+        document = settings.from_text(mended.text, source.path, component.params)
+    checked, complaints = settings.examine(component, document)
+    complaints = [each for each in complaints if not _may_be_left_out(each, mended)]
+    for each in [*complaints, *_unknown_middlewares(checked)]:
+        if ports or each.key[:1] != ("ports",):
+            report.extend([Diagnostic(each.code, each.message, span_of(source, document, each))])
+    told = [span_of(source, document, each).start for each in complaints]
+    for note in document.notes:
+        span = source.span(note.spot.key[0], note.spot.value[1]) if note.spot else source.span(0, 0)
+        if not note.understood and span.start not in told:
+            report.warning("config-not-understood", note.why, span)
+        elif note.understood and not note.became:
+            report.warning("config-without-effect", f"`{note.key}` has no effect: it is {note.why}", span)
+
+
+def _unknown_middlewares(checked: Settings) -> Iterator[Complaint]:
+    chosen: dict[Key, str | None] = {("middleware",): checked.middleware}
+    chosen |= {("ports", *key, "middleware"): each.middleware for key, each in checked.ports.items()}
+    known = installed.transports()
+    for key, name in chosen.items():
+        if name and name not in known:
+            yield Complaint(key, unknown("middleware", name, known), "config-unknown-value")
+
+
+def _may_be_left_out(complaint: Complaint, mended: Mended) -> bool:
+    """Whether something only seems to be missing, because it is no TOML as it stands."""
+    missing = complaint.code in ("config-missing", "config-item-count")
+    return missing and any(mended.removed_name(part) for part in complaint.key)
+
+
+def _not_toml(source: Source, error: NotToml) -> Diagnostic:
+    """A text that is no TOML, told at the word or the mark where it stops being one, or at its last character."""
+    start = max(0, min(error.offset, len(source.text) - 1))
+    word = _WORD.match(source.text, start)
+    return Diagnostic("config-syntax", error.reason, source.span(start, word.end() if word else start + 1))
+
+
+_WORD = re.compile(r"\w+")
+
+
+def span_of(source: Source, document: Document, complaint: Complaint) -> Span:
+    """The value that is wrong, or the key, or the table in which something is missing."""
+    spot = document.spot(complaint.key)
+    if spot is None:
+        return source.span(0, 0)
+    is_key = document.says(complaint.key) and complaint.code in ("config-unknown-key", "config-item-count")
+    return source.span(*(spot.key if is_key else spot.value))
