@@ -4,7 +4,7 @@ PYTHON ?= python3
 MIDDLEWARE ?= zeromq
 BIN = .venv/bin
 
-.PHONY: help demo test check format lint types fix golden test-tools bench clean
+.PHONY: help demo test check format lint types fix golden test-tools vscode bench fuzz clean
 
 help:  ## this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/	/' | expand -t 14
@@ -39,14 +39,22 @@ fix: .venv/ready  ## format, and mend what can be mended automatically
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
-golden: .venv/ready  ## rewrite the expected files of the generator's tests; review their diff
+golden: .venv/ready  ## rewrite what is expected of the generator, and what the pages of codes show; review the diff
 	$(BIN)/python -m tests.codegen.golden
+	$(BIN)/python -m tests.docs.diagnostics
 
 test-tools: .venv/ready  ## tests that need programs which .ci/run installs
 	$(BIN)/pytest -m tool $(ARGS)
+
+vscode:  ## build and test the extension for VS Code: editors/vscode/*.vsix; needs npm, and Node 18 or newer
+	cd editors/vscode && npm ci && npm run check && npm test && npm run package
+
+fuzz: .venv/ready  ## many damaged texts for the parsers of the languages (TEXTS=… for each test, ARGS="-k idsl")
+	ROBOCOMP_FUZZ=$(or $(TEXTS),5000) $(BIN)/pytest tests/dsl/test_fuzz.py $(ARGS)
 
 bench: .venv/ready  ## measure against the raw libraries, side by side (ARGS=--help)
 	$(BIN)/python -m benchmarks $(ARGS)
 
 clean:  ## remove what make made
 	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .hypothesis dist build
+	cd editors/vscode && rm -rf node_modules dist out LICENSE *.vsix

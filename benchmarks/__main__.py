@@ -5,6 +5,8 @@
   start    a component, from its process to `ready`
   layers   where the time of a query goes; the codec of the cyclonedds package
   memory   queries with large arrays, when glibc keeps freed memory
+  languages  files read and checked; `rc lint` and `rcgen` as processes
+  lsp      from a change in an editor to its diagnostics
 
 Bare means: the same library, settings, socket kinds or QoS, router and encoded bytes, coded by the
 fastest way a user of it would take, without our header. Ratios count, not absolute figures: they are
@@ -22,7 +24,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from . import layers, machine, memory, publish, query, start
+from . import languages, layers, lsp, machine, memory, publish, query, start
 from .parties import MIDDLEWARES
 from .rounds import FULL, QUICK, Effort
 from .tables import Table, as_markdown, as_text, fill, octets
@@ -91,12 +93,24 @@ def _memory(options: argparse.Namespace, effort: Effort) -> tuple[Rows, list[Tab
     return rows, [memory.table(rows)]
 
 
+def _languages(options: argparse.Namespace, effort: Effort) -> tuple[Rows, list[Table]]:
+    rows = languages.run(effort, _tell)
+    return rows, [languages.table(rows)]
+
+
+def _lsp(options: argparse.Namespace, effort: Effort) -> tuple[Rows, list[Table]]:
+    rows = lsp.run(effort, _tell)
+    return rows, [lsp.table(rows)]
+
+
 MEASUREMENTS: dict[str, Run] = {
     "start": _start,
     "query": _query,
     "publish": _publish,
     "layers": _layers,
     "memory": _memory,
+    "languages": _languages,
+    "lsp": _lsp,
 }
 
 
@@ -141,7 +155,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--markdown", action="store_true", help="print Markdown")
     parser.add_argument("--page", metavar="FILE", help="write the tables into this page, between its marks")
-    parser.add_argument("--json", metavar="FILE", help="write all figures there, times in µs (of `start`: in s)")
+    parser.add_argument(
+        "--json", metavar="FILE", help="write all figures there, times in µs (of `start`, `languages` and `lsp`: in s)"
+    )
     return parser
 
 

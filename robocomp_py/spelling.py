@@ -14,8 +14,14 @@ def closest(name: str, known: Iterable[str], *, prefix: str = "") -> str:
     spellings: dict[str, list[str]] = {}
     for each in known:
         spellings.setdefault(each.removeprefix(prefix).lower(), []).append(each)
-    close = difflib.get_close_matches(name.removeprefix(prefix).lower(), spellings, 1, cutoff=0.7)
+    meant = name.removeprefix(prefix).lower()
+    close = difflib.get_close_matches(meant, spellings, 1, cutoff=_SHORT_LIKENESS if len(meant) <= _SHORT else _LIKENESS)
     return difflib.get_close_matches(name, spellings[close[0]], 1, cutoff=0)[0] if close else ""
+
+
+_LIKENESS = 0.7
+_SHORT, _SHORT_LIKENESS = 3, 0.66
+"""Of three characters, one may be wrong."""
 
 
 def unknown(what: str, name: str, known: Iterable[str]) -> str:

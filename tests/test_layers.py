@@ -24,11 +24,20 @@ FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py.transports.dds": BUILD | (MIDDLEWARES - {"cyclonedds"}) | {"robocomp_py.runtime", "msgpack"},
     "robocomp_py.transports.exclusive": BUILD | MIDDLEWARES | {"robocomp_py.runtime", "msgpack", "numpy"},
     "robocomp_py.transports.zenoh": BUILD | (MIDDLEWARES - {"zenoh"}) | {"robocomp_py.runtime", "msgpack"},
-    "robocomp_py.runtime.api": BUILD | MIDDLEWARES | {"msgpack", "argparse"},
+    "robocomp_py.runtime.statechart": BUILD | MIDDLEWARES | {"numpy", "robocomp_py.wire", "robocomp_py.transports"},
+    "robocomp_py.graph.statemachine": BUILD | MIDDLEWARES | {"numpy", "xml", "robocomp_py.wire", "robocomp_py.runtime"},
+    "robocomp_py.runtime.api": BUILD | MIDDLEWARES | {"xml", "pyexpat", "msgpack", "argparse"},
     "robocomp_py.runtime.run": BUILD | MIDDLEWARES | {"msgpack"},
-    "robocomp_py.cli.rc": MIDDLEWARES | {"lark", "jinja2", "rich", "robocomp_py.codegen", "robocomp_py.deploy"},
+    "robocomp_py.cli.rc": MIDDLEWARES
+    | {"pygls", "lark", "jinja2", "rich", "robocomp_py.codegen", "robocomp_py.deploy"},
     "robocomp_py.dsl.workspace": MIDDLEWARES | {"jinja2", "robocomp_py.codegen", "robocomp_py.runtime", "msgpack"},
     "robocomp_py.codegen.generate": MIDDLEWARES | {"lark", "robocomp_py.dsl", "robocomp_py.runtime", "msgpack"},
+    "robocomp_py.lsp.rename": MIDDLEWARES
+    | {"pygls", "lsprotocol", "jinja2", "robocomp_py.codegen", "robocomp_py.deploy"},
+    "robocomp_py.lsp.fixes": MIDDLEWARES
+    | {"pygls", "lsprotocol", "jinja2", "robocomp_py.codegen", "robocomp_py.deploy"},
+    "robocomp_py.lsp.complete": MIDDLEWARES | {"pygls", "lsprotocol", "jinja2", "robocomp_py.codegen"},
+    "robocomp_py.lsp.server": MIDDLEWARES | {"jinja2", "robocomp_py.codegen", "robocomp_py.deploy"},
     "robocomp_py.deploy.policy": {"subprocess", "asyncio", "lark", "numpy", "robocomp_py.dsl"},
     "robocomp_py.deploy.plan": MIDDLEWARES | {"subprocess", "jinja2", "robocomp_py.codegen", "msgpack"},
 }

@@ -6,27 +6,32 @@ import argparse
 from collections.abc import Sequence
 from typing import Protocol
 
-from . import lint, run
+from . import fmt, graph, lint, lsp, run
 from .common import add_version, command, parser
 
 
-class Command(Protocol):
-    """What a module beside this offers. It imports what takes long in `run`."""
-
+class Described(Protocol):
     NAME: str
     HELP: str
 
     def add_arguments(self, to: argparse.ArgumentParser) -> None: ...
+
+
+class Command(Described, Protocol):
+    """What a module beside this offers. It imports what takes long in `run`."""
+
     def run(self, options: argparse.Namespace) -> int: ...
 
 
-_COMMANDS: tuple[Command, ...] = (lint,)
+_COMMANDS: tuple[Command, ...] = (lint, fmt, lsp, graph)
 """All but `run`, which passes on what only the component understands."""
 
 _EXAMPLES = """\
 examples:
   rc lint interfaces/*.idsl           check files of any of the languages
   rc lint --json net.ddsl             ... one diagnostic a line, for machines
+  rc fmt .                            format all files of the languages here and below
+  rc graph game.smdsl -o game.svg     draw a state machine
   rc run components/wander            run a component until Ctrl-C
   rc run . --set component.period=0.02 --name left
 
@@ -39,7 +44,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     made = parser("rc", "Check and run components.", _EXAMPLES)
     commands = made.add_subparsers(dest="command", metavar="COMMAND", required=True)
     parsers: dict[str, argparse.ArgumentParser] = {}
-    for each in (*_COMMANDS, run):
+    every: tuple[Described, ...] = (*_COMMANDS, run)
+    for each in every:
         own = commands.add_parser(each.NAME, help=each.HELP, add_help=each is not run)
         each.add_arguments(own)
         add_version(own, f"rc {each.NAME}")

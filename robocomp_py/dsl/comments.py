@@ -10,6 +10,9 @@ from functools import cached_property
 
 from .source import Source, Span
 
+_FAR = 1000
+"""Characters of a gap that nobody looks through: or each node would cost as much as the file is long."""
+
 _COMMENT = re.compile(r'"[^"\n]*"|//[^\n]*|/\*.*?\*/|/\*.*', re.DOTALL)
 
 
@@ -37,15 +40,22 @@ class Comments:
 
     def doc(self, span: Span) -> str:
         """The comment that belongs to a node: on the lines right above it, or behind it on its line."""
-        above = _clean(self._above(span))
-        behind = self._behind(span)
-        return above or (_clean([behind.text]) if behind else "")
+        index = bisect.bisect_left(self._starts, span.start)
+        above = _clean(self._above(span, index))
+        if above:
+            return above
+        behind = self._behind(span, bisect.bisect_left(self._starts, span.end, index))
+        return _clean([behind.text]) if behind else ""
 
-    def _above(self, span: Span) -> list[str]:
+    def _above(self, span: Span, index: int) -> list[str]:
+        """Those right before a node; of that index is the first that begins behind its start."""
         found: list[str] = []
         start = span.start
-        for index in range(self._first_after(span.start) - 1, -1, -1):
+        while index:
+            index -= 1
             comment = self.spans[index]
+            if start - comment.end > _FAR:
+                break
             gap = self.source.text[comment.end : start]
             if gap.strip() or gap.count("\n") > 1 or not self._alone(comment):
                 break
@@ -53,15 +63,16 @@ class Comments:
             start = comment.start
         return found
 
-    def _behind(self, span: Span) -> Span | None:
-        index = self._first_after(span.end)
-        if index == len(self.spans):
+    def _behind(self, span: Span, index: int) -> Span | None:
+        """The one right behind a node, if it is that of this index."""
+        if index == len(self.spans) or self._starts[index] - span.end > _FAR:
             return None
-        gap = self.source.text[span.end : self.spans[index].start]
-        return self.spans[index] if "\n" not in gap and not gap.strip(" \t;,})") else None
+        gap = self.source.text[span.end : self._starts[index]]
+        return self.spans[index] if "\n" not in gap and not gap.strip(" \t;,)") else None
 
-    def _first_after(self, offset: int) -> int:
-        return bisect.bisect_left(self.spans, offset, key=lambda comment: comment.start)
+    @cached_property
+    def _starts(self) -> list[int]:
+        return [span.start for span in self.spans]
 
     def _alone(self, comment: Span) -> bool:
         """Whether nothing stands before it on its line."""

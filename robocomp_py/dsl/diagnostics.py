@@ -97,9 +97,16 @@ def mistyped(name: str, known: Iterable[str]) -> str:
     For names of which many exist that share a part: `PoseEstimation` and `FullPoseEstimation` are two things.
     """
     near = closest(name, known)
-    pairs = difflib.SequenceMatcher(None, name.lower(), near.lower(), autojunk=False).get_opcodes()
-    slips = sum(max(i2 - i1, j2 - j1) for kind, i1, i2, j1, j2 in pairs if kind != "equal")
-    return near if slips <= (1 if len(name) < _LONG else 2) else ""
+    return near if _slips(name.lower(), near.lower()) <= (1 if len(name) < _LONG else 2) else ""
+
+
+def _slips(name: str, meant: str) -> int:
+    """How many characters are wrong, too many or missing; two that are swapped count once."""
+    differ = [at for at, (one, other) in enumerate(zip(name, meant, strict=False)) if one != other]
+    if len(name) == len(meant) and len(differ) == 2 and name[differ[0]] == meant[differ[1]]:
+        return 1
+    pairs = difflib.SequenceMatcher(None, name, meant, autojunk=False).get_opcodes()
+    return sum(max(i2 - i1, j2 - j1) for kind, i1, i2, j1, j2 in pairs if kind != "equal")
 
 
 _LONG = 6

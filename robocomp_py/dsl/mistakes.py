@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from ..spelling import closest
@@ -22,7 +23,11 @@ END = "the end of the file"
 _STRAY = re.compile(r'"[^"\n]*"|[;{](?:\s*;)+')
 """A text, in which nothing is stray, or what ends or opens something, and the semicolons that follow it."""
 
+_CONFLICT = re.compile(r"^(<{7}|={7}|>{7})(?![<=>])[^\n]*", re.MULTILINE)
+"""What git leaves in a text."""
+
 _ENDS = re.compile(r'"[^"\n]*"|[{};]')
+_LINE_COMMENT = re.compile(r"[ \t]*//[^\n]*")
 _OPENER = re.compile(r"\b(struct|enum|exception|interface)\s+\w+\s*\Z")
 _ALIKE = {**dict.fromkeys("({[<", "({[<"), **dict.fromkeys(")]>", ")}]>")}
 """Brackets that are written for one another."""
@@ -39,7 +44,7 @@ class Mistake:
 
     def mend(self, text: str) -> str:
         """The text to parse next; nothing moves, except that closers may be added at the very end."""
-        hole = self.instead + re.sub(r"[^\n]", " ", text[self.start + len(self.instead) : self.end])
+        hole = self.instead + _blank(text[self.start + len(self.instead) : self.end])
         return text[: self.start] + hole + text[self.end :]
 
 
@@ -63,18 +68,62 @@ def explain_stray(source: Source, at: int) -> Diagnostic:
     return Diagnostic("stray-semicolon", "a `;` too many", span, Severity.WARNING, hint="remove it")
 
 
+@dataclass(frozen=True)
+class Conflict:
+    """A merge conflict that nobody resolved: where it begins, where its second version does, and where it ends."""
+
+    begin: int
+    middle: int
+    end: int
+
+
+def find_conflicts(text: str) -> list[Conflict]:
+    found, begin, middle = list[Conflict](), -1, -1
+    for mark in _CONFLICT.finditer(text):
+        match mark[1][0]:
+            case "<":
+                begin, middle = mark.start(), -1
+            case "=" if begin >= 0 > middle:
+                middle = mark.start()
+            case ">" if middle >= 0:
+                found.append(Conflict(begin, middle, mark.end()))
+                begin = middle = -1
+    return found
+
+
+def without_conflicts(text: str, conflicts: Iterable[Conflict]) -> str:
+    """The text with the first version of what is in conflict."""
+    done, parts = 0, list[str]()
+    for each in conflicts:
+        first = text.index("\n", each.begin)
+        parts += [text[done : each.begin], _blank(text[each.begin : first]), text[first : each.middle]]
+        parts.append(_blank(text[each.middle : each.end]))
+        done = each.end
+    return "".join([*parts, text[done:]])
+
+
+def explain_conflict(source: Source, conflict: Conflict) -> Diagnostic:
+    end = source.text.index("\n", conflict.begin)
+    hint = "keep one of the two versions, and remove the lines of `<<<<<<<`, `=======` and `>>>>>>>`"
+    return Diagnostic("syntax", "a merge conflict is not resolved here", source.span(conflict.begin, end), hint=hint)
+
+
 def explain_endless(source: Source, comment: Span) -> Diagnostic:
     opening = source.span(comment.start, comment.start + 2)
     return Diagnostic("syntax", "this comment has no end", opening, hint="close it by `*/`")
 
 
-def explain_character(source: Source, text: str, at: int) -> Mistake:
+def explain_character(source: Source, text: str, at: int, expected: list[str]) -> Mistake:
     """A character that begins no word of the language."""
     char, span = text[at], source.span(at, at + 1)
     if char == "#":
         end = text.find("\n", at) if "\n" in text[at:] else len(text)
         span = source.span(at, at + len(text[at:end].rstrip()))
-        return Mistake(Diagnostic("stray-directive", "there is no preprocessor", span, hint="remove the line"), at, end)
+        included = re.match(r'#\s*include\s*[<"]([^>"]+)', span.text)
+        hint = "remove the line"
+        if included:
+            hint = f'write `import "{re.sub(r"[.](ice|h|hpp)$", ".idsl", included[1])}";`'
+        return Mistake(Diagnostic("stray-directive", "there is no preprocessor", span, hint=hint), at, end)
     if char == '"':
         return Mistake(
             Diagnostic("syntax", "this text has no end", span, hint='close it by `"`'), *_statement(text, at)
@@ -86,7 +135,8 @@ def explain_character(source: Source, text: str, at: int) -> Mistake:
         hint = "names are made of the letters a to z, digits and `_`"
     elif char in "“”„‘’‚«»\N{NO-BREAK SPACE}":
         hint = "write a plain one"
-    return Mistake(Diagnostic("syntax", f"unexpected {shown}{name}", span, hint=hint), *_statement(text, at))
+    message = f"unexpected {shown}{name}" + (f"; expected {_listed(expected)}" if char.isascii() and not hint else "")
+    return Mistake(Diagnostic("syntax", message, span, hint=hint), *_statement(text, at))
 
 
 def explain_end(source: Source, text: str, expected: list[str]) -> Mistake:
@@ -119,6 +169,8 @@ class Ways:
     """Whether what follows fits the keyword that it seems to be."""
     removed: bool = False
     """Whether what follows begins a statement without it."""
+    keywords: Collection[str] = ()
+    """The words of the language that are no names."""
 
 
 def explain_token(source: Source, text: str, span: Span, expected: list[str], ways: Ways) -> Mistake:
@@ -127,18 +179,19 @@ def explain_token(source: Source, text: str, span: Span, expected: list[str], wa
     if END in expected and set(expected) <= {END, "`;`"}:
         return _explain_rest(text, span)
     block = _block_inside(text, span)
-    if block:
+    if block and block.text in ways.keywords:
         message, hint = f"unexpected `{block.text}` in a block", "add `};` above it, to close the block before"
         return Mistake(Diagnostic("syntax", message, block, hint=hint), block.start - 1, block.start, "}")
     meant, missing = misspelt(found, expected), ways.missing
     hint = f"did you mean `{meant}`?" if meant else ""
     if missing and not hint:
         at = len(before)
-        diagnostic = Diagnostic(
-            "syntax", f"expected `{missing}` before `{found}`", source.span(at - 1, at), hint=f"add `{missing}` here"
-        )
-        mend = (at, at + 1, missing) if at < span.start else _statement(text, at - 1)
-        return Mistake(diagnostic, *mend)
+        hint = f"add `{missing}` here"
+        if missing in (_LINE_COMMENT.match(source.text, at) or [""])[0]:
+            hint = f"the `//` starts a comment: add `{missing}` in front of it"
+        diagnostic = Diagnostic("syntax", f"expected `{missing}` before `{found}`", source.span(at - 1, at), hint=hint)
+        end = at + len(missing)
+        return Mistake(diagnostic, *((at, end, missing) if end <= span.start else _statement(text, at - 1)))
     message = f"unexpected `{found}`; expected {_listed(expected)}"
     right = [mark for mark in _ALIKE.get(found, "") if f"`{mark}`" in expected]
     if len(right) == 1:
@@ -147,6 +200,8 @@ def explain_token(source: Source, text: str, span: Span, expected: list[str], wa
     start = span.end - max(len(meant), len(found))  # a longer keyword takes the room of the spaces in front
     if ways.replaced and start >= 0 and re.fullmatch(r"\W?\s*", text[max(0, start - 1) : span.start]):
         return Mistake(Diagnostic("syntax", message, span, hint=hint), start, span.end, meant)
+    if before.endswith("=") and re.match(r"[+-]?[.\d]", found):  # a number, and not one of those that can be there
+        return Mistake(Diagnostic("syntax", message, span, hint=hint), len(before) - 1, span.end)
     if ways.removed and not hint and re.match(r"\w", found) and (not before or before[-1] in ";{}"):
         return Mistake(Diagnostic("syntax", message, span, hint="remove it"), span.start, span.end)
     return Mistake(Diagnostic("syntax", message, span, hint=hint), *_statement(text, span.start))
@@ -168,6 +223,10 @@ def _block_inside(text: str, span: Span) -> Span | None:
     if opener and text[opener.start() - 1 : opener.start()].isspace():
         return span.source.span(*opener.span(1))
     return None
+
+
+def _blank(text: str) -> str:
+    return re.sub(r"[^\n]", " ", text)
 
 
 def _listed(words: list[str]) -> str:

@@ -7,38 +7,39 @@ what is right is still there to be checked.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from importlib.resources import files
-from typing import Any
+from functools import cache, cached_property
 
-from lark import Lark, Token, Tree
-from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedToken
-from lark.lark import PostLex
+from lark import Token, Tree
 
 from .comments import Comments, find_comments
 from .diagnostics import Diagnostic, Report
+from .lexer import STRANGE
 from .mistakes import (
     END,
     Mistake,
     Ways,
     explain_character,
+    explain_conflict,
     explain_end,
     explain_endless,
     explain_stray,
     explain_token,
+    find_conflicts,
     find_stray,
     misspelt,
+    without_conflicts,
     without_stray,
 )
+from .parsing import Node, Parser, Unexpected
 from .source import Name, Source, Span
 
-MAX_CHARACTERS = 1_000_000
+MAX_CHARACTERS = 4_000_000
 MAX_NESTING = 100
 MAX_DIGITS = 40
 MAX_SYNTAX_ERRORS = 20
-MAX_PARSED = 3_000_000
+MAX_PARSED = 10_000_000
 """Characters to parse for one file, all attempts together; one attempt is always made."""
 
 _WORDS = {
@@ -53,8 +54,15 @@ _WORDS = {
 _UNADVERTISED = ("LEGACY", "LATER")
 """Keywords whose terminals' names begin so are read, but not proposed."""
 
-_MARKS = (";", ",", ")", ">", "}", "{", "(")
-_TOKEN = re.compile(r'\s*("[^"\n]*"|\w+|\S)')
+_HINTS = {r"\bimport\s+[^\s\"].*": 'the name of a file stands in double quotes: `import "Laser.idsl";`'}
+_MARKS = (";", ",", ")", ">", "}", "{", "(", ");")
+_AROUND = 300
+"""Characters of a line to both sides of a mistake that may say what it is."""
+
+_WORD = re.compile(r"\w+")
+_TOKEN = re.compile(r'\s*("[^"\n]*"|\w+|=>|::|\S)')
+_NO_BRACKETS = re.compile(r'"[^"\n]*"|//[^\n]*|/\*.*?\*/|/\*.*|[^{}<>()"/]+|["/]', re.DOTALL)
+_LONG_NUMBER = re.compile(rf"\d{{{MAX_DIGITS}}}")
 _LIMITED = re.compile(rf'"[^"\n]*"|//[^\n]*|/\*.*?\*/|/\*.*|[{{}}<>()]|\b\d{{{MAX_DIGITS},}}', re.DOTALL)
 
 
@@ -75,22 +83,11 @@ class Grammar:
     """
 
     def __init__(self, name: str, hints: Mapping[str, str] | None = None) -> None:
-        self._name, self._hints = name, hints or {}
+        self._name, self._hints = name, {**_HINTS, **(hints or {})}
 
     @cached_property
-    def _lark(self) -> Lark:
-        return Lark(
-            files(f"{__package__}.{self._name}").joinpath("grammar.lark").read_text(),
-            parser="lalr",
-            propagate_positions=True,
-            maybe_placeholders=False,
-            import_paths=[str(files(__package__))],
-            postlex=_WholeWords(),
-        )
-
-    @cached_property
-    def _patterns(self) -> dict[str, tuple[str, str]]:
-        return {each.name: (each.pattern.type, each.pattern.value) for each in self._lark.terminals}
+    def _parser(self) -> Parser:
+        return _parser(self._name)
 
     def parse(self, source: Source, report: Report) -> Parsed:
         """The tree of a text; what is wrong with its syntax goes into the report."""
@@ -99,98 +96,161 @@ class Grammar:
             report.diagnostics.append(limit)
             return Parsed(None, Comments(source))
         comments = find_comments(source)
-        text, tree, skipped = without_stray(comments.bare), None, set[str]()
-        report.diagnostics += [explain_stray(source, at) for at in find_stray(comments.bare)[:MAX_SYNTAX_ERRORS]]
+        conflicts = find_conflicts(comments.bare)
+        bare = without_conflicts(comments.bare, conflicts)
+        skipped = {word for each in conflicts for word in _WORD.findall(source.text, each.middle, each.end)}
+        report.diagnostics += [explain_conflict(source, each) for each in conflicts[:MAX_SYNTAX_ERRORS]]
+        report.diagnostics += [explain_stray(source, at) for at in find_stray(bare)[:MAX_SYNTAX_ERRORS]]
+        text, tree = without_stray(bare), None
         mistakes = [explain_endless(source, comments.endless)] if comments.endless else []
         for _ in range(max(1, min(MAX_SYNTAX_ERRORS, MAX_PARSED // max(1, len(text))))):
             try:
-                tree = self._lark.parse(text)
+                tree = self._parser.parse(text)
                 break
-            except UnexpectedInput as error:
+            except Unexpected as error:
                 mistake = self._explain(source, text, error)
-                if mistake.start < len(source.text) or not mistakes or (mistake.instead and not comments.endless):
-                    mistakes.append(self._hinted(mistake.diagnostic))
+                diagnostic = self._hinted(mistake.diagnostic)
+                if diagnostic in mistakes:  # what was tried did not help: go on behind the word
+                    mistake = Mistake(diagnostic, error.word.start_pos or 0, error.word.end_pos or 0)
+                elif diagnostic.span.end <= len(source.text) and (  # or it is about what was added there
+                    mistake.start < len(source.text) or not mistakes or (mistake.instead and not comments.endless)
+                ):
+                    mistakes.append(diagnostic)
                 if not mistake.instead:
-                    skipped |= set(re.findall(r"\w+", text[mistake.start : mistake.end]))
+                    skipped |= set(_WORD.findall(text, mistake.start, mistake.end))
                 text, before = without_stray(mistake.mend(text)), text
                 if text == before:
                     break
         report.diagnostics += mistakes
         return Parsed(tree, comments, frozenset(skipped))
 
-    def _explain(self, source: Source, text: str, error: UnexpectedInput) -> Mistake:
-        if isinstance(error, UnexpectedCharacters):
-            return explain_character(source, text, error.pos_in_stream or 0)
-        assert isinstance(error, UnexpectedToken)
-        expected = self._expected(error)
-        if error.token.type == "$END":
-            return explain_end(source, text, expected)
-        return explain_token(source, text, span_of(source, error.token), expected, self._ways(text, error, expected))
+    def tokens(self, source: Source, comments: Comments) -> list[Token] | None:
+        """The words of a text as they are understood, without semicolons that end nothing; None if its syntax is wrong.
+
+        A keyword's type tells that it is one: see `keywords`.
+        """
+        if _beyond(source) or comments.endless:
+            return None
+        tokens: list[Token] = []
+        try:
+            self._parser.parse(without_stray(comments.bare), tokens.append)
+        except Unexpected:
+            return None
+        return tokens
+
+    @cached_property
+    def keywords(self) -> Mapping[str, str]:
+        """The keywords in their usual case, by the types of their tokens."""
+        return {name: word for name, word in self._parser.fixed.items() if word[0].isalpha()}
+
+    def words_behind(self, source: Source) -> list[str]:
+        """The keywords that can come behind a text that is still being written, whatever is wrong further up."""
+        text = "" if _beyond(source) else without_stray(find_comments(source).bare)
+        for _ in range(MAX_SYNTAX_ERRORS):
+            try:
+                self._parser.parse(text)
+                break
+            except Unexpected as error:
+                if error.word.type == "$END":
+                    accepted = self._parser.accepted(error.stack)
+                    return [
+                        word
+                        for kind, word in self.keywords.items()
+                        if kind in accepted and not kind.startswith(_UNADVERTISED)
+                    ]
+                text, before = without_stray(self._explain(source, text, error).mend(text)), text
+                if text == before:
+                    break
+        return []
+
+    def _explain(self, source: Source, text: str, error: Unexpected) -> Mistake:
+        expected = self._expected(error.stack)
+        match error.word.type:
+            case "$END":
+                return explain_end(source, text, expected)
+            case _ if error.word.type == STRANGE:
+                return explain_character(source, text, error.word.start_pos or 0, expected)
+            case _:
+                span = span_of(source, error.word)
+                return explain_token(source, text, span, expected, self._ways(text, error, expected))
 
     def _hinted(self, diagnostic: Diagnostic) -> Diagnostic:
         line, column = diagnostic.span.source.position(diagnostic.span.start)
+        cut = max(0, column - _AROUND)  # of a line without end: patterns look ahead
+        near = diagnostic.span.source.line(line)[cut : column + _AROUND]
         for pattern, hint in self._hints.items():
-            for found in re.finditer(pattern, diagnostic.span.source.line(line), re.IGNORECASE):
-                if found.start() < column <= found.end():
+            for found in re.finditer(pattern, near, re.IGNORECASE):
+                if found.start() < column - cut <= found.end():
                     return replace(diagnostic, hint=hint)
         return diagnostic
 
-    def _ways(self, text: str, error: UnexpectedToken, expected: list[str]) -> Ways:
-        """How a token can be made sense of, together with the one behind it."""
-        following = _TOKEN.match(text, error.token.end_pos or 0)
-        behind = self._terminals(following[1]) if following else {"$END"}
-        meant = misspelt(str(error.token), expected)
-        parser = error.interactive_parser.copy()  # type: ignore[no-untyped-call]  # lark has not typed it
+    def _ways(self, text: str, error: Unexpected, expected: list[str]) -> Ways:
+        """How a word can be made sense of, together with those behind it."""
+        behind = self._behind(text, error.word.end_pos or 0)
+        meant = misspelt(str(error.word), expected)
         return Ways(
-            ";" if expected == ["`;`"] else self._missing(error, behind),
-            bool(meant) and _feed(parser, self._terminals(meant) - {"NAME"}) and bool(behind & parser.accepts()),
-            bool((behind - {"NAME", "LANGUAGE"}) & error.accepts),
+            ";" if expected == ["`;`"] else self._missing(error, behind) or self._missing(error, behind[:1]),
+            bool(meant) and self._fits(error.stack, self._kinds(meant) - {"NAME"}, behind[0]),
+            bool((behind[0] - {"NAME", "LANGUAGE"}) & self._parser.accepted(error.stack)),
+            self._parser.fixed.values(),
         )
 
-    def _missing(self, error: UnexpectedToken, behind: set[str]) -> str:
-        """The mark that would make sense of a token, and of the one behind it, if it stood before it."""
-        own = self._terminals(str(error.token))
-        for kinds in (own - {"NAME"}, own & {"NAME"}):  # a keyword is likely to be meant as one
-            for mark in _MARKS:
-                parser = error.interactive_parser.copy()  # type: ignore[no-untyped-call]  # lark has not typed it
-                if _feed(parser, self._terminals(mark)) and _feed(parser, kinds) and behind & parser.accepts():
-                    return mark
-        return ""
+    def _behind(self, text: str, at: int) -> list[set[str]]:
+        """What the next two words could be; if there is but one, that."""
+        first = _TOKEN.match(text, at)
+        second = _TOKEN.match(text, first.end()) if first else None
+        return [self._kinds(each[1]) for each in (first, second) if each] or [{"$END"}]
 
-    def _terminals(self, word: str) -> set[str]:
+    def _missing(self, error: Unexpected, behind: list[set[str]]) -> str:
+        """The mark, or marks, that would make sense of a word, and of those behind it, in front of it."""
+        own = self._kinds(str(error.word))
+        for kinds in (own - {"NAME"}, own & {"NAME"}):  # a keyword is likely to be meant as one
+            for marks in _MARKS:
+                if self._fits(error.stack, *map(self._kinds, marks), kinds, *behind):
+                    return marks
+        return ";" if self._begins_misspelt(error, behind) else ""
+
+    def _begins_misspelt(self, error: Unexpected, behind: list[set[str]]) -> bool:
+        """Whether a word seems to be the first one of a statement behind one that is not ended: two mistakes."""
+        if not self._fits(error.stack, self._kinds(";")):
+            return False
+        [ending] = self._kinds(";") & self._parser.accepted(error.stack)
+        meant = misspelt(str(error.word), self._expected(self._parser.after(error.stack, ending)))
+        return bool(meant) and self._fits(error.stack, {ending}, self._kinds(meant) - {"NAME"}, *behind)
+
+    def _fits(self, stack: Sequence[int], *words: set[str]) -> bool:
+        """Whether words, each of one of these kinds, can come one after the other."""
+        for kinds in words:
+            accepted = kinds & self._parser.accepted(stack)
+            if not accepted:
+                return False
+            stack = self._parser.after(stack, min(accepted))
+        return True
+
+    def _kinds(self, word: str) -> set[str]:
         """What a word could be."""
-        found = {name for name, (_, value) in self._patterns.items() if value.lower() == word.lower()}
+        fixed = self._parser.fixed
+        found = {name for name, value in fixed.items() if value.lower() == word.lower()}
         if word[0].isalpha() or word[0] == "_":
             return {*found, "NAME", "LANGUAGE"}
-        return {*found, "STRING"} if word[0] == '"' else {*found, "INT", "NUMBER"} if word[-1].isdigit() else found
+        if word[0] == '"':
+            return {*found, "STRING"}
+        return {*found, *({"INT", "NUMBER"} - set(fixed))} if word[-1].isdigit() else found  # `int` is PDSL's INT
 
-    def _expected(self, error: UnexpectedToken) -> list[str]:
+    def _expected(self, stack: Sequence[int]) -> list[str]:
         """What could stand there, as people say it; keywords in back-quotes."""
-        said = {word for terminal in error.accepts for word in self._said(terminal)}
+        said = {word for kind in self._parser.accepted(stack) for word in self._said(kind)}
         return sorted(said, key=lambda text: (text.startswith("`"), text))
 
-    def _said(self, terminal: str) -> list[str]:
-        kind, value = self._patterns.get(terminal, ("", ""))
-        if kind == "str":
-            return [] if terminal.startswith(_UNADVERTISED) else [f"`{value}`"]
-        return [_WORDS[terminal]] if terminal in _WORDS else []
+    def _said(self, kind: str) -> list[str]:
+        if kind in self._parser.fixed:
+            return [] if kind.startswith(_UNADVERTISED) else [f"`{self._parser.fixed[kind]}`"]
+        return [_WORDS[kind]] if kind in _WORDS else []
 
 
-def _feed(parser: Any, kinds: set[str]) -> bool:
-    """Give a parser a token of one of these kinds, if it accepts any."""
-    for kind in sorted(kinds & parser.accepts()):
-        parser.feed_token(Token(kind, ""))
-        return True
-    return False
-
-
-class _WholeWords(PostLex):
-    """Has names accepted everywhere by the lexer, so that a keyword never matches the beginning of a longer word."""
-
-    always_accept = ("NAME",)
-
-    def process(self, stream: Iterator[Token]) -> Iterator[Token]:
-        return stream
+@cache
+def _parser(name: str) -> Parser:
+    return Parser(name)
 
 
 def span_of(source: Source, token: Token) -> Span:
@@ -207,12 +267,11 @@ def name_of(source: Source, token: Token) -> Name:
 
 def tree_span(source: Source, tree: Tree[Token]) -> Span:
     """From the first to the last token of a tree; nothing at the start of the file if it has none."""
-    if tree.meta.empty:
-        return source.span(0, 0)
-    start = tree.meta.start_pos
-    while source.text[start : start + 1].isspace():  # a mended keyword may begin there
+    assert isinstance(tree, Node)
+    start, text = tree.start_pos, source.text
+    while text[start : start + 1].isspace():  # a mended keyword may begin there
         start += 1
-    return source.span(start, tree.meta.end_pos)
+    return source.span(start, tree.end_pos)
 
 
 def _beyond(source: Source) -> Diagnostic | None:
@@ -220,6 +279,8 @@ def _beyond(source: Source) -> Diagnostic | None:
     if len(source.text) > MAX_CHARACTERS:
         message = f"the file has more than {MAX_CHARACTERS} characters"
         return Diagnostic("too-large", message, source.span(0, 0))
+    if _deepest(_NO_BRACKETS.sub("", source.text)) <= MAX_NESTING and not _LONG_NUMBER.search(source.text):
+        return None
     depth = 0
     for found in _LIMITED.finditer(source.text):
         token, span = found[0], source.span(found.start(), found.end())
@@ -232,3 +293,15 @@ def _beyond(source: Source) -> Diagnostic | None:
         if depth > MAX_NESTING:
             return Diagnostic("too-deep", f"nested deeper than {MAX_NESTING} levels", span)
     return None
+
+
+def _deepest(brackets: str) -> int:
+    """How deeply brackets are nested, whatever their shapes."""
+    depth = most = 0
+    for bracket in brackets:
+        if bracket in "{<(":
+            depth += 1
+            most = max(most, depth)
+        elif depth:
+            depth -= 1
+    return most

@@ -14,8 +14,10 @@ in any of them, for its last part.
 from __future__ import annotations
 
 import codecs
+import gc
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path, PurePosixPath
@@ -26,6 +28,7 @@ from ..contract.component import Component
 from ..contract.interface import Interface
 from ..contract.module import Definition, Module
 from ..contract.parameters import ParameterSet
+from ..contract.statemachine import StateMachine
 from .cdsl.check import Surroundings
 from .cdsl.check import check as check_cdsl
 from .cdsl.link import link as link_cdsl
@@ -34,20 +37,28 @@ from .cdsl.parser import parse as parse_cdsl
 from .ddsl.check import check as check_ddsl
 from .ddsl.model import Deployment
 from .ddsl.parser import parse as parse_ddsl
-from .diagnostics import Report, mistyped
+from .diagnostics import Diagnostic, Report, did_you_mean, mistyped
 from .idsl.check import check as check_idsl
 from .idsl.check import qualified
 from .idsl.link import link as link_idsl
 from .idsl.model import File as IdslFile
 from .idsl.parser import parse as parse_idsl
+from .memory import Memory
 from .pdsl.check import check as check_pdsl
 from .pdsl.link import link as link_pdsl
 from .pdsl.model import File as PdslFile
 from .pdsl.parser import parse as parse_pdsl
+from .smdsl.check import check as check_smdsl
+from .smdsl.link import link as link_smdsl
+from .smdsl.model import File as SmdslFile
+from .smdsl.parser import parse as parse_smdsl
+from .smdsl.scxml import parse as parse_scxml
 from .source import Name, Source
 from .syntax import MAX_CHARACTERS
 
-ENDINGS = (".idsl", ".cdsl", ".pdsl", ".ddsl")
+ENDINGS = (".idsl", ".cdsl", ".pdsl", ".ddsl", ".smdsl")
+"""Of our languages. SCXML, which is not ours, is read as well where a state machine is."""
+
 SHIPPED = Path(str(files("robocomp_py") / "interfaces"))
 
 COMMON_BEHAVIOR = "RoboCompCommonBehavior"
@@ -66,6 +77,16 @@ def read_file(path: Path) -> bytes:
         return file.read(MAX_BYTES + 1)
 
 
+def nearby(path: Path, written: str) -> str:
+    """`did you mean `explorer.pdsl`?` for a file that is not there, if one beside it has such a name and ending."""
+    try:
+        names = [each.name for each in path.parent.iterdir() if each.suffix == path.suffix and each.is_file()]
+    except (OSError, ValueError):  # no folder either, or a name that cannot be one
+        return ""
+    near = mistyped(path.name, names)
+    return f"did you mean `{PurePosixPath(written).with_name(near)}`?" if near else ""
+
+
 @dataclass(frozen=True)
 class LinkedComponent:
     """What a CDSL file comes to: the component, and the modules its interfaces need."""
@@ -75,9 +96,12 @@ class LinkedComponent:
     modules: tuple[Module, ...]
     params: str = ""
     """The name of its PDSL file, if it has one."""
+    statemachine: str = ""
+    """The name of the file of its state machine, if it has one."""
 
 
 F = TypeVar("F", IdslFile, PdslFile)
+M = TypeVar("M")
 
 
 @dataclass(eq=False)
@@ -94,20 +118,27 @@ class Workspace:
 
     `read` returns a file's bytes and raises OSError: the disk's by default, an editor's buffers or
     a test's dict otherwise. `middlewares` are those a component may ask for, by default the installed ones.
+    With the `memory` of another workspace, files that did not change since are not parsed again.
     """
 
     def __init__(
-        self, include: Sequence[Path] = (), read: Read = read_file, middlewares: Collection[str] | None = None
+        self,
+        include: Sequence[Path] = (),
+        read: Read = read_file,
+        middlewares: Collection[str] | None = None,
+        memory: Memory | None = None,
     ) -> None:
         self.report = Report()
         self._include = [Path(folder) for folder in include]
         self._read = read
+        self._memory = memory or Memory()
         self._middlewares = list(installed.transports()) if middlewares is None else middlewares
         self._sources: dict[Path, Source | None] = {}
         self._idsl: dict[str, _Loaded[IdslFile] | None] = {}
         self._pdsl: dict[str, _Loaded[PdslFile] | None] = {}
         self._components: dict[str, LinkedComponent | None] = {}
         self._deployments: dict[str, Deployment | None] = {}
+        self._machines: dict[str, StateMachine | None] = {}
         self._reading: list[str] = []
 
     # One file of each language. None means: too wrong to go on; the report says why.
@@ -123,14 +154,22 @@ class Workspace:
                 self.parameters(path)
             case ".ddsl":
                 self.deployment(path)
+            case ".smdsl" | ".scxml":
+                self.statemachine(path)
             case _:
                 at = Source(path, "").span(0, 0)
-                self.report.error("unknown-language", f"no language has this ending; known: {', '.join(ENDINGS)}", at)
+                message = f"no language has this ending; known: {', '.join(ENDINGS)}"
+                self.report.error("unknown-language", message, at, did_you_mean(path.suffix, ENDINGS))
 
     def interfaces(self, path: Path) -> Module | None:
         """The module of an IDSL file."""
         found = self._load_idsl(path)
         return found.module if found else None
+
+    def interface_files(self, path: Path) -> list[IdslFile]:
+        """What an IDSL file says, behind all that it imports, however indirectly; nothing if anything is wrong."""
+        found = self._load_idsl(path)
+        return [each.file for each in _closure([found])] if found and found.module else []
 
     def parameters(self, path: Path) -> ParameterSet | None:
         """The parameters of a PDSL file, those it imports included."""
@@ -167,11 +206,31 @@ class Workspace:
         key = os.path.realpath(path)
         if key not in self._deployments:
             source = self.source(path)
-            model = parse_ddsl(source, self.report) if source else None
+            model = self._parsed(source, parse_ddsl) if source else None
             if model:
                 check_ddsl(model, self.report)
             self._deployments[key] = model
         return self._deployments[key]
+
+    def statemachine(self, path: Path) -> StateMachine | None:
+        """The machine of an SMDSL or SCXML file."""
+        key = os.path.realpath(path)
+        if key not in self._machines:
+            source = self.source(path)
+            scxml = path.suffix.lower() == ".scxml"
+            file = self._parsed(source, parse_scxml if scxml else parse_smdsl) if source else None
+            if file:
+                check_smdsl(file, self.report)
+            self._machines[key] = link_smdsl(file) if file and not self._errors_in(file.source) else None
+        return self._machines[key]
+
+    def model(self, path: Path) -> IdslFile | CdslComponent | PdslFile | Deployment | SmdslFile | None:
+        """What a file of any of the languages says, unchecked; None if it cannot be read at all."""
+        source = self.source(path)
+        parse = _PARSERS.get(path.suffix.lower())
+        if source is None or parse is None:
+            return None
+        return self._parsed(source, parse)
 
     # Finding and reading.
 
@@ -202,18 +261,13 @@ class Workspace:
             data = self._read(path)
         except (OSError, ValueError) as exc:
             reason = getattr(exc, "strerror", None) or exc
-            self.report.error("unreadable", f"cannot be read: {reason}", Source(path, "").span(0, 0))
+            hint = nearby(path, str(path)) if isinstance(exc, FileNotFoundError) else ""
+            self.report.error("unreadable", f"cannot be read: {reason}", Source(path, "").span(0, 0), hint)
             return None
-        if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-            at = Source(path, "").span(0, 0)
-            self.report.error("not-utf8", "this is UTF-16", at, "save the file as UTF-8")
-            return None
-        try:
-            return Source(path, data.decode("utf-8-sig"))
-        except UnicodeDecodeError as exc:
-            source = Source(path, data.decode("latin-1"))
-            self.report.warning("not-utf8", "this is not UTF-8; read as Latin-1", source.span(exc.start, exc.start + 1))
-            return source
+        return self._memory.recall(path, data, lambda report: _decoded(path, data, report), self.report)
+
+    def _parsed(self, source: Source, parse: Callable[[Source, Report], M]) -> M:
+        return self._memory.recall((parse, source.path), source, lambda report: parse(source, report), self.report)
 
     def _exists(self, path: Path) -> bool:
         try:
@@ -265,21 +319,23 @@ class Workspace:
         key = os.path.realpath(path)
         if key not in self._idsl:
             self._reading.append(key)
-            self._idsl[key] = self._read_idsl(path)
+            with _no_collection():
+                self._idsl[key] = self._read_idsl(path)
             self._reading.pop()
         return self._idsl[key]
 
     def _read_idsl(self, path: Path) -> _Loaded[IdslFile] | None:
         source = self.source(path)
-        file = parse_idsl(source, self.report) if source else None
+        file = self._parsed(source, parse_idsl) if source else None
         if source is None or file is None:
             return None
         loaded = _Loaded(file, self._load_imports(file.imports, source, ".idsl", self._load_idsl))
-        if len(loaded.imports) < len(file.imports):
-            return loaded  # names of what is missing would only seem to be wrong
         others = _closure(loaded.imports)
         scope = {qualified(d.name.text, each.file.module.text): d for each in others for d in each.file.definitions}
-        check_idsl(file, scope, self.report, lambda stem: self.find(stem, path, ".idsl") is not None)
+        found = Report()
+        check_idsl(file, scope, found, lambda stem: self.find(stem, path, ".idsl") is not None)
+        complete = all(len(each.imports) == len(each.file.imports) for each in (loaded, *others))
+        self.report.extend(each for each in found.diagnostics if complete or not _may_be_imported(each))
         if not self._errors_in(source) and all(each.module for each in others):
             loaded.module = link_idsl(file, self._merge(others))
         return loaded
@@ -306,7 +362,8 @@ class Workspace:
             return None
         path = model.source.path.parent / model.params.text
         if not self._exists(path):
-            self.report.error("missing-file", f"there is no file {path}", model.params.span)
+            hint = nearby(path, model.params.text)
+            self.report.error("missing-file", f"there is no file {path}", model.params.span, hint)
             return None
         return self.parameters(path)
 
@@ -320,35 +377,68 @@ class Workspace:
 
     def _read_pdsl(self, path: Path) -> _Loaded[PdslFile] | None:
         source = self.source(path)
-        file = parse_pdsl(source, self.report) if source else None
+        file = self._parsed(source, parse_pdsl) if source else None
         if source is None or file is None:
             return None
         loaded = _Loaded(file, self._load_imports(file.imports, source, ".pdsl", self._load_pdsl))
         check_pdsl(file, [each.file for each in _closure(loaded.imports)], self.report)
         return loaded
 
+    # SMDSL.
+
+    def _machine_of(self, model: CdslComponent) -> StateMachine | None:
+        if model.statemachine is None:
+            return None
+        path = model.source.path.parent / model.statemachine.text
+        if path.suffix.lower() not in _MACHINES:
+            message = f"`{model.statemachine}` is no state machine; those end in {' or '.join(_MACHINES)}"
+            self.report.error("unknown-language", message, model.statemachine.span)
+        elif self._exists(path):
+            return self.statemachine(path)
+        else:
+            near = did_you_mean(path.name, [file.name for end in _MACHINES for file in path.parent.glob(f"*{end}")])
+            self.report.error("missing-file", f"there is no file {path}", model.statemachine.span, near)
+        return None
+
     # CDSL.
 
     def _link_component(self, path: Path) -> LinkedComponent | None:
         source = self.source(path)
-        model = parse_cdsl(source, self.report) if source else None
+        model = self._parsed(source, parse_cdsl) if source else None
         if source is None or model is None:
             return None
         roots = self._load_imports(model.imports, source, ".idsl", self._load_idsl)
+        complete = len(roots) == len(model.imports)
+        roots += self._implied(model, roots)
         loaded = _closure([*roots, *self._common_behavior(roots)])
-        complete = len(roots) == len(model.imports) and all(each.module for each in loaded)
+        complete = complete and all(each.module for each in loaded)
         definitions = self._merge(loaded)
         interfaces = _interfaces_in(definitions.values())
-        self._check_component(model, interfaces, complete)
-        params = self._params_of(model)
+        params, machine = self._params_of(model), self._machine_of(model)
+        suspects = _suspects(model.imports, loaded)
+        self._check_component(model, interfaces, None if complete else suspects, machine)
         involved = [source, *(each.file.source for each in loaded)]
         if not complete or any(map(self._errors_in, involved)) or (model.params and params is None):
             return None
-        component = link_cdsl(model, interfaces, params)
+        if model.statemachine and machine is None:
+            return None
+        component = link_cdsl(model, interfaces, params, machine)
         used = any(port.interface.module == COMMON_BEHAVIOR for port in component.ports)
-        pdsl = PurePosixPath(model.params.text).name if model.params else ""
+        pdsl, smdsl = (PurePosixPath(name.text).name if name else "" for name in (model.params, model.statemachine))
         modules = _modules(loaded if used else _closure(roots))
-        return LinkedComponent(path, component, modules, pdsl)
+        return LinkedComponent(path, component, modules, pdsl, smdsl)
+
+    def _implied(self, model: CdslComponent, roots: Sequence[_Loaded[IdslFile]]) -> list[_Loaded[IdslFile]]:
+        """What nobody imports, but the component uses all the same."""
+        found: list[_Loaded[IdslFile]] = []
+        for name in model.implied_imports:
+            known = {each.name.text for file in _closure([*roots, *found]) for each in file.file.definitions}
+            wanted = {item.interface.text for item in model.items} - known
+            path = self.find(name, model.source.path, ".idsl") if wanted else None
+            loaded = self._load_idsl(path) if path else None
+            if loaded and any(each.name.text in wanted for each in loaded.file.definitions):
+                found.append(loaded)
+        return found
 
     def _common_behavior(self, roots: Sequence[_Loaded[IdslFile]]) -> list[_Loaded[IdslFile]]:
         """The interface that is always known, unless the imports bring one along."""
@@ -357,18 +447,69 @@ class Workspace:
         common = self._load_idsl(SHIPPED / "CommonBehavior.idsl")
         return [common] if common else []
 
-    def _check_component(self, model: CdslComponent, interfaces: dict[str, list[Interface]], complete: bool) -> None:
+    def _check_component(
+        self,
+        model: CdslComponent,
+        interfaces: dict[str, list[Interface]],
+        suspects: Collection[str] | None,
+        machine: StateMachine | None,
+    ) -> None:
+        """`suspects` are names that may be right but for an import that is not; None if all imports are right."""
         found = Report()
-        importable = [f.stem for each in self.search_path(model.source.path) for f in sorted(each.glob("*.idsl"))]
-        check_cdsl(model, Surroundings(interfaces, importable, self._middlewares), found)
-        follow_ups = () if complete else ("unknown-interface", "missing-import")
-        self.report.extend(each for each in found.diagnostics if each.code not in follow_ups)
+        importable: list[str] = []
+        if any(item.interface.text not in interfaces for item in model.items):
+            importable = [f.stem for each in self.search_path(model.source.path) for f in sorted(each.glob("*.idsl"))]
+        check_cdsl(model, Surroundings(interfaces, importable, self._middlewares, machine), found)
+        self.report.extend(e for e in found.diagnostics if suspects is None or not _is_follow_up(e, suspects))
 
     def _errors_in(self, source: Source) -> bool:
         return any(each.span.source is source for each in self.report.errors)
 
 
-_LANGUAGES = {".idsl": "an IDSL file", ".cdsl": "a CDSL file", ".pdsl": "a PDSL file", ".ddsl": "a DDSL file"}
+_PARSERS: dict[str, Callable[[Source, Report], IdslFile | CdslComponent | PdslFile | Deployment | SmdslFile | None]] = {
+    ".idsl": parse_idsl,
+    ".cdsl": parse_cdsl,
+    ".pdsl": parse_pdsl,
+    ".ddsl": parse_ddsl,
+    ".smdsl": parse_smdsl,
+    ".scxml": parse_scxml,
+}
+
+_MACHINES = (".smdsl", ".scxml")
+
+
+@contextmanager
+def _no_collection() -> Iterator[None]:
+    """While entered, nobody looks for garbage: models hold no cycles, and looking takes longer the more there is."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+def _decoded(path: Path, data: bytes, report: Report) -> Source | None:
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        at = Source(path, "").span(0, 0)
+        report.error("not-utf8", "this is UTF-16", at, "save the file as UTF-8")
+        return None
+    try:
+        return Source(path, data.decode("utf-8-sig"))
+    except UnicodeDecodeError as exc:
+        source = Source(path, data.decode("latin-1"))
+        report.warning("not-utf8", "this is not UTF-8; read as Latin-1", source.span(exc.start, exc.start + 1))
+        return source
+
+
+_LANGUAGES = {
+    ".idsl": "an IDSL file",
+    ".cdsl": "a CDSL file",
+    ".pdsl": "a PDSL file",
+    ".ddsl": "a DDSL file",
+    ".smdsl": "an SMDSL file",
+}
 
 
 def _remedy(name: str, given: str, ending: str) -> str:
@@ -376,6 +517,8 @@ def _remedy(name: str, given: str, ending: str) -> str:
     match given, ending:
         case ".pdsl", ".idsl":
             return f'the parameters of a component are not imported: write params "{name}"; inside of it'
+        case ".smdsl", ".idsl":
+            return f'a state machine is not imported: write statemachine "{name}"; inside of the component'
         case ".cdsl", ".idsl":
             return "import the .idsl files of the interfaces that both use"
         case _, ".cdsl":
@@ -407,6 +550,29 @@ def _closure(roots: Sequence[_Loaded[F]]) -> list[_Loaded[F]]:
     for root in roots:
         visit(root)
     return list(found)
+
+
+def _suspects(imports: Sequence[Name], loaded: Sequence[_Loaded[IdslFile]]) -> set[str]:
+    """How interfaces may be called that only seem to be missing, because a file could not be found, or is wrong."""
+    wrong = [each.file for each in loaded if each.module is None]
+    wanted = {PurePosixPath(name.text).stem for names in (imports, *(file.imports for file in wrong)) for name in names}
+    found = {each.file.source.path.stem for each in loaded}
+    return (wanted - found) | {definition.name.text for file in wrong for definition in file.definitions}
+
+
+def _is_follow_up(diagnostic: Diagnostic, suspects: Collection[str]) -> bool:
+    """Whether an interface may only seem to be missing."""
+    if diagnostic.code not in ("unknown-interface", "missing-import"):
+        return False
+    unlike_any = diagnostic.code == "unknown-interface" and not diagnostic.hint
+    return unlike_any or bool(mistyped(diagnostic.span.text, suspects))
+
+
+def _may_be_imported(diagnostic: Diagnostic) -> bool:
+    """Whether a name of an IDSL file may only seem to be wrong while an import is missing."""
+    if diagnostic.code not in ("unknown-type", "unknown-exception", "unknown-interface", "missing-import"):
+        return False
+    return "::" in diagnostic.span.text or not diagnostic.hint
 
 
 def _interfaces_in(definitions: Iterable[Definition]) -> dict[str, list[Interface]]:

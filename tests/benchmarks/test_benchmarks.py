@@ -98,7 +98,8 @@ def test_a_page_without_a_place_for_a_table_is_refused() -> None:
 
 def test_the_page_on_performance_has_a_place_for_every_table() -> None:
     page = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8")
-    for name in ("machine", "start", "query", "latency", "throughput", "layers", "package_codec", "memory"):
+    names = ("machine", "start", "query", "latency", "throughput", "layers", "package_codec", "memory", "languages")
+    for name in names:
         assert f"<!-- measured: {name} -->" in page
 
 

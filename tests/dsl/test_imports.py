@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -274,6 +275,26 @@ def test_a_cycle_of_imports_is_said_where_it_closes(component: Path) -> None:
     assert (cycle.code, cycle.span.source.path.name) == ("import-cycle", "Leg.idsl")
 
 
+@pytest.mark.parametrize(
+    "make", [lambda path: path.mkdir(), lambda path: path.symlink_to(path)], ids=["folder", "loop"]
+)
+def test_what_has_the_name_of_a_file_but_is_none_is_not_found(component: Path, make: Callable[[Path], None]) -> None:
+    make(component.parent / "Arm.idsl")
+    assert found(component) == "missing-import"
+
+
+def test_what_has_the_name_of_a_file_but_is_none_does_not_hide_one(component: Path, tmp_path: Path) -> None:
+    (component.parent / "Arm.idsl").mkdir()
+    assert found(component, define(tmp_path / "elsewhere")) == "stop"
+
+
+def test_a_file_that_imports_itself_by_way_of_a_link_is_a_cycle(component: Path) -> None:
+    folder = component.parent
+    (folder / "Arm.idsl").write_text('import "again/Arm.idsl"; module RoboCompArm { interface Arm { void stop(); }; };')
+    (folder / "again").symlink_to(folder)
+    assert found(component) == "import-cycle"
+
+
 def test_a_file_that_is_wrong_is_reported_once_however_often_it_is_imported(component: Path) -> None:
     folder = component.parent
     (folder / "Arm.idsl").write_text("module RoboCompArm { interface Arm { void stop(Joint j); }; };")
@@ -304,3 +325,18 @@ def test_base_interfaces_are_looked_up_in_their_own_module(component: Path) -> N
         'import "Base.idsl"; module RoboCompArm { interface Arm extends Base::Limb { }; };'
     )
     assert found(component) == "rest"
+
+
+def test_only_what_a_wrong_import_may_define_is_not_told_to_be_missing(tmp_path: Path) -> None:
+    (tmp_path / "Arm.idsl").write_text("module RoboCompArm { interface Hand { void grip(flot force); }; };")
+    (tmp_path / "c.cdsl").write_text(
+        'import "Arm.idsl"; import "Laser.idsl"; Component c { language python;'
+        " Communications { requires Hand, Hnad, Lsaer, LaserPub, Foo; }; };"
+    )
+    workspace = Workspace()
+    assert workspace.component(tmp_path / "c.cdsl") is None
+    assert [(each.code, each.span.text) for each in workspace.report.errors] == [
+        ("unknown-type", "flot"),
+        ("unknown-interface", "Lsaer"),
+        ("missing-import", "LaserPub"),
+    ]

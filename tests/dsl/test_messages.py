@@ -144,7 +144,7 @@ arm.pdsl:2:20: error[syntax]: unexpected `]`; expected a number
         "arm.pdsl",
         "ComponentParams arm {\n    List motors [1:2] { speed float 1 [0:2]; };\n};",
         """\
-arm.pdsl:2:39: error[syntax]: unexpected `[`; expected a number, `;`, `T` or `mandatory`
+arm.pdsl:2:39: error[syntax]: unexpected `[`; expected a number, `;`, `T`, `dynamic` or `mandatory`
         List motors [1:2] { speed float 1 [0:2]; };
                                           ^
     a range has no brackets: `speed float 0.5 0:2;`""",
@@ -279,6 +279,116 @@ arm.idsl:1:19: error[empty-enum]: `Mode` has no enumerators, so it has no value
                       ^^^^
     give it one: `enum Mode { none };`""",
     ),
+    "a merge conflict": (
+        "arm.idsl",
+        "<<<<<<< HEAD\nmodule Arm { struct Joint { float angle; }; };\n"
+        "=======\nmodule Arm { struct Joint { double angle; }; };\n>>>>>>> other\n",
+        """\
+arm.idsl:1:1: error[syntax]: a merge conflict is not resolved here
+    <<<<<<< HEAD
+    ^^^^^^^^^^^^
+    keep one of the two versions, and remove the lines of `<<<<<<<`, `=======` and `>>>>>>>`""",
+    ),
+    "an import without quotes": (
+        "arm.idsl",
+        "import Laser.idsl;\nmodule Arm { };",
+        """\
+arm.idsl:1:8: error[syntax]: unexpected `Laser`; expected a text in double quotes
+    import Laser.idsl;
+           ^^^^^
+    the name of a file stands in double quotes: `import "Laser.idsl";`""",
+    ),
+    "a file that is included as in C": (
+        "arm.idsl",
+        '#include "Laser.idsl"\nmodule Arm { };',
+        """\
+arm.idsl:1:1: error[stray-directive]: there is no preprocessor
+    #include "Laser.idsl"
+    ^^^^^^^^^^^^^^^^^^^^^
+    write `import "Laser.idsl";`""",
+    ),
+    "an operation without a type": (
+        "arm.idsl",
+        "module Arm {\n    interface Arm {\n        stop();\n    };\n};",
+        """\
+arm.idsl:3:13: error[syntax]: unexpected `(`; expected a name or `::`
+            stop();
+                ^
+    an operation begins with the type that it returns: `void stop();`""",
+    ),
+    "an operation as in C++": (
+        "arm.idsl",
+        "module Arm { interface Arm { void stop() = 0; }; };",
+        """\
+arm.idsl:1:42: error[syntax]: unexpected `=`; expected `;` or `throws`
+    module Arm { interface Arm { void stop() = 0; }; };
+                                             ^
+    remove `= 0`: operations have no body""",
+    ),
+    "a reference as in C++": (
+        "arm.idsl",
+        "module Arm { interface Arm { void say(string &text); }; };",
+        """\
+arm.idsl:1:46: error[syntax]: unexpected `&`; expected a name or `::`
+    module Arm { interface Arm { void say(string &text); }; };
+                                                 ^
+    values are passed: remove the `&` or `*`""",
+    ),
+    "a parameter without a name": (
+        "arm.idsl",
+        "module Arm { interface Arm { void move(int, int speed); }; };",
+        """\
+arm.idsl:1:43: error[syntax]: unexpected `,`; expected a name
+    module Arm { interface Arm { void move(int, int speed); }; };
+                                              ^
+    a parameter has a type and a name""",
+    ),
+    "an operation that is not finished": (
+        "arm.idsl",
+        "module Arm {\n    interface Arm {\n        void move(int angle\n        void stop();\n    };\n};",
+        """\
+arm.idsl:3:27: error[syntax]: expected `);` before `void`
+            void move(int angle
+                              ^
+    add `);` here""",
+    ),
+    "a fraction where an integer is expected": (
+        "arm.idsl",
+        "module Arm { enum Mode { off = 0.5 }; };",
+        """\
+arm.idsl:1:32: error[syntax]: unexpected `0.5`; expected an integer
+    module Arm { enum Mode { off = 0.5 }; };
+                                   ^^^""",
+    ),
+    "the template's window": (
+        "arm.cdsl",
+        "Component arm\n{\n    gui Qt(QWidget//QDialog//QMainWindow);\n    language python;\n};",
+        """\
+arm.cdsl:3:18: error[syntax]: expected `);` before `language`
+        gui Qt(QWidget//QDialog//QMainWindow);
+                     ^
+    the `//` starts a comment: add `);` in front of it
+arm.cdsl:3:5: warning[ineffective-gui]: a `gui` has no effect yet
+        gui Qt(QWidget//QDialog//QMainWindow);
+        ^^^^^^^^^^^^^^^^""",
+    ),
+    "a point for a comma": (
+        "arm.cdsl",
+        'import "Laser.idsl";\nComponent arm { Communications { requires Laser. GotoPoint; }; language python; };',
+        """\
+arm.cdsl:2:48: error[syntax]: unexpected `.`; expected `(`, `,`, `;`, `concurrent` or `qos`
+    Component arm { Communications { requires Laser. GotoPoint; }; language python; };
+                                                   ^""",
+    ),
+    "a clause of an older RoboComp": (
+        "arm.cdsl",
+        "Component arm { language python; useQt qt4; };",
+        """\
+arm.cdsl:1:34: warning[legacy-clause]: `useQt` is from an older RoboComp and has no effect
+    Component arm { language python; useQt qt4; };
+                                     ^^^^^^^^^^
+    write `gui Qt;`""",
+    ),
     "an accent": (
         "arm.idsl",
         "module Arm { struct ángulo { }; };",
@@ -349,11 +459,11 @@ arm.pdsl:2:17: error[bad-default]: 5 is not from 0 to 2
     ),
     "a misspelt clause of a deployment": (
         "net.ddsl",
-        "Deployment net { Component arm { dependence leg; }; };",
+        "Deployment net { Component arm { dependence leg; }; Component leg { }; };",
         """\
 net.ddsl:1:34: error[syntax]: unexpected `dependence`; expected `args`, `config`, `dependences`, `env`, `ip`, \
 `middleware`, `path`, `port` or …
-    Deployment net { Component arm { dependence leg; }; };
+    Deployment net { Component arm { dependence leg; }; Component leg { }; };
                                      ^^^^^^^^^^
     did you mean `dependences`?""",
     ),

@@ -63,6 +63,7 @@ WORDS = {
     ".pdsl": "ComponentParams List int float double string bool true enum mandatory T",
     ".ddsl": "Deployment Component path ip port config dependences middleware namespace env args requires from host"
     " System restart ::1 10.0.0.1",
+    ".smdsl": "game states initial_state end_state transitions transition parallel => : begin loop over",
 }
 MODELS = {
     ".idsl": [path.read_text() for path in sorted(SHIPPED.glob("*.idsl"))],
@@ -79,6 +80,11 @@ MODELS = {
         'import "a.cdsl"; Deployment net { middleware zeromq; namespace a/b; Component x : a { path "x"; ip ::1;'
         ' port 5; config "c"; dependences y, z; env A "b"; args "c", "d"; requires Laser from y;'
         ' host h { user "r"; }; }; };'
+    ],
+    ".smdsl": [
+        "game { initial_state begin; states loop, pause; end_state over; transitions { begin => loop; loop => loop,"
+        " pause, over; pause => loop; }; }; :loop parallel { states left, right; transitions { left => left; }; };"
+        " :left { initial_state up; states down; transition { up => down; down => up; } }"
     ],
 }
 

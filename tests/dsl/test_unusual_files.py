@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import random
 from pathlib import Path
 
@@ -18,6 +19,7 @@ EMPTY = {
     ".cdsl": "Component arm { language python; };",
     ".pdsl": "ComponentParams arm { };",
     ".ddsl": "Deployment arm { };",
+    ".smdsl": "arm { initial_state a; };",
 }
 """The least there can be in a file of each language."""
 
@@ -125,6 +127,28 @@ def test_a_file_of_zeros_is_an_error(path: Path) -> None:
 def test_a_huge_file_is_refused_without_being_parsed(path: Path) -> None:
     path.write_text(EMPTY[path.suffix] + " " * MAX_CHARACTERS)
     assert codes(path) == ["too-large"]
+
+
+def test_a_file_of_fifty_thousand_lines_is_read(tmp_path: Path) -> None:
+    lines = "".join(f"    struct Joint{number}\n    {{\n        float angle;\n    }};\n" for number in range(12_500))
+    path = tmp_path / "Arm.idsl"
+    path.write_text(f"module Arm\n{{\n{lines}}};\n")
+    module = Workspace().interfaces(path)
+    assert module is not None
+    assert len(module.definitions) == 12_500
+
+
+def test_garbage_is_collected_afterwards_if_it_was_before(path: Path) -> None:
+    path.write_text(EMPTY[path.suffix])
+    assert gc.isenabled()
+    lint(path)
+    assert gc.isenabled()
+    gc.disable()
+    try:
+        lint(path)
+        assert not gc.isenabled()
+    finally:
+        gc.enable()
 
 
 def test_of_an_endless_file_only_so_much_is_read() -> None:

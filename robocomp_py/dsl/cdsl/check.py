@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from ...contract.component import MAX_SECONDS, Port, numbers
 from ...contract.interface import Interface, Verb
+from ...contract.statemachine import StateMachine
 from ..diagnostics import Proposals, Report, did_you_mean
 from ..source import Name
 from . import model as m
@@ -31,6 +32,8 @@ class Surroundings:
     """The names of the IDSL files that could be imported, without their ending."""
     middlewares: Collection[str]
     """What is installed."""
+    machine: StateMachine | None = None
+    """Its own, if it has one without mistakes."""
 
 
 def check(model: m.Component, around: Surroundings, report: Report) -> None:
@@ -59,6 +62,7 @@ class _Checker:
     # Ports.
 
     def _check_item(self, item: m.Item) -> None:
+        self._check_extras(item)
         found = self.around.interfaces.get(item.interface.text, ())
         if not found:
             self._report_unknown(item.interface)
@@ -72,14 +76,17 @@ class _Checker:
             self.report.warning("empty-interface", f"`{item.interface}` has no operations", item.interface.span)
         else:
             self._check_verb(item, interface)
+
+    def _check_extras(self, item: m.Item) -> None:
+        """What stands behind the interface, which is right or wrong whatever that is."""
         if item.qos and not item.verb.is_topic:
             message = "only what is published or subscribed to has a QoS"
-            self.report.error("qos-of-calls", message, item.qos[0].name.span)
+            self.report.error("qos-of-calls", message, item.qos[0].span.to(item.qos[-1].span))
         elif item.qos:
             read_qos(item.qos, self.report)
         if item.concurrent and item.verb.has_proxy:
             message = "only what is implemented or subscribed to can be concurrent"
-            self.report.error("concurrent-proxy", message, item.interface.span)
+            self.report.error("concurrent-proxy", message, item.concurrent_at or item.interface.span, "remove it")
         if item.marker:
             self._check_marker(item.marker)
 
@@ -154,13 +161,23 @@ class _Checker:
                         message = f"{what} and {known} are both called `{name}` in Python"
                         related = ("first here", first.interface.span)
                         self.report.error("same-attribute", message, item.interface.span, "rename one", related)
+        self._check_machine({name: item.interface for name, (item, _, _) in seen.items()})
+
+    def _check_machine(self, handlers: Mapping[str, Name]) -> None:
+        """`one` of an interface `sm` and a state `one` would be one method, `sm_one`."""
+        machine = self.around.machine
+        for name in (*(state.method for state in machine.every_state()), *machine.triggers()) if machine else ():
+            if name in handlers:
+                message = f"this and the state machine both have a `{name}` in Python"
+                self.report.error("same-attribute", message, handlers[name].span, "rename one")
 
     # Clauses.
 
     def _check_clauses(self) -> None:
         for kind in _ONCE:
-            for extra in self.model.all(kind)[1:]:
-                related = ("first here", self.model.all(kind)[0].span)
+            clauses = self.model.all(kind)
+            for extra in clauses[1:]:
+                related = ("first here", clauses[0].span)
                 self.report.error("duplicate", f"`{kind}` is given twice", extra.span, "", related)
         for option in (name for clause in self.model.all("options") for name in clause.names):
             if option.text.lower() in OPTIONS:
@@ -170,11 +187,9 @@ class _Checker:
                 self.report.warning("unknown-option", f"unknown option `{option}`", option.span, hint)
         for clause in self.model.all("gui"):
             self.report.warning("ineffective-gui", "a `gui` has no effect yet", clause.span)
-        for clause in self.model.all("statemachine"):
-            self.report.warning("ineffective-statemachine", "a `statemachine` has no effect yet", clause.span)
         for clause in self.model.all("legacy"):
             message = f"`{clause.names[0]}` is from an older RoboComp and has no effect"
-            self.report.warning("legacy-clause", message, clause.span, "remove it")
+            self.report.warning("legacy-clause", message, clause.span, _instead_of(clause))
 
     def _check_language(self) -> None:
         language = self.model.language
@@ -199,6 +214,22 @@ class _Checker:
         elif not 0 < period.seconds <= MAX_SECONDS:
             message = f"a period is longer than nothing, and at most {MAX_SECONDS:g} s"
             self.report.error("bad-period", message, period.span)
+
+
+def _instead_of(legacy: m.Clause) -> str:
+    """What one writes today for a clause of an older RoboComp."""
+    word, *values = (name.text.lower() for name in legacy.names)
+    if values and values[0] in ("false", "none"):
+        return "leave it out: that is so without it"
+    match word:
+        case "useqt" | "qtversion":
+            return "write `gui Qt;`"
+        case "innermodelviewer":
+            return "write `options InnerModelViewer;`"
+        case "worker":
+            return "leave it out: a worker has threads anyway; `period 50 ms;` says how often it computes"
+        case _:
+            return "leave it out, and import what the component needs in its specificworker.py"
 
 
 def _attributes(port: Port) -> Iterator[tuple[str, str]]:

@@ -8,13 +8,19 @@ from ...contract.component import Component, Port, numbers
 from ...contract.interface import Interface
 from ...contract.parameters import ParameterSet
 from ...contract.qos import DEFAULT_QOS
+from ...contract.statemachine import StateMachine
 from ..diagnostics import Report
 from . import model as m
 from .check import FOREIGN
 from .qos import read_qos
 
 
-def link(model: m.Component, interfaces: Mapping[str, Sequence[Interface]], params: ParameterSet | None) -> Component:
+def link(
+    model: m.Component,
+    interfaces: Mapping[str, Sequence[Interface]],
+    params: ParameterSet | None,
+    machine: StateMachine | None = None,
+) -> Component:
     """The component a file describes."""
     ports = []
     for item, number in zip(model.items, numbers((i.verb, i.interface.text) for i in model.items), strict=True):
@@ -30,7 +36,7 @@ def link(model: m.Component, interfaces: Mapping[str, Sequence[Interface]], para
         )
     seconds = model.period.seconds if model.period else None
     period = {"period": seconds} if seconds else {}
-    return Component(model.name.text, tuple(ports), params, description=model.doc, **period)
+    return Component(model.name.text, tuple(ports), params, description=model.doc, machine=machine, **period)
 
 
 def _middleware(item: m.Item) -> str | None:

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from ...contract.interface import Verb
 from ..source import Name, Source, Span
 
+AGM = ("AGMExecutive.idsl", "AGMExecutiveTopic.idsl", "AGMCommonBehavior.idsl", "AGMWorldModel.idsl")
+"""What RoboComp's generators import by themselves for a component with the option `agmagent`."""
+
 SECONDS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0}
 """The units of time."""
 
@@ -46,6 +49,7 @@ class Item:
     marker: Name | None = None
     concurrent: bool = False
     qos: tuple[Setting, ...] = ()
+    concurrent_at: Span | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +80,12 @@ class Component:
         return [clause for clause in self.clauses if clause.kind == kind]
 
     @property
+    def implied_imports(self) -> tuple[str, ...]:
+        """The files that are imported without being named."""
+        options = {name.text.lower() for clause in self.all("options") for name in clause.names}
+        return AGM if "agmagent" in options else ()
+
+    @property
     def language(self) -> Name | None:
         return self._name("language")
 
@@ -83,6 +93,11 @@ class Component:
     def params(self) -> Name | None:
         """The path of its PDSL file."""
         return self._name("params")
+
+    @property
+    def statemachine(self) -> Name | None:
+        """The path of the file of its state machine."""
+        return self._name("statemachine")
 
     @property
     def period(self) -> Amount | None:

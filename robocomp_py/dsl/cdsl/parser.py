@@ -56,6 +56,7 @@ class _Builder:
                 next((self._name(each.children[0]) for each in extras if each.data == "marker"), None),
                 any(each.data == "concurrent" for each in extras),
                 tuple(self._setting(each) for extra in extras if extra.data == "qos" for each in extra.children),
+                next((self._span(each) for each in extras if each.data == "concurrent"), None),
             )
 
     def _setting(self, tree: Tree[Any]) -> m.Setting:

@@ -22,7 +22,11 @@ _MOST = 1_000_000
 
 
 class _Wrong(ValueError):
-    """What is wrong with a setting."""
+    """What is wrong with a setting, and what may be right."""
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.hint = hint
 
 
 def read_qos(settings: Sequence[m.Setting], report: Report) -> QoS:
@@ -38,7 +42,7 @@ def read_qos(settings: Sequence[m.Setting], report: Report) -> QoS:
         try:
             values = _values(name, setting)
         except _Wrong as wrong:
-            report.error("bad-qos", str(wrong), setting.span)
+            report.error("bad-qos", str(wrong), setting.span, wrong.hint)
             continue
         if name in PRESETS and given:
             message = f"the preset `{setting.name}` would undo what stands before it"
@@ -69,7 +73,8 @@ def _values(name: str, setting: m.Setting) -> dict[str, Any]:
     if name == "liveliness":
         kinds = {str(kind): kind for kind in Liveliness}
         if setting.word is None or setting.word.text.lower() not in kinds:
-            raise _Wrong(f"`{setting.name}` is one of {', '.join(kinds)}")
+            hint = did_you_mean(setting.word.text.lower(), kinds) if setting.word else ""
+            raise _Wrong(f"`{setting.name}` is one of {', '.join(kinds)}", hint)
         return {name: kinds[setting.word.text.lower()]}
     if setting.amount or setting.word:
         raise _Wrong(f"`{setting.name}` stands alone")

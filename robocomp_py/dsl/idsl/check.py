@@ -9,7 +9,7 @@ from functools import cached_property
 from ...contract.interface import Pattern
 from ...contract.naming import names_of
 from ...contract.types import MAX_DEPTH, Primitive, integer_range, is_key, python_name
-from ..diagnostics import Proposals, Report
+from ..diagnostics import Proposals, Report, did_you_mean
 from ..numbers import whole
 from ..source import Name, Span
 from . import model as m
@@ -28,6 +28,8 @@ BUILTIN: dict[str, Primitive] = {
 
 _FOREIGN = {"char": "byte", "uchar": "byte", "uint": "uint32", "ulong": "uint64", "ushort": "uint16", "str": "string"}
 """What people write who have other languages in mind."""
+
+_BOOLS = ("true", "false")
 
 _PREFIX = "RoboComp"
 """The module of X.idsl is called RoboCompX, by convention."""
@@ -194,7 +196,7 @@ class _Checker:
         bases = self._ancestors(exception)
         self._check_lineage(exception, bases)
         for base in exception.bases[:1]:
-            found = self._find(base, "unknown-exception", "exception")
+            found = self._find(base, "unknown-exception", "exception", m.Exception_)
             if isinstance(found, m.Exception_) and found in bases and exception in bases:
                 self._error("circular-base", f"`{exception.name}` extends itself", base.span)
             elif found and not isinstance(found, m.Exception_):
@@ -210,7 +212,7 @@ class _Checker:
         bases = self._ancestors(interface)
         self._check_lineage(interface, bases)
         for base in interface.bases:
-            found = self._find(base, "unknown-interface", "interface")
+            found = self._find(base, "unknown-interface", "interface", m.Interface)
             if isinstance(found, m.Interface) and interface in bases:
                 self._error("circular-base", f"`{interface.name}` extends itself", base.span)
                 break
@@ -270,7 +272,7 @@ class _Checker:
             self._error(
                 "one-way-gives-back",
                 f"a {pattern} goes one way: it cannot return, have outputs or throw",
-                operation.name.span,
+                _given_back(operation),
                 "make it a [query]",
                 ("declared here", pattern.span),
             )
@@ -290,7 +292,7 @@ class _Checker:
     def _check_throws(self, operation: m.Operation) -> None:
         seen: dict[str, Name] = {}
         for thrown in operation.throws:
-            found = self._find(thrown, "unknown-exception", "exception")
+            found = self._find(thrown, "unknown-exception", "exception", m.Exception_)
             if found and not isinstance(found, m.Exception_):
                 self._error("throws-non-exception", f"`{thrown}` is not an exception", thrown.span)
             first = seen.setdefault(qualified(thrown.text, self.module), thrown)
@@ -305,7 +307,7 @@ class _Checker:
         elif kind.text == "void":
             self._error("void-type", "nothing can have the type `void`; only operations return it", kind.span)
         elif kind.text not in BUILTIN:
-            found = self._find(kind, "unknown-type", "type")
+            found = self._find(kind, "unknown-type", "type", m.Struct, m.Sequence, m.Dictionary, m.Enum)
             if isinstance(found, m.Interface | m.Exception_ | m.Const):
                 self._error("not-a-value-type", f"`{kind}` is not a type of values", kind.span)
 
@@ -314,7 +316,8 @@ class _Checker:
         known = isinstance(key, m.SequenceOf) or found is not None or key.text in BUILTIN
         builtin = not isinstance(key, m.SequenceOf) and key.text in BUILTIN and is_key(BUILTIN[key.text])
         if known and not builtin and not isinstance(found, m.Enum):
-            self._error("bad-key", "a dictionary's keys are strings, bools, integers or enumerators", key.span)
+            hint = "write a sequence of structs that have a key and a value" if isinstance(found, m.Struct) else ""
+            self._error("bad-key", "a dictionary's keys are strings, bools, integers or enumerators", key.span, hint)
 
     def _check_literal(self, kind: m.TypeName, literal: m.Literal) -> None:
         if isinstance(kind, m.SequenceOf):
@@ -329,10 +332,15 @@ class _Checker:
         try:
             literal_value(meaning, literal)
         except ValueError as exc:
-            self._error("bad-default", str(exc), literal.span)
+            enumerators = [each.name.text for each in meaning.members] if isinstance(meaning, m.Enum) else []
+            hint = did_you_mean(literal.text.rpartition("::")[2], enumerators or _BOOLS)
+            self._error("bad-default", str(exc), literal.span, hint if enumerators or meaning is Primitive.BOOL else "")
 
-    def _find(self, name: Name, code: str, what: str) -> m.Definition | None:
-        """The definition a name means; if there is none, say so, unless a syntax error may have hidden it."""
+    def _find(self, name: Name, code: str, what: str, *kinds: type[m.Definition]) -> m.Definition | None:
+        """The definition a name means; if there is none, say so, unless a syntax error may have hidden it.
+
+        What may be meant is one of these kinds.
+        """
         found = self.scope.get(qualified(name.text, self.module))
         short = name.text.rpartition("::")[2]
         if found is not None or short in self.file.skipped:
@@ -344,15 +352,16 @@ class _Checker:
             hint = _foreign(short) or self._suggest_import(module)
             self._error("missing-import", f"module `{module}` is not imported", name.span, hint)
         else:
-            self._error(code, f"unknown {what} `{name}`", name.span, self._suggest(name.text))
+            self._error(code, f"unknown {what} `{name}`", name.span, self._suggest(name.text, kinds))
         return None
 
-    def _suggest(self, name: str) -> str:
+    def _suggest(self, name: str, kinds: tuple[type[m.Definition], ...]) -> str:
         short = name.rpartition("::")[2]
         if short in self._by_short_name:
             return f"did you mean `{self._by_short_name[short]}`?"
-        own = f"{self.module}::"
-        return _foreign(short) or self.propose(name, [*BUILTIN, *(each.removeprefix(own) for each in self.scope)])
+        own, builtin = f"{self.module}::", BUILTIN if m.Struct in kinds else ()
+        defined = (name.removeprefix(own) for name, each in self.scope.items() if isinstance(each, kinds))
+        return (_foreign(short) if builtin else "") or self.propose(name, [*builtin, *defined])
 
     def _suggest_import(self, module: str) -> str:
         """Import it if there is such a file; else it may be misspelt; else there should be such a file."""
@@ -399,6 +408,13 @@ class _Checker:
 
     def _error(self, code: str, message: str, span: Span, hint: str = "", *related: tuple[str, Span]) -> None:
         self.report.error(code, message, span, hint, *related)
+
+
+def _given_back(operation: m.Operation) -> Span:
+    """The first thing that an operation gives back."""
+    outputs = [param.span for param in operation.params if param.out]
+    results = [operation.result.span] if operation.returns else []
+    return [*results, *outputs, *(name.span for name in operation.throws)][0]
 
 
 def _foreign(short: str) -> str:

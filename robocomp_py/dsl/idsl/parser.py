@@ -20,6 +20,10 @@ _GRAMMAR = Grammar(
         r"\bunsigned\b.*": "write uint8, uint16, uint32 or uint64",
         r"\bin\s+\w+\s+\w+": "inputs have no `in`; remove it",
         r"\b(vector|list|map)\s*<": "write `sequence<…>` or `dictionary<…, …>`",
+        r"(?:^|[;{}])\s*\w+\s*\(": "an operation begins with the type that it returns: `void stop();`",
+        r"\)\s*=\s*0": "remove `= 0`: operations have no body",
+        r"\w\s*[&*]": "values are passed: remove the `&` or `*`",
+        r"[(,]\s*(?:out\s+)?[\w:]+\s*[,)]": "a parameter has a type and a name",
     },
 )
 

@@ -207,12 +207,9 @@ class CommandOutlet(AskingLink):
 class _Asker:
     """A synchronous call that waits. `woken` gets an item when another thread has news for it."""
 
-    __slots__ = ("error", "reply", "woken")
-
-    def __init__(self) -> None:
-        self.reply: Reply | None = None
-        self.error: type[TransportError] | None = None
-        self.woken: queue.SimpleQueue[None] | None = None
+    reply: Reply | None = None
+    error: type[TransportError] | None = None
+    woken: queue.SimpleQueue[None] | None = None
 
 
 class Caller(AskingLink):
@@ -336,7 +333,9 @@ class Caller(AskingLink):
                 if left <= 0:
                     return None
                 if receives:
-                    self._receive(left)
+                    if self._waiting.wait(left):
+                        for line in tuple(self._lines.values()):
+                            self._take(line)
                 else:
                     assert asker.woken
                     with contextlib.suppress(queue.Empty):
@@ -382,11 +381,6 @@ class Caller(AskingLink):
             for line in self._lines.values():
                 assert line.replies
                 self.bus.loop.detach(line.replies.condition)
-
-    def _receive(self, timeout: float) -> None:
-        if self._waiting.wait(timeout):
-            for line in tuple(self._lines.values()):
-                self._take(line)
 
     def _on_reply(self, line: Line) -> list[Job]:
         self._take(line)

@@ -119,14 +119,52 @@ def test_every_form_of_a_gui_is_read(gui: str) -> None:
         "InnerModelViewer false;",
         "modules a, b;",
         "classes { a };",
-        'stateMachine "arm.smdsl";',
-        'statemachine "arm.smdsl" visual;',
         "options;",
         "options dsr, agmagent, InnerModelViewer;",
     ],
 )
 def test_what_older_generators_knew_is_read_and_has_no_effect(clause: str) -> None:
     assert arm(clauses=clause) == arm()
+
+
+@pytest.mark.parametrize(
+    ("clause", "instead"),
+    [
+        ("RoboCompClasses { laser };", "leave it out, and import what the component needs in its specificworker.py"),
+        ("modules a, b;", "leave it out, and import what the component needs in its specificworker.py"),
+        ("worker isThread;", "leave it out: a worker has threads anyway; `period 50 ms;` says how often it computes"),
+        ("qtversion 5;", "write `gui Qt;`"),
+        ("useQt qt4;", "write `gui Qt;`"),
+        ("useQt none;", "leave it out: that is so without it"),
+        ("InnerModelViewer true;", "write `options InnerModelViewer;`"),
+        ("InnerModelViewer false;", "leave it out: that is so without it"),
+    ],
+)
+def test_of_a_clause_of_an_older_robocomp_one_warning_says_what_to_write_instead(clause: str, instead: str) -> None:
+    found = workspace(**{"arm.cdsl": f"Component arm {{ language python; {clause} }};"})
+    assert found.component(FOLDER / "arm.cdsl") is not None
+    [warning] = found.report.diagnostics
+    assert (warning.code, warning.span.text, warning.hint) == ("legacy-clause", clause, instead)
+
+
+AGENTS = {
+    "AGMExecutiveTopic.idsl": "module Agents { interface AGMExecutiveTopic { void changed(); }; };",
+    "AGMWorldModel.idsl": "module World { interface Unused { void stop(); }; };",
+}
+
+
+def test_an_agent_imports_the_interfaces_of_agents_without_a_word() -> None:
+    text = "Component arm { Communications { subscribesTo AGMExecutiveTopic; }; language python; options AGMAgent; };"
+    linked = component_of(text, **AGENTS)
+    assert [port.interface.name for port in linked.component.ports] == ["Agents::AGMExecutiveTopic"]
+    assert [module.name for module in linked.modules] == ["Agents"]
+
+
+def test_who_is_no_agent_has_to_import_the_interfaces_of_agents() -> None:
+    text = "Component arm { Communications { subscribesTo AGMExecutiveTopic; }; language python; };"
+    found = workspace(**{"arm.cdsl": text, **AGENTS})
+    assert found.component(FOLDER / "arm.cdsl") is None
+    assert [each.span.text for each in found.report.errors] == ["AGMExecutiveTopic"]
 
 
 @pytest.mark.parametrize("language", ["Cpp", "cpp", "Cpp11", "CPP", "C++", "Python", "python3", "PYTHON"])

@@ -30,6 +30,8 @@ Deployment house
         requires Laser1 from base;
         subscribesTo LaserPub from base;
     };
+    Component base { };
+    Component other { };
 };
 """
 
@@ -51,7 +53,7 @@ def test_a_deployment_is_read() -> None:
     model = deployment(NETWORK)
     assert [str(name) for name in model.imports] == ["camera.cdsl", "sub/base.cdsl"]
     assert (str(model.name), str(model.middleware), model.namespace) == ("house", "zeromq", "robot/left")
-    camera, second = model.instances
+    camera, second, *_ = model.instances
     assert (str(camera.name), str(camera.component), camera.kind) == ("camera", "camera", None)
     assert (str(second.name), str(second.component)) == ("cam2", "camera")
     assert [str(x) for x in (second.path, second.ip, second.port, second.config, second.middleware)] == [
