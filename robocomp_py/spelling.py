@@ -15,7 +15,8 @@ def closest(name: str, known: Iterable[str], *, prefix: str = "") -> str:
     for each in known:
         spellings.setdefault(each.removeprefix(prefix).lower(), []).append(each)
     meant = name.removeprefix(prefix).lower()
-    close = difflib.get_close_matches(meant, spellings, 1, cutoff=_SHORT_LIKENESS if len(meant) <= _SHORT else _LIKENESS)
+    likeness = _SHORT_LIKENESS if len(meant) <= _SHORT else _LIKENESS
+    close = difflib.get_close_matches(meant, spellings, 1, cutoff=likeness)
     return difflib.get_close_matches(name, spellings[close[0]], 1, cutoff=0)[0] if close else ""
 
 
