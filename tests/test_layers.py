@@ -27,7 +27,7 @@ FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py.runtime.statechart": BUILD | MIDDLEWARES | {"numpy", "robocomp_py.wire", "robocomp_py.transports"},
     "robocomp_py.graph.statemachine": BUILD | MIDDLEWARES | {"numpy", "xml", "robocomp_py.wire", "robocomp_py.runtime"},
     "robocomp_py.runtime.api": BUILD | MIDDLEWARES | {"xml", "pyexpat", "msgpack", "argparse"},
-    "robocomp_py.runtime.run": BUILD | MIDDLEWARES | {"msgpack"},
+    "robocomp_py.runtime.run": BUILD | MIDDLEWARES | {"msgpack", "robocomp_py.runtime.classic"},
     "robocomp_py.cli.rc": MIDDLEWARES
     | {"pygls", "lark", "jinja2", "rich", "robocomp_py.codegen", "robocomp_py.deploy"},
     "robocomp_py.dsl.workspace": MIDDLEWARES | {"jinja2", "robocomp_py.codegen", "robocomp_py.runtime", "msgpack"},

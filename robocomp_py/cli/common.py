@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import errno
+import io
 import json
 import os
 import signal
@@ -34,6 +36,7 @@ def command(main: Callable[[Sequence[str] | None], int]) -> Main:
     def run(arguments: Sequence[str] | None = None) -> int:
         try:
             with _unwinding():
+                _prepare_output()
                 os.getcwd()
                 code = main(arguments)
                 sys.stdout.flush()
@@ -46,11 +49,29 @@ def command(main: Callable[[Sequence[str] | None], int]) -> Main:
         except BrokenPipeError:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains when it ends
             return WRONG
+        except OSError as exc:
+            if exc.filename is not None or exc.errno not in _FULL:
+                raise
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return complain(f"what this prints cannot be written: {exc.strerror}")
         except KeyboardInterrupt:
             return INTERRUPTED
         return code
 
     return run
+
+
+def _prepare_output() -> None:
+    """Neither a closed output nor a character that it lacks, as in the name of a file, stops a command."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115 - for as long as we live
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")
+
+
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+"""What printing fails with. Of files that they write themselves, commands say more."""
 
 
 class _Ended(SystemExit):
@@ -119,6 +140,38 @@ def add_include(to: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="folder in which imports are looked for, too; may be repeated",
     )
+
+
+def files_of(paths: Iterable[Path], *, linked: bool) -> tuple[list[Path], list[str]]:
+    """The files that paths mean, each once, and what is wrong with the folders among them.
+
+    A folder means all in it and below that are written in one of the languages, but for what is hidden; with
+    `linked`, also the files that are only linked there. Folders that are linked there are not entered.
+    """
+    found: dict[str, Path] = {}
+    problems: list[str] = []
+    for path in paths:
+        wrong: list[str] = []
+        inside = list(_below(path, linked, wrong)) if path.is_dir() else [path]
+        if not inside and not wrong:
+            wrong.append(f"{path}: no file of the languages is in this folder")
+        problems += wrong
+        for each in inside:
+            found.setdefault(os.path.abspath(each) if linked else os.path.realpath(each), each)
+    return list(found.values()), problems
+
+
+def _below(folder: Path, linked: bool, wrong: list[str]) -> Iterator[Path]:
+    from ..dsl.workspace import ENDINGS
+
+    def note(exc: OSError) -> None:
+        wrong.append(f"{exc.filename}: {exc.strerror}")
+
+    for here, folders, names in os.walk(folder, onerror=note):
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        for path in (Path(here, name) for name in sorted(names) if not name.startswith(".")):
+            if path.suffix.lower() in ENDINGS and (linked if path.is_symlink() else path.is_file()):
+                yield path
 
 
 def show(diagnostics: Iterable[Diagnostic], *, as_json: bool = False, to: TextIO | None = None) -> None:

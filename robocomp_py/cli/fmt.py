@@ -10,12 +10,12 @@ import os
 import stat
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
 
-from .common import FINE, WRONG, complain, show
+from .common import FINE, WRONG, complain, files_of, show
 
 NAME = "fmt"
 HELP = "format files of any of the languages"
@@ -52,7 +52,7 @@ def run(options: argparse.Namespace) -> int:
     _check_usage(options)
     if options.files == ["-"]:
         return _format_stdin(options)
-    paths, problems = _files(map(Path, options.files))
+    paths, problems = files_of(map(Path, options.files), linked=False)
     codes = [complain(f"rc fmt: {problem}") for problem in problems]
     return max([*codes, *(_format_file(path, options) for path in paths)], default=FINE)
 
@@ -175,30 +175,3 @@ def _replace(path: Path, data: bytes) -> None:
     except BaseException:
         new.unlink(missing_ok=True)
         raise
-
-
-def _files(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
-    """The files that paths mean, each once, and what is wrong with the folders among them."""
-    found: dict[str, Path] = {}
-    problems: list[str] = []
-    for path in paths:
-        inside = list(_below(path, problems)) if path.is_dir() else [path]
-        if not inside and not problems:
-            problems.append(f"{path}: no file of the languages is in this folder")
-        for each in inside:
-            found.setdefault(os.path.realpath(each), each)
-    return list(found.values()), problems
-
-
-def _below(folder: Path, problems: list[str]) -> Iterator[Path]:
-    """The files of the languages in a folder; nothing that is hidden, and nothing that is only linked there."""
-    from ..dsl.format import LANGUAGES
-
-    def note(exc: OSError) -> None:
-        problems.append(f"{exc.filename}: {exc.strerror}")
-
-    for here, folders, names in os.walk(folder, onerror=note):
-        folders[:] = sorted(name for name in folders if not name.startswith("."))
-        for path in (Path(here, name) for name in sorted(names) if not name.startswith(".")):
-            if path.suffix.lower()[1:] in LANGUAGES and path.is_file() and not path.is_symlink():
-                yield path

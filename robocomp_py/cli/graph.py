@@ -12,7 +12,18 @@ NAME = "graph"
 HELP = "draw a state machine as SVG"
 
 
+_EXAMPLES = """\
+examples:
+  rc graph game.smdsl -o game.svg    for a browser, or a page
+  rc graph game.scxml > game.svg
+
+exit status: 0 fine, 1 the file is wrong, 2 usage
+"""
+
+
 def add_arguments(to: argparse.ArgumentParser) -> None:
+    to.description, to.epilog = "Draw the states of a machine, and the transitions between them, as SVG.", _EXAMPLES
+    to.formatter_class = argparse.RawDescriptionHelpFormatter
     to.add_argument("file", type=Path, metavar="FILE", help="state machine (.smdsl, .scxml)")
     to.add_argument("-o", dest="output", type=Path, metavar="FILE.svg", help="where to write it (default: stdout)")
 

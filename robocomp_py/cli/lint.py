@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .common import FINE, WRONG, add_include, complain, show
+from .common import FINE, WRONG, add_include, complain, files_of, show
 
 if TYPE_CHECKING:  # running a component must not import the languages
     from ..dsl.diagnostics import Diagnostic
@@ -19,9 +19,32 @@ if TYPE_CHECKING:  # running a component must not import the languages
 NAME = "lint"
 HELP = "check files of any of the languages"
 
+_ABOUT = """\
+Say what is wrong with files, and with what they import: each mistake with its place, a code, and what may be meant.
+"""
+_EXAMPLES = """\
+examples:
+  rc lint .                         all files of the languages in this folder and below
+  rc lint net.ddsl                  a network, with everything that it deploys
+  rc lint --explain unknown-type    what a code means, with a wrong and a right example
+  rc lint etc/config.toml           a configuration, by the component in whose folder it is
+  rc lint --json . | jq .code       one diagnostic a line, for machines
+  rc lint --sarif . > lint.sarif    for tools that show diagnostics beside the lines, in a review
+
+exit status: 0 fine or warnings only, 1 an error, 2 usage
+"""
+
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
-    to.add_argument("files", nargs="*", type=Path, metavar="FILE", help="of any of the languages, or a folder of them")
+    to.description, to.epilog = _ABOUT, _EXAMPLES
+    to.formatter_class = argparse.RawDescriptionHelpFormatter
+    to.add_argument(
+        "files",
+        nargs="*",
+        type=Path,
+        metavar="FILE",
+        help="a file of any of the languages, or a configuration; a folder, for all that are in it and below",
+    )
     how = to.add_mutually_exclusive_group()
     how.add_argument("--json", action="store_true", help="one diagnostic a line, as JSON on stdout")
     how.add_argument("--sarif", action="store_true", help="all diagnostics as SARIF 2.1.0 on stdout")
@@ -38,9 +61,9 @@ def run(options: argparse.Namespace) -> int:
         return _explain(options.explain)
     if not options.files:
         options.usage_error("give it files, as in: rc lint interfaces/*.idsl")
-    files = [file for path in options.files for file in _files(path)]
-    if not files:
-        options.usage_error(f"there is nothing to check in {', '.join(map(str, options.files))}")
+    files, problems = files_of(options.files, linked=True)
+    for problem in problems:
+        complain(f"rc lint: {problem}")
     found = check(files, options.include, options.against)
     if options.sarif:
         from ..dsl.sarif import to_sarif
@@ -50,17 +73,7 @@ def run(options: argparse.Namespace) -> int:
         show(found, as_json=options.json)
     if found and not (options.json or options.sarif):
         print(_counted(found), file=sys.stderr)
-    return WRONG if any(each.severity == "error" for each in found) else FINE
-
-
-def _files(path: Path) -> list[Path]:
-    """A file; of a folder, all that are written in one of the languages, however deep."""
-    from ..dsl.workspace import ENDINGS
-
-    if not path.is_dir():
-        return [path]
-    inside = (each.relative_to(path) for each in path.rglob("*") if each.suffix.lower() in ENDINGS)
-    return [path / each for each in sorted(inside) if not any(part.startswith(".") for part in each.parts)]
+    return WRONG if problems or any(each.severity == "error" for each in found) else FINE
 
 
 def check(files: Sequence[Path], include: Sequence[Path] = (), against: Path | None = None) -> list[Diagnostic]:

@@ -15,6 +15,7 @@ HELP = "the language server, which editors start; see docs/editors.md"
 
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
+    to.description = "The language server for all the languages. Editors start it: docs/editors.md says how, for each."
     to.add_argument("--stdio", action="store_true", help="talk over stdin and stdout, as it does anyway")
 
 

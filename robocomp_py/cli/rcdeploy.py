@@ -6,9 +6,7 @@ What takes long to import is imported when `main` runs, which ends quietly on Ct
 from __future__ import annotations
 
 import argparse
-import io
 import json
-import os
 import shlex
 import sys
 from collections.abc import Iterable, Sequence
@@ -39,7 +37,6 @@ Exit status: 0 fine, 1 wrong input or something failed, 2 usage, 130/143 stopped
 
 @command
 def main(arguments: Sequence[str] | None = None) -> int:
-    _prepare_output()
     options = _parse(arguments)
     if options.imported:
         return _import(options.imported, options.output)
@@ -65,15 +62,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"rcdeploy: --until {options.until}: there is no such instance", file=sys.stderr)
         return USAGE
     return _run(plan, options)
-
-
-def _prepare_output() -> None:
-    """Nothing that is to be said may stop a network: not a closed output, not a character it lacks."""
-    for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:
-            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115 - for as long as we live
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="replace")
 
 
 # Arguments.
@@ -180,14 +168,24 @@ def _import(path: Path, output: Path | None) -> int:
         print(text, end="")
         return FINE
     try:
-        with output.open("x", encoding="utf-8") as file:
-            file.write(text)
+        _write_new(output, text)
     except FileExistsError:
         return complain(f"rcdeploy: {output} exists, and stays as it is; give another name, or move it away")
     except OSError as exc:
         return complain(f"rcdeploy: {output} cannot be written: {exc.strerror}")
     print(f"{output} is written; read its comments, then: rc lint {shlex.quote(str(output))}", file=sys.stderr)
     return FINE
+
+
+def _write_new(path: Path, text: str) -> None:
+    """Write a file that is not there: all of it, or none, for what is there would be in the way of another try."""
+    with path.open("x", encoding="utf-8") as file:
+        try:
+            file.write(text)
+            file.flush()
+        except BaseException:
+            path.unlink()
+            raise
 
 
 # What was generated.

@@ -118,7 +118,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     made = parser("rcgen", "Generate the Python of components from their CDSL, IDSL and PDSL files.", _EXAMPLES)
     made.add_argument(
-        "models", nargs="*", type=Path, metavar="FILE", help="component (.cdsl, or its folder) or network (.ddsl)"
+        "models",
+        nargs="*",
+        type=Path,
+        metavar="FILE",
+        help="component (.cdsl, or its folder), network (.ddsl), or with --to interface (.idsl)",
     )
     made.add_argument("--middleware", metavar="NAME", help="what carries the messages (default: as before, or zeromq)")
     made.add_argument(

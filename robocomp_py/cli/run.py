@@ -14,6 +14,16 @@ from .common import FINE, complain
 NAME = "run"
 HELP = "run a component"
 
+_EXAMPLES = """\
+examples:
+  rc run .                                      until Ctrl-C
+  rc run components/wander --name left          ... under another name than its own
+  rc run . --set component.period=0.02          ... with another period than its configuration says
+  rc run . --help                               which options and parameters this component has
+
+exit status: 0 fine, 1 it failed, 2 usage, 130/143 stopped by a signal
+"""
+
 _COMPONENT_OPTIONS = (
     ("--config", "FILE", "configuration (default: etc/config.toml in DIR)"),
     ("--name", "NAME", "name of this instance"),
@@ -24,6 +34,8 @@ _COMPONENT_OPTIONS = (
 
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
+    to.description, to.epilog = "Run one component, in the foreground; rcdeploy runs networks of them.", _EXAMPLES
+    to.formatter_class = argparse.RawDescriptionHelpFormatter
     to.add_argument("folder", type=Path, metavar="DIR", nargs="?", help="the component's folder")
     for name, value, what in _COMPONENT_OPTIONS:
         to.add_argument(name, metavar=value, action="append", type=partial(_again, name), dest="passed", help=what)

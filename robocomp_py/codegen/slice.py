@@ -97,7 +97,7 @@ class _Writer:
 
     def file(self, file: m.File) -> Iterator[str]:
         self._module = file.module.text
-        guard = "".join(char if char.isalnum() else "_" for char in file.source.path.stem.upper())
+        guard = _macro(file.source.path.stem)
         yield f"// {heading(file.source.path.name)}"
         yield ""
         yield f"#ifndef {guard}_ICE"
@@ -365,6 +365,12 @@ def _stem(imported: str) -> str:
     """`/opt/robocomp/interfaces/IDSLs/Laser.idsl` → `Laser`."""
     path = PurePosixPath(imported.replace("\\", "/"))
     return path.stem if path.suffix.lower() == ".idsl" else path.name
+
+
+def _macro(stem: str) -> str:
+    """The name of a file as one that the preprocessor takes: `año` → `A_F1O`."""
+    found = re.sub(r"[^A-Za-z0-9_]", lambda char: "_" if char[0].isascii() else f"_{ord(char[0]):X}", stem).upper()
+    return f"_{found}" if found[:1].isdigit() else found
 
 
 def _escaped(name: str) -> str:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+from .. import installed
 from ..contract.component import Component, Port
 from ..contract.interface import Verb, differences
 from ..contract.parameters import Complaint
@@ -132,8 +133,8 @@ def make_plan(path: Path, workspace: Workspace, overrides: Overrides | None = No
     model = workspace.deployment(path)
     if model is None:
         return None
-    planner = _Planner(model, workspace, overrides or Overrides())
-    plan = planner.plan()
+    with installed.asked_once():
+        plan = _Planner(model, workspace, overrides or Overrides()).plan()
     return None if workspace.report.errors else plan
 
 
@@ -175,10 +176,14 @@ class _Planner:
             self._error("not-yet", f"`{word}` is not understood by this version yet", word)
         for instance in model.instances:
             self._check_instance(instance)
+        own_programs = {instance.name.text: instance.path for instance in model.instances if instance.path}
         for name, _ in self._overrides.settings:
             if name != "*" and name not in self._instances:
                 message = f"--set {name}.…: {unknown('instance', name, self._instances)}"
                 self._error("unknown-instance", message, model.name)
+            elif name in own_programs:
+                message = f"--set {name}.…: `{name}` is a program of your own, which is not configured from here"
+                self._error("configuration", message, own_programs[name], "give it `args` or `env`")
         if not model.instances and not self._report.errors:
             self._report.warning("empty-deployment", "there is nothing to run", model.name.span)
 

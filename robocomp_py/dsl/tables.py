@@ -50,7 +50,7 @@ def read_tables(name: str) -> Tables:
     key = hashlib.sha256("\0".join(made_from).encode()).hexdigest()
     file = _cache() / f"{name}.json"
     with contextlib.suppress(OSError, ValueError, TypeError, KeyError):  # not there, or not as we write it
-        kept = json.loads(file.read_text(encoding="utf-8"))
+        kept = json.loads(_read(file))
         if kept["key"] == key:
             return _restored(kept)
     tables = _made(grammar, str(package))
@@ -110,16 +110,25 @@ def _restored(kept: dict[str, Any]) -> Tables:
     )
 
 
+def _read(file: Path) -> str:
+    """What we kept; where others may write, too, theirs is none of ours."""
+    with file.open(encoding="utf-8") as kept:
+        if os.fstat(kept.fileno()).st_uid not in (os.geteuid(), 0):
+            raise PermissionError(f"{file} is somebody else's")
+        return kept.read()
+
+
 def _keep(file: Path, text: str) -> None:
     """Write a file, so that nobody ever reads half of it."""
     if not file.is_absolute():  # nobody knows where home is
         return
-    file.parent.mkdir(parents=True, exist_ok=True)
+    for folder in (file.parent.parent, file.parent):
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     handle, beside = tempfile.mkstemp(dir=file.parent, prefix=file.name)
     try:
         with os.fdopen(handle, "w", encoding="utf-8") as into:
             into.write(text)
         os.replace(beside, file)
-    except OSError:
+    except BaseException:  # Ctrl-C, too
         os.unlink(beside)
         raise

@@ -73,6 +73,8 @@ Read = Callable[[Path], bytes]
 
 def read_file(path: Path) -> bytes:
     """A file's bytes; of one that is too large anyway, no more than it takes to see that."""
+    if path.is_fifo():
+        raise OSError("it is a pipe, and nobody knows whether anything ever comes out of it")
     with path.open("rb") as file:
         return file.read(MAX_BYTES + 1)
 
@@ -336,7 +338,7 @@ class Workspace:
         check_idsl(file, scope, found, lambda stem: self.find(stem, path, ".idsl") is not None)
         complete = all(len(each.imports) == len(each.file.imports) for each in (loaded, *others))
         self.report.extend(each for each in found.diagnostics if complete or not _may_be_imported(each))
-        if not self._errors_in(source) and all(each.module for each in others):
+        if complete and not self._errors_in(source) and all(each.module for each in others):
             loaded.module = link_idsl(file, self._merge(others))
         return loaded
 

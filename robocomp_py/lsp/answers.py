@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import accumulate
 from pathlib import Path
 
 from lsprotocol import types as lsp
@@ -187,18 +187,40 @@ _MOST_TOLD = 20
 
 
 def by_lines(before: str, after: str, places_of: Places, path: Path) -> list[lsp.TextEdit]:
-    """The change from one text to another, by the lines that differ."""
+    """The change from one text to another that has the same words, by the lines that differ."""
     old, new = before.splitlines(keepends=True), after.splitlines(keepends=True)
-    starts = [0]
-    for line in old:
-        starts.append(starts[-1] + len(line))
+    starts = [0, *accumulate(map(len, old))]
     positions = places_of.of(path)
-    matcher = difflib.SequenceMatcher(None, old, new, autojunk=False)
-    return [
-        lsp.TextEdit(positions.between(starts[i1], starts[i2]), "".join(new[j1:j2]))
-        for kind, i1, i2, j1, j2 in matcher.get_opcodes()
-        if kind != "equal"
-    ]
+    edits = []
+    for (i1, i2), (j1, j2) in _stretches(old, new):
+        while i1 < i2 and j1 < j2 and old[i1] == new[j1]:
+            i1, j1 = i1 + 1, j1 + 1
+        while i1 < i2 and j1 < j2 and old[i2 - 1] == new[j2 - 1]:
+            i2, j2 = i2 - 1, j2 - 1
+        if i1 < i2 or j1 < j2:
+            edits.append(lsp.TextEdit(positions.between(starts[i1], starts[i2]), "".join(new[j1:j2])))
+    return edits
+
+
+def _stretches(old: Sequence[str], new: Sequence[str]) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
+    """Lines that belong together, from one to before another: behind each there are as many letters in both texts.
+
+    In time proportional to their number; to look for equal lines, as difflib does, takes minutes for some thousands.
+    """
+    theirs = _line_ends(new)
+    ends = [(number, theirs[letters]) for letters, number in _line_ends(old).items() if letters in theirs]
+    i1 = j1 = 0
+    for i2, j2 in (*ends, (len(old), len(new))):
+        yield (i1, i2), (j1, j2)
+        i1, j1 = i2, j2
+
+
+def _line_ends(lines: Sequence[str]) -> dict[int, int]:
+    """How many lines it takes to have so many letters and digits."""
+    found: dict[int, int] = {}
+    for number, letters in enumerate(accumulate(sum(map(str.isalnum, line)) for line in lines), start=1):
+        found.setdefault(letters, number)
+    return found
 
 
 # Colours.

@@ -44,4 +44,4 @@ class Places:
 def path_of(uri: str) -> Path | None:
     """The file that a URI names; None if it is none."""
     found = to_fs_path(uri)
-    return Path(found) if found else None
+    return Path(found) if found and "\0" not in found else None

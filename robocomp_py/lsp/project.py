@@ -9,6 +9,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import islice
 from pathlib import Path
 from typing import TypeVar
 
@@ -60,6 +61,8 @@ class Project:
 
     def open(self, path: Path, text: str, version: int | None = None, uri: str = "") -> None:
         """An editor opened a file, or changed what it has."""
+        if not self.folders and real(path) not in self._buffers:
+            self._scanned = None  # what is beside it belongs to the project now
         self._buffers[real(path)] = Buffer(path, text, version, uri)
 
     def close(self, path: Path) -> None:
@@ -147,7 +150,8 @@ class Project:
         """Every model of the project: in its folders, or beside what is open; the open ones first."""
         if self._scanned is None:
             folders = self.folders or sorted({each.parent for each in self.opened})
-            self._scanned = {real(each): each for each in _scan(folders, deep=bool(self.folders))}
+            found = islice(_scan(folders, deep=bool(self.folders)), MAX_FILES)
+            self._scanned = {real(each): each for each in found}
         opened = {key: buffer.path for key, buffer in self._buffers.items()}
         return list({**opened, **self._scanned, **opened}.values())
 
@@ -176,16 +180,15 @@ def _check_network(path: Path, workspace: Workspace) -> Report:
 
 
 def _scan(folders: Iterable[Path], *, deep: bool) -> Iterator[Path]:
-    found = visited = 0
+    visited = 0
     for folder in folders:
         for where, below, files in os.walk(folder):
             below[:] = sorted(each for each in below if deep and not _is_passed_over(where, each))
             for name in sorted(files):
                 if name.lower().endswith(ENDINGS):
                     yield Path(where, name)
-                    found += 1
             visited += 1
-            if found >= MAX_FILES or visited >= MAX_FOLDERS:
+            if visited >= MAX_FOLDERS:
                 return
 
 

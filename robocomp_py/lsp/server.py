@@ -21,7 +21,7 @@ from lsprotocol import types as lsp
 from pygls.exceptions import JsonRpcException, JsonRpcInternalError
 from pygls.lsp.server import LanguageServer
 
-from .. import __version__
+from .. import __version__, installed
 from ..dsl.workspace import ENDINGS
 from . import answers
 from .complaints import complaints
@@ -51,7 +51,8 @@ class Server(LanguageServer):
     def serve(self, stdin: BinaryIO, stdout: BinaryIO) -> bool:
         """Until the editor is gone; whether it said so before."""
         gc.freeze()  # modules stay: to look through them again and again makes every hundredth answer a slow one
-        self.start_io(stdin, stdout)
+        with installed.asked_once():  # for the session: looking them up takes longer than most checks
+            self.start_io(stdin, stdout)
         return self.ended_well
 
     @property
@@ -73,11 +74,16 @@ class Server(LanguageServer):
         return bool(edit and edit.document_changes and edit.change_annotation_support)
 
     def configure(self, settings: Any) -> None:
-        """Take over what the user set: `include`, folders that begin at the first one of the project."""
+        """Take over what the user set: `include`, folders that begin at the first one of the project.
+
+        Settings that do not speak of it are another server's: some editors send all they have to everybody.
+        """
         given = settings.get("robocomp", settings) if isinstance(settings, dict) else {}
-        include = given.get("include", []) if isinstance(given, dict) else []
+        include = given.get("include") if isinstance(given, dict) else None
+        if not isinstance(include, list):
+            return
         base = self.project.folders[0] if self.project.folders else Path.cwd()
-        folders = [each for each in include if isinstance(each, str)] if isinstance(include, list) else []
+        folders = [each for each in include if isinstance(each, str)]
         self.project.include = [base / os.path.expanduser(each) for each in folders]
 
     # Checking.

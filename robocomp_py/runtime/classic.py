@@ -30,11 +30,8 @@ from typing import Any
 
 from ..contract.parameters import Complaint, Key, Parameter, ParameterList, ParameterSet
 from ..errors import ConfigurationError
-from .document import Document, Note, parsed
+from .document import Document, Note, has_sections, parsed
 from .toml_places import Range, Spot, locate
-
-SECTIONS = ("Proxies", "Endpoints", "Period", "Ice", "Agent")
-"""Tables of which a TOML file of 2025 has at least one."""
 
 MOST_ITEMS = 1000
 """A number behind a key that is larger is none of an item."""
@@ -63,17 +60,6 @@ def from_text(text: str, path: Path, params: ParameterSet | None = None) -> Docu
     reading = _Reading(Document(path=path, text=text, spots={}, params=params), params, notes)
     reading.take(entries)
     return reading.document
-
-
-def has_sections(text: str) -> bool:
-    """Whether there are tables in a text, as in TOML; Ice's properties have none."""
-    return re.search(r"^[ \t]*\[", text, re.MULTILINE) is not None
-
-
-def is_of_2025(data: Mapping[str, Any]) -> bool:
-    """Whether the tables of a TOML file are RoboComp's and not ours."""
-    ours = any(isinstance(data.get(name), dict) for name in ("component", "params", "ports", "transports"))
-    return not ours and any(isinstance(data.get(name), dict) for name in SECTIONS)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
@@ -9,13 +10,16 @@ from typing import Any
 
 from ..contract.component import Component, Port
 from ..contract.interface import Verb
-from ..contract.parameters import build, change, dotted, flat
+from ..contract.parameters import ParameterSet, build, change, dotted, flat
 from ..errors import ConfigurationError
 from .lifecycle import State
 from .RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE, Parameter, ParameterList
 from .RoboCompCommonBehavior import State as Told
 from .statemachine import Machine
 from .worker import Worker
+
+MOST_CHANGES = 8
+"""So many changes of parameters may wait for their turn: fewer than threads, which the other operations need, too."""
 
 
 class CommonBehavior:
@@ -34,6 +38,8 @@ class CommonBehavior:
         self._worker, self._params, self._held, self._machine = worker, params, held, machine
         self._spec = worker.component.params
         self._born = time.monotonic()
+        self._changes = threading.BoundedSemaphore(MOST_CHANGES)
+        self._is_changing = False
 
     def CommonBehavior_getPeriod(self) -> int:
         return round(self._worker.period * 1000)
@@ -56,25 +62,37 @@ class CommonBehavior:
     def CommonBehavior_setParameterList(self, l: ParameterList) -> None:  # noqa: E741 - the IDSL's name
         if self._spec is None:
             raise ConfigurationError("this component has no parameters")
-        with self._held():
-            texts = {name: parameter.value for name, parameter in l.items()}
-            values, changed, complaints = change(self._spec, self._params, texts)
-            if complaints:
-                raise ConfigurationError("\n".join(f"{each.path}: {each.message}" for each in complaints))
-            if changed:
-                self._become(values, build(self._spec, values), frozenset(changed))
-                shown = (f"{name} = {texts[name]}" for name in changed)
-                self._worker.log.info("parameters changed: %s", ", ".join(shown))
+        if not self._changes.acquire(blocking=False):
+            raise ConfigurationError(f"{MOST_CHANGES} changes of parameters wait already; try again later")
+        try:
+            with self._held():
+                self._change(self._spec, {name: parameter.value for name, parameter in l.items()})
+        finally:
+            self._changes.release()
+
+    def _change(self, spec: ParameterSet, texts: Mapping[str, str]) -> None:
+        if self._is_changing:  # it waits for an answer in paramsChanged, which may still take its change back
+            raise ConfigurationError("another change of parameters is not finished; try again later")
+        values, changed, complaints = change(spec, self._params, texts)
+        if complaints:
+            raise ConfigurationError("\n".join(f"{each.path}: {each.message}" for each in complaints))
+        if changed:
+            self._become(values, build(spec, values), frozenset(changed))
+            shown = (f"{name} = {texts[name]}" for name in changed)
+            self._worker.log.info("parameters changed: %s", ", ".join(shown))
 
     def _become(self, values: Mapping[str, Any], params: Any, changed: frozenset[str]) -> None:
         """Let the worker have new parameters, unless it objects."""
         before = self._worker.params
         self._worker._configured = params
+        self._is_changing = True
         try:
             self._worker.paramsChanged(changed)
         except BaseException:
             self._worker._configured = before
             raise
+        finally:
+            self._is_changing = False
         self._params = values
 
     def CommonBehavior_reloadConfig(self) -> None:

@@ -13,6 +13,9 @@ from ..contract.parameters import Complaint, Key, ParameterSet
 from ..errors import ConfigurationError
 from .toml_places import Spot, locate
 
+SECTIONS = ("Proxies", "Endpoints", "Period", "Ice", "Agent")
+"""Tables of which a TOML file of 2025 has at least one."""
+
 
 @dataclass
 class Document:
@@ -103,3 +106,16 @@ def parsed(text: str, path: Path) -> dict[str, Any]:
         raise NotToml(path, text, message, place) from exc
     except RecursionError as exc:
         raise NotToml(path, text, "nested too deeply", None) from exc
+    except ValueError as exc:  # Python reads no number of thousands of digits
+        raise NotToml(path, text, str(exc).partition(":")[0], None) from exc
+
+
+def has_sections(text: str) -> bool:
+    """Whether there are tables in a text, as in TOML; Ice's properties have none."""
+    return re.search(r"^[ \t]*\[", text, re.MULTILINE) is not None
+
+
+def is_of_2025(data: Mapping[str, Any]) -> bool:
+    """Whether the tables of a TOML file are RoboComp's and not ours."""
+    ours = any(isinstance(data.get(name), dict) for name in ("component", "params", "ports", "transports"))
+    return not ours and any(isinstance(data.get(name), dict) for name in SECTIONS)

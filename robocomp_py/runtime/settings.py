@@ -41,9 +41,8 @@ from ..contract.qos import PRESETS, Durability, History, Liveliness, QoS, Reliab
 from ..errors import ConfigurationError
 from ..spelling import closest, unknown
 from ..wire import names
-from . import classic
 from .document import Document as Document
-from .document import parsed
+from .document import has_sections, is_of_2025, parsed
 
 DEADLINE = 5.0
 """Seconds a call may take, unless configuration or the caller say otherwise."""
@@ -114,6 +113,8 @@ def read(path: Path, params: ParameterSet | None = None) -> Document:
     except UnicodeDecodeError as exc:
         if path.suffix == ".toml":
             raise ConfigurationError(f"{path}: is not UTF-8 text") from exc
+        from . import classic
+
         return classic.read_classic(path, params)
     return from_text(text, path, params)
 
@@ -121,17 +122,18 @@ def read(path: Path, params: ParameterSet | None = None) -> Document:
 def from_text(text: str, path: Path, params: ParameterSet | None = None) -> Document:
     """The same for a text that was read."""
     declared = params or ParameterSet("")
-    if path.suffix != ".toml" and not _is_toml_of_ours(text):
-        return classic.from_text(text, path, declared)
-    data = parsed(text, path)
-    if classic.is_of_2025(data):
-        return classic.from_text(text, path, declared)
-    return Document(data, path, text, params=params)
+    if path.suffix == ".toml" or _is_toml_of_ours(text):
+        data = parsed(text, path)
+        if not is_of_2025(data):
+            return Document(data, path, text, params=params)
+    from . import classic  # only who has such a file needs it
+
+    return classic.from_text(text, path, declared)
 
 
 def _is_toml_of_ours(text: str) -> bool:
     """Whether a file is ours whose name does not tell: one with tables, or only with keys that we know."""
-    if classic.has_sections(text):
+    if has_sections(text):
         return True
     try:
         return set(tomllib.loads(text)) <= set(KEYS)
@@ -162,24 +164,32 @@ def override(document: Document, assignment: str, origin: str = "") -> None:
 def environment(document: Document, component: Component, variables: Mapping[str, str]) -> None:
     """Apply the variables of an environment that begin with `ROBOCOMP__`. Raises ConfigurationError.
 
-    The parts of a key are separated by `__`, in any case: `ROBOCOMP__PARAMS__MOTORS__0__MAX_SPEED=1.5`.
+    The parts of a key are separated by `__`, all in any case: `ROBOCOMP__PARAMS__MOTORS__0__MAX_SPEED=1.5`.
     """
-    for name in sorted(variables):
-        if name.startswith(PREFIX):
+    for name in sorted(variables, key=_by_number):
+        if name.upper().startswith(PREFIX):
             origin = f"environment variable {name}"
             try:
-                key = _spelled(component, name.removeprefix(PREFIX).split("__"))
+                key = _spelled(component, name[len(PREFIX) :].split("__"))
             except ValueError as exc:
                 raise ConfigurationError(f"{origin}: {exc}") from exc
             _set(document, key, variables[name].strip(), origin)
 
 
+def _by_number(name: str) -> list[str | int]:
+    """Orders names by the numbers in them, since an item can only be added behind the last one."""
+    parts = re.split(r"([0-9]{1,9})", name.upper())
+    return [int(part) if position % 2 else part for position, part in enumerate(parts)]
+
+
 def _set(document: Document, key: Key, text: str, origin: str) -> None:
     parameter = _parameter(document.params, key[1:]) if document.params and key[0] == "params" else None
     try:
-        value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        value = text
+        read = tomllib.loads(f"value = {text}")
+    except (ValueError, RecursionError):  # no TOML, or a number or a nesting that Python cannot read
+        read = {}
+    is_toml = read.keys() == {"value"}  # and not several lines, of which the others would be lost
+    value = read["value"] if is_toml else parameter.read(text) if parameter else text
     if parameter and parameter.kind in (ParameterKind.STRING, ParameterKind.ENUM) and not isinstance(value, str):
         value = text  # what looks like a number may be a name, too
     _put(document.data, key, value, origin)
@@ -234,7 +244,8 @@ class _Checker:
         params, wrong = check_parameters(
             self._component.params or ParameterSet(self._component.name), self._table(data, "params", ())
         )
-        self.complaints += [Complaint(("params", *c.key), c.message, c.code) for c in wrong]
+        if isinstance(data.get("params", {}), Mapping):  # else nothing in it is missing: it has been told as a whole
+            self.complaints += [Complaint(("params", *c.key), c.message, c.code) for c in wrong]
         namespace = self._text(data, "namespace", ()) or ""
         if not names.is_namespace(namespace):
             message = f"{namespace!r} is no namespace: letters, digits, `_`, `-`; parts with `/`"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -36,25 +37,58 @@ def test_nobody_who_reads_on_is_no_reason_for_a_traceback(program: str, tmp_path
 
 
 @PROGRAMS
-def test_ctrl_c_is_no_reason_for_a_traceback(program: str, tmp_path: Path) -> None:
-    """It comes while a model is read that does not end."""
+def test_an_output_that_is_full_is_said(program: str, tmp_path: Path) -> None:
     path = tmp_path / "arm.cdsl"
-    os.mkfifo(path)
-    with started(program, path, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as running, path.open("w"):
-        running.send_signal(signal.SIGINT)  # the other end is open, so the command reads
-        said = running.communicate()
-    assert (running.returncode, said) == (130, ("", ""))
+    path.write_text(f"Component arm {{ language {'Cpp' if program == 'rc' else 'python'}; }};")
+    with (
+        open("/dev/full", "w") as full,
+        started(program, path, stdout=full.fileno(), stderr=subprocess.PIPE) as running,
+    ):
+        _, said = running.communicate()
+    assert (running.returncode, said) == (1, "what this prints cannot be written: No space left on device\n")
 
 
 @PROGRAMS
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_that_ends_a_command_lets_it_clean_up(program: str, number: signal.Signals, tmp_path: Path) -> None:
+def test_an_output_that_is_closed_is_no_reason_for_a_traceback(program: str, tmp_path: Path) -> None:
     path = tmp_path / "arm.cdsl"
-    os.mkfifo(path)
-    with started(program, path, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as running, path.open("w"):
+    path.write_text("Component arm { language python; };")
+    command = shlex.join([sys.executable, "-m", *COMMANDS[program], str(path)])
+    done = subprocess.run(f"{command} >&-", shell=True, stderr=subprocess.PIPE, text=True)
+    assert (done.returncode, done.stderr) == (program == "rcgen", "")
+
+
+def test_a_name_that_is_no_text_can_be_printed(tmp_path: Path) -> None:
+    path = os.fsdecode(os.path.join(os.fsencode(tmp_path), b"arm\xff.cdsl"))
+    Path(path).write_text("Component arm{language python;};")
+    command = [sys.executable, "-m", "robocomp_py.cli.rc", "fmt", path]
+    done = subprocess.run(command, capture_output=True, env={**os.environ, "PYTHONUTF8": "1"})
+    assert (done.returncode, done.stdout, done.stderr) == (0, f"formatted: {tmp_path}/arm?.cdsl\n".encode(), b"")
+
+
+WAITING = """
+import signal
+from robocomp_py.cli.common import command
+
+@command
+def main(arguments=None):
+    print("there", flush=True)
+    signal.pause()
+
+raise SystemExit(main())
+"""
+
+
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 128 + signal.SIGTERM), (signal.SIGHUP, 129)]
+)
+def test_a_signal_ends_a_command_without_a_traceback(number: signal.Signals, code: int) -> None:
+    command = [sys.executable, "-c", WAITING]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
+        assert running.stdout is not None
+        assert running.stdout.readline() == "there\n"
         running.send_signal(number)
         said = running.communicate()
-    assert (running.returncode, said) == (128 + number, ("", ""))
+    assert (running.returncode, said) == (code, ("", ""))
 
 
 def test_what_cleans_up_is_not_ended_by_another_signal() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -66,6 +67,29 @@ def test_a_folder_means_all_that_is_in_it_but_what_is_hidden(folder: Path, capsy
     assert sorted(set(files)) == ["arm.idsl", "deep/down/hand.idsl"]
 
 
+def test_in_a_folder_also_what_is_linked_there_is_checked_but_nothing_that_is_no_file(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "hands").mkdir()
+    (folder / "hands" / "left.idsl").symlink_to(folder / "arm.idsl")
+    (folder / "hands" / "gone.idsl").symlink_to(folder / "nothing.idsl")
+    os.mkfifo(folder / "hands" / "pipe.idsl")
+    assert rc(["lint", "--json", "hands"]) == 1
+    found = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert {each["file"] for each in found} == {"hands/left.idsl", "hands/gone.idsl"}
+    assert [each["code"] for each in found if each["file"] == "hands/gone.idsl"] == ["unreadable"]
+
+
+def test_each_folder_in_which_there_is_nothing_to_check_is_told(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("empty", "void"):
+        (folder / name).mkdir()
+    assert rc(["lint", "right.idsl", "empty", "void"]) == 1
+    said = "".join(f"rc lint: {name}: no file of the languages is in this folder\n" for name in ("empty", "void"))
+    assert capsys.readouterr().err == said
+
+
 def test_a_code_is_explained_by_its_page(capsys: pytest.CaptureFixture[str]) -> None:
     assert rc(["lint", "--explain", "unknown-type"]) == 0
     assert capsys.readouterr().out == (PAGES / "unknown-type.md").read_text(encoding="utf-8")
@@ -76,9 +100,8 @@ def test_a_misspelt_code_is_told_what_may_be_meant(capsys: pytest.CaptureFixture
     assert capsys.readouterr().err == "rc lint: unknown code `unknwon-type`; did you mean `unknown-type`?\n"
 
 
-@pytest.mark.parametrize("arguments", [[], ["--json", "--sarif", "arm.idsl"], ["empty"]])
+@pytest.mark.parametrize("arguments", [[], ["--json", "--sarif", "arm.idsl"]])
 def test_what_cannot_be_asked_for_is_a_wrong_usage(arguments: list[str], folder: Path) -> None:
-    (folder / "empty").mkdir()
     with pytest.raises(SystemExit) as ended:
         rc(["lint", *arguments])
     assert ended.value.code == 2

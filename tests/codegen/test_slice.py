@@ -130,6 +130,22 @@ def test_the_compiler_takes_all_types_and_patterns(tmp_path: Path) -> None:
     assert compiled(texts, tmp_path / "ice") == ""
 
 
+@pytest.mark.tool
+@pytest.mark.parametrize("name", ["Muñón", "2D", "robot arm-2"])
+def test_the_compiler_takes_any_name_of_a_file(name: str, tmp_path: Path) -> None:
+    path = tmp_path / f"{name}.idsl"
+    path.write_text("module X { struct S { int a; }; };")
+    assert compiled(exported(path, "slice")[0], tmp_path / "ice") == ""
+
+
+@pytest.mark.tool
+def test_the_compiler_takes_enums_that_share_an_enumerator(tmp_path: Path) -> None:
+    idsl = "module X { enum Hand { open, closed }; enum Door { locked, open }; struct S { Door door = open; }; };"
+    texts, codes = in_format(tmp_path, idsl, "slice")
+    assert codes == ["shared-enumerator"]
+    assert compiled(texts, tmp_path / "ice") == ""
+
+
 MISTAKES = (
     "struct S { };",
     "struct S { int _a; };",

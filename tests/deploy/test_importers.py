@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import resource
+import signal
 from pathlib import Path
 
 import pytest
@@ -95,8 +97,9 @@ def test_components_are_found_where_they_are_started(robot: Path) -> None:
     ]
 
 
-def test_it_is_laid_out_as_the_formatter_does(robot: Path) -> None:
-    long = " ".join(["--an-option-of-some-length"] * 6)
+@pytest.mark.parametrize("width", [*range(65, 76), 200])
+def test_it_is_laid_out_as_the_formatter_does(robot: Path, width: int) -> None:
+    long = f"--one {'x' * (width - len(str(robot)))}"
     text = imported(
         rcmanager(
             node(
@@ -130,7 +133,7 @@ colour = "red"
     assert clauses(text, "eyes") == [
         "// line 5: it was started by `src/laser.py --Ice.Config=etc/config --prefix=A`",
         "// line 5: the arguments --prefix=A are left out",
-        "// line 7: colour = 'red' is not understood",
+        '// line 7: colour = "red" is not understood',
         'config "laser/etc/config";',
         "ip localhost;",
         "port 10003;",
@@ -237,6 +240,23 @@ def test_names_that_are_none_are_changed_and_stay_apart(tmp_path: Path) -> None:
     assert "dependences my_eye_2;" in clauses(text, "_2nd")
 
 
+def test_names_keep_their_letters_without_accents(tmp_path: Path) -> None:
+    text = imported(rcmanager(node("cámara-ñ", up("a"))), tmp_path)
+    assert "// line 2: it is called `cámara-ñ` there" in clauses(text, "camara_n")
+
+
+def test_what_is_inside_of_something_that_is_not_understood_is_not_listed(tmp_path: Path) -> None:
+    inside = "<foo><bar/></foo>"
+    text = imported(rcmanager(node("a", up("a"), inside), inside), tmp_path)
+    assert re.findall("<.*> is not understood", text) == ["<foo> is not understood"] * 2
+
+
+def test_keys_that_are_not_understood_are_said_as_they_are_written(tmp_path: Path) -> None:
+    text = imported("[[components]]\nname = 'a'\nsince = 2020-01-01 # x\n'big'={a = 1}\n", tmp_path, "sub.toml")
+    said = [line for line in clauses(text, "a") if line.endswith("is not understood")]
+    assert said == ["// line 3: since = 2020-01-01 # x is not understood", "// line 4: big is not understood"]
+
+
 def test_a_port_is_given_to_the_first_that_wants_it(tmp_path: Path) -> None:
     text = imported(rcmanager(node("a", endpoint="a:tcp -p 10001"), node("b", endpoint="b:tcp -p 10001")), tmp_path)
     assert "port 10001;" in clauses(text, "a")
@@ -275,7 +295,12 @@ WRONG = [
         "<rcmanager>\n <node alias='a'>\n</rcmanager>",
         "net.xml:3:3: error[bad-import]: this is no XML: mismatched tag",
     ),
-    ("net.xml", "", "net.xml:1:1: error[bad-import]: this is no XML: no element found"),
+    ("net.xml", "", "net.xml:1:1: error[bad-import]: this is no XML: there is nothing in it"),
+    (
+        "net.xml",
+        "<rcmanager>\n<node alias='a'>",
+        "net.xml:2:17: error[bad-import]: this is no XML: it ends inside of <node>",
+    ),
     (
         "net.xml",
         "\n<html/>",
@@ -284,6 +309,8 @@ WRONG = [
     ("net.xml", "<rcmanager><node/></rcmanager>", "net.xml:1:12: error[bad-import]: this <node> has no alias"),
     ("sub.toml", "[[components]]\nname = x\n", "sub.toml:2:8: error[bad-import]: this is no TOML: invalid value"),
     ("sub.toml", "[[components]]\nname = 'a", "sub.toml:2:10: error[bad-import]: this is no TOML: "),
+    ("sub.toml", f"a = {'[' * 5000}", "sub.toml:1:5005: error[bad-import]: this is no TOML: nested too deeply"),
+    ("sub.toml", f"a = {'9' * 5000}", "sub.toml:1:5005: error[bad-import]: this is no TOML: exceeds the limit"),
     ("sub.toml", "[a]\n", "sub.toml:1:1: error[bad-import]: this is no sub.toml: it has no [[components]]"),
     ("sub.toml", "\n[[components]]\ncmd = 'a'\n", "sub.toml:2:1: error[bad-import]: a component without `name`"),
     ("sub.toml", "[[components]]\nname = 'a'\ncwd = 1\n", "sub.toml:3:1: error[bad-import]: `cwd` is no text"),
@@ -317,6 +344,21 @@ def test_it_is_written_once_and_never_over_a_file(tmp_path: Path, capsys: Said) 
     assert rcdeploy(command) == 1
     assert "exists, and stays as it is" in capsys.readouterr().err
     assert (tmp_path / "net.ddsl").read_text() == "mine"
+
+
+def test_of_a_file_that_cannot_be_written_whole_nothing_stays(tmp_path: Path, capsys: Said) -> None:
+    (tmp_path / "net.xml").write_text(rcmanager(*(node(f"a{number}", up("a")) for number in range(1000))))
+    output = tmp_path / "net.ddsl"
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, before[1]))
+    try:
+        assert rcdeploy(["--import", str(tmp_path / "net.xml"), "-o", str(output)]) == 1
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, ignored)
+    assert "net.ddsl cannot be written: File too large" in capsys.readouterr().err
+    assert not output.exists()
 
 
 def test_without_a_name_it_is_printed(tmp_path: Path, capsys: Said) -> None:

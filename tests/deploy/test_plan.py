@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from importlib.metadata import Distribution, DistributionFinder
 from pathlib import Path
 
 import pytest
@@ -61,6 +62,23 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (root / name / "sensor.pdsl").write_text(PARAMS)
         assert rcgen([str(root / name / f"{name}.cdsl")]) == 0
     return root
+
+
+@pytest.fixture
+def looked_through(monkeypatch: pytest.MonkeyPatch) -> list[object]:
+    """Grows by one each time somebody looks through all that is installed."""
+    times: list[object] = []
+
+    class Finder(DistributionFinder):
+        def find_spec(self, *_: object) -> None:
+            return None
+
+        def find_distributions(self, context: object = None) -> list[Distribution]:
+            times.append(context)
+            return []
+
+    monkeypatch.setattr(sys, "meta_path", [*sys.meta_path, Finder()])
+    return times
 
 
 def plan(folder: Path, body: str, overrides: Overrides | None = None) -> tuple[Plan | None, list[Diagnostic]]:
@@ -243,6 +261,17 @@ def test_what_cannot_be_set_is_told_with_who_sets_it(folder: Path) -> None:
     _, (found,) = plan(folder, "namespace a; Component sensor { };", override)
     assert found.code == "configuration"
     assert found.message.endswith("--set namespace.x=1: namespace is no table")
+
+
+def test_nothing_can_be_set_for_a_program_that_would_not_be_told(folder: Path) -> None:
+    own = folder / "own.sh"
+    own.write_text("#!/bin/sh\n")
+    own.chmod(0o755)
+    body = 'Component sensor { path "own.sh"; };'
+    _, (found,) = plan(folder, body, Overrides(settings=(("sensor", "params.range=9"),)))
+    assert found.code == "configuration"
+    assert found.message == "--set sensor.…: `sensor` is a program of your own, which is not configured from here"
+    assert errors(folder, body, Overrides(settings=(("*", "component.log=debug"),))) == []
 
 
 def test_what_an_instance_finds_in_its_environment_is_checked(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -433,3 +462,13 @@ def test_what_will_be_opened_is_known_with_its_options(folder: Path) -> None:
     found, _ = plan(folder, body, Overrides("zeromq", (domain, *both)))
     assert found
     assert found.transports == (OpenedTransport("dds", {"domain": 7}), OpenedTransport("zeromq"))
+
+
+def test_what_is_installed_is_looked_through_once_for_a_plan_and_anew_for_the_next_one(
+    folder: Path, looked_through: list[object]
+) -> None:
+    plan(folder, "middleware zeromq; Component laser : sensor { }; Component driver { };")
+    looked_through.clear()
+    for count in (1, 2):
+        make_plan(folder / "net.ddsl", Workspace(middlewares=["zeromq"]))
+        assert len(looked_through) == count

@@ -210,7 +210,8 @@ independent of each other, each once; where a name is misspelt, it says what may
 The keys of JSON are `file line column end_line end_column severity code message hint`. Lines and columns count
 from 1, columns count characters, and an end is the place behind the last character. The exit status is 1 if there is an
 error, else 0. Of a folder, everything in it is checked that is written in one of the languages; a network (`.ddsl`),
-with everything that it deploys. In a log, files are named relative to the folder in which the command runs.
+with everything that it deploys. Nothing hidden is, and folders that are only linked are not entered. In a log, files
+are named relative to the folder in which the command runs.
 """
 
 

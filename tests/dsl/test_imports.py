@@ -340,3 +340,13 @@ def test_only_what_a_wrong_import_may_define_is_not_told_to_be_missing(tmp_path:
         ("unknown-interface", "Lsaer"),
         ("missing-import", "LaserPub"),
     ]
+
+
+@pytest.mark.parametrize("text", ["", "nothing of the kind", "Component arm {};", "\xff\xfe"])
+def test_an_import_of_which_nothing_can_be_made_is_the_only_mistake(tmp_path: Path, text: str) -> None:
+    (tmp_path / "Base.idsl").write_bytes(text.encode("latin-1"))
+    path = tmp_path / "Arm.idsl"
+    path.write_text('import "Base.idsl";\nmodule Arm { interface Arm { Base::S f(); }; };\n')
+    workspace = Workspace()
+    assert workspace.interfaces(path) is None
+    assert {each.span.source.path.name for each in workspace.report.errors} == {"Base.idsl"}

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import stat
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -50,6 +52,19 @@ def test_what_was_made_from_something_else_is_made_anew(cache: Path) -> None:
     [file] = cache.iterdir()
     file.write_text(json.dumps({**json.loads(file.read_text()), "key": "of another version", "start": 999}))
     assert read_tables("pdsl").start != 999
+
+
+def test_what_is_kept_is_for_its_user_alone(cache: Path) -> None:
+    read_tables("pdsl")
+    for each in (cache.parent, cache, *cache.iterdir()):
+        assert stat.S_IMODE(each.stat().st_mode) & 0o077 == 0
+
+
+def test_of_many_that_keep_a_grammar_at_once_one_does_and_nothing_is_left_beside_it(cache: Path) -> None:
+    with ThreadPoolExecutor(8) as pool:
+        made = list(pool.map(lambda _: plain(read_tables("pdsl")), range(8)))
+    assert plain(read_tables("pdsl")) in made
+    assert [each.name for each in cache.iterdir()] == ["pdsl.json"]
 
 
 def test_without_a_place_for_them_grammars_are_made_each_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import random
 from pathlib import Path
 
@@ -54,6 +55,11 @@ def test_a_folder_with_the_name_of_a_file_is_unreadable(path: Path) -> None:
 
 def test_a_link_to_itself_is_unreadable(path: Path) -> None:
     path.symlink_to(path)
+    assert codes(path) == ["unreadable"]
+
+
+def test_a_pipe_is_unreadable_and_not_waited_for(path: Path) -> None:
+    os.mkfifo(path)
     assert codes(path) == ["unreadable"]
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
+import pytest
 from lsprotocol import types as lsp
 
 from .conftest import FILES, write_project
@@ -151,6 +153,17 @@ def test_include_folders_are_the_users(tmp_path: Path) -> None:
     assert editor.leave() == 0
 
 
+@pytest.mark.parametrize("settings", [None, {}, {"pylsp": {"plugins": {}}}, {"robocomp": None}, {"robocomp": {}}, [1]])
+def test_settings_of_others_change_nothing(tmp_path: Path, settings: object) -> None:
+    folder = write_project(tmp_path / "project")
+    editor = Editor(folder / "arm", options={"include": [".."]})
+    text = 'import "Joints.idsl";\nmodule M { sequence<RoboCompJoints::Joint> All; };\n'
+    editor.open("M.idsl", text)
+    editor.client.workspace_did_change_configuration(lsp.DidChangeConfigurationParams(settings))
+    assert editor.change("M.idsl", text + "\n") == []
+    assert editor.leave() == 0
+
+
 def test_an_editor_that_can_do_little_is_served_as_well(tmp_path: Path) -> None:
     editor = Editor(write_project(tmp_path), capabilities=lsp.ClientCapabilities(), folders=[])
     assert [each.code for each in editor.open("Joints.idsl", "module")] == ["syntax"]
@@ -158,7 +171,15 @@ def test_an_editor_that_can_do_little_is_served_as_well(tmp_path: Path) -> None:
 
 
 def test_a_file_with_no_place_of_its_own_is_left_alone(editor: Editor) -> None:
-    item = lsp.TextDocumentItem("git:/Joints.idsl?HEAD", "idsl", 1, "module")
-    editor.client.text_document_did_open(lsp.DidOpenTextDocumentParams(item))
+    nowhere = ("git:/Joints.idsl?HEAD", "untitled:Untitled-1", "file:///Joints%00.idsl")
+    for uri in nowhere:
+        item = lsp.TextDocumentItem(uri, "idsl", 1, "module")
+        editor.client.text_document_did_open(lsp.DidOpenTextDocumentParams(item))
     editor.open("Joints.idsl")
-    assert "git:/Joints.idsl?HEAD" not in editor.published
+    assert not editor.published.keys() & nowhere
+
+
+def test_a_pipe_that_is_imported_is_not_waited_for(editor: Editor) -> None:
+    os.mkfifo(editor.folder / "Pipe.idsl")
+    found = editor.open("M.idsl", 'import "Pipe.idsl";\nmodule M {};\n')
+    assert [each.code for each in found] == ["missing-import"]

@@ -43,3 +43,14 @@ def test_lines_end_as_they_did(editor: Editor) -> None:
 def test_a_file_with_wrong_syntax_is_left_alone(editor: Editor) -> None:
     editor.open("Joints.idsl", "module   M {")
     assert edits(editor, "Joints.idsl") is None
+
+
+def test_a_file_of_thousands_of_lines_is_laid_out_as_well(editor: Editor) -> None:
+    """Of which most are alike, and many change."""
+    wrong = "".join(f"    struct S{n}{{\n        int x;\n        int y;\n    }};\n" for n in range(2000))
+    right = "\n".join(f"    struct S{n}\n    {{\n        int x;\n        int y;\n    }};\n" for n in range(2000))
+    editor.open("Long.idsl", f"module M\n{{\n{wrong}}};\n")
+    lines = editor.texts["Long.idsl"].splitlines(keepends=True)
+    for each in reversed(edits(editor, "Long.idsl") or ()):
+        lines[each.range.start.line : each.range.end.line] = [each.new_text]
+    assert "".join(lines) == f"module M\n{{\n{right}}};\n"

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from lsprotocol import types as lsp
 
+from .conftest import write_project
 from .editor import Editor
 
 
@@ -268,3 +271,14 @@ def test_a_file_that_is_not_there_or_not_ours_is_answered_by_nothing(reader: Edi
 def test_a_broken_file_is_answered_as_far_as_it_can_be_read(editor: Editor) -> None:
     editor.open("M.idsl", "module M { struct S { int i; }; struct T { S s; strut }; };")
     assert defined(editor, "M.idsl", "S| s;") == [("M.idsl", "S")]
+
+
+def test_without_folders_what_is_beside_any_open_file_is_looked_through(tmp_path: Path) -> None:
+    editor = Editor(write_project(tmp_path / "one"), folders=[])
+    for name in ("one", "two"):
+        editor.folder = write_project(tmp_path / name)
+        editor.open("Joints.idsl")
+        parameters = lsp.ReferenceParams(lsp.ReferenceContext(False), **editor.at("Joints.idsl", "exception Block|ed"))
+        [found] = editor.ask(editor.client.text_document_references_async(parameters)) or ()
+        assert found.uri == editor.uri("Arm.idsl")
+    assert editor.leave() == 0

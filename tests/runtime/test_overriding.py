@@ -32,6 +32,7 @@ PARAMS = ParameterSet(
         Parameter("max_speed", ParameterKind.FLOAT, 0.5, 0.0, 2.0),
         Parameter("device", ParameterKind.STRING, ""),
         Parameter("middleware", ParameterKind.STRING, ""),
+        Parameter("quiet", ParameterKind.BOOL, False),
     ),
     (MOTORS, ParameterList("cameras", ParameterSet("cameras", (Parameter("id", ParameterKind.INT, 0),)))),
 )
@@ -84,6 +85,7 @@ def test_the_command_line_counts_more_than_the_environment_and_that_more_than_th
     [
         ("ROBOCOMP__PARAMS__MAX_SPEED", "0.1", ("params", "max_speed"), 0.1),
         ("ROBOCOMP__params__max_speed", "0.1", ("params", "max_speed"), 0.1),
+        ("robocomp__Params__Max_Speed", "0.1", ("params", "max_speed"), 0.1),
         ("ROBOCOMP__MAX_SPEED", "0.1", ("params", "max_speed"), 0.1),
         ("ROBOCOMP__PARAMS__MOTORS__0__TORQUE", "3", ("params", "motors", 0, "torque"), 3),
         ("ROBOCOMP__MOTORS__1__NAME", "right", ("params", "motors", 1, "name"), "right"),
@@ -151,6 +153,25 @@ def test_an_item_behind_the_last_one_is_added(tmp_path: Path) -> None:
     assert checked.params["cameras"] == [{"id": 7}]
 
 
+def test_a_dozen_items_can_be_set_in_the_environment_in_any_order(tmp_path: Path) -> None:
+    variables = {f"ROBOCOMP__{'Cameras' if i % 2 else 'CAMERAS'}__{i}__ID": str(i) for i in reversed(range(12))}
+    assert load(tmp_path, variables).params["cameras"] == [{"id": i} for i in range(12)]
+
+
+@pytest.mark.parametrize(
+    ("assignment", "value"),
+    [("max_speed=.5", 0.5), ("quiet=True", True), ("quiet=FALSE", False), ("cameras[0].id=07", 7)],
+)
+def test_what_is_no_toml_is_read_as_its_parameter_wants_it(tmp_path: Path, assignment: str, value: Any) -> None:
+    params = load(tmp_path, {}, assignment).params
+    assert value in (params["max_speed"], params["quiet"], *(each["id"] for each in params["cameras"]))
+
+
+@pytest.mark.parametrize("text", ["1\nother = 2", "[" * 5000, "9" * 5000])
+def test_a_text_of_which_toml_would_lose_or_refuse_something_is_taken_whole(tmp_path: Path, text: str) -> None:
+    assert load(tmp_path, {"ROBOCOMP__DEVICE": text}).params["device"] == text
+
+
 # What holds.
 
 
@@ -177,6 +198,7 @@ def test_what_holds_is_shown_with_who_says_so(tmp_path: Path, monkeypatch: pytes
         "max_speed = 1.5 # environment variable ROBOCOMP__MAX_SPEED",
         'device = "" # default',
         'middleware = "" # default',
+        "quiet = false # default",
         "cameras = [] # default",
         "",
         "[[params.motors]]",

@@ -7,6 +7,7 @@ import re
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -15,6 +16,7 @@ from robocomp_py.contract.component import Component, Port
 from robocomp_py.contract.interface import Verb
 from robocomp_py.errors import ComponentError, ConfigurationError, Refused, RemoteFailure, Timeout, Unreachable
 from robocomp_py.runtime import ports, settings
+from robocomp_py.runtime.commonbehavior import MOST_CHANGES
 from robocomp_py.runtime.lifecycle import State
 from robocomp_py.runtime.monitor import Monitor
 from robocomp_py.runtime.RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE
@@ -365,6 +367,56 @@ def test_parameters_do_not_change_while_the_component_computes(find: Any) -> Non
         told = worker.entries.index("['max_speed']: 1.5 False")
         assert set(worker.entries[:told]) == {"initialize", "computed at 0.5"}
         wait_until(lambda: "computed at 1.5" in worker.entries)
+
+
+def test_changes_that_wait_keep_nothing_else_of_common_behavior_from_being_answered(find: Any) -> None:
+    entered, release = threading.Event(), threading.Event()
+
+    class Computing(Changing):
+        def compute(self) -> None:
+            entered.set()
+            release.wait(SOON)
+
+    with changing(find, Computing) as (_, change):
+        try:
+            assert entered.wait(SOON)
+            answers = [change(wait=False, max_speed="1.5") for _ in range(40)]
+            assert change.told()["max_speed"].value == "0.5"
+        finally:
+            release.set()
+        refused = [answer.exception(SOON) for answer in answers]
+        assert refused.count(None) == MOST_CHANGES
+        assert all("changes of parameters wait already" in str(each) for each in refused if each)
+
+
+def test_a_change_is_refused_while_the_component_waits_for_an_answer_about_another_one(find: Any) -> None:
+    entered, release = threading.Event(), threading.Event()
+
+    class Asking(Changing):
+        component = replace(Changing.component, ports=(Port(Verb.REQUIRES, e.EVERYTHING, proxy=EverythingProxy),))
+        everything_proxy: EverythingProxy
+
+        def paramsChanged(self, changed: frozenset[str]) -> None:
+            self.everything_proxy.work("how fast may I go")
+
+    class Slow(Calculator):
+        def Everything_work(self, task: str) -> str:
+            entered.set()
+            release.wait(SOON)
+            return task
+
+    with running(make(Slow, find)), changing(find, Asking) as (worker, change):
+        try:
+            answer = change(wait=False, max_speed="1.5")
+            assert entered.wait(SOON)
+            with pytest.raises(RemoteFailure, match="another change of parameters is not finished"):
+                change(verbose="true")
+        finally:
+            release.set()
+        answer.result(SOON)
+        assert change.told()["max_speed"].value == "1.5"
+        change(verbose="true")
+        assert (worker.params.max_speed, worker.params.verbose) == (1.5, True)
 
 
 def test_parameters_cannot_be_assigned(find: Any) -> None:

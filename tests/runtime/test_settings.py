@@ -173,6 +173,11 @@ nam = "x"
     assert "3 items of `motors`; allowed: 1 to 2" in str(caught.value)
 
 
+def test_parameters_that_are_no_table_are_not_missed_one_by_one(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"^--set params=3: `params` is a table, not 3$"):
+        load(tmp_path, GOOD, "params=3")
+
+
 def test_a_wrong_set_is_said_as_it_was_written(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"^--set params\.max_speed=7: `max_speed` is 7"):
         load(tmp_path, GOOD, "params.max_speed=7")

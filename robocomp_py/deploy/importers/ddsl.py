@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import textwrap
+import unicodedata
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
@@ -176,7 +177,7 @@ class _Writer:
         if words:
             line = f"args {', '.join(map(_quoted, words))}"
             several = f",\n{' ' * len('        args ')}".join(map(_quoted, words))
-            yield line if len(line) < WIDTH - 10 else f"args {several}"
+            yield line if len(line) <= WIDTH - len("        ;") else f"args {several}"
 
     def _wirings(self, instance: _Instance, command: CommandLine | None) -> Iterator[str]:
         """Whom it uses, where several could be meant: the one at the port that its configuration names."""
@@ -281,7 +282,9 @@ def _configuration(argument: str) -> str:
 
 
 def _identifier(text: str) -> str:
-    found = re.sub(r"[^A-Za-z0-9_]+", "_", text).strip("_")
+    """The name nearest to a text: `cámara` becomes `camara`."""
+    bare = "".join(char for char in unicodedata.normalize("NFKD", text) if not unicodedata.combining(char))
+    found = re.sub(r"[^A-Za-z0-9_]+", "_", bare).strip("_")
     return found if re.match(r"[A-Za-z_]", found) else f"_{found}"
 
 

@@ -16,6 +16,8 @@ from .programs import HERE, Listing, Program, Said
 _WITHOUT_EFFECT = ("xpos", "ypos", "radius", "color", "downCommand", "configFile")
 """Where a node stands in the picture, how it is stopped, and what its editor opens."""
 
+_ENDS_TOO_EARLY = expat.errors.codes[expat.errors.XML_ERROR_NO_ELEMENTS]
+
 
 def read_rcmanager(source: Source, report: Report) -> Listing | None:
     """The programs of a file; None if it is no rcmanager XML, which is reported."""
@@ -23,7 +25,7 @@ def read_rcmanager(source: Source, report: Report) -> Listing | None:
     try:
         return reader.read()
     except expat.ExpatError as exc:
-        message, line, column = f"this is no XML: {expat.ErrorString(exc.code)}", exc.lineno, exc.offset
+        message, line, column = f"this is no XML: {reader.wrong(exc)}", exc.lineno, exc.offset
     except _Refused as exc:
         message, line, column = str(exc), exc.line, exc.column
     at = sum(len(each) for each in source.text.splitlines(keepends=True)[: line - 1]) + column
@@ -54,6 +56,11 @@ class _Reader:
         self._parser.Parse(self._source.text, True)
         return self._listing
 
+    def wrong(self, error: expat.ExpatError) -> str:
+        if error.code == _ENDS_TOO_EARLY:
+            return f"it ends inside of <{self._inside[-1]}>" if self._inside else "there is nothing in it"
+        return expat.ErrorString(error.code)
+
     def _doctype(self, *_: Any) -> None:
         raise self._refused("a document type is declared, which is not read")
 
@@ -72,8 +79,10 @@ class _Reader:
                 self._listing.programs.append(self._node)
             case ["rcmanager", "node", _] if self._node:
                 self._part(self._node, element, attributes, line)
-            case _:
+            case [_, _]:
                 self._listing.notes.append(Said(f"<{element}> is not understood", line))
+            case _:
+                pass  # inside of what has been said not to be understood, or has no effect
 
     def _end(self, element: str) -> None:
         self._inside.pop()

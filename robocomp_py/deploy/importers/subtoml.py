@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from typing import Any
 
 from ...dsl.diagnostics import Report
 from ...dsl.source import Source, Span
+from ...runtime.document import NotToml, parsed
 from .programs import Listing, Program, Said
 
 _KEYS = ("name", "cwd", "cmd", "ice_name")
@@ -16,9 +16,9 @@ _KEYS = ("name", "cwd", "cmd", "ice_name")
 def read_subtoml(source: Source, report: Report) -> Listing | None:
     """The programs of a file; None if it is no sub.toml, which is reported."""
     try:
-        document = tomllib.loads(source.text)
-    except tomllib.TOMLDecodeError as exc:
-        _refuse_syntax(source, report, str(exc))
+        document = parsed(source.text, source.path)
+    except NotToml as exc:
+        report.error("bad-import", f"this is no TOML: {exc.reason}", source.span(exc.offset, exc.offset + 1))
         return None
     listing = Listing(source.path.name)
     components = document.pop("components", None)
@@ -51,7 +51,7 @@ def _program(component: dict[str, Any], line: int, lines: _Lines, source: Source
     if component.get("ice_name", "").strip():
         program.endpoint = Said(component["ice_name"].strip(), lines.of_key("ice_name", line))
     others = [key for key in component if key not in _KEYS]
-    program.notes = [Said(f"{key} = {component[key]!r} is not understood", lines.of_key(key, line)) for key in others]
+    program.notes = [lines.not_understood(key, line) for key in others]
     return program
 
 
@@ -75,16 +75,11 @@ class _Lines:
                 return number
         return start
 
+    def not_understood(self, key: str, start: int) -> Said:
+        line = self.of_key(key, start)
+        text = self._lines[line - 1].strip()
+        return Said(f"{text if text.startswith(key) else key} is not understood", line)
+
     def span(self, line: int) -> Span:
         start = sum(len(each) for each in self._source.text.splitlines(keepends=True)[: line - 1])
         return self._source.span(start, start + len(self._lines[line - 1]))
-
-
-def _refuse_syntax(source: Source, report: Report, message: str) -> None:
-    found = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)", message)
-    at = len(source.text)
-    if found and found[1]:
-        lines = source.text.splitlines(keepends=True)
-        at = sum(map(len, lines[: int(found[1]) - 1])) + int(found[2]) - 1
-    what = message.partition(" (at ")[0]
-    report.error("bad-import", f"this is no TOML: {what[:1].lower()}{what[1:]}", source.span(at, at + 1))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 
 from ...contract.interface import Pattern
 from ...contract.naming import names_of
@@ -180,7 +181,7 @@ class _Checker:
                 if other is not enum:
                     self.report.warning(
                         "shared-enumerator",
-                        f"`{member.name}` is an enumerator of `{other.name}`, too; Slice refuses that",
+                        f"`{member.name}` is an enumerator of `{other.name}`, too; Slice before Ice 3.7 refuses that",
                         member.name.span,
                         "",
                         ("also here", first.span),
@@ -211,9 +212,10 @@ class _Checker:
     def _check_interface(self, interface: m.Interface) -> None:
         bases = self._ancestors(interface)
         self._check_lineage(interface, bases)
+        is_circular = interface in bases
         for base in interface.bases:
             found = self._find(base, "unknown-interface", "interface", m.Interface)
-            if isinstance(found, m.Interface) and interface in bases:
+            if isinstance(found, m.Interface) and is_circular:
                 self._error("circular-base", f"`{interface.name}` extends itself", base.span)
                 break
             if found and not isinstance(found, m.Interface):
@@ -361,7 +363,7 @@ class _Checker:
             return f"did you mean `{self._by_short_name[short]}`?"
         own, builtin = f"{self.module}::", BUILTIN if m.Struct in kinds else ()
         defined = (name.removeprefix(own) for name, each in self.scope.items() if isinstance(each, kinds))
-        return (_foreign(short) if builtin else "") or self.propose(name, [*builtin, *defined])
+        return (_foreign(short) if builtin else "") or self.propose(name, chain(builtin, defined))
 
     def _suggest_import(self, module: str) -> str:
         """Import it if there is such a file; else it may be misspelt; else there should be such a file."""

@@ -34,6 +34,7 @@ class _Checker:
 
     def check(self) -> None:
         self.propose = Proposals()
+        self.is_scxml = self.file.source.path.suffix.lower() == ".scxml"
         self.parallel = {block.parent.text for block in self.file.blocks if block.parent and block.parallel}
         for block in self.file.blocks:
             for state in block.states:
@@ -89,11 +90,11 @@ class _Checker:
             for name in (*block.initial, *finals):
                 clause = "initial state" if name in block.initial else "end state"
                 message = f"{what} is parallel, so it has no {clause}: all its states are active together"
-                self.report.error("clause-of-parallel", message, name.span, "list it under `states`")
+                hint = "make it a `<state>`" if self.is_scxml else "list it under `states`"
+                self.report.error("clause-of-parallel", message, name.span, hint)
             if not block.states:
-                self.report.error(
-                    "no-states", f"{what} is parallel, but has no states", at, "list them: `states a, b;`"
-                )
+                hint = "put some into it, or make it a `<state>`" if self.is_scxml else "list them: `states a, b;`"
+                self.report.error("no-states", f"{what} is parallel, but has no states", at, hint)
         elif not block.initial and not {"initial_state", "initial"} & self.file.skipped:
             hint = "add one: `initial_state begin;`"
             self.report.error("no-initial-state", f"{what} has no initial state", at, hint)
@@ -159,7 +160,8 @@ class _Checker:
         state = self.states.get(name.text)
         if state is None and name.text not in self.file.skipped and name.span not in self.told:
             self.told.add(name.span)  # the source of several transitions
-            hint = self.propose(name.text, self.states) or "list it under `states`"
+            add = f'add it: `<state id="{name}"/>`' if self.is_scxml else "list it under `states`"
+            hint = self.propose(name.text, self.states) or add
             self.report.error("unknown-state", f"there is no state `{name}`", name.span, hint)
         return state
 

@@ -204,6 +204,20 @@ def told(text: str, name: str) -> list[str]:
     return [each.code for each in found.report.diagnostics]
 
 
+@pytest.mark.parametrize(
+    ("inside", "hint"),
+    [
+        ('<transition event="e" target="zebra"/>', 'add it: `<state id="zebra"/>`'),
+        ('<parallel id="both"/>', "put some into it, or make it a `<state>`"),
+        ('<parallel id="both"><final id="end"/></parallel>', "make it a `<state>`"),
+    ],
+)
+def test_hints_for_scxml_are_in_its_words(inside: str, hint: str) -> None:
+    found = workspace(**{"arm.scxml": f'<scxml><state id="a">{inside}</state></scxml>'})
+    assert found.statemachine(FOLDER / "arm.scxml") is None
+    assert [each.hint for each in found.report.errors] == [hint]
+
+
 def test_states_a_thousand_deep_are_refused() -> None:
     inside = "".join(f":s{n} {{ initial_state s{n + 1}; }};\n" for n in range(1000))
     assert set(told(f"arm {{ initial_state s0; }};\n{inside}", "arm.smdsl")) == {"too-deep"}
