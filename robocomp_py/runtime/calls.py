@@ -23,7 +23,7 @@ from ..errors import (
     RemoteFailure,
     Timeout,
 )
-from ..transports.base import Reply, Status
+from ..transports.base import Reply, Status, answered
 from ..wire.codec import Codec, Decoder, Encoder, Payload
 from .trace import user_trace
 
@@ -115,7 +115,7 @@ class Answering:
             return self.failed(exc)
         try:
             values = (value,) if self._outputs == 1 else self._values(value)
-            return Reply(Status.OK, self._encode(values))
+            return answered((Status.OK, self._encode(values)))
         except EncodeError as exc:
             log.error("%s returned what its interface does not allow: %s", self.method.__qualname__, exc)
             return self.failed(exc)

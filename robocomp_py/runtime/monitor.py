@@ -134,7 +134,10 @@ class Monitor:
 
     def leave(self) -> None:
         with self._state:
-            self._admit_next()
+            if self._queue:
+                self._admit_next()
+            else:
+                self._inside = None
 
     def submit(self, job: Job, then: Then | None = None, *, limited: bool = True) -> bool:
         """Run a job on the pool when it is its turn; False if too many wait already, unless not `limited`."""
@@ -171,7 +174,10 @@ class Monitor:
             return False
         with self._state:
             self._aside += 1
-            self._admit_next()
+            if self._queue:
+                self._admit_next()
+            else:
+                self._inside = None
         step_aside()
         return True
 

@@ -23,6 +23,7 @@ from concurrent.futures import Future
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from enum import Flag, IntEnum, auto
+from functools import partial
 from typing import Any, NamedTuple, Protocol
 
 from .. import installed
@@ -56,6 +57,9 @@ class Reply(NamedTuple):
     status: Status
     payload: Payload = None
 
+
+answered: Callable[[tuple[Status, Payload]], Reply] = partial(tuple.__new__, Reply)
+"""`Reply(…)` of a pair, without the detour through a constructor in Python: for what happens at every call."""
 
 Sink = Callable[[Payload], object]
 """Takes one message."""

@@ -30,6 +30,7 @@ from ..base import (
     Reply,
     Status,
     TypeRef,
+    answered,
     mismatch,
     step_aside,
 )
@@ -164,7 +165,8 @@ class AskingLink(Link):
 
     def write(self, line: Line, payload: Payload, flags: int, number: int, end: float) -> bool:
         """Send a request, trying until `end`; whether it was sent."""
-        sample = self._message.sample(payload)
+        as_it_is = self._message.plain and type(payload) is bytearray
+        sample = payload if as_it_is else self._message.sample(payload)
         try:
             with line.order:  # a payload may be sent by several threads at once
                 left = end - time.monotonic()
@@ -394,7 +396,9 @@ class Caller(AskingLink):
             try:
                 _, status, client, number, _, _ = read_reply(sample)
                 if status == _OK:
-                    reply = Reply(Status.OK, self._response.payload(sample, tail=True))
+                    plain = self._response.plain
+                    payload = memoryview(sample)[:BEFORE_TAIL] if plain else self._response.payload(sample)
+                    reply = answered((Status.OK, payload))
                 else:
                     reply = Reply(STATUSES[status], self._response.why(sample))
             except (DecodeError, KeyError) as exc:

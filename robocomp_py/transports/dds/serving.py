@@ -107,7 +107,7 @@ class ServingLink(Link):
                 self.report_mismatch((request.client, request.fingerprint), self._stranger(request))
                 self.refuse(request)
                 return None
-            payload = self._message.payload(sample)
+            payload = sample if self._message.plain else self._message.payload(sample)
         except DecodeError as exc:
             self.malformed(exc)
             return None
@@ -291,14 +291,16 @@ class Server(ServingLink):
     def _answer(self, request: Request, expires: float, reply: Reply) -> None:
         self._under_way.pop((request.client, request.sequence), None)
         try:
-            if reply.status is Status.OK:
-                sample = self._response.sample(reply.payload)
+            status, payload = reply
+            if status is Status.OK:
+                as_it_is = self._response.plain and type(payload) is bytearray
+                sample = payload if as_it_is else self._response.sample(payload)
             else:
-                sample = self._response.failure(reply.payload)
+                sample = self._response.failure(payload)
             with self._order:  # a service may answer several with the same payload
                 fill_reply(
                     sample,
-                    reply.status,
+                    status,
                     request.client,
                     request.sequence,
                     self.transport.incarnation,

@@ -158,6 +158,8 @@ class Message:
 
     def __init__(self, kind: Struct | None) -> None:
         self.kind = kind
+        self.plain = kind is not None
+        """Whether samples are payloads as they are, and fresh payloads samples."""
         self._empty = _zero(kind) if kind else TAIL
         """An empty message, padded to where the count of octets behind it stands."""
 
@@ -172,11 +174,9 @@ class Message:
             return bytearray(b"").join((bytes(BODY), self._empty, TAIL))
         return bytearray(b"").join((payload, bytes(-len(payload) & 3), TAIL))  # one that was received
 
-    def payload(self, sample: bytes, tail: bool = False) -> Payload:
-        """The payload in a sample, not copied. Raises DecodeError."""
-        if self.kind is not None:
-            return memoryview(sample)[:BEFORE_TAIL] if tail else sample
-        return dressed(_octets(sample, BODY))
+    def payload(self, sample: bytes) -> Payload:
+        """The payload in a sample, not copied, with what follows it. Raises DecodeError."""
+        return sample if self.plain else dressed(_octets(sample, BODY))
 
     def failure(self, payload: Payload) -> bytearray:
         """A sample that carries a payload of another type behind an empty message."""

@@ -35,6 +35,7 @@ from ..base import (
     Reply,
     Status,
     TypeRef,
+    answered,
     mismatch,
 )
 from ..crew import Job
@@ -328,7 +329,7 @@ class Caller(AskingLink):
                     continue
                 frames = receive_frames(socket)
                 header, payload = read_reply_frames(frames)
-                return header, Reply(STATUSES[header.status], payload)
+                return header, answered((STATUSES[header.status], payload))
             except zmq.Again:
                 self.still(peer)
             except DecodeError as exc:
