@@ -309,7 +309,7 @@ WRONG = [
     ("net.xml", "<rcmanager><node/></rcmanager>", "net.xml:1:12: error[bad-import]: this <node> has no alias"),
     ("sub.toml", "[[components]]\nname = x\n", "sub.toml:2:8: error[bad-import]: this is no TOML: invalid value"),
     ("sub.toml", "[[components]]\nname = 'a", "sub.toml:2:10: error[bad-import]: this is no TOML: "),
-    ("sub.toml", f"a = {'[' * 5000}", "sub.toml:1:5005: error[bad-import]: this is no TOML: nested too deeply"),
+    ("sub.toml", f"a = {'[' * 100_000}", "sub.toml:1:100005: error[bad-import]: this is no TOML: nested too deeply"),
     ("sub.toml", f"a = {'9' * 5000}", "sub.toml:1:5005: error[bad-import]: this is no TOML: exceeds the limit"),
     ("sub.toml", "[a]\n", "sub.toml:1:1: error[bad-import]: this is no sub.toml: it has no [[components]]"),
     ("sub.toml", "\n[[components]]\ncmd = 'a'\n", "sub.toml:2:1: error[bad-import]: a component without `name`"),
