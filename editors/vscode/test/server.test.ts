@@ -5,7 +5,7 @@ import { test } from "node:test";
 import { ended, findServer, installCommand, missing, type Surroundings } from "../src/server";
 
 const HERE: Surroundings = {
-    folders: ["/work/a", "/work/b"],
+    folders: ["/open/a", "/open/b"],
     path: "/usr/bin:relative::/opt/bin",
     home: "/home/ada",
     windows: false,
@@ -20,15 +20,15 @@ const WINDOWS: Surroundings = { ...HERE, folders: ["C:\\work"], path: "C:\\bin;D
 
 test("a bare name is looked for in the folders' environments, then in PATH", () => {
     assert.deepEqual(findServer("rc", HERE).candidates, [
-        "/work/a/.venv/bin/rc",
-        "/work/b/.venv/bin/rc",
+        "/open/a/.venv/bin/rc",
+        "/open/b/.venv/bin/rc",
         "/usr/bin/rc",
         "/opt/bin/rc",
     ]);
 });
 
 test("the first that is there is taken", () => {
-    assert.equal(findServer("rc", having("/usr/bin/rc", "/work/b/.venv/bin/rc")).program, "/work/b/.venv/bin/rc");
+    assert.equal(findServer("rc", having("/usr/bin/rc", "/open/b/.venv/bin/rc")).program, "/open/b/.venv/bin/rc");
     assert.equal(findServer("rc", having("/opt/bin/rc")).program, "/opt/bin/rc");
     assert.equal(findServer("rc", HERE).program, undefined);
 });
@@ -40,7 +40,7 @@ test("without trusted folders only PATH is searched", () => {
 test("a path is taken as it is, from home, or from the folders", () => {
     assert.deepEqual(findServer("/opt/rc", HERE).candidates, ["/opt/rc"]);
     assert.deepEqual(findServer("~/env/bin/rc", HERE).candidates, ["/home/ada/env/bin/rc"]);
-    assert.deepEqual(findServer("env/bin/rc", HERE).candidates, ["/work/a/env/bin/rc", "/work/b/env/bin/rc"]);
+    assert.deepEqual(findServer("env/bin/rc", HERE).candidates, ["/open/a/env/bin/rc", "/open/b/env/bin/rc"]);
 });
 
 test("an empty setting means the default", () => {
@@ -57,10 +57,10 @@ test("on Windows environments have other folders, and programs an ending", () =>
 });
 
 test("what is missing is installed into the environment of the program that misses it", () => {
-    const around = having("/work/a/.venv/bin/python", "/with space/bin/python");
+    const around = having("/open/a/.venv/bin/python", "/with space/bin/python");
     assert.equal(
-        installCommand("/work/a/.venv/bin/rc", around),
-        "/work/a/.venv/bin/python -m pip install 'robocomp-py[lsp]'",
+        installCommand("/open/a/.venv/bin/rc", around),
+        "/open/a/.venv/bin/python -m pip install 'robocomp-py[lsp]'",
     );
     assert.equal(
         installCommand("/with space/bin/rc", around),
