@@ -31,6 +31,7 @@ class _Checker:
     around: dict[str, str] = field(default_factory=dict)
     """The state that a state is in; "" for those of the machine itself."""
     told: set[Span] = field(default_factory=set)
+    """Names of which something was said: the source of several transitions is named once."""
 
     def check(self) -> None:
         self.propose = Proposals()
@@ -111,11 +112,10 @@ class _Checker:
     def _check_transitions(self, transitions: list[m.Transition]) -> None:
         seen: dict[tuple[str, str, tuple[str, ...]], m.Transition] = {}
         triggers: dict[str, m.Transition] = {}
-        told: set[Span] = set()
         for each in transitions:
             source, target = self._known(each.source), self._known(each.target)
-            if source and source.final and each.source.span not in told:  # a source may have several targets
-                told.add(each.source.span)
+            if source and source.final and each.source.span not in self.told:
+                self.told.add(each.source.span)
                 message = f"`{each.source}` is an end state: nothing leads out of it"
                 self.report.error("leaves-end-state", message, each.source.span, "", ("said here", source.name.span))
             first = seen.setdefault((each.source.text, each.target.text, each.events), each)
@@ -159,7 +159,7 @@ class _Checker:
     def _known(self, name: Name) -> m.State | None:
         state = self.states.get(name.text)
         if state is None and name.text not in self.file.skipped and name.span not in self.told:
-            self.told.add(name.span)  # the source of several transitions
+            self.told.add(name.span)
             add = f'add it: `<state id="{name}"/>`' if self.is_scxml else "list it under `states`"
             hint = self.propose(name.text, self.states) or add
             self.report.error("unknown-state", f"there is no state `{name}`", name.span, hint)

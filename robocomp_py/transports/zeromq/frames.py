@@ -4,7 +4,7 @@
     reply                             header · packed values
     publication for one latecomer     NUL · eight octets, its own topic · header · packed values
 
-One frame instead of three saves both sides an eighth of a short call.
+One frame instead of three is less work for both sides and for ZeroMQ's own threads, which short calls notice.
 """
 
 from __future__ import annotations

@@ -101,6 +101,7 @@ class Router:
         """Stop, and wait for the threads. Replies that come later are forgotten."""
         self._crew.close()
         with self._inside, self._ringing:
+            self._send_late()  # what came after the last thread had looked
             self._closed = True
             self._socket.close()
             self._bell.close()
@@ -119,8 +120,13 @@ class Router:
         else:
             log.warning("a reply was dropped: %d wait to be sent", REPLIES_WAITING)
 
+    # By whoever is inside.
+
+    def _send_late(self) -> None:
+        while self._late:
+            self._send(self._late.popleft())
+
     def _send(self, frames: Frames) -> None:
-        """Called by whoever is inside."""
         if self._closed:
             return
         try:
@@ -139,8 +145,7 @@ class Router:
 
     def _receive(self) -> list[Job]:
         with self._inside:
-            while self._late:
-                self._send(self._late.popleft())
+            self._send_late()
             try:
                 frames = receive_frames(self._socket)
             except zmq.Again:

@@ -72,8 +72,8 @@ class Socket:
     """A ZeroMQ socket that several threads may use, because nothing here waits.
 
     Its file descriptor tells of input only once, and any use of the socket may swallow that; so
-    whoever used it looks whether there is some, and has it attended to. Who received something
-    leaves that to the loop: most are about to send a reply, and then it is known without asking.
+    whoever sent something looks whether there is some, and has it attended to. Who receives goes on
+    until there is nothing left, or has it attended to later.
     """
 
     def __init__(
@@ -85,8 +85,6 @@ class Socket:
         self.closed = False
         self.awaited = False
         """Whether it will be looked at anyway."""
-        self.doubtful = False
-        """Whether there may be more input, of which nobody will be told."""
         self.on_input = on_input
         self._attend = attend
 
@@ -108,22 +106,19 @@ class Socket:
             if self.closed:
                 return None
             try:
-                self.doubtful = True
                 return receive_frames(self.raw, _NOBLOCK)
             except zmq.Again:
-                self.doubtful = False
                 return None
 
-    def resolve(self) -> None:
-        """Have it attended to, if it may have input of which nobody was told and does have some."""
+    def look(self) -> None:
+        """Have it attended to, if it has input."""
         with self.lock:
-            if self.doubtful and not self.closed:
+            if not self.closed:
                 self._look()
 
     def _look(self) -> None:
         if not self.awaited and int(self.raw.get(_EVENTS)) & _POLLIN:
             self._attend(self)
-        self.doubtful = False
 
     def close(self) -> None:
         with self.lock:
@@ -157,8 +152,6 @@ class Loop:
         self._poller = select.poll()
         self._sockets: dict[int, Socket] = {}
         self._ready: deque[Socket] = deque()
-        self._used: list[Socket] = []
-        """Those that had input, since this was last called."""
         self._jobs: deque[Job] = deque()
         self._next_tick = 0.0
         self._sleeping = False
@@ -204,9 +197,6 @@ class Loop:
     def receive(self) -> list[Job]:
         if time.monotonic() >= self._next_tick:
             self._next_tick = time.monotonic() + self._tick()
-        for socket in self._used:
-            socket.resolve()
-        self._used.clear()
         self._sleeping = True  # before looking at what is ready: whoever adds to it later sees this, and interrupts
         timeout = 0.0 if self._ready or self._jobs else max(0.0, self._next_tick - time.monotonic())
         events = self._poller.poll(timeout * 1000)
@@ -224,8 +214,7 @@ class Loop:
                 self._jobs.extend(socket.on_input(socket))
             except Exception:
                 log.exception("taking input")  # of one socket; the others have theirs taken
-            if socket.doubtful:
-                self._used.append(socket)
+                socket.look()
         return [self._jobs.popleft() for _ in range(len(self._jobs))]
 
     def close(self) -> None:
