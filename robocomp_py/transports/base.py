@@ -157,6 +157,28 @@ class Outlet(Link, Protocol):
         ...
 
 
+class Loan(Protocol):
+    """Memory of a message that is written where it will be read: of an outlet that can do so.
+
+    An optional part of the contract. Such an outlet has a method `loan(size) -> Loan`, which raises
+    what `send` raises, and TransportError if there is no memory of so many bytes to be had. Every
+    loan ends, by `send` or by `close`.
+    """
+
+    @property
+    def data(self) -> memoryview:
+        """The bytes, to be written. They begin at a multiple of 8 in memory, and are not zeros."""
+        ...
+
+    def send(self, begin: int, end: int, deadline: float = 5.0) -> None:
+        """Send `data[begin:end]` as a payload, as `Outlet.send` does, without copying it."""
+        ...
+
+    def close(self) -> None:
+        """Give the memory back unsent. Idempotent; without effect after `send`."""
+        ...
+
+
 class Caller(Link, Protocol):
     def call(self, payload: Payload, deadline: float) -> Future[Reply]:
         """Ask, and go on. The Future ends within `deadline` seconds, by a Reply or a
@@ -267,6 +289,8 @@ def serve(service: Service, payload: Payload, expires: float, answer: Callable[[
     """Run a service and pass its reply on, when there is one, whatever it does."""
     try:
         reply = service(payload, expires)
+    except KeyboardInterrupt:
+        raise  # meant for the main thread, which may be the one that asks: of `inproc`
     except BaseException:  # also SystemExit, which would end a thread of the transport, and nothing else
         log.exception("a service raised")
         reply = Reply(Status.FAILED)

@@ -2,6 +2,9 @@
 
 Transports opened on the same bus see each other. Payloads are handed over as they are; the codec
 `identity` has made them values that nobody can change.
+
+A hand-over between two threads and back takes ten times as long as all else about a call. So the
+thread that asks runs the service itself, once that has shown that it answers promptly; see `_Server`.
 """
 
 from __future__ import annotations
@@ -42,6 +45,12 @@ from .pending import Pending
 log = logging.getLogger("robocomp.transport.inproc")
 
 L = TypeVar("L", bound="_Link")
+
+PROMPT = 0.001
+"""Seconds within which a service answers that the asking thread may run itself."""
+
+TRUSTED = 3
+"""So many times in a row it has to have been prompt before, on a thread of its own transport."""
 
 COMMANDS_WAITING = 1000
 """Commands that may wait at one server; the next ones wait at their senders."""
@@ -85,13 +94,15 @@ _BUSES: dict[str, _Bus] = defaultdict(_Bus)
 
 
 class InprocTransport:
-    """Option `bus`: the name of the bus to join."""
+    """Option `bus`: the name of the bus to join. Option `hand_over`: have services always run by threads of ours."""
 
     capabilities = Capability.RELIABLE | Capability.LATCHED
 
     def __init__(self, config: TransportConfig) -> None:
         self.codec: Codec = Identity()
-        self._bus = _BUSES[options_of(config, bus="default")["bus"]]
+        options = options_of(config, bus="default", hand_over=False)
+        self.hand_over = bool(options["hand_over"])
+        self._bus = _BUSES[options["bus"]]
         self._links: list[_Link] = []
         self._closed = False
         self._work: queue.SimpleQueue[Job] = queue.SimpleQueue()
@@ -302,30 +313,75 @@ class _Caller(_Link):
         super().__init__(transport, bus, channel)
         self.pending = Pending(channel.name)
         self._sequence = itertools.count(1)
+        self._found: tuple[int, _Server] = -1, None  # type: ignore[assignment]  # of no version of the bus
 
     def call(self, payload: Payload, deadline: float) -> Future[Reply]:
-        future = self._start(payload, deadline, self._answered)
+        future = self._start(self._server(), payload, deadline, self._answered)
         self.transport.do(_nothing)  # whoever receives may have meant to wait for longer than this deadline
         return future
 
     def ask(self, payload: Payload, deadline: float) -> Reply:
-        future = self._start(payload, deadline, self.pending.settle)  # it has no callbacks, and wakes us at once
+        server = self._server()
+        if server.trusted >= TRUSTED:
+            return self._ask_here(server, payload, deadline)
+        # The Future has no callbacks, and wakes us at once.
+        return self._outcome(self._start(server, payload, deadline, self.pending.settle), deadline)
+
+    def _ask_here(self, server: _Server, payload: Payload, deadline: float) -> Reply:
+        """Have the service run by this thread."""
+        key = server, next(self._sequence)
+        answers: list[Reply] = []
+        future: Future[Reply] | None = None
+
+        def answered(reply: Reply) -> None:
+            answers.append(reply)
+            if future:
+                self.pending.settle(key, reply)
+
+        expires = time.monotonic() + deadline
+        server.run(payload, expires, answered)
+        if not answers:
+            future = self.pending.add(key, deadline)
+            if answers:  # in between
+                self.pending.settle(key, answers[0])
+            if server.closed:
+                self.server_left(server)
+            return self._outcome(future, max(0.0, expires - time.monotonic()))
+        if time.monotonic() > expires:
+            raise self._late(deadline)
+        return answers[0]
+
+    def _outcome(self, future: Future[Reply], timeout: float) -> Reply:
         try:
-            return future.result(deadline)
+            return future.result(timeout)
         except FutureTimeout:
             future.cancel()
-            raise Timeout(f"{self.channel.name}: no answer in {deadline:g} s") from None
+            raise self._late(timeout) from None
+
+    def _late(self, deadline: float) -> Timeout:
+        return Timeout(f"{self.channel.name}: no answer in {deadline:g} s")
 
     def _answered(self, key: Hashable, reply: Reply) -> None:
         """On a thread of the server's: the callbacks of our Future are no business of its."""
         self.transport.do(partial(self.pending.settle, key, reply))
 
-    def _start(self, payload: Payload, deadline: float, answered: Callable[[Hashable, Reply], object]) -> Future[Reply]:
+    def _server(self) -> _Server:
+        """Who serves it. Raises Unreachable, ContractMismatch, Closed."""
         self.check_open()
-        server = next(iter(self.peers()), None)
-        if server is None:
+        version, server = self._found
+        if version == self._bus.version:
+            return server
+        version = self._bus.version  # before looking: what comes while we look is looked for again
+        found = next(iter(self.peers()), None)
+        if found is None:
             raise Unreachable(f"{self.channel.name}: nobody serves it")
-        assert isinstance(server, _Server)
+        assert isinstance(found, _Server)
+        self._found = version, found
+        return found
+
+    def _start(
+        self, server: _Server, payload: Payload, deadline: float, answered: Callable[[Hashable, Reply], object]
+    ) -> Future[Reply]:
         key = server, next(self._sequence)
         future = self.pending.add(key, deadline)
         server.take(payload, time.monotonic() + deadline, partial(answered, key))
@@ -344,15 +400,29 @@ class _Caller(_Link):
 
 
 class _Server(_Link):
+    """Runs its service on a thread of its transport until that is trusted to be prompt, then on the one that asks.
+
+    No deadline ends what the asking thread runs: should a trusted service take long all the same,
+    that call ends by Timeout, but late, and the service is not trusted any more.
+    """
+
     facing = _Caller
     alone = True
 
     def __init__(self, transport: InprocTransport, bus: _Bus, channel: Channel, service: Service) -> None:
         super().__init__(transport, bus, channel)
         self._servant = Servant(channel.name, service, self.stats)
+        self.trusted = 0
+        """How many times in a row the service was prompt."""
 
     def take(self, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> None:
-        self.transport.do(partial(self._servant.serve, payload, expires, answer))
+        self.transport.do(partial(self.run, payload, expires, answer))
+
+    def run(self, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> None:
+        begun = time.monotonic()
+        self._servant.serve(payload, expires, answer)
+        prompt = time.monotonic() - begun < PROMPT and not self.transport.hand_over
+        self.trusted = self.trusted + 1 if prompt else 0
 
     def close(self) -> None:
         callers = [link for link in self.peers_or_none() if isinstance(link, _Caller)]

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterator
+from concurrent.futures import Future
 from dataclasses import replace
 
 import pytest
 
 from robocomp_py.contract.qos import Durability, QoS, Reliability
+from robocomp_py.errors import Timeout, Unreachable
 from robocomp_py.testing.conformance import Inbox, TransportConformance, blob, drain, query, topic, unblob
 from robocomp_py.testing.patience import SOON, wait_until
-from robocomp_py.transports.base import Transport, TransportConfig, TypeRef
+from robocomp_py.transports import inproc
+from robocomp_py.transports.base import Caller, Reply, Service, Status, Transport, TransportConfig, TypeRef
 from robocomp_py.transports.inproc import InprocTransport
 
 
@@ -103,3 +107,116 @@ def test_a_flood_makes_one_job_for_its_lane(transport: InprocTransport) -> None:
         outlet.send(blob(transport, b"x"))
     assert transport._work.qsize() <= 1
     release.set()
+
+
+# Services that the asking thread runs.
+
+
+def trusted(transport: InprocTransport, service: Service) -> Caller:
+    """A caller of a service that was prompt so often that it is run by whoever asks."""
+    prompt = [Reply(Status.OK)] * inproc.TRUSTED
+    transport.server(query("a/b/ask"), lambda payload, expires: prompt.pop() if prompt else service(payload, expires))
+    caller = transport.caller(query("a/b/ask"))
+    for _ in range(inproc.TRUSTED):
+        caller.ask([], SOON)
+    return caller
+
+
+@pytest.fixture
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Services count as prompt however loaded the machine is."""
+    monkeypatch.setattr(inproc, "PROMPT", SOON)
+
+
+def whoever_runs_it(payload: object, expires: float) -> Reply:
+    return Reply(Status.OK, threading.get_ident())
+
+
+@pytest.mark.usefixtures("patient")
+def test_a_prompt_service_is_run_by_the_thread_that_asks(transport: InprocTransport) -> None:
+    transport.server(query("a/b/ask"), whoever_runs_it)
+    caller = transport.caller(query("a/b/ask"))
+    runners = [caller.ask([], SOON).payload for _ in range(inproc.TRUSTED + 1)]
+    assert threading.get_ident() not in runners[:-1]
+    assert runners[-1] == threading.get_ident()
+
+
+@pytest.mark.usefixtures("patient")
+def test_with_hand_over_it_is_always_another_thread() -> None:
+    transport = InprocTransport(TransportConfig({"bus": "handing over", "hand_over": True}))
+    try:
+        assert trusted(transport, whoever_runs_it).ask([], SOON).payload != threading.get_ident()
+    finally:
+        transport.close()
+
+
+def test_a_service_that_was_slow_is_run_by_another_thread_until_it_is_prompt_again(
+    transport: InprocTransport, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(inproc, "PROMPT", SOON)
+    caller = trusted(transport, whoever_runs_it)
+    monkeypatch.setattr(inproc, "PROMPT", 0.0)  # what it does now counts as slow
+    assert caller.ask([], SOON).payload == threading.get_ident()
+    assert caller.ask([], SOON).payload != threading.get_ident()
+
+
+@pytest.mark.usefixtures("patient")
+def test_a_trusted_service_that_takes_too_long_once_ends_its_call_late_but_by_timeout(
+    transport: InprocTransport,
+) -> None:
+    def slow(payload: object, expires: float) -> Reply:
+        wait_until(lambda: time.monotonic() > expires)
+        return Reply(Status.OK)
+
+    caller = trusted(transport, slow)
+    with pytest.raises(Timeout):
+        caller.ask([], 0.01)
+
+
+@pytest.mark.usefixtures("patient")
+def test_a_trusted_service_may_answer_later(transport: InprocTransport) -> None:
+    later: list[Future[Reply]] = []
+
+    def put_off(payload: object, expires: float) -> Future[Reply]:
+        answer: Future[Reply] = Future()
+        later.append(answer)
+        return answer
+
+    caller = trusted(transport, put_off)
+    helper = threading.Thread(target=lambda: (wait_until(lambda: later), later[0].set_result(Reply(Status.OK, "late"))))
+    helper.start()
+    assert caller.ask([], SOON).payload == "late"
+    helper.join()
+    with pytest.raises(Timeout):
+        caller.ask([], 0.01)
+
+
+@pytest.mark.usefixtures("patient")
+def test_a_trusted_service_that_leaves_without_an_answer_is_unreachable(transport: InprocTransport) -> None:
+    server = InprocTransport(TransportConfig({"bus": "alone"}))
+
+    def leave(payload: object, expires: float) -> Future[Reply]:
+        threading.Thread(target=server.close).start()
+        return Future()
+
+    with pytest.raises(Unreachable):
+        trusted_elsewhere(server, transport, leave).ask([], SOON)
+
+
+def trusted_elsewhere(server: InprocTransport, client: InprocTransport, service: Service) -> Caller:
+    trusted(server, service)
+    return client.caller(query("a/b/ask"))
+
+
+@pytest.mark.usefixtures("patient")
+def test_a_trusted_service_that_raises_fails_its_call_and_ctrl_c_reaches_who_asks(transport: InprocTransport) -> None:
+    errors: list[BaseException] = [KeyboardInterrupt(), SystemExit(), ValueError("no")]
+
+    def fail(payload: object, expires: float) -> Reply:
+        raise errors.pop()
+
+    caller = trusted(transport, fail)
+    assert caller.ask([], SOON).status is Status.FAILED
+    assert caller.ask([], SOON).status is Status.FAILED
+    with pytest.raises(KeyboardInterrupt):
+        caller.ask([], SOON)
