@@ -89,11 +89,9 @@ def check_text(source: Source, component: Component, workspace: Workspace, *, po
 
 
 def _unknown_middlewares(checked: Settings) -> Iterator[Complaint]:
-    chosen: dict[Key, str | None] = {("middleware",): checked.middleware}
-    chosen |= {("ports", *key, "middleware"): each.middleware for key, each in checked.ports.items()}
     known = installed.transports()
-    for key, name in chosen.items():
-        if name and name not in known:
+    for key, name in settings.middlewares(checked).items():
+        if name not in known:
             yield Complaint(key, unknown("middleware", name, known), "config-unknown-value")
 
 

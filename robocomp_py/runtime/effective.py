@@ -11,7 +11,7 @@ from ..contract.component import Component, Port
 from ..contract.parameters import Key, ParameterSet, dotted
 from ..contract.qos import PRESETS, QoS
 from .document import Document
-from .settings import PortSettings, Settings
+from .settings import PortSettings, Settings, Way, carrier
 
 _ROOM = 40
 """Characters of a line before its comment."""
@@ -39,7 +39,7 @@ def effective(component: Component, settings: Settings, document: Document, midd
     look = _Look(document)
     found += [
         look.value(("namespace",), settings.namespace),
-        look.value(("middleware",), settings.middleware or middleware, "what it was generated for"),
+        look.value(("middleware",), carrier(settings.middleware, middleware), "what it was generated for"),
         Table(("component",)),
         look.value(("component", "period"), settings.period),
         look.value(("component", "log"), settings.log),
@@ -112,7 +112,9 @@ def _port(look: _Look, port: Port, settings: Settings, middleware: str) -> Itera
     yield Table(at)
     general = "its .cdsl" if port.middleware else look.origin(("middleware",)) or "what it was generated for"
     said = {f.name for f in fields(PortSettings) if getattr(above, f.name) is not None}
-    yield look.value((*at, "middleware"), chosen.middleware or middleware, general)
+    yield look.value((*at, "middleware"), carrier(chosen.middleware, middleware), general)
+    if chosen.also:
+        yield look.value((*at, "also"), chosen.also)
     if not port.verb.provides:
         yield look.value((*at, "from"), chosen.source or "")
     if port.verb.has_proxy:
@@ -127,7 +129,7 @@ def _port(look: _Look, port: Port, settings: Settings, middleware: str) -> Itera
                     yield look.value((*at, *inner, key), value)
 
 
-_MEMBERS = {"middleware": "middleware", "source": "from", "deadline": "deadline", "qos": "qos"}
+_MEMBERS = {"middleware": "middleware", "source": "from", "deadline": "deadline", "qos": "qos", "also": "also"}
 
 
 def toml(value: Any) -> str:
@@ -143,12 +145,17 @@ def toml(value: Any) -> str:
         case Mapping():
             inner = ", ".join(f"{_bare(str(key))} = {toml(each)}" for key, each in value.items())
             return f"{{ {inner} }}" if inner else "{}"
-        case list():
+        case list() | tuple():
             return f"[{', '.join(map(toml, value))}]"
     return str(value)  # dates and times
 
 
 def _plain(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_plain(each) for each in value]
+    if isinstance(value, Way):
+        said = {_MEMBERS[f.name]: getattr(value, f.name) for f in fields(Way) if getattr(value, f.name) is not None}
+        return value.middleware if said.keys() == {"middleware"} else said
     if not isinstance(value, QoS):
         return value
     preset = next((name for name, each in PRESETS.items() if each == value), "")

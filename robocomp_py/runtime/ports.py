@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
+import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import partial
@@ -13,8 +14,21 @@ from typing import Any, ClassVar, TypeVar
 from ..contract.component import MAX_SECONDS, Port
 from ..contract.interface import Interface, Operation, Pattern
 from ..contract.qos import QoS
-from ..errors import Closed, DecodeError, RobocompError
-from ..transports.base import Caller, Channel, Link, Outlet, Reply, Statistics, Status, Transport, TypeRef, require
+from ..errors import Closed, DecodeError, RobocompError, TransportError
+from ..transports.base import (
+    Caller,
+    Channel,
+    Link,
+    Outlet,
+    Reply,
+    Statistics,
+    Status,
+    Transport,
+    TypeRef,
+    is_heard,
+    require,
+    step_aside,
+)
 from ..wire.codec import Payload
 from .calls import Answering, Call
 from .monitor import Monitor
@@ -22,6 +36,9 @@ from .monitor import Monitor
 log = logging.getLogger("robocomp.worker")
 
 R = TypeVar("R")
+
+_AT_LEAST = 0.001
+"""Seconds that a way to send by has, whatever the others have taken."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +50,12 @@ class Route:
     channel: str
     qos: QoS
     deadline: float
+    also: tuple[Route, ...] = ()
+    """Further ways: of what is provided, and to further publishers of what is subscribed to."""
+
+    @property
+    def all(self) -> tuple[Route, ...]:
+        return (self, *self.also)
 
 
 Router = Callable[[Port, Operation[Any]], Route]
@@ -43,7 +66,7 @@ class Proxy:
 
     interface: ClassVar[Interface]
 
-    def __init__(self, bound: Mapping[str, _Asked | _Sent]) -> None:
+    def __init__(self, bound: Mapping[str, _Asked | _Sent | _SentByAll]) -> None:
         self._bound = bound
 
     def _ask(self, operation: Operation[R], arguments: tuple[Any, ...], deadline: float | None) -> R:
@@ -109,7 +132,7 @@ class Answer(Future[R]):
 
 def bind_proxy(port: Port, router: Router, monitor: Monitor) -> tuple[Proxy, list[Link]]:
     """Connect what a worker calls; return its proxy and the links under it."""
-    bound: dict[str, _Asked | _Sent] = {}
+    bound: dict[str, _Asked | _Sent | _SentByAll] = {}
     links: list[Link] = []
     for operation, pattern in port.interface.under(port.verb):
         route = router(port, operation)
@@ -120,9 +143,12 @@ def bind_proxy(port: Port, router: Router, monitor: Monitor) -> tuple[Proxy, lis
             bound[operation.name] = _Asked(call, caller, monitor, route.deadline)
             links.append(caller)
         else:
-            outlet = route.transport.outlet(channel)
-            bound[operation.name] = _Sent(call, outlet, route.deadline)
-            links.append(outlet)
+            ways = []
+            for each in route.all:
+                outlet = each.transport.outlet(checked_channel(each, operation, pattern))
+                links.append(outlet)
+                ways.append(_Sent(Call(operation, each.transport.codec), outlet, route.deadline))
+            bound[operation.name] = ways[0] if len(ways) == 1 else _SentByAll(ways, route.deadline)
     assert port.proxy is not None
     return port.proxy(bound), links
 
@@ -131,16 +157,18 @@ def bind_handlers(port: Port, handlers: object, router: Router, monitor: Monitor
     """Connect what calls a worker; return the links."""
     links: list[Link] = []
     for operation, pattern in port.interface.under(port.verb):
-        route = router(port, operation)
-        channel = checked_channel(route, operation, pattern)
+        routes = router(port, operation).all
         method = getattr(handlers, port.handler(operation.name))
-        handling = _Handling(Answering(operation, route.transport.codec, method), monitor, port.concurrent)
-        if pattern is Pattern.QUERY:
-            link = route.transport.server(channel, handling.serve)
-        else:
-            link = route.transport.inlet(channel, handling.receive)
-        handling.count_in(link.stats)
-        links.append(link)
+        turn = threading.Lock() if len(routes) > 1 and pattern is Pattern.PUBLISH and not port.concurrent else None
+        for route in routes:
+            channel = checked_channel(route, operation, pattern)
+            handling = _Handling(Answering(operation, route.transport.codec, method), monitor, port.concurrent, turn)
+            if pattern is Pattern.QUERY:
+                link = route.transport.server(channel, handling.serve)
+            else:
+                link = route.transport.inlet(channel, handling.receive)
+            handling.count_in(link.stats)
+            links.append(link)
     return links
 
 
@@ -188,15 +216,41 @@ class _Sent:
     def __init__(self, call: Call[Any], outlet: Outlet, deadline: float) -> None:
         self._encode, self._outlet, self._deadline = call.encode, outlet, deadline
 
+    @property
+    def heard(self) -> bool:
+        return is_heard(self._outlet)
+
     def send(self, arguments: tuple[Any, ...], deadline: float | None) -> None:
         self._outlet.send(self._encode(arguments), self._deadline if deadline is None else _positive(deadline))
 
 
-class _Handling:
-    """A handler, ready to be called by a transport."""
+class _SentByAll:
+    """A publication over several middlewares: each has subscribers of its own, or none at the moment."""
 
-    def __init__(self, answering: Answering, monitor: Monitor, concurrent: bool) -> None:
+    def __init__(self, ways: Sequence[_Sent], deadline: float) -> None:
+        self._ways, self._deadline = ways, deadline
+
+    def send(self, arguments: tuple[Any, ...], deadline: float | None) -> None:
+        """A way that fails does not keep the others from it; the first error is raised in the end."""
+        end = time.monotonic() + (self._deadline if deadline is None else _positive(deadline))
+        failed: TransportError | None = None
+        for way in [way for way in self._ways if way.heard] or self._ways[:1]:
+            try:
+                way.send(arguments, max(_AT_LEAST, end - time.monotonic()))
+            except TransportError as exc:
+                failed = failed or exc
+        if failed:
+            raise failed
+
+
+class _Handling:
+    """A handler, ready to be called by a transport; `turn` is for messages of one subscription that come by several."""
+
+    def __init__(
+        self, answering: Answering, monitor: Monitor, concurrent: bool, turn: threading.Lock | None = None
+    ) -> None:
         self._answering, self._monitor, self._concurrent = answering, monitor, concurrent
+        self._turn = turn
         self._stats = Statistics()
 
     def count_in(self, stats: Statistics) -> None:
@@ -234,11 +288,27 @@ class _Handling:
         if self._concurrent:
             self._answering.take(arguments)
             return
+        turn = self._turn
+        if turn is None:
+            self._take(arguments)
+            return
+        if not turn.acquire(blocking=False):
+            step_aside()
+            turn.acquire()
         try:
-            with self._monitor.held():
-                self._answering.take(arguments)
+            self._take(arguments)
+        finally:
+            turn.release()
+
+    def _take(self, arguments: tuple[Any, ...]) -> None:
+        try:
+            self._monitor.enter()
         except Closed:
             return  # the component ends: what comes in now has no one to go to
+        try:
+            self._answering.take(arguments)
+        finally:
+            self._monitor.leave()
 
     def _count_malformed(self, why: DecodeError) -> None:
         if self._stats.malformed == 0:

@@ -12,6 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import FrameType
@@ -37,7 +38,7 @@ from .commonbehavior import CommonBehavior, port_of
 from .lifecycle import Beat, Event, State, after
 from .monitor import Monitor
 from .notify import notify
-from .settings import Settings
+from .settings import Settings, Way, carrier
 from .statemachine import Machine, Trigger
 from .trace import user_trace
 from .worker import Worker, check_methods
@@ -75,7 +76,7 @@ class Running:
         """How often `compute` was called."""
         self.overruns = 0
         """How many beats were left out, because what was done took longer than a period."""
-        self._middleware = settings.middleware or worker_class.middleware
+        self._generated_for = worker_class.middleware
         self._wake = threading.Event()
         self._changing = threading.Lock()
         self._monitor = Monitor(f"worker-{settings.instance}")
@@ -182,16 +183,28 @@ class Running:
             where = (self.settings.namespace, self.settings.instance, self.component.segment(port))
         else:
             where = names.resolve(chosen.source or "", self.settings.namespace, port.interface.short)
-        middleware = chosen.middleware or self._middleware
         assert chosen.qos is not None
         assert chosen.deadline is not None
-        return ports.Route(
+        middleware = self._carrier(chosen.middleware)
+        route = ports.Route(
             self._transports[middleware],
             middleware,
             names.channel(*where, operation.name),
             chosen.qos,
             chosen.deadline,
         )
+        return replace(route, also=tuple(self._further(route, port, operation, way) for way in chosen.also or ()))
+
+    def _further(self, route: ports.Route, port: Port, operation: Operation[Any], way: Way) -> ports.Route:
+        middleware = self._carrier(way.middleware) if way.middleware else route.middleware
+        channel = route.channel
+        if way.source is not None:
+            where = names.resolve(way.source, self.settings.namespace, port.interface.short)
+            channel = names.channel(*where, operation.name)
+        return replace(route, transport=self._transports[middleware], middleware=middleware, channel=channel)
+
+    def _carrier(self, middleware: str | None) -> str:
+        return carrier(middleware, self._generated_for)
 
     def _await(self, required: Sequence[tuple[Port, Link]]) -> None:
         """Wait until everything required is visible."""
@@ -446,14 +459,10 @@ def _check_middlewares(worker_class: type[Worker[Any]], chosen: Settings, docume
 
     Raises ConfigurationError with the place of one that is not.
     """
-    configured = {
-        ("middleware",): chosen.middleware,
-        **{("ports", *key, "middleware"): each.middleware for key, each in chosen.ports.items()},
-    }
     used = _middlewares(worker_class, chosen)
-    for key, middleware in configured.items():
+    for key, middleware in settings.middlewares(chosen).items():
         try:
-            if middleware and (middleware in used or middleware not in installed.transports()):
+            if middleware in used or middleware not in installed.transports():
                 find_transport(middleware)
         except ConfigurationError as exc:
             raise ConfigurationError(f"{document.place(key)}: {exc}") from exc
@@ -463,13 +472,14 @@ def _check_middlewares(worker_class: type[Worker[Any]], chosen: Settings, docume
 
 def _middlewares(worker_class: type[Worker[Any]], chosen: Settings) -> set[str]:
     """Those that its operations will use, its own `CommonBehavior` among them."""
-    component, base = worker_class.component, chosen.middleware or worker_class.middleware
+    component, generated_for = worker_class.component, worker_class.middleware
     routed = {
-        chosen.port(port, operation.name).middleware or base
+        middleware
         for port in component.ports
         for operation, _ in port.interface.under(port.verb)
+        for middleware in chosen.middlewares(port, operation.name, generated_for)
     }
-    return routed | {base} if port_of(component) else routed
+    return routed | {carrier(chosen.middleware, generated_for)} if port_of(component) else routed
 
 
 def _configure_logging(chosen: Settings) -> None:

@@ -1,7 +1,7 @@
 """How a component is configured: `etc/config.toml`, then its environment, then what its launcher sets.
 
     namespace = "robot1"             the first part of its channels' names
-    middleware = "zeromq"            what carries its messages
+    middleware = "zeromq"            what carries its messages; `auto`: what rcdeploy finds best for each of them
     [component]
     period = 0.05                    seconds from one compute to the next
     log = "info"                     debug, info, warning or error
@@ -12,6 +12,8 @@
     middleware = "zeromq"
     deadline = 0.5                   seconds a call may take
     qos = { reliability = "reliable", depth = 1 }     or a preset: "sensor_data"
+    also = ["shm"]                   provided over these middlewares, too; of a subscription, further publishers:
+                                     [{ from = "camera2", middleware = "shm" }]
     [ports.laser.getLaserData]       the same for one operation
     [transports.zeromq]              options of a transport
 
@@ -35,6 +37,7 @@ from typing import Any
 
 from .. import installed
 from ..contract.component import MAX_SECONDS, Component, Port
+from ..contract.interface import Verb
 from ..contract.parameters import Complaint, Key, Parameter, ParameterKind, ParameterSet, dotted
 from ..contract.parameters import check as check_parameters
 from ..contract.qos import PRESETS, Durability, History, Liveliness, QoS, Reliability
@@ -54,7 +57,18 @@ LOG_LEVELS = ("debug", "info", "warning", "error")
 PREFIX = "ROBOCOMP__"
 """What a variable of the environment begins with that sets a key."""
 
+AUTO = "auto"
+"""Instead of a middleware: rcdeploy chooses, for each operation. `auto(dds)` says which crosses the network then."""
+
 KEYS = ("namespace", "middleware", "component", "params", "ports", "transports")
+
+
+@dataclass(frozen=True)
+class Way:
+    """A further way to a port: another middleware, and of a subscription another publisher. None: as the port says."""
+
+    middleware: str | None = None
+    source: str | None = None
 
 
 @dataclass(frozen=True)
@@ -66,6 +80,7 @@ class PortSettings:
     """`from` in the file: whose channels to use."""
     deadline: float | None = None
     qos: QoS | None = None
+    also: tuple[Way, ...] | None = None
 
     def under(self, above: PortSettings) -> PortSettings:
         """These settings, completed by those of the level above."""
@@ -88,11 +103,38 @@ class Settings:
     """By (port,) and (port, operation)."""
     transports: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
+    def middlewares(self, port: Port, operation: str, generated_for: str) -> list[str]:
+        """Over what an operation of a port goes, first by what its port says."""
+        chosen = self.port(port, operation)
+        first = carrier(chosen.middleware, generated_for)
+        return [first, *(carrier(way.middleware or first, generated_for) for way in chosen.also or ())]
+
     def port(self, port: Port, operation: str) -> PortSettings:
         """What holds for one operation of a port."""
         base = PortSettings(port.middleware or self.middleware, "", DEADLINE, port.qos)
         of_port = self.ports.get((port.name,), PortSettings()).under(base)
         return self.ports.get((port.name, operation), PortSettings()).under(of_port)
+
+
+def middlewares(settings: Settings) -> dict[Key, str]:
+    """Every middleware that is named, by the key that names it."""
+    named: dict[Key, str | None] = {("middleware",): settings.middleware}
+    for key, port in settings.ports.items():
+        named["ports", *key, "middleware"] = port.middleware
+        for number, way in enumerate(port.also or ()):
+            named["ports", *key, "also", number] = way.middleware
+    return {key: each for key, name in named.items() if (each := carrier(name, ""))}
+
+
+def is_auto(middleware: str | None) -> bool:
+    """Whether the choice is rcdeploy's: nobody named a middleware, or it was left to rcdeploy."""
+    return middleware is None or _AUTO.fullmatch(middleware) is not None
+
+
+def carrier(middleware: str | None, generated_for: str) -> str:
+    """The middleware that is named, or else what carries what rcdeploy has not chosen anything better for."""
+    found = _AUTO.fullmatch(middleware or AUTO)
+    return (found[1] or generated_for) if found else middleware or generated_for
 
 
 def find(folder: Path) -> Path | None:
@@ -276,26 +318,53 @@ class _Checker:
                 continue
             table = self._table(data, name, ("ports",))
             operations = [operation.name for operation, _ in known[name].interface.under(known[name].verb)]
-            found[(name,)] = self._port(table, ("ports", name), operations)
+            found[(name,)] = self._port(known[name], table, ("ports", name), operations)
             for operation in operations:
                 if operation in table and operation not in _PORT_KEYS:
                     inner = self._table(table, operation, ("ports", name))
-                    found[(name, operation)] = self._port(inner, ("ports", name, operation), ())
+                    found[(name, operation)] = self._port(known[name], inner, ("ports", name, operation), ())
         return found
 
-    def _port(self, table: Mapping[str, Any], at: Key, operations: Iterable[str]) -> PortSettings:
+    def _port(self, port: Port, table: Mapping[str, Any], at: Key, operations: Iterable[str]) -> PortSettings:
         self._known(table, at, (*_PORT_KEYS, *operations))
+        return PortSettings(
+            middleware=self._text(table, "middleware", at),
+            source=self._source(table, at),
+            also=self._ways(port, table, at),
+            deadline=self._seconds(table, "deadline", at),
+            qos=self._qos(table["qos"], (*at, "qos")) if "qos" in table else None,
+        )
+
+    def _source(self, table: Mapping[str, Any], at: Key) -> str | None:
         source = self._text(table, "from", at)
         try:
             names.resolve(source or "", "", "X")
         except ValueError as exc:
             self._complain("config-bad-name", (*at, "from"), str(exc))
-        return PortSettings(
-            middleware=self._text(table, "middleware", at),
-            source=source,
-            deadline=self._seconds(table, "deadline", at),
-            qos=self._qos(table["qos"], (*at, "qos")) if "qos" in table else None,
-        )
+        return source
+
+    def _ways(self, port: Port, table: Mapping[str, Any], at: Key) -> tuple[Way, ...] | None:
+        if "also" not in table:
+            return None
+        given, key = table["also"], (*at, "also")
+        if port.verb is Verb.REQUIRES:
+            message = "`also` is for what is provided or subscribed to; what is required has one provider"
+            self._complain("config-unknown-key", key, message)
+            return None
+        if not isinstance(given, list):
+            message = f'`also` is a list of middlewares, as in ["shm"], not {given!r}'
+            self._complain("config-wrong-type", key, message)
+            return None
+        return tuple(self._way(port, each, (*key, number)) for number, each in enumerate(given))
+
+    def _way(self, port: Port, given: Any, at: Key) -> Way:
+        if isinstance(given, str):
+            return Way(given)
+        if not isinstance(given, Mapping):
+            self._complain("config-wrong-type", at, f"this is a middleware, or a table, not {given!r}")
+            return Way()
+        self._known(given, at, ("middleware", "from") if port.verb is Verb.SUBSCRIBES else ("middleware",))
+        return Way(self._text(given, "middleware", at), self._source(given, at))
 
     def _qos(self, given: Any, at: Key) -> QoS | None:
         if isinstance(given, str):
@@ -361,13 +430,14 @@ class _Checker:
 
 
 _COMPONENT_KEYS = ("period", "log", "patience")
-_PORT_KEYS = ("middleware", "from", "deadline", "qos")
+_PORT_KEYS = ("middleware", "from", "deadline", "qos", "also")
 _QOS_WORDS: dict[str, type[Reliability | Durability | History | Liveliness]] = {
     "reliability": Reliability,
     "durability": Durability,
     "history": History,
     "liveliness": Liveliness,
 }
+_AUTO = re.compile(rf"{AUTO}(?:\(\s*(\w+)\s*\))?")
 _KEY = re.compile(r"([A-Za-z0-9_-]+)((?:\[\d+\])*)")
 
 

@@ -111,6 +111,8 @@ class Channel:
     type: TypeRef
     qos: QoS = DEFAULT_QOS
     idempotent: bool = False
+    heard: Callable[[str], object] | None = field(default=None, compare=False, repr=False)
+    """Of an inlet of a topic: called for each message when it comes in, not when its turn has come, with its channel."""
 
 
 @dataclass
@@ -155,6 +157,17 @@ class Outlet(Link, Protocol):
         if nobody serves it, and is never sent twice.
         """
         ...
+
+
+class Source(NamedTuple):
+    """Who publishes what an inlet hears.
+
+    An optional part of the contract, of transports that declare LIVELINESS: an inlet of a topic
+    then has a method `sources() -> list[Source]` that tells who is there and lives at this moment.
+    """
+
+    channel: str
+    qos: QoS
 
 
 class Loan(Protocol):
@@ -275,6 +288,15 @@ def needs(channel: Channel) -> Capability:
     for capability, asked in wanted.items():
         result |= capability if asked else Capability.NONE
     return result
+
+
+def is_heard(outlet: Outlet) -> bool:
+    """Whether what an outlet sends may be of use to anybody, now or later.
+
+    An optional part of the contract: an outlet that has a property `heard` may say no. It is asked
+    before each message that could go by several transports, so it answers at once.
+    """
+    return bool(getattr(outlet, "heard", True))
 
 
 def options_of(config: TransportConfig, **defaults: Any) -> dict[str, Any]:

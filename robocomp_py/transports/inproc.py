@@ -234,9 +234,17 @@ class _Outlet(_Link):
     def __init__(self, transport: InprocTransport, bus: _Bus, channel: Channel) -> None:
         super().__init__(transport, bus, channel)
         self._order = threading.Lock()
+        self._looked = -1, False
         self._history: deque[Payload] = deque(maxlen=channel.qos.depth if channel.qos.latched else 0)
         self._greeted: weakref.WeakSet[_Inlet] = weakref.WeakSet()
         """The subscribers that got the history, and so get what follows."""
+
+    @property
+    def heard(self) -> bool:
+        """Whether there is a subscriber, or may be one that wants what is latched."""
+        if self._looked[0] != self._bus.version:
+            self._looked = self._bus.version, bool(self.peers_or_none())
+        return self._looked[1] or bool(self._history.maxlen)
 
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
         self.check_open()

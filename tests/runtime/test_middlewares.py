@@ -11,6 +11,7 @@ import pytest
 from robocomp_py.contract.component import Component, Port
 from robocomp_py.contract.interface import Verb
 from robocomp_py.contract.qos import PRESETS
+from robocomp_py.errors import Timeout
 from robocomp_py.runtime.lifecycle import State
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import wait_until
@@ -134,3 +135,80 @@ def test_who_looks_on_another_middleware_finds_nobody() -> None:
     ):
         assert not lost.run()
     assert station.state is State.ENDED
+
+
+class Herald(Diary):
+    """Publishes a number with each compute, under its own name."""
+
+    component = Component(
+        "herald", (Port(Verb.PUBLISHES, e.EVERYTHING, proxy=EverythingPublisher, qos=RELIABLE),), period=0.005
+    )
+    everything_proxy: EverythingPublisher
+
+    def compute(self) -> None:
+        self.entries.append("compute")
+        self.everything_proxy.news(self.entries.count("compute"), self.log.name)
+
+
+class Reader(Diary):
+    component = Component("reader", (Port(Verb.SUBSCRIBES, e.EVERYTHING, qos=RELIABLE),), period=0.005)
+
+    def Everything_news(self, number: int, text: str) -> None:
+        self.entries.append(f"{text} {number}")
+
+    def heard(self, herald: str) -> list[int]:
+        return [int(each.split()[1]) for each in list(self.entries) if each.startswith(f"{herald} ")]
+
+
+def test_a_publisher_serves_subscribers_on_several_middlewares_each_once() -> None:
+    herald = make(Herald, find_transport, "middleware=zeromq", 'ports.everything.also=["inproc", "zenoh"]')
+    near = make(Reader, find_transport, "middleware=inproc", name="near")
+    far = make(Reader, find_transport, "middleware=zenoh", name="far")
+    with running(near) as by_inproc, running(far) as by_zenoh, running(herald):
+        wait_until(lambda: min(len(by_inproc.heard("herald")), len(by_zenoh.heard("herald"))) > 5)
+    for reader in (by_inproc, by_zenoh):
+        numbers = reader.heard("herald")
+        assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+
+
+def test_a_server_serves_callers_on_several_middlewares() -> None:
+    station = make(Station, find_transport, "middleware=dds", 'ports.Everything.also=["inproc"]')
+    visitor = make(
+        Visitor, find_transport, "middleware=dds", "ports.everything.middleware=inproc", "ports.Everything.from=station"
+    )
+    with running(station), running(visitor) as worker:
+        wait_until(worker.has_all)
+
+
+def test_a_subscription_hears_publishers_on_several_middlewares() -> None:
+    reader = make(
+        Reader,
+        find_transport,
+        "middleware=zeromq",
+        "ports.Everything.from=one",
+        'ports.Everything.also=[{ from = "two", middleware = "inproc" }]',
+    )
+    one = make(Herald, find_transport, "middleware=zeromq", name="one")
+    two = make(Herald, find_transport, "middleware=inproc", name="two")
+    with running(reader) as worker, running(one), running(two):
+        wait_until(lambda: min(len(worker.heard("one")), len(worker.heard("two"))) > 5)
+
+
+def test_a_way_that_fails_does_not_keep_a_publication_from_the_others() -> None:
+    herald = make(Herald, find_transport, "middleware=zeromq", 'ports.everything.also=["inproc"]')
+    reader = make(Reader, find_transport, "middleware=inproc")
+    with running(reader) as worker, running(herald) as speaker:
+        wait_until(lambda: worker.heard("herald"))
+        ways: Any = speaker.everything_proxy._bound["news"]
+
+        class Broken:
+            heard = True
+
+            def send(self, arguments: tuple[Any, ...], deadline: float | None) -> None:
+                raise Timeout("nobody takes it")
+
+        ways._ways.insert(0, Broken())
+        since = len(worker.heard("herald"))
+        wait_until(lambda: len(worker.heard("herald")) > since + 5)
+        with pytest.raises(Timeout, match="nobody takes it"):
+            speaker.everything_proxy.news(0, "herald")

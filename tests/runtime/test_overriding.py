@@ -226,7 +226,12 @@ def test_what_holds_is_shown_with_who_says_so(tmp_path: Path, monkeypatch: pytes
 
 
 def test_what_is_shown_can_be_read_again_and_means_the_same(tmp_path: Path) -> None:
-    made = document(tmp_path, {"ROBOCOMP__DEVICE": 'a "quoted" \\ text'}, "transports.zeromq.bind=tcp://127.0.0.1:0")
+    made = document(
+        tmp_path,
+        {"ROBOCOMP__DEVICE": 'a "quoted" \\ text'},
+        "transports.zeromq.bind=tcp://127.0.0.1:0",
+        'ports.Everything.also=["dds", { from = "other" }]',
+    )
     first = settings.check(ROBOT, made)
     again = tmp_path / "again.toml"
     again.write_text("\n".join(shown(made)))
@@ -236,6 +241,7 @@ def test_what_is_shown_can_be_read_again_and_means_the_same(tmp_path: Path) -> N
         for operation, _ in port.interface.under(port.verb):
             before, after = first.port(port, operation.name), second.port(port, operation.name)
             assert (after.deadline, after.qos, after.source) == (before.deadline, before.qos, before.source)
+            assert after.also == before.also
 
 
 def test_machines_get_one_key_a_line(tmp_path: Path) -> None:

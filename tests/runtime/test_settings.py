@@ -11,7 +11,18 @@ from robocomp_py.contract.interface import Verb
 from robocomp_py.contract.parameters import Parameter, ParameterKind, ParameterList, ParameterSet
 from robocomp_py.contract.qos import Durability, QoS, Reliability
 from robocomp_py.errors import ConfigurationError
-from robocomp_py.runtime.settings import DEADLINE, Document, Settings, check, override, read
+from robocomp_py.runtime.settings import (
+    DEADLINE,
+    Document,
+    Settings,
+    Way,
+    carrier,
+    check,
+    is_auto,
+    middlewares,
+    override,
+    read,
+)
 from robocomp_py.testing import everything as e
 
 MOTORS = ParameterList(
@@ -137,6 +148,11 @@ WRONG = {
     "ports.everything.wrok = {}": r":4: unknown key `wrok`; did you mean `work`",
     "ports.Everything.qos = { depth = 0 }": r":4: `depth` is 0; allowed: 1 to",
     "ports.Everything.qos = { reliable = true }": r":4: unknown key `reliable`; did you mean `reliability`",
+    'ports.everything.also = ["shm"]': r":4: `also` is for what is provided or subscribed to",
+    'ports.Everything.also = "zeromq"': r":4: `also` is a list of middlewares, as in",
+    "ports.Everything.also = [3]": r":4: this is a middleware, or a table, not 3",
+    'ports.Everything.also = [{ form = "x" }]': r":4: unknown key `form`; did you mean `from`",
+    'ports.Everything.also = [{ from = "a/b/c" }]': r":4: 'a/b/c' has too many parts",
     'ports.Everything.qos = "sensordata"': r":4: unknown QoS preset `sensordata`; did you mean `sensor_data`",
     "ports.Everything.qos = 3": r":4: a QoS is a table or the name of a preset",
     "component.period = 1e300": r":4: `period` is 1e[+]300; allowed: a positive number of seconds, at most 1e[+]06",
@@ -224,3 +240,28 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
 def test_an_instance_name_has_to_fit_into_channels() -> None:
     with pytest.raises(ConfigurationError, match="'two words' is no name for an instance"):
         check(Component("Robot"), Document(), "two words")
+
+
+@pytest.mark.parametrize(
+    ("named", "carried"),
+    [(None, "zeromq"), ("auto", "zeromq"), ("auto(dds)", "dds"), ("auto( zenoh )", "zenoh"), ("dds", "dds")],
+)
+def test_what_is_left_to_the_deployment_is_carried_by_what_can_always_be_reached(
+    named: str | None, carried: str
+) -> None:
+    assert carrier(named, "zeromq") == carried
+    assert is_auto(named) == (named != "dds")
+
+
+def test_further_ways_are_beside_the_first(tmp_path: Path) -> None:
+    port = ROBOT.ports[1]
+    text = GOOD + 'ports.Everything.also = ["dds", { from = "other" }, { middleware = "inproc", from = "third" }]'
+    settings = load(tmp_path, text, "middleware=auto(zenoh)")
+    assert settings.port(port, "work").also == (Way("dds"), Way(None, "other"), Way("inproc", "third"))
+    assert settings.middlewares(port, "work", "zeromq") == ["zenoh", "dds", "zenoh", "inproc"]
+
+
+def test_every_middleware_that_is_named_can_be_checked(tmp_path: Path) -> None:
+    text = 'middleware = "auto"\n' + GOOD + 'ports.Everything.also = ["dsd"]\nports.Everything.middleware = "auto(x)"'
+    named = middlewares(load(tmp_path, text))
+    assert named == {("ports", "Everything", "middleware"): "x", ("ports", "Everything", "also", 0): "dsd"}

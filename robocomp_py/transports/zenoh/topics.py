@@ -72,6 +72,11 @@ class Publisher(Link):
         status: Any = self._publisher.matching_status  # its stub says bool, which it is not
         return bool(self.counterparts(strict=True)) and bool(status.matching)
 
+    @property
+    def heard(self) -> bool:
+        status: Any = self._publisher.matching_status
+        return bool(self._history.maxlen) or bool(status.matching)
+
     def answer(self, what: str) -> Iterable[tuple[bytes, Payload]]:
         return list(self._history) if what == "history" else super().answer(what)
 

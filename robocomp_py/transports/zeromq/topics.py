@@ -83,6 +83,10 @@ class Publisher(Link):
         self.counterparts(strict=True)
         return self._subscribers > 0
 
+    @property
+    def heard(self) -> bool:
+        return self._subscribers > 0 or bool(self._history.maxlen)
+
     def release(self) -> None:
         if self._socket:
             self.transport.forget(self._socket)
@@ -125,7 +129,9 @@ class Subscriber(Link):
         self._paused = False
 
     def open(self) -> None:
-        self._socket = self.transport.socket(zmq.SUB, self._on_message, RCVHWM=max(self._depth, 8), RECONNECT_IVL=-1)
+        self._socket = self.transport.socket(
+            zmq.SUB, self._on_message, RCVHWM=max(self._depth, 8), RECONNECT_IVL=-1, LINGER=0
+        )
         self.look()
         self.announce()
 
