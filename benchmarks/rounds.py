@@ -22,6 +22,11 @@ class Effort:
     rounds: int
     seconds: float
 
+    @property
+    def watched(self) -> float:
+        """Seconds for which processes are watched that do little."""
+        return 100 * self.seconds
+
 
 FULL, QUICK = Effort(15, 0.2), Effort(3, 0.05)
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from typing import Protocol
 
-from . import fmt, graph, lint, lsp, run
+from . import fmt, graph, links, lint, lsp, run
 from .common import add_version, command, parser
 
 
@@ -23,7 +24,7 @@ class Command(Described, Protocol):
     def run(self, options: argparse.Namespace) -> int: ...
 
 
-_COMMANDS: tuple[Command, ...] = (lint, fmt, lsp, graph)
+_COMMANDS: tuple[Command, ...] = (lint, fmt, lsp, graph, links)
 """All but `run`, which passes on what only the component understands."""
 
 _EXAMPLES = """\
@@ -32,8 +33,10 @@ examples:
   rc lint --json net.ddsl             ... one diagnostic a line, for machines
   rc fmt .                            format all files of the languages here and below
   rc graph game.smdsl -o game.svg     draw a state machine
+  rc links net.ddsl                   what carries the messages between its instances
   rc run components/wander            run a component until Ctrl-C
   rc run . --set component.period=0.02 --name left
+  rc run camera + detector            ... several in one process
 
 exit status: 0 fine, 1 wrong input or a component failed, 2 usage, 130/143 by a signal
 """
@@ -50,9 +53,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         each.add_arguments(own)
         add_version(own, f"rc {each.NAME}")
         parsers[each.NAME] = own
-    options, rest = made.parse_known_args(arguments)
+    first, *others = run.split(sys.argv[1:] if arguments is None else arguments)
+    options, rest = made.parse_known_args(first)
     if options.command == run.NAME:
-        return run.run(options, rest, parsers[run.NAME])
+        return run.run(options, rest, parsers[run.NAME], others)
     if rest:
         parsers[options.command].error(f"unrecognized arguments: {' '.join(rest)}")
     return next(each for each in _COMMANDS if options.command == each.NAME).run(options)

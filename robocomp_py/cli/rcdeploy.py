@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..dsl.diagnostics import Diagnostic, did_you_mean
-from .common import FINE, USAGE, WRONG, add_include, command, complain, parser, show
+from .common import FINE, USAGE, WRONG, command, complain, parser, show
+from .network import add_overrides, overrides_of, tell_notes
 
 if TYPE_CHECKING:
     from ..deploy.plan import Plan
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 _EXAMPLES = """\
 examples:
   rcdeploy net.ddsl                              start everything; Ctrl-C stops it, twice kills it
-  rcdeploy net.ddsl --middleware zeromq          ... over that middleware
+  rcdeploy net.ddsl --middleware zeromq          ... over that middleware and no other
   rcdeploy net.ddsl --for 30                     ... for half a minute
   rcdeploy net.ddsl --until mission              ... until that instance ends
   rcdeploy net.ddsl --set world.params.step=0.1  set a key of an instance's configuration (*: of all)
@@ -40,22 +41,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parse(arguments)
     if options.imported:
         return _import(options.imported, options.output)
-    from ..deploy.plan import Overrides, make_plan
+    from ..deploy.auto import usable
+    from ..deploy.plan import make_plan
     from ..dsl.workspace import Workspace
 
     try:
-        _check_middleware(options.middleware)
-        overrides = Overrides(options.middleware, tuple(map(_assignment, options.set)))
+        overrides = overrides_of(options)
     except ValueError as exc:
         print(f"rcdeploy: {exc}", file=sys.stderr)
         return USAGE
     workspace = Workspace(options.include)
-    plan = make_plan(options.network, workspace, overrides)
+    plan = make_plan(options.network, workspace, overrides, usable)
     if plan and not _check_generated(options.network, workspace):
         plan = None
     _show(workspace.report.diagnostics, as_json=options.json and plan is None)
     if plan is None:
         return WRONG
+    tell_notes(plan)
     if options.plan:
         return _print_plan(plan, options.json)
     if options.until and options.until not in [process.name for process in plan.processes]:
@@ -97,10 +99,6 @@ def _parser() -> argparse.ArgumentParser:
     made.add_argument(
         "words", nargs="*", metavar="[plan] NET.ddsl", help="the network; after `plan`, only show what would run"
     )
-    made.add_argument("--middleware", metavar="NAME", help="what carries the messages, whatever the network says")
-    made.add_argument(
-        "--set", action="append", default=[], metavar="INSTANCE.KEY=VALUE", help="set a key; may be repeated"
-    )
     made.add_argument(
         "--for", dest="duration", type=_seconds, metavar="SECONDS", help="stop so long after everything was ready"
     )
@@ -114,7 +112,7 @@ def _parser() -> argparse.ArgumentParser:
         help="write a network of rcmanager's (.xml) or of sub.toml as DDSL",
     )
     made.add_argument("-o", dest="output", type=Path, metavar="NET.ddsl", help="with --import: where (default: stdout)")
-    add_include(made)
+    add_overrides(made)
     return made
 
 
@@ -126,22 +124,6 @@ def _seconds(text: str) -> float:
     if not 0 <= value < float("inf"):
         raise argparse.ArgumentTypeError(f"`{text}` is no number of seconds; write it as in --for 30 or --for 0.5")
     return value
-
-
-def _assignment(text: str) -> tuple[str, str]:
-    instance, dot, assignment = text.partition(".")
-    if not dot or "=" not in assignment or "=" in instance:
-        raise ValueError(f"--set {text}: write it as INSTANCE.KEY=VALUE, as in world.component.period=0.02")
-    return instance, assignment
-
-
-def _check_middleware(name: str | None) -> None:
-    """Raise ValueError for one that cannot carry a network: the option is wrong then, and not a file."""
-    from ..deploy.routes import unfit
-
-    fault = unfit(name) if name else None
-    if fault:
-        raise ValueError(f"--middleware {name}: {fault}")
 
 
 # Networks of other tools.

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from ..errors import ComponentError
+from ..runtime.notify import BETWEEN
 from .common import FINE, complain
 
 NAME = "run"
@@ -20,6 +21,7 @@ examples:
   rc run components/wander --name left          ... under another name than its own
   rc run . --set component.period=0.02          ... with another period than its configuration says
   rc run . --help                               which options and parameters this component has
+  rc run camera + detector --name left          two components in one process, each with its own options
 
 exit status: 0 fine, 1 it failed, 2 usage, 130/143 stopped by a signal
 """
@@ -33,6 +35,17 @@ _COMPONENT_OPTIONS = (
 """What a component takes that is followed by a value, which would be taken for DIR otherwise."""
 
 
+def split(arguments: Sequence[str]) -> list[list[str]]:
+    """What is behind each `+` is for another component of the same process. Without one, all is for one."""
+    parts: list[list[str]] = [[]]
+    for argument in arguments:
+        if argument == BETWEEN and arguments[0] == NAME:
+            parts.append([])
+        else:
+            parts[-1].append(argument)
+    return parts
+
+
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = "Run one component, in the foreground; rcdeploy runs networks of them.", _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
@@ -42,21 +55,32 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.add_argument("-h", "--help", action="store_true", help="show the component's own options")
 
 
-def run(options: argparse.Namespace, rest: Sequence[str], usage: argparse.ArgumentParser) -> int:
-    """`rest` is what only the component itself understands."""
+def run(
+    options: argparse.Namespace,
+    rest: Sequence[str],
+    usage: argparse.ArgumentParser,
+    others: Sequence[Sequence[str]] = (),
+) -> int:
+    """`rest` is what only the component itself understands, `others` is for those that share its process."""
     from ..runtime.load import load_worker
     from ..runtime.run import main as run_component
 
-    if options.folder is None and options.help:
+    if options.folder is None and options.help and not others:
         usage.print_help(sys.stdout)
         return FINE
-    if options.folder is None:
-        usage.error("give it the folder of a component, as in: rc run .")
+    parts = [(options, rest), *(usage.parse_known_args(other) for other in others)]
+    if None in [part.folder for part, _ in parts]:
+        usage.error(f"give it the folder of a component{' behind each `+`' if others else ''}, as in: rc run .")
     try:
-        worker = load_worker(options.folder)
+        workers = [load_worker(part.folder, afresh=bool(others)) for part, _ in parts]
     except ComponentError as exc:
         return complain(exc)
-    return run_component(worker, [*(options.passed or []), *rest, *(["--help"] if options.help else [])])
+    arguments = [[*(part.passed or []), *own, *(["--help"] if part.help else [])] for part, own in parts]
+    if not others:
+        return run_component(workers[0], arguments[0])
+    from ..runtime.together import main as run_together
+
+    return run_together(list(zip(workers, arguments, strict=True)))
 
 
 def _again(option: str, value: str) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -28,13 +30,19 @@ class History(StrEnum):
 
 
 class Liveliness(StrEnum):
+    """Who publishes is alive as long as its process is (`AUTOMATIC`), or as it sends something every `lease` seconds."""
+
     AUTOMATIC = "automatic"
     MANUAL_BY_TOPIC = "manual_by_topic"
 
 
 @dataclass(frozen=True, slots=True)
 class QoS:
-    """What a topic promises. Times are in seconds; None means without limit."""
+    """What a topic promises. Times are in seconds; None means without limit.
+
+    `deadline`: the longest time from one message to the next. `lifespan`: older messages are not
+    delivered. `lease`: who has shown no sign of life for so long counts as lost.
+    """
 
     reliability: Reliability = Reliability.BEST_EFFORT
     durability: Durability = Durability.VOLATILE
@@ -67,3 +75,72 @@ PRESETS: dict[str, QoS] = {
     "latched": QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=1),
 }
 """Names usable wherever a QoS is written."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shortfall:
+    """A policy of which a publisher offers less than a subscriber asks for, both in the words of a CDSL."""
+
+    policy: str
+    asked: str
+    offered: str
+    less: str
+    """What the subscriber would have to set in its configuration."""
+
+    def __str__(self) -> str:
+        return f"{self.asked} is asked for, {self.offered} is offered"
+
+
+def shortfalls(asked: QoS, offered: QoS) -> list[Shortfall]:
+    """What a subscriber misses of a publisher, by DDS's rules: nobody may be promised more than is kept.
+
+    A lifespan is no promise: the shorter one holds. Nor is history: each side keeps its own.
+    """
+    found = []
+    if asked.reliable and not offered.reliable:
+        found.append(Shortfall("reliability", "`reliable`", "`best_effort`", 'reliability = "best_effort"'))
+    if asked.latched and not offered.latched:
+        found.append(Shortfall("durability", "`transient_local`", "`volatile`", 'durability = "volatile"'))
+    for name in ("deadline", "lease"):
+        most, least = getattr(asked, name), getattr(offered, name)
+        if most is not None and (least is None or least > most):
+            given = (f"`{name} {duration(least)}`", f"{name} = {least:g}") if least else ("none", f"no `{name}`")
+            found.append(Shortfall(name, f"`{name} {duration(most)}`", *given))
+    if asked.liveliness is Liveliness.MANUAL_BY_TOPIC and offered.liveliness is not asked.liveliness:
+        words = ("`liveliness manual_by_topic`", "`liveliness automatic`", 'liveliness = "automatic"')
+        found.append(Shortfall("liveliness", *words))
+    return found
+
+
+def duration(seconds: float) -> str:
+    """A time as a CDSL has it."""
+    return f"{seconds:g} s" if seconds >= 1 else f"{seconds * 1000:g} ms"
+
+
+def traits(qos: QoS) -> str:
+    """What a publisher tells subscribers of its QoS, as letters and numbers that fit into any name; never empty."""
+    flags = {"r": qos.reliable, "l": qos.latched, "m": qos.liveliness is Liveliness.MANUAL_BY_TOPIC}
+    written = "".join(letter for letter, flag in flags.items() if flag)
+    for letter, name in _TIMES.items():
+        seconds = getattr(qos, name)
+        if seconds is not None:
+            written += f"{letter}{math.ceil(seconds * 1e6)}"
+    return written or "-"
+
+
+def from_traits(text: str) -> QoS:
+    """The QoS of which these are the traits; letters of another version mean nothing."""
+    values = {letter: int(number or 0) for letter, number in re.findall(r"([a-z])([0-9]{0,15})", text)}
+    times = {name: values[letter] / 1e6 for letter, name in _TIMES.items() if values.get(letter)}
+    return QoS(
+        Reliability.RELIABLE if "r" in values else Reliability.BEST_EFFORT,
+        Durability.TRANSIENT_LOCAL if "l" in values else Durability.VOLATILE,
+        deadline=times.get("deadline"),
+        lifespan=times.get("lifespan"),
+        liveliness=Liveliness.MANUAL_BY_TOPIC if "m" in values else Liveliness.AUTOMATIC,
+        lease=times.get("lease"),
+    )
+
+
+_TIMES = {"d": "deadline", "s": "lifespan", "e": "lease"}
+"""By letter; in microseconds."""

@@ -8,7 +8,7 @@ a message, whose Python form is the tuple of its fields.
 from __future__ import annotations
 
 import keyword
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
@@ -171,6 +171,18 @@ def children(kind: Type) -> tuple[Type, ...]:
             return (key, value)
         case Primitive() | Enumeration():
             return ()
+
+
+def arrays(fields: Iterable[Field]) -> Iterator[tuple[tuple[Field, ...], np.dtype[Any]]]:
+    """The arrays among these fields and in structs under them: by which fields they are reached, and of what."""
+    for each in fields:
+        match each.type:
+            case Struct(fields=inner):
+                yield from (((each, *path), dtype) for path, dtype in arrays(inner))
+            case Sequence(item) if item in DTYPES:
+                yield (each,), DTYPES[item]
+            case Primitive() | Enumeration() | Sequence() | Dictionary():
+                continue
 
 
 def walk(*kinds: Type) -> Iterator[Struct | Enumeration]:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from .. import installed
 from ..contract.component import Component
-from ..contract.parameters import Complaint, Key
+from ..contract.parameters import Complaint
 from ..dsl.diagnostics import Diagnostic
 from ..dsl.source import Source, Span
 from ..dsl.workspace import ENDINGS, Workspace

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -16,8 +16,9 @@ from .. import installed
 from ..contract.component import Component, Port
 from ..contract.interface import Verb, differences
 from ..contract.parameters import Complaint
-from ..dsl.ddsl.model import Deployment, Instance, Wiring
-from ..dsl.ddsl.order import start_order
+from ..dsl.cdsl.qos import read_qos
+from ..dsl.ddsl.model import Deployment, Instance, Quality, Wiring
+from ..dsl.ddsl.order import process_dependences, processes_of, start_order
 from ..dsl.diagnostics import Diagnostic, Report, did_you_mean, mistyped
 from ..dsl.numbers import whole
 from ..dsl.source import Name, Source
@@ -25,11 +26,22 @@ from ..dsl.workspace import LinkedComponent, Workspace, nearby
 from ..errors import ConfigurationError
 from ..runtime import settings
 from ..runtime.document import Document, NotToml
+from ..runtime.effective import toml
+from ..runtime.notify import BETWEEN
 from ..spelling import unknown
+from .auto import Choice, Usable, Way, choose, installed_here
 from .configuration import check_text, span_of
-from .routes import Configured, check_routes, generated_for, unfit
+from .routes import Configured, check_routes, generated_for, stays_inside, unfit, unmet, unshared
 
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
+
+
+@dataclass(frozen=True)
+class Member:
+    """A component of a process that has several."""
+
+    name: str
+    component: str
 
 
 @dataclass(frozen=True)
@@ -38,6 +50,7 @@ class Process:
 
     name: str
     component: str
+    """Of what it is an instance; of several if it has several members."""
     command: tuple[str, ...]
     cwd: Path
     env: Mapping[str, str] = field(default_factory=dict)
@@ -45,6 +58,13 @@ class Process:
     """Those that must be ready before it is started."""
     notifies: bool = True
     """Whether it says itself when it is ready; else it counts as ready once it runs."""
+    members: tuple[Member, ...] = ()
+    """Those that share it, in the order in which they start; none if it is one instance's own."""
+
+    @property
+    def instances(self) -> tuple[str, ...]:
+        """Which instances of the network run in it."""
+        return tuple(member.name for member in self.members) or (self.name,)
 
 
 @dataclass(frozen=True)
@@ -75,6 +95,17 @@ class Plan:
     links: tuple[Link, ...]
     transports: tuple[OpenedTransport, ...] = ()
     """What carries its messages, as its components will open it."""
+    ways: tuple[Way, ...] = ()
+    """What carries each operation between each two instances that we know."""
+    notes: tuple[str, ...] = ()
+    """Why something is not carried by what would be fastest."""
+
+    @property
+    def carriers(self) -> tuple[str, ...]:
+        """The middlewares of its links; without links, those of its components."""
+        return tuple(dict.fromkeys(way.middleware for way in self.ways)) or tuple(
+            dict.fromkeys(each.middleware for each in self.transports)
+        )
 
     def to_json(self) -> dict[str, Any]:
         return {
@@ -84,6 +115,7 @@ class Plan:
                 {
                     "name": each.name,
                     "component": each.component,
+                    "instances": list(each.instances),
                     "command": list(each.command),
                     "cwd": str(each.cwd),
                     "env": dict(each.env),
@@ -95,6 +127,8 @@ class Plan:
                 {"interface": each.interface, "provider": each.provider, "client": each.client, "verb": str(each.verb)}
                 for each in self.links
             ],
+            "ways": [asdict(each) for each in self.ways],
+            "notes": list(self.notes),
         }
 
 
@@ -118,6 +152,8 @@ class Node:
     linked: LinkedComponent
     wires: dict[str, str] = field(default_factory=dict)
     """The instance to use, by the name of the port that uses it."""
+    qos: dict[str, Quality] = field(default_factory=dict)
+    """What the network says, by the name of the port."""
 
     @property
     def name(self) -> str:
@@ -128,24 +164,31 @@ class Node:
         return self.linked.component
 
 
-def make_plan(path: Path, workspace: Workspace, overrides: Overrides | None = None) -> Plan | None:
-    """The plan of a DDSL file; None if anything is wrong, which the workspace's report then says."""
+def make_plan(
+    path: Path, workspace: Workspace, overrides: Overrides | None = None, usable: Usable = installed_here
+) -> Plan | None:
+    """The plan of a DDSL file; None if anything is wrong, which the workspace's report then says.
+
+    `usable` tells which middlewares may be chosen where the network leaves that open.
+    """
     model = workspace.deployment(path)
     if model is None:
         return None
     with installed.asked_once():
-        plan = _Planner(model, workspace, overrides or Overrides()).plan()
+        plan = _Planner(model, workspace, overrides or Overrides(), usable).plan()
     return None if workspace.report.errors else plan
 
 
 class _Planner:
-    def __init__(self, model: Deployment, workspace: Workspace, overrides: Overrides) -> None:
-        self._model, self._workspace, self._overrides = model, workspace, overrides
+    def __init__(self, model: Deployment, workspace: Workspace, overrides: Overrides, usable: Usable) -> None:
+        self._model, self._workspace, self._overrides, self._usable = model, workspace, overrides, usable
         self._report: Report = workspace.report
         self._folder = model.source.path.parent
         self._instances = [instance.name.text for instance in model.instances]
+        self._together = processes_of(model)
         self._links: list[Link] = []
         self._configured: list[Configured] = []
+        self._choice = Choice()
         self._unfit: set[str] = set()
         """Middlewares that were complained about where the network names them."""
 
@@ -154,24 +197,33 @@ class _Planner:
         nodes = self._nodes()
         for node in nodes:
             self._wire(node, nodes)
-        processes = [self._process(node) for node in self._in_order(nodes)]
+            self._read_qos(node)
+        ordered = self._in_order(nodes)
+        for node in (node for together in ordered.values() for node in together):
+            if not node.instance.path:
+                self._configure(node)
         self._check_routes(nodes)
-        middleware = self._overrides.middleware or (self._model.middleware.text if self._model.middleware else "")
+        self._choice = choose(self._configured, self._usable)
+        processes = [self._process(name, together) for name, together in ordered.items()]
+        named = self._overrides.middleware or (self._model.middleware.text if self._model.middleware else "")
         return Plan(
             self._model.name.text,
-            middleware,
+            named or settings.AUTO,
             tuple(each for each in processes if each),
             tuple(self._links),
             tuple(self._transports()),
+            self._choice.ways,
+            self._choice.notes,
         )
 
     # The network as a whole.
 
     def _check_network(self) -> None:
         model = self._model
-        self._check_middleware(model.middleware)
+        named = [instance for instance in model.instances if instance.middleware]
+        self._check_middleware(model.middleware, [each for each in model.instances if each not in named])
         if self._overrides.middleware:
-            self._check_middleware(Name(self._overrides.middleware, model.name.span))
+            self._check_middleware(Name(self._overrides.middleware, model.name.span), model.instances, override=True)
         for word in (*model.later, *(word for instance in model.instances for word in instance.later)):
             self._error("not-yet", f"`{word}` is not understood by this version yet", word)
         for instance in model.instances:
@@ -188,7 +240,7 @@ class _Planner:
             self._report.warning("empty-deployment", "there is nothing to run", model.name.span)
 
     def _check_instance(self, instance: Instance) -> None:
-        self._check_middleware(instance.middleware)
+        self._check_middleware(instance.middleware, [instance])
         if instance.ip and instance.ip.text not in LOOPBACK:
             hint = "use localhost"
             self._error(
@@ -201,11 +253,23 @@ class _Planner:
             elif name and file and name is instance.path and not os.access(file, os.X_OK):
                 self._error("not-executable", f"{file} is not executable", name)
 
-    def _check_middleware(self, name: Name | None) -> None:
-        fault = unfit(name.text) if name else None
-        if name and fault:
+    def _check_middleware(self, name: Name | None, users: Iterable[Instance], *, override: bool = False) -> None:
+        """Whether a middleware can carry what those send for whom the network names it."""
+        carried = settings.carrier(name.text, "") if name else ""
+        if name is None or not carried:
+            return
+        fault = unfit(carried)
+        if fault is None and override is bool(self._overrides.middleware) and stays_inside(carried):
+            alone = [each.name.text for each in users if not each.path and not self._shared(each)]
+            fault = unshared(carried, alone[0]) if alone else None
+        if fault:
             self._unfit.add(name.text)
             self._error(fault.code, fault.message, name, fault.hint)
+
+    def _shared(self, instance: Instance) -> str:
+        """The process that it shares with others; "" if it has one of its own."""
+        name = instance.runs_in.text
+        return name if len(self._together[name]) > 1 else ""
 
     def _nodes(self) -> list[Node]:
         """The instances whose component could be read."""
@@ -281,7 +345,7 @@ class _Planner:
             self._error("ambiguous-provider", message, at, hint, *(("one is here", name) for name in ones))
             return
         for other, theirs in offers:
-            self._check_match(port, other, theirs, at)
+            self._check_match(node, port, other, theirs, at)
             self._links.append(Link(port.interface.short, other.name, node.name, port.verb))
         if len(providers) == 1:
             segments = list(dict.fromkeys(other.component.segment(theirs) for other, theirs in offers))
@@ -298,7 +362,7 @@ class _Planner:
             message = f"`{node.name}` subscribes to `{port.interface.short}`, which nobody publishes"
             self._report.warning("nobody-publishes", message, node.instance.name.span)
 
-    def _check_match(self, port: Port, other: Node, theirs: Port, at: Name) -> None:
+    def _check_match(self, node: Node, port: Port, other: Node, theirs: Port, at: Name) -> None:
         offered = {operation.name: operation for operation, _ in theirs.interface.under(theirs.verb)}
         for operation, _ in port.interface.under(port.verb):
             match = offered.get(operation.name)
@@ -308,52 +372,95 @@ class _Planner:
                 hint = "generate both from the same IDSL"
                 self._error("contract-mismatch", message, at, hint, ("the other one", other.instance.name))
                 return
-        for asked, given, word in (
-            (port.qos.reliable, theirs.qos.reliable, "reliable"),
-            (port.qos.latched, theirs.qos.latched, "transient_local"),
+        if port.verb.is_topic and (node.instance.path or other.instance.path):  # the others are compared as configured
+            for fault in unmet(port, port.qos, other.name, theirs.qos):
+                self._error(fault.code, fault.message, at, fault.hint, ("the publisher", other.instance.name))
+
+    # QoS.
+
+    def _read_qos(self, node: Node) -> None:
+        for quality in node.instance.qos:
+            if node.instance.path:
+                message = f"`{node.name}` is a program of your own, whose QoS is not set from here"
+                self._error("configuration", message, quality.port, "remove it")
+            elif port := self._port_of(node, quality):
+                node.qos[port.name] = quality
+
+    def _port_of(self, node: Node, quality: Quality) -> Port | None:
+        """The one whose QoS is said; None, and reported, if it is none, or may be two."""
+        verbs = [Verb(quality.verb.text)] if quality.verb else [Verb.PUBLISHES, Verb.SUBSCRIBES]
+        there = [port for port in node.component.ports if port.verb in verbs]
+        named = [port for port in there if port.label == quality.port.text]
+        if len(named) == 1:
+            return named[0]
+        at = quality.port
+        if named:
+            ways = " or ".join(f"`qos {port.verb} {at}(…)`" for port in named)
+            self._error(
+                "ambiguous-port", f"`{node.component.name}` publishes and subscribes to `{at}`", at, f"write {ways}"
+            )
+        elif (
+            any(port.label == at.text and not port.verb.is_topic for port in node.component.ports) and not quality.verb
         ):
-            if port.verb.is_topic and asked and not given:
-                message = f"`{port.interface.short}` is asked for as {word}, but `{other.name}` does not offer that"
-                hint = f"publish it with qos({word})"
-                self._error("qos-mismatch", message, at, hint, ("the publisher", other.instance.name))
+            self._error("qos-of-calls", "only what is published or subscribed to has a QoS", at)
+        else:
+            what = " or ".join(f"`{verb} {at}`" for verb in verbs)
+            labels = dict.fromkeys(port.label for port in there)
+            hint = did_you_mean(at.text, labels) or (f"it has: {', '.join(labels)}" if labels else "")
+            self._error("unknown-port", f"`{node.component.name}` has no {what}", at, hint)
+        return None
 
     # In which order, and how.
 
-    def _in_order(self, nodes: Sequence[Node]) -> list[Node]:
-        """Those others depend on first; else as written."""
-        order, _ = start_order({node.name: node.instance.dependences for node in nodes})
+    def _in_order(self, nodes: Sequence[Node]) -> dict[str, list[Node]]:
+        """Processes, and who is in them: those others depend on first; else as written."""
+        first, _ = start_order({node.name: node.instance.dependences for node in nodes})
         by_name = {node.name: node for node in nodes}
-        return [by_name[name] for name in order]
+        together: dict[str, list[Node]] = {}
+        for node in map(by_name.__getitem__, first):
+            together.setdefault(node.instance.runs_in.text, []).append(node)
+        order, _ = start_order(process_dependences(self._model))
+        return {name: together[name] for name in order if name in together}
 
-    def _process(self, node: Node) -> Process | None:
-        command = self._command(node)
-        if command is None:
+    def _process(self, name: str, together: Sequence[Node]) -> Process | None:
+        commands = [self._command(node) for node in together]
+        command = _joined([each for each in commands if each])
+        if None in commands:
             return None
+        [*others, only] = together
         return Process(
-            node.name,
-            node.component.name,
+            name,
+            ", ".join(node.component.name for node in together),
             tuple(command),
-            self._folder.resolve() if node.instance.path else Path.cwd(),
-            {variable.name.text: variable.value.text for variable in node.instance.env},
-            tuple(name.text for name in node.instance.dependences),
-            notifies=node.instance.path is None,
+            self._folder.resolve() if only.instance.path else Path.cwd(),
+            self._variables(only),
+            tuple(dict.fromkeys(other.text for other in process_dependences(self._model)[name])),
+            notifies=only.instance.path is None,
+            members=tuple(Member(node.name, node.component.name) for node in together) if others else (),
         )
 
+    def _variables(self, node: Node) -> dict[str, str]:
+        """The environment that the network gives to the process of an instance."""
+        together = self._together[node.instance.runs_in.text]
+        return {variable.name.text: variable.value.text for each in together for variable in each.env}
+
     def _command(self, node: Node) -> list[str] | None:
+        """What starts an instance that has a process of its own."""
         arguments = [name.text for name in node.instance.args]
         if node.instance.path:
             return [str((self._folder / node.instance.path.text).resolve()), *arguments]
         folder = node.linked.path.parent
         config = self._config(node)
-        assignments = list(self._assignments(node))
-        self._configure(node, config, assignments)
+        assignments = [*(each for each, _ in self._assignments(node)), *self._choice.settings.get(node.name, ())]
         if not (folder / "generic" / "genericworker.py").is_file():
             hint = f"run: rcgen {node.linked.path}"
             self._error("not-generated", f"`{node.component.name}` has not been generated", node.instance.name, hint)
             return None
-        command = [sys.executable, "-m", "robocomp_py.cli.rc", "run", str(folder.resolve()), "--name", node.name]
+        command = [*_RUN, str(folder.resolve()), "--name", node.name]
         command += ["--config", str(config.resolve())] if node.instance.config and config else []
-        return [*command, *(part for each, _ in assignments for part in ("--set", each)), *arguments]
+        here = [each.name.text for each in self._together[node.instance.runs_in.text]]
+        command += [part for name in node.instance.dependences if name.text in here for part in ("--after", name.text)]
+        return [*command, *(part for each in assignments for part in ("--set", each)), *arguments]
 
     def _config(self, node: Node) -> Path | None:
         if node.instance.config:
@@ -375,17 +482,20 @@ class _Planner:
             yield f"transports.zeromq.bind=tcp://127.0.0.1:{whole(node.instance.port.text)}", network
         for port, source in node.wires.items():
             yield f"ports.{port}.from={source}", network
+        for port, quality in node.qos.items():
+            line, _ = self._model.source.position(quality.span.start)
+            yield f"ports.{port}.qos={toml(read_qos(quality.settings, Report()))}", f"{network}:{line}"
         for assignment in self._overrides.of(node.name):
             yield assignment, f"--set {assignment}"
 
-    def _configure(self, node: Node, config: Path | None, assignments: Iterable[tuple[str, str]]) -> None:
+    def _configure(self, node: Node) -> None:
         at = node.instance.config or node.instance.name
+        config = self._config(node)
         try:
             params = node.component.params
             document = settings.read(config, params) if config else Document(params=params)
-            variables = {variable.name.text: variable.value.text for variable in node.instance.env}
-            settings.environment(document, node.component, {**os.environ, **variables})
-            for assignment, origin in assignments:
+            settings.environment(document, node.component, {**os.environ, **self._variables(node)})
+            for assignment, origin in self._assignments(node):
                 settings.override(document, assignment, origin)
         except NotToml:
             source = self._workspace.source(config) if config else None
@@ -401,21 +511,25 @@ class _Planner:
         if complaints:
             return
         middleware = generated_for(node.linked.path.parent)
-        self._configured.append(Configured(node.name, node.component, checked, document, middleware))
+        shared = self._shared(node.instance)
+        self._configured.append(Configured(node.name, node.component, checked, document, middleware, shared))
 
     def _transports(self) -> Iterator[OpenedTransport]:
         found: list[OpenedTransport] = []
         for each in self._configured:
-            for name in sorted(each.middlewares()):
+            chosen = {way.middleware for way in self._choice.ways if each.name in (way.client, way.provider)}
+            for name in sorted((each.middlewares() | chosen) - {""}):
                 opened = OpenedTransport(name, each.settings.transports.get(name, {}))
                 if opened not in found:
                     found.append(opened)
                     yield opened
 
     def _check_routes(self, nodes: Sequence[Node]) -> None:
+        named = {node.name: node.instance.name for node in nodes}
         at = {node.name: node.instance.config or node.instance.name for node in nodes}
         for fault in check_routes(self._configured, self._instances, self._unfit):
-            self._error(fault.code, fault.message, at[fault.instance], fault.hint)
+            blame = [("the publisher", named[fault.other])] if fault.other else []
+            self._error(fault.code, fault.message, at[fault.instance], fault.hint, *blame)
 
     def _error(self, code: str, message: str, at: Name, hint: str = "", *related: tuple[str, Name]) -> None:
         self._report.error(code, message, at.span, hint, *((text, name.span) for text, name in related))
@@ -435,3 +549,14 @@ def _offered(node: Node, wanted: Port) -> list[Port]:
     """The ports of an instance that offer what a port uses."""
     verb = Verb.IMPLEMENTS if wanted.verb is Verb.REQUIRES else Verb.PUBLISHES
     return [p for p in node.component.ports if p.verb is verb and p.interface.short == wanted.interface.short]
+
+
+_RUN = (sys.executable, "-m", "robocomp_py.cli.rc", "run")
+
+
+def _joined(commands: Sequence[Sequence[str]]) -> list[str]:
+    """One command for several instances, from those that would run each of them alone."""
+    joined = list(commands[0]) if commands else []
+    for command in commands[1:]:
+        joined += [BETWEEN, *command[len(_RUN) :]]
+    return joined

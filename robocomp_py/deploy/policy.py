@@ -6,12 +6,14 @@ A process that fails before everything was ready stops the network, which cannot
 more; so does one that ends, however well, while another that needs it is still on its way. Whoever
 dies later is reported, and the others go on. Stopping goes backwards: a process is told to stop
 when those that depend on it are gone, and killed if it does not within its grace.
+
+Several instances may run in one process, which goes on when one of them ends well.
 """
 
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -30,6 +32,13 @@ class Exited:
 
 
 @dataclass(frozen=True, slots=True)
+class Left:
+    """An instance has ended whose process goes on."""
+
+    instance: str
+
+
+@dataclass(frozen=True, slots=True)
 class StopRequested:
     """Somebody (`code` is what to exit with if all else is fine) or the clock (0) wants an end."""
 
@@ -43,7 +52,7 @@ class GraceOver:
     name: str
 
 
-Event = Ready | Exited | StopRequested | GraceOver
+Event = Ready | Exited | Left | StopRequested | GraceOver
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,8 +99,9 @@ _STOPPED_BY_US = frozenset({0, -signal.SIGTERM, -signal.SIGINT, 128 + signal.SIG
 class Supervisor:
     """`after` names, for each process, those that must be ready before it starts.
 
-    `until` names a process whose end is the end of the network. `needs` names, for each process,
-    those without which it does not become ready.
+    `until` names an instance, or a process, whose end is the end of the network. `needs` names, for each process, the
+    instances of others without which it does not become ready; `instances` those in it, if it has not just one of
+    its own name.
     """
 
     def __init__(
@@ -99,9 +109,11 @@ class Supervisor:
         after: Iterable[tuple[str, Iterable[str]]],
         until: str | None = None,
         needs: Mapping[str, Iterable[str]] | None = None,
+        instances: Mapping[str, Iterable[str]] | None = None,
     ) -> None:
         self._after = {name: frozenset(others) for name, others in after}
         self._needs = {name: frozenset(others) for name, others in (needs or {}).items()}
+        self._instances = {name: frozenset((instances or {}).get(name, (name,))) for name in self._after}
         self._until = until
         self.states = dict.fromkeys(self._after, State.WAITING)
         self.up = False
@@ -123,6 +135,8 @@ class Supervisor:
                     self.states[name] = State.READY
             case Exited(name, code):
                 self._exited(name, code)
+            case Left(instance):
+                self._left(instance)
             case StopRequested(code):
                 if self.stopping:
                     return self._kill_all(code) if code else []
@@ -140,9 +154,15 @@ class Supervisor:
             self._code = FAILED
         elif was is State.READY:
             self._done.add(name)
-        if name == self._until:
+        if self._until == name or self._until in self._instances[name]:
             self._stop(self._code)
         elif not (self.up or self.stopping) and (self.states[name] is State.FAILED or self._is_missed(name)):
+            self._stop(FAILED)
+
+    def _left(self, instance: str) -> None:
+        if instance == self._until:
+            self._stop(self._code)
+        elif not (self.up or self.stopping) and self._is_needed({instance}):
             self._stop(FAILED)
 
     def _is_fine(self, was: State, code: int) -> bool:
@@ -152,9 +172,15 @@ class Supervisor:
 
     def _is_missed(self, name: str) -> bool:
         """Whether somebody cannot become ready now that this one has ended."""
-        coming = [other for other, state in self.states.items() if state in (State.WAITING, State.STARTING)]
-        waiting = [other for other in coming if name in self._after[other] and name not in self._done]
-        return bool(waiting) or any(name in self._needs.get(other, ()) for other in coming)
+        waiting = [other for other in self._coming() if name in self._after[other] and name not in self._done]
+        return bool(waiting) or self._is_needed(self._instances[name])
+
+    def _is_needed(self, instances: Collection[str]) -> bool:
+        """Whether somebody cannot become ready without one of these."""
+        return any(not self._needs.get(other, frozenset()).isdisjoint(instances) for other in self._coming())
+
+    def _coming(self) -> list[str]:
+        return [name for name, state in self.states.items() if state in (State.WAITING, State.STARTING)]
 
     def _stop(self, code: int) -> None:
         self.stopping = True

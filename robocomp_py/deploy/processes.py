@@ -14,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ..errors import DeploymentError
+from ..runtime.notify import ENDED
 from . import keeper
 from .plan import Process
 
@@ -29,8 +30,8 @@ _PR_SET_PDEATHSIG = 1
 class Launcher:
     """Starts processes, and calls back on the event loop.
 
-    `output(name, line)`, `ready(name)`, `status(name, text)` and `exited(name, code)` are called as
-    these things happen; `exited` after the last line.
+    `output(name, line)`, `ready(name)`, `status(name, text)`, `left(name, instance)`, when one of several in a process
+    has ended, and `exited(name, code)` are called as these things happen; `exited` after the last line.
     """
 
     def __init__(
@@ -39,8 +40,10 @@ class Launcher:
         ready: Callable[[str], None],
         exited: Callable[[str, int], None],
         status: Callable[[str, str], None] = lambda name, text: None,
+        left: Callable[[str, str], None] = lambda name, instance: None,
     ) -> None:
-        self._output, self._ready, self._exited, self._status = output, ready, exited, status
+        self._output, self._ready, self._exited = output, ready, exited
+        self._status, self._left = status, left
         self._running: dict[str, asyncio.subprocess.Process] = {}
         self._watchers: set[asyncio.Task[None]] = set()
         self._sockets: list[socket.socket] = []
@@ -168,6 +171,8 @@ class Launcher:
                     self._ready(name)
                 elif line.startswith("STATUS="):
                     self._status(name, line.removeprefix("STATUS="))
+                elif line.startswith(ENDED):
+                    self._left(name, line.removeprefix(ENDED))
 
     def _tell_keeper(self, line: str) -> None:
         if self._keeper and self._keeper.stdin and not self._keeper.stdin.is_closing():

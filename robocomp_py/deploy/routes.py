@@ -14,9 +14,10 @@ from pathlib import Path
 from .. import installed
 from ..contract.component import Component, Port
 from ..contract.interface import Verb
+from ..contract.qos import QoS
 from ..dsl.diagnostics import did_you_mean
 from ..errors import ConfigurationError
-from ..runtime.settings import Document, Settings
+from ..runtime.settings import Document, Settings, carrier, is_auto
 from ..spelling import unknown
 from ..transports.base import Capability, find_transport
 from ..wire import names
@@ -34,6 +35,8 @@ class Fault:
     instance: str = ""
     subject: tuple[str, ...] = ()
     """Of several faults with one subject, the first is worth telling."""
+    other: str = ""
+    """The instance at the other end, if it is to blame as well."""
 
     def __str__(self) -> str:
         return f"{self.message}; {self.hint}" if self.hint else self.message
@@ -49,14 +52,27 @@ class Configured:
     document: Document
     generated_for: str
     """The middleware of its generic part."""
+    process: str = ""
+    """The one it shares with others; "" if it has one of its own."""
 
     def middleware(self, port: Port, operation: str) -> str:
-        return self.settings.port(port, operation).middleware or self.generated_for
+        """What carries an operation, unless a better way is found for it."""
+        return carrier(self.settings.port(port, operation).middleware, self.generated_for)
+
+    def named(self, port: Port, operation: str) -> str:
+        """What is to carry an operation, and nothing else; "" if that is left open."""
+        chosen = self.settings.port(port, operation).middleware
+        return "" if is_auto(chosen) else chosen or ""
 
     def middlewares(self) -> set[str]:
         """All that it will open, also for its own `CommonBehavior`."""
-        ways = {self.middleware(*at) for at in (*self.operations(providing=True), *self.operations(providing=False))}
-        return (ways | {self.settings.middleware or self.generated_for}) - {""}
+        operations = (*self.operations(providing=True), *self.operations(providing=False))
+        ways = {way for at in operations for way in self.settings.middlewares(*at, self.generated_for)}
+        return (ways | {carrier(self.settings.middleware, self.generated_for)}) - {""}
+
+    def is_with(self, other: Configured) -> bool:
+        """Whether both run in one process."""
+        return self is other or bool(self.process and self.process == other.process)
 
     def origin(self, port: Port, operation: str) -> str:
         """Where that middleware was chosen, for people."""
@@ -67,6 +83,16 @@ class Configured:
         if port.middleware:
             return "its model"
         return self.document.place(("middleware",)) if self.settings.middleware else "generated for it"
+
+    def qos(self, port: Port, operation: str) -> QoS:
+        return self.settings.port(port, operation).qos or port.qos
+
+    def qos_origin(self, port: Port, operation: str) -> str:
+        """Where that QoS is set, as people read it behind a name; "" if its model says so."""
+        for key in ((port.name, operation), (port.name,)):
+            if (chosen := self.settings.ports.get(key)) and chosen.qos:
+                return f" ({self.document.place(('ports', *key, 'qos'))})"
+        return ""
 
     def source(self, port: Port, operation: str) -> tuple[str, str, str]:
         """Whose channels a port that uses an interface looks for: namespace, instance and interface."""
@@ -102,13 +128,24 @@ def unfit(middleware: str) -> Fault | None:
         hint = did_you_mean(middleware, known) or f"installed: {', '.join(known)}"
         return Fault("unknown-middleware", f"no middleware `{middleware}`", hint)
     try:
-        capabilities = getattr(find_transport(middleware), "capabilities", Capability.CROSS_PROCESS)
+        find_transport(middleware)
     except ConfigurationError as exc:
         return Fault("unfit-middleware", str(exc))
-    if Capability.CROSS_PROCESS not in capabilities:
-        message = f"`{middleware}` does not reach other processes, and every component is one"
-        return Fault("unfit-middleware", message)
     return None
+
+
+def stays_inside(middleware: str) -> bool:
+    """Whether a middleware does not reach other processes."""
+    if unfit(middleware):
+        return False  # nothing is known of it
+    capabilities = getattr(find_transport(middleware), "capabilities", Capability.CROSS_PROCESS)
+    return Capability.CROSS_PROCESS not in capabilities
+
+
+def unshared(middleware: str, instance: str) -> Fault:
+    """An instance that has a process of its own with a middleware that stays inside of it."""
+    message = f"`{middleware}` does not reach other processes, and `{instance}` shares its own with nobody"
+    return Fault("unfit-middleware", message, "put it and those it talks to into one: process NAME;", instance)
 
 
 def check_routes(configured: Sequence[Configured], instances: Collection[str], told: Collection[str]) -> list[Fault]:
@@ -126,12 +163,30 @@ def check_routes(configured: Sequence[Configured], instances: Collection[str], t
     return list(once.values())
 
 
+def providers(
+    client: Configured, port: Port, operation: str, configured: Sequence[Configured]
+) -> Iterator[tuple[Configured, list[Port]]]:
+    """The instances whose channels a port looks for, with their ports that offer what it uses."""
+    namespace, instance, segment = client.source(port, operation)
+    for server in configured:
+        if server.settings.namespace != namespace or instance not in (names.ANY, server.name):
+            continue
+        if server is client and instance == names.ANY:
+            continue  # any instance is any other one
+        yield server, server.offers(port, None if instance == names.ANY else segment)
+
+
 def _unfit_choices(each: Configured, told: Collection[str]) -> Iterator[Fault]:
     ports = [*each.operations(providing=True), *each.operations(providing=False)]
     for name, origin in dict.fromkeys((each.middleware(*at), each.origin(*at)) for at in ports):
-        fault = unfit(name) if name and name not in told else None
-        if fault:
+        if name and name not in told and _is_unfit(each, name):
+            fault = unfit(name) or unshared(name, each.name)
             yield Fault(fault.code, f"`{each.name}` ({origin}): {fault.message}", fault.hint, each.name)
+
+
+def _is_unfit(each: Configured, middleware: str) -> bool:
+    """Whether a middleware cannot carry anything for an instance, whoever is at the other end."""
+    return unfit(middleware) is not None or (not each.process and stays_inside(middleware))
 
 
 def _check_route(
@@ -145,12 +200,7 @@ def _check_route(
         message = f"`{client.name}` ({origin}): {unknown('instance', instance, instances)}"
         yield Fault("unknown-instance", message, "", client.name)
         return
-    for server in configured:
-        if server.settings.namespace != namespace or instance not in (names.ANY, server.name):
-            continue
-        if server is client and instance == names.ANY:
-            continue  # any instance is any other one
-        offers = server.offers(port, None if instance == names.ANY else segment)
+    for server, offers in providers(client, port, operation, configured):
         if instance != names.ANY and not offers:
             what = "implement" if port.verb is Verb.REQUIRES else "publish"
             origin = client.document.place(("ports", port.name, "from"))
@@ -160,15 +210,44 @@ def _check_route(
             yield from _check_ends(client, port, server, theirs, operation)
 
 
+def unmet(
+    port: Port, asked: QoS, provider: str, offered: QoS, *, client: str = "", said: tuple[str, str] = ("", "")
+) -> Iterator[Fault]:
+    """What a port of a subscriber asks for that a publisher does not offer. `said` is where each is set."""
+    for word, is_unmet in (
+        ("reliable", asked.reliable and not offered.reliable),
+        ("transient_local", asked.latched and not offered.latched),
+    ):
+        if is_unmet:
+            what = f"`{port.interface.short}` is asked for as {word}{said[0]}"
+            message = f"{what}, but `{provider}` does not offer that{said[1]}"
+            subject = (client, port.name, provider, word)
+            yield Fault("qos-mismatch", message, f"publish it with qos({word})", client, subject, provider)
+
+
 def _check_ends(client: Configured, port: Port, server: Configured, theirs: Port, operation: str) -> Iterator[Fault]:
-    here, there = client.middleware(port, operation), server.middleware(theirs, operation)
-    if here == there or unfit(here) or unfit(there):
-        return  # what is unfit has been told
+    if port.verb.is_topic:
+        said = client.qos_origin(port, operation), server.qos_origin(theirs, operation)
+        asked, offered = client.qos(port, operation), server.qos(theirs, operation)
+        yield from unmet(port, asked, server.name, offered, client=client.name, said=said)
+    mine, other = client.named(port, operation), server.named(theirs, operation)
+    here, there = mine or other, other or mine  # who leaves it open follows who does not
+    if not here:
+        return
+    if _is_unfit(client, here) or _is_unfit(server, there):
+        return  # which has been told
     what = f"`{port.interface.short}.{operation}`"
-    message = (
-        f"`{client.name}` uses {what} over `{here}` ({client.origin(port, operation)}), "
-        f"but `{server.name}` offers it over `{there}` ({server.origin(theirs, operation)})"
-    )
-    yield Fault(
-        "middleware-mismatch", message, "choose one for both", client.name, (client.name, port.name, server.name)
-    )
+    subject = (client.name, port.name, server.name)
+    if here != there:
+        message = (
+            f"`{client.name}` uses {what} over `{here}` ({client.origin(port, operation)}), "
+            f"but `{server.name}` offers it over `{there}` ({server.origin(theirs, operation)})"
+        )
+        yield Fault("middleware-mismatch", message, "choose one for both", client.name, subject)
+    elif stays_inside(here) and not client.is_with(server):
+        message = (
+            f"`{client.name}` ({client.origin(port, operation)}): `{here}` does not reach other processes, "
+            f"but `{server.name}`, whose {what} it uses, is in `{server.process}`"
+        )
+        hint = "put both into one process, or choose another middleware"
+        yield Fault("unfit-middleware", message, hint, client.name, subject)

@@ -13,7 +13,21 @@ from ..contract.interface import Verb
 from ..errors import DeploymentError
 from ..transports.base import TransportConfig, hosting
 from .plan import Plan
-from .policy import Action, Event, Exited, Finish, GraceOver, Kill, Ready, Start, State, Stop, StopRequested, Supervisor
+from .policy import (
+    Action,
+    Event,
+    Exited,
+    Finish,
+    GraceOver,
+    Kill,
+    Left,
+    Ready,
+    Start,
+    State,
+    Stop,
+    StopRequested,
+    Supervisor,
+)
 from .processes import Launcher
 
 GRACE = 5.0
@@ -68,10 +82,15 @@ class _Run:
     def __init__(self, plan: Plan, options: Options, display: Display) -> None:
         self._processes = {process.name: process for process in plan.processes}
         self._options, self._display = options, display
-        self._supervisor = Supervisor(((p.name, p.after) for p in plan.processes), options.until, _needs(plan))
+        self._supervisor = Supervisor(
+            ((p.name, p.after) for p in plan.processes),
+            options.until,
+            _needs(plan),
+            {p.name: p.instances for p in plan.processes},
+        )
         self._events: asyncio.Queue[Event] = asyncio.Queue()
         self._last: dict[str, deque[str]] = {name: deque(maxlen=LAST_LINES) for name in self._processes}
-        self._launcher = Launcher(self._output, self._ready, self._exited, self._said)
+        self._launcher = Launcher(self._output, self._ready, self._exited, self._said, self._left)
         self._statuses: dict[str, str] = {}
         self._killed: dict[str, str] = {}
         """Who was killed by us, and how to say so."""
@@ -122,8 +141,12 @@ class _Run:
             case Exited(name, code):
                 self._report_exit(name, code, before[name])
                 if supervisor.stopping and not was_stopping:
-                    why = "has ended" if name == self._options.until else "is gone before everything was ready"
-                    self._display.stopping(f"{name} {why}")
+                    whose = self._options.until in (name, *self._processes[name].instances)
+                    self._tell_end(self._options.until if whose else name)
+            case Left(instance):
+                self._display.ended(instance, "has ended")
+                if supervisor.stopping and not was_stopping:
+                    self._tell_end(instance)
             case StopRequested(code):
                 if not was_stopping:
                     self._display.stopping("asked to" if code else "time is over")
@@ -137,11 +160,18 @@ class _Run:
                 self._killed[action.name] = late if isinstance(event, GraceOver) else "was killed"
         return actions
 
+    def _tell_end(self, name: str | None) -> None:
+        """Why an end is the end of the network."""
+        why = "has ended" if name == self._options.until else "is gone before everything was ready"
+        self._display.stopping(f"{name} {why}")
+
     def _report_exit(self, name: str, code: int, was: State) -> None:
         killed = self._killed.get(name) if code == -signal.SIGKILL else None
         if self._supervisor.states[name] is State.FAILED:
             self._display.failed(name, killed or _how(code), list(self._last[name]))
-        elif killed or (was is not State.STOPPING and name != self._options.until):
+        elif killed or (
+            was is not State.STOPPING and self._options.until not in (name, *self._processes[name].instances)
+        ):
             self._display.ended(name, killed or _how(code))
 
     async def _start(self, name: str) -> None:
@@ -194,6 +224,10 @@ class _Run:
     def _exited(self, name: str, code: int) -> None:
         self._events.put_nowait(Exited(name, code))
 
+    def _left(self, name: str, instance: str) -> None:
+        if instance in self._processes[name].instances:
+            self._events.put_nowait(Left(instance))
+
     def _said(self, name: str, status: str) -> None:
         self._statuses[name] = status
 
@@ -202,11 +236,13 @@ _NOT_YET = (State.WAITING, State.STARTING)
 
 
 def _needs(plan: Plan) -> dict[str, set[str]]:
-    """Without whom each does not become ready: a component waits for what it requires."""
+    """Without which instances each process does not become ready: a component waits for what it requires."""
+    process = {instance: each.name for each in plan.processes for instance in each.instances}
     found: dict[str, set[str]] = {}
     for link in plan.links:
-        if link.verb is Verb.REQUIRES and link.client != link.provider:
-            found.setdefault(link.client, set()).add(link.provider)
+        client, provider = process.get(link.client, link.client), process.get(link.provider, link.provider)
+        if link.verb is Verb.REQUIRES and client != provider:
+            found.setdefault(client, set()).add(link.provider)
     return found
 
 

@@ -12,7 +12,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from .plan import Plan
+from .plan import Member, Plan, Process
 from .policy import State
 from .run import Display, Options, run
 
@@ -40,12 +40,15 @@ def run_on_terminal(plan: Plan, options: Options) -> int:
 
 def table_of(plan: Plan) -> Table:
     """What would run."""
-    table = Table(title=f"{plan.name} over {plan.middleware or 'what each component was generated for'}")
-    for column in ("instance", "component", "starts after", "uses"):
+    table = Table(title=f"{plan.name} over {', '.join(plan.carriers)}")
+    is_shared = any(process.members for process in plan.processes)
+    for column in ("instance", "component", *(("process",) if is_shared else ()), "starts after", "uses"):
         table.add_column(column)
     for process in plan.processes:
-        uses = ", ".join(f"{link.interface} of {link.provider}" for link in plan.links if link.client == process.name)
-        table.add_row(process.name, process.component, ", ".join(process.after), uses)
+        for each in process.members or (Member(process.name, process.component),):
+            uses = ", ".join(f"{link.interface} of {link.provider}" for link in plan.links if link.client == each.name)
+            shared = (process.name if process.members else "",) if is_shared else ()
+            table.add_row(each.name, each.component, *shared, ", ".join(process.after), uses)
     return table
 
 
@@ -97,6 +100,7 @@ class Terminal(Display):
         self._plan, self._console = plan, console
         names = [process.name for process in plan.processes]
         self._width = max(map(len, names))
+        self._called = {each.name: _called(each) for each in plan.processes}
         self._colours = {name: _COLOURS[n % len(_COLOURS)] for n, name in enumerate(names)}
         self._states: dict[str, State] = {}
         self._bar, self._rule = ("│", "─") if _can_show("│─", console.encoding) else ("|", "-")
@@ -113,8 +117,8 @@ class Terminal(Display):
             self.live.update(self.table(states), refresh=True)
 
     def up(self) -> None:
-        number = len(self._plan.processes)
-        ready = sum(state is State.READY for state in self._states.values())
+        number = sum(len(each.instances) for each in self._plan.processes)
+        ready = sum(len(each.instances) for each in self._plan.processes if self._states[each.name] is State.READY)
         if ready == number:
             whole = "the component" if number == 1 else f"all {number} components"
             self._say(f"{whole} of {self._plan.name} {'is' if number == 1 else 'are'} ready", "bold green")
@@ -125,10 +129,10 @@ class Terminal(Display):
         self._say(f"not ready yet: {', '.join(whom)}", "yellow")
 
     def ended(self, name: str, how: str) -> None:
-        self._say(f"{name} {how}", "yellow")
+        self._say(f"{self._called.get(name, name)} {how}", "yellow")
 
     def failed(self, name: str, how: str, last: list[str]) -> None:
-        self._say(f"{name} {how}", "bold red")
+        self._say(f"{self._called[name]} {how}", "bold red")
         if last:
             self._say(f"the last lines of {name}:", "red")
         for text in last:
@@ -141,11 +145,17 @@ class Terminal(Display):
         cells = []
         for process in self._plan.processes:
             state = states.get(process.name, State.WAITING)
-            cells.append(Text.assemble((process.name, self._colours[process.name]), " ", (str(state), _STYLES[state])))
+            name = (self._called[process.name], self._colours[process.name])
+            cells.append(Text.assemble(name, " ", (str(state), _STYLES[state])))
         return Group(Text(self._rule * 40, style="dim"), Text("  ").join(cells))
 
     def _say(self, text: str, style: str) -> None:
         self._console.print(Text(f"{'rcdeploy':>{self._width}} {self._bar} {text}", style=style))
+
+
+def _called(process: Process) -> str:
+    """A process, with those that share it."""
+    return f"{process.name} ({', '.join(process.instances)})" if process.members else process.name
 
 
 def _can_show(text: str, encoding: str) -> bool:

@@ -43,7 +43,7 @@ class Call(Generic[R]):
         self.operation = operation
         # What is asked and published is sent before the caller goes on; an answer is not.
         self.encode: Callable[[tuple[Any, ...]], Payload] = codec.encoder(operation.request, snapshot=False)
-        self._codec = codec
+        self.codec = codec
         self._decode = codec.decoder(operation.response)
         self._outputs = len(operation.outputs)
 
@@ -63,7 +63,7 @@ class Call(Generic[R]):
             case Status.FAILED:
                 kind, reason, trace = ("", "no reason given", "")
                 if reply.payload:  # a service that broke altogether leaves none
-                    kind, reason, trace = _decoder(self._codec, _FAILURE)(reply.payload)
+                    kind, reason, trace = _decoder(self.codec, _FAILURE)(reply.payload)
                 raise RemoteFailure(name, kind, reason, trace)
             case Status.EXPIRED:
                 raise Timeout(f"{name}: its deadline was over before it could be executed")
@@ -77,12 +77,12 @@ class Call(Generic[R]):
                 raise AssertionError("not an error")
 
     def _thrown(self, payload: Payload) -> DeclaredError | RemoteFailure:
-        (lineage,) = _decoder(self._codec, _THROWN)(payload)
+        (lineage,) = _decoder(self.codec, _THROWN)(payload)
         known = {each.name: each for declared in self.operation.raises for each in _family(declared)}
         for name in lineage.split(_LINEAGE):
             if name in known:
                 kind = known[name]
-                _, *fields = _decoder(self._codec, _thrown_message(kind))(payload)
+                _, *fields = _decoder(self.codec, _thrown_message(kind))(payload)
                 assert kind.python is not None
                 exception: DeclaredError = kind.python(*fields)
                 return exception

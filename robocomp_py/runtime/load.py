@@ -15,18 +15,19 @@ from .trace import user_trace
 from .worker import Worker
 
 
-def load_worker(folder: Path) -> type[Worker[Any]]:
+def load_worker(folder: Path, *, afresh: bool = False) -> type[Worker[Any]]:
     """The SpecificWorker of a generated component, wherever its folder lies and whatever it is called.
 
-    Its package is imported under the folder's name, so that its files can import each other. Raises
-    ComponentError if there is no such class, or if importing its files fails.
+    Its package is imported under the folder's name, so that its files can import each other; `afresh`, even if it is
+    imported already, so that two instances share no variables of its modules. Raises ComponentError if there is no
+    such class, or if importing its files fails.
     """
     folder = folder.resolve()
     for file in ("generic/genericworker.py", "specificworker.py"):
         if not (folder / file).is_file():
             raise ComponentError(f"{folder} is no generated component: it has no {file}; run rcgen on its .cdsl")
     try:
-        module = importlib.import_module(f"{_import_package(folder)}.specificworker")
+        module = importlib.import_module(f"{_import_package(folder, afresh)}.specificworker")
     except Exception as exc:
         raise ComponentError(f"{folder.name} cannot be imported\n{user_trace(exc)}") from exc
     worker = getattr(module, "SpecificWorker", None)
@@ -42,12 +43,12 @@ def _is_taken(name: str, folder: Path) -> bool:
     return found is not None and (places is None or str(folder) not in map(str, map(Path, places)))
 
 
-def _import_package(folder: Path) -> str:
-    """Import a folder as a package, once; its name."""
+def _import_package(folder: Path, afresh: bool) -> str:
+    """Import a folder as a package, once unless `afresh`; its name."""
     stem = re.sub(r"\W", "_", folder.name) or "component"
     name, number = stem, 1
     while name in sys.modules or _is_taken(name, folder):
-        if getattr(sys.modules.get(name), "__path__", None) == [str(folder)]:
+        if not afresh and getattr(sys.modules.get(name), "__path__", None) == [str(folder)]:
             return name
         number += 1
         name = f"{stem}_{number}"

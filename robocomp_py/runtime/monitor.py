@@ -52,6 +52,7 @@ class Monitor:
     """Safe to use from any thread. A thread must not enter twice, except after `released`."""
 
     def __init__(self, name: str = "worker") -> None:
+        self.name = name
         self._state = threading.Lock()
         self._inside: int | None = None
         self._queue: deque[_Ticket | tuple[Job, Then | None]] = deque()

@@ -1,9 +1,18 @@
-"""Tell whoever launched us how we are: datagrams to `$NOTIFY_SOCKET`, as systemd's sd_notify(3) defines them."""
+"""What a process and whoever launched it agree on.
+
+It tells how it is by datagrams to `$NOTIFY_SOCKET`, as systemd's sd_notify(3) defines them.
+"""
 
 from __future__ import annotations
 
 import os
 import socket
+
+BETWEEN = "+"
+"""What stands between the components of one process on its command line."""
+
+ENDED = "X_ROBOCOMP_ENDED="
+"""What a process says of a component of its own that has ended, while others go on."""
 
 
 def notify(*lines: str) -> None:

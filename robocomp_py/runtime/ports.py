@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, ClassVar, TypeVar
 
@@ -32,6 +32,7 @@ from ..transports.base import (
 from ..wire.codec import Payload
 from .calls import Answering, Call
 from .monitor import Monitor
+from .watching import Watched, Watching
 
 log = logging.getLogger("robocomp.worker")
 
@@ -66,7 +67,7 @@ class Proxy:
 
     interface: ClassVar[Interface]
 
-    def __init__(self, bound: Mapping[str, _Asked | _Sent | _SentByAll]) -> None:
+    def __init__(self, bound: Mapping[str, _Asked | _Sent | _SentByAll | _SentWatched]) -> None:
         self._bound = bound
 
     def _ask(self, operation: Operation[R], arguments: tuple[Any, ...], deadline: float | None) -> R:
@@ -130,9 +131,11 @@ class Answer(Future[R]):
             self.set_exception(exc)
 
 
-def bind_proxy(port: Port, router: Router, monitor: Monitor) -> tuple[Proxy, list[Link]]:
+def bind_proxy(
+    port: Port, router: Router, monitor: Monitor, watching: Watching | None = None
+) -> tuple[Proxy, list[Link]]:
     """Connect what a worker calls; return its proxy and the links under it."""
-    bound: dict[str, _Asked | _Sent | _SentByAll] = {}
+    bound: dict[str, _Asked | _Sent | _SentByAll | _SentWatched] = {}
     links: list[Link] = []
     for operation, pattern in port.interface.under(port.verb):
         route = router(port, operation)
@@ -148,17 +151,22 @@ def bind_proxy(port: Port, router: Router, monitor: Monitor) -> tuple[Proxy, lis
                 outlet = each.transport.outlet(checked_channel(each, operation, pattern))
                 links.append(outlet)
                 ways.append(_Sent(Call(operation, each.transport.codec), outlet, route.deadline))
-            bound[operation.name] = ways[0] if len(ways) == 1 else _SentByAll(ways, route.deadline)
+            sent = ways[0] if len(ways) == 1 else _SentByAll(ways, route.deadline)
+            watched = watching.of(port, operation.name, pattern, route.qos) if watching else None
+            bound[operation.name] = _SentWatched(sent, watched, route.channel) if watched else sent
     assert port.proxy is not None
     return port.proxy(bound), links
 
 
-def bind_handlers(port: Port, handlers: object, router: Router, monitor: Monitor) -> list[Link]:
+def bind_handlers(
+    port: Port, handlers: object, router: Router, monitor: Monitor, watching: Watching | None = None
+) -> list[Link]:
     """Connect what calls a worker; return the links."""
     links: list[Link] = []
     for operation, pattern in port.interface.under(port.verb):
         routes = router(port, operation).all
         method = getattr(handlers, port.handler(operation.name))
+        watched = watching.of(port, operation.name, pattern, routes[0].qos) if watching else None
         turn = threading.Lock() if len(routes) > 1 and pattern is Pattern.PUBLISH and not port.concurrent else None
         for route in routes:
             channel = checked_channel(route, operation, pattern)
@@ -166,7 +174,10 @@ def bind_handlers(port: Port, handlers: object, router: Router, monitor: Monitor
             if pattern is Pattern.QUERY:
                 link = route.transport.server(channel, handling.serve)
             else:
+                channel = replace(channel, heard=watched.heard) if watched else channel
                 link = route.transport.inlet(channel, handling.receive)
+                if watched:
+                    watched.add(link)
             handling.count_in(link.stats)
             links.append(link)
     return links
@@ -241,6 +252,18 @@ class _SentByAll:
                 failed = failed or exc
         if failed:
             raise failed
+
+
+class _SentWatched:
+    """A publication that has a deadline, or has to be made for others to know that we live."""
+
+    def __init__(self, way: _Sent | _SentByAll, watched: Watched, channel: str) -> None:
+        self._way, self._heard, self._channel = way, watched.heard, channel
+        watched.publishes(channel)
+
+    def send(self, arguments: tuple[Any, ...], deadline: float | None) -> None:
+        self._way.send(arguments, deadline)
+        self._heard(self._channel)
 
 
 class _Handling:

@@ -7,7 +7,7 @@ import contextlib
 import inspect
 import logging
 import os
-import signal
+import re
 import sys
 import threading
 import time
@@ -15,11 +15,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 from .. import __version__, installed
-from ..contract.component import Port
+from ..contract.component import Component, Port
 from ..contract.interface import Operation, Verb
 from ..contract.parameters import build
 from ..errors import (
@@ -39,8 +38,11 @@ from .lifecycle import Beat, Event, State, after
 from .monitor import Monitor
 from .notify import notify
 from .settings import Settings, Way, carrier
+from .signals import Signals
 from .statemachine import Machine, Trigger
 from .trace import user_trace
+from .watch import Lost, Missed
+from .watching import Watching
 from .worker import Worker, check_methods
 
 log = logging.getLogger("robocomp.worker")
@@ -51,7 +53,7 @@ _REMIND = 5.0
 _TOLD = 8
 """Keys without effect that are named at the start; `rc lint` names all."""
 
-_STUCK = 2.0
+STUCK = 2.0
 """Seconds after which somebody who asked a component to stop is told what it still does."""
 
 
@@ -66,8 +68,11 @@ class Running:
         worker_class: type[Worker[Any]],
         settings: Settings,
         find: Callable[[str], TransportFactory] = find_transport,
+        tell: Callable[[str], None] = notify,
     ) -> None:
+        """`tell` takes what whoever launched the process is to know."""
         check_methods(worker_class)
+        self._tell = tell
         self.component = worker_class.component
         self.settings = settings
         self.ready = threading.Event()
@@ -80,6 +85,7 @@ class Running:
         self._wake = threading.Event()
         self._changing = threading.Lock()
         self._monitor = Monitor(f"worker-{settings.instance}")
+        self._watching = Watching(settings.instance, self._happened)
         self._transports = _Transports(settings, find)
         self._links: list[Link] = []
         self._failed = False
@@ -97,13 +103,20 @@ class Running:
         except (RobocompError, OSError) as exc:
             self._fail(str(exc))
         finally:
-            notify("STOPPING=1")
+            self._tell("STOPPING=1")
             self._monitor.turn_away()
+            self._watching.close()
             ports.close_all(self._links)
             self._monitor.close()
             self._transports.close()
             self.state = State.ENDED
         return not self._failed
+
+    @property
+    def speaks(self) -> bool:
+        """Whether the calling thread runs code of its worker."""
+        pool = rf"{re.escape(self._monitor.name)}(-beside)?_\d+"
+        return self._monitor.mine or bool(re.fullmatch(pool, threading.current_thread().name))
 
     def stop(self) -> None:
         """Ask it to end: after what runs now, `finish` is called and everything closed."""
@@ -172,8 +185,8 @@ class Running:
 
     def _bind(self, port: Port) -> list[Link]:
         if not port.verb.has_proxy:
-            return ports.bind_handlers(port, self.worker, self._route, self._monitor)
-        proxy, links = ports.bind_proxy(port, self._route, self._monitor)
+            return ports.bind_handlers(port, self.worker, self._route, self._monitor, self._watching)
+        proxy, links = ports.bind_proxy(port, self._route, self._monitor, self._watching)
         setattr(self.worker, port.attribute, proxy)
         return links
 
@@ -249,9 +262,10 @@ class Running:
         if self.state is not State.COMPUTE:
             return
         self._monitor.open()
+        self._watching.begin()
         self._beat = Beat(self.worker.period, time.monotonic())
         self.ready.set()
-        notify("READY=1")
+        self._tell("READY=1")
         log.info("ready")
 
     def _take_transitions(self) -> None:
@@ -283,6 +297,20 @@ class Running:
         self._beat.done(time.monotonic())
         self.overruns = self._beat.overruns
         return True
+
+    def _happened(self, port: Port, operation: str, event: Missed | Lost) -> None:
+        """Call the hook for a missed deadline, or for a publisher that was lost, when it is its turn."""
+        instance = names.instance(event.channel)
+        hook = self.worker.on_deadline_missed if isinstance(event, Missed) else self.worker.on_liveliness_lost
+        try:
+            with self._monitor.held():
+                hook(port.label, operation, instance, event.total)
+        except Closed:
+            return  # the component ends
+        except SystemExit:
+            self.stop()
+        except Exception as exc:
+            log.error("%s raised\n%s", hook.__qualname__, user_trace(exc))
 
     def _once(self, hook: Callable[[], None], *, early: bool = False) -> None:
         state = self.state
@@ -357,30 +385,30 @@ class _Transports:
 def main(worker_class: type[Worker[Any]], arguments: Sequence[str] | None = None) -> int:
     """Run a component as a program: `python -m PACKAGE`, `rc run DIR`. Returns the exit code."""
     component = worker_class.component
-    options = _parser(component.name, component.description).parse_args(arguments)
+    options = parser_of(component).parse_args(arguments)
     try:
-        document = _document(worker_class, options)
-        chosen = settings.check(component, document, options.name)
-        _check_middlewares(worker_class, chosen, document)
+        chosen, document = prepare(worker_class, options)
         if options.print_config:
             _print_config(worker_class, chosen, document, as_json=options.json)
             return 0
         _configure_logging(chosen)
-        _tell_notes(document)
+        tell_notes(document)
         running = Running(worker_class, chosen)
     except (ConfigurationError, ComponentError) as exc:
         print(exc, file=sys.stderr)
         return 1
     received: list[int] = []
-    with _Signals(partial(_stop_by, running, received)):
+    with Signals(partial(_stop_by, running, received)):
         fine = running.run()
     return 1 if not fine else 128 + received[0] if received else 0
 
 
-def _parser(name: str, description: str) -> argparse.ArgumentParser:
+def parser_of(component: Component) -> argparse.ArgumentParser:
+    """What a component takes on its command line."""
+    name = component.name
     parser = argparse.ArgumentParser(
         prog=name,
-        description=f"{description or f'Run the component {name}.'} It stops on Ctrl-C or SIGTERM.",
+        description=f"{component.description or f'Run the component {name}.'} It stops on Ctrl-C or SIGTERM.",
         epilog="Every key of the configuration can be set: --set component.period=0.02 --set params.NAME=VALUE, or by "
         "the environment: ROBOCOMP__COMPONENT__PERIOD=0.02. The command line counts most, then the environment.",
     )
@@ -410,6 +438,17 @@ def _assignment(text: str) -> str:
     return text
 
 
+def prepare(worker_class: type[Worker[Any]], options: argparse.Namespace) -> tuple[Settings, settings.Document]:
+    """The settings that the options of a component come to, and the document they are in, checked.
+
+    Raises ConfigurationError.
+    """
+    document = _document(worker_class, options)
+    chosen = settings.check(worker_class.component, document, options.name)
+    _check_middlewares(worker_class, chosen, document)
+    return chosen, document
+
+
 def _document(worker_class: type[Worker[Any]], options: argparse.Namespace) -> settings.Document:
     component = worker_class.component
     path = options.config or settings.find(Path(inspect.getfile(worker_class)).parent)
@@ -433,7 +472,7 @@ def _print_config(
     print(effective.as_json(found) if as_json else effective.as_toml(found), end="")
 
 
-def _tell_notes(document: settings.Document) -> None:
+def tell_notes(document: settings.Document) -> None:
     """Say what became of the lines of a configuration that was written for RoboComp."""
     if document.path and document.path.name == "config.toml" and document.path.with_name("config").is_file():
         log.info("%s is not read, since there is %s", document.path.with_name("config"), document.path)
@@ -491,7 +530,7 @@ def _configure_logging(chosen: Settings) -> None:
 def _stop_by(running: Running, received: list[int], number: int) -> None:
     received.append(number)
     running.stop()
-    reminder = threading.Timer(_STUCK, _tell_stuck, [running])
+    reminder = threading.Timer(STUCK, _tell_stuck, [running])
     reminder.daemon = True
     reminder.start()
 
@@ -500,38 +539,4 @@ def _tell_stuck(running: Running) -> None:
     """Say what keeps a component from ending, and what can be done about it."""
     if running.state is not State.ENDED:
         doing = running.doing or "closing"
-        print(f"asked to stop {_STUCK:g} s ago, but still busy with {doing}; Ctrl-C again ends it now", file=sys.stderr)
-
-
-class _Signals:
-    """While entered, Ctrl-C, SIGTERM and SIGHUP (the terminal was closed) call a function.
-
-    It is called on a thread of its own: the one that a signal interrupts may hold any lock. A
-    second Ctrl-C has its usual effect.
-    """
-
-    def __init__(self, handle: Callable[[int], None]) -> None:
-        self._handle = handle
-        self._before: dict[int, Any] = {}
-        self._out, self._in = os.pipe()
-        self._thread = threading.Thread(target=self._pass_on, name="signals")
-
-    def __enter__(self) -> None:
-        self._thread.start()
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            self._before[number] = signal.signal(number, self._received)
-
-    def __exit__(self, *exc: object) -> None:
-        for number, before in self._before.items():
-            signal.signal(number, before)
-        os.close(self._in)
-        self._thread.join()
-        os.close(self._out)
-
-    def _received(self, number: int, frame: FrameType | None) -> None:
-        signal.signal(signal.SIGINT, self._before[signal.SIGINT])
-        os.write(self._in, bytes([number]))
-
-    def _pass_on(self) -> None:
-        while received := os.read(self._out, 1):
-            self._handle(received[0])
+        print(f"asked to stop {STUCK:g} s ago, but still busy with {doing}; Ctrl-C again ends it now", file=sys.stderr)

@@ -56,6 +56,27 @@ class Worker(ABC, Generic[P]):
         `self.params` has the new values. Whatever this raises takes them back, and reaches who wanted the change.
         """
 
+    def on_deadline_missed(self, port: str, operation: str, instance: str, total: int) -> None:
+        """Called, as a handler is, when no message of a topic has come for as long as the `deadline` of its QoS.
+
+        `port` is as the CDSL has it (`LaserPub`), `instance` whose messages they are: that of this
+        component if it is we who have sent none. So often this was the case, on this port: `total`.
+        """
+        self._note("deadline missed", port, operation, instance)
+
+    def on_liveliness_lost(self, port: str, operation: str, instance: str, total: int) -> None:
+        """Called, as a handler is, when who publishes a topic is not alive any more, by the `lease` of its QoS.
+
+        It may come back, and be lost again. Arguments: as above.
+        """
+        self._note("publisher lost", port, operation, instance)
+
+    def _note(self, what: str, port: str, operation: str, instance: str) -> None:
+        noted = self.__dict__.setdefault("_noted", set())
+        if (what, port, operation, instance) not in noted:
+            noted.add((what, port, operation, instance))
+            self.log.warning("%s.%s of %s: %s (further ones are only counted)", port, operation, instance, what)
+
     def goToEmergency(self) -> None:
         """Stop computing and call `emergency` instead. No effect unless computing."""
         self._signal(Event.ALARM)
@@ -94,6 +115,7 @@ class Worker(ABC, Generic[P]):
 
 
 HOOKS = ("initialize", "compute", "emergency", "restore", "finish")
+_WATCHING = ("port", "operation", "instance", "total")
 
 
 def check_methods(worker: type[Worker[Any]]) -> None:
@@ -104,6 +126,8 @@ def check_methods(worker: type[Worker[Any]]) -> None:
     for name in HOOKS:
         _check_method(worker, name, [])
     _check_method(worker, "paramsChanged", ["changed"])
+    for name in ("on_deadline_missed", "on_liveliness_lost"):
+        _check_method(worker, name, list(_WATCHING))
     for name, arguments in _wanted(worker.component):
         declared = getattr(worker, name, None)
         if declared is None or getattr(declared, "__isabstractmethod__", False):

@@ -83,6 +83,11 @@ class Capability(Flag):
     LIVELINESS = auto()
 
 
+ANY_QOS = (
+    Capability.RELIABLE | Capability.LATCHED | Capability.DEADLINE | Capability.LIFESPAN | Capability.LIVELINESS
+)
+
+
 @dataclass(frozen=True, slots=True)
 class TypeRef:
     """The type of a channel's messages, as transports know it: compared, and shown where it differs.
@@ -297,6 +302,15 @@ def is_heard(outlet: Outlet) -> bool:
     before each message that could go by several transports, so it answers at once.
     """
     return bool(getattr(outlet, "heard", True))
+
+
+KEEP_ALL_DEPTH = 10_000
+"""All messages are as many as this: memory is bounded."""
+
+
+def depth_of(qos: QoS) -> int:
+    """How many messages may wait."""
+    return KEEP_ALL_DEPTH if qos.history is History.KEEP_ALL else qos.depth
 
 
 def options_of(config: TransportConfig, **defaults: Any) -> dict[str, Any]:

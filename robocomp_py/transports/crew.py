@@ -288,6 +288,10 @@ class Lane:
                 self._waiting.append(payload)
             return True
 
+    def through(self, wrap: Callable[[Sink], Sink]) -> None:
+        """Put something in front of the sink."""
+        self._sink = wrap(self._sink)
+
     def start_with(self, payloads: Iterable[Payload]) -> None:
         """Append the newest `depth` of these, without waiting for room: what a late subscriber has missed."""
         with self._lock:

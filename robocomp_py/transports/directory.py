@@ -42,6 +42,8 @@ class Entry:
     fingerprint: int
     text: str
     address: str = ""
+    traits: str = ""
+    """What it offers, as `contract.qos.traits` writes it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,18 +29,21 @@ from ..wire.codec import Codec, Payload
 from ..wire.identity import Identity
 from ..wire.names import matches
 from .base import (
-    Capability,
+    ANY_QOS,
     Channel,
     Reply,
     Service,
     Sink,
+    Source,
     Statistics,
     TransportConfig,
+    depth_of,
     mismatch,
     options_of,
 )
 from .crew import Crew, Job, Lane, Servant
 from .pending import Pending
+from .reception import TOO_OLD, Reception
 
 log = logging.getLogger("robocomp.transport.inproc")
 
@@ -75,8 +78,9 @@ class _Bus:
             faced = [other for other in self.links if isinstance(other, link.facing) and other.meets(link)]
             self.changed.notify_all()
         for other in faced:
-            link.compare(other)
-            other.compare(link)
+            if all((link.compare(other), other.compare(link))):
+                link.met(other)
+                other.met(link)
 
     def moved_on(self, version: int) -> bool:
         """Whether a link has come or gone since that version."""
@@ -96,7 +100,7 @@ _BUSES: dict[str, _Bus] = defaultdict(_Bus)
 class InprocTransport:
     """Option `bus`: the name of the bus to join. Option `hand_over`: have services always run by threads of ours."""
 
-    capabilities = Capability.RELIABLE | Capability.LATCHED
+    capabilities = ANY_QOS
 
     def __init__(self, config: TransportConfig) -> None:
         self.codec: Codec = Identity()
@@ -177,6 +181,9 @@ class _Link:
 
     def opened(self) -> None: ...
 
+    def met(self, other: _Link) -> None:
+        """There is another end, and it means the same."""
+
     def peers(self) -> list[_Link]:
         """The other ends that mean the same. Raises ContractMismatch if there are only others."""
         with self._bus.changed:
@@ -235,7 +242,8 @@ class _Outlet(_Link):
         super().__init__(transport, bus, channel)
         self._order = threading.Lock()
         self._looked = -1, False
-        self._history: deque[Payload] = deque(maxlen=channel.qos.depth if channel.qos.latched else 0)
+        self._history: deque[tuple[int, Payload]] = deque(maxlen=channel.qos.depth if channel.qos.latched else 0)
+        """What was sent, and when (ns since the Unix epoch)."""
         self._greeted: weakref.WeakSet[_Inlet] = weakref.WeakSet()
         """The subscribers that got the history, and so get what follows."""
 
@@ -261,7 +269,8 @@ class _Outlet(_Link):
             inlets = self.peers_or_none()
             for inlet in inlets:
                 self._greet(inlet)
-            self._history.append(payload)
+            if self._history.maxlen:
+                self._history.append((time.time_ns(), payload))
             for inlet in inlets:
                 self._give(inlet, payload, end)
         finally:
@@ -276,11 +285,14 @@ class _Outlet(_Link):
         assert isinstance(inlet, _Inlet)
         if self._history.maxlen and inlet.channel.qos.latched and inlet not in self._greeted:
             self._greeted.add(inlet)
-            inlet.lane.start_with(self._history)
+            missed = [inlet.admit(self.channel.name, stamp, payload) for stamp, payload in self._history]
+            inlet.lane.start_with(payload for payload in missed if payload is not TOO_OLD)
             inlet.have_drained()
 
     def _give(self, inlet: _Link, payload: Payload, end: float) -> None:
         assert isinstance(inlet, _Inlet)
+        if inlet.reception.on:
+            payload = inlet.admit(self.channel.name, time.time_ns(), payload)
         if not inlet.lane.put(payload, max(0.0, end - time.monotonic())):
             raise Timeout(f"{self.channel.name}: a reader is too slow")
         inlet.have_drained()
@@ -292,10 +304,21 @@ class _Inlet(_Link):
     def __init__(self, transport: InprocTransport, bus: _Bus, channel: Channel, sink: Sink) -> None:
         super().__init__(transport, bus, channel)
         topic = channel.pattern is Pattern.PUBLISH
-        depth = channel.qos.depth if topic else COMMANDS_WAITING
+        depth = depth_of(channel.qos) if topic else COMMANDS_WAITING
         lossy = topic and not channel.qos.reliable
         self.alone = not topic
         self.lane = Lane(channel.name, sink, depth, lossy=lossy, stats=self.stats)
+        self.reception = Reception(channel, self.stats, self.lane.through)
+
+    def met(self, other: _Link) -> None:
+        self.reception.meet([Source(other.channel.name, other.channel.qos)])
+
+    def sources(self) -> list[Source]:
+        return [Source(outlet.channel.name, outlet.channel.qos) for outlet in self.peers_or_none()]
+
+    def admit(self, name: str, stamp: int, payload: Payload) -> Payload:
+        """What is to be put into the lane of a message of that channel, or TOO_OLD."""
+        return self.reception.admit(name, stamp, payload) if self.reception.on else payload
 
     def opened(self) -> None:
         if self.channel.qos.latched:

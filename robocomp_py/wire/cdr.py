@@ -15,8 +15,9 @@ from __future__ import annotations
 
 import operator
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any, NoReturn
 
 from ..contract.types import (
@@ -34,7 +35,7 @@ from ..contract.types import (
     Type,
 )
 from .codec import MAX_BYTES, Decoder, Encoder, check_size, refused, unreadable
-from .program import Program, is_loop
+from .program import Program, is_loop, is_record
 from .values import as_array, as_bool, as_dict, as_list, as_member, as_str, view_of
 
 ENCAPSULATION = b"\x00\x01\x00\x00"
@@ -68,6 +69,10 @@ class Cdr:
 
     def encoder(self, message: Struct, *, snapshot: bool = True) -> Encoder:
         return _EncodeProgram(message, self._room).compile()
+
+    def pieces(self, message: Struct) -> Encoder:
+        """Like `encoder`, but for who puts payloads together himself: a list of their parts, arrays as such."""
+        return _EncodeProgram(message, self._room).compile(join=False)
 
     def decoder(self, message: Struct, *, prefix: bool = False) -> Decoder:
         return _DecodeProgram(message, self._room).compile(prefix)
@@ -126,7 +131,7 @@ class _EncodeProgram:
         self._letters = ""
         self._values: list[str] = []
 
-    def compile(self) -> Callable[[tuple[Any, ...]], bytes]:
+    def compile(self, *, join: bool = True) -> Encoder:
         p = self._program
         fields = self._message.fields
         names = [p.fresh() for _ in fields]
@@ -139,7 +144,7 @@ class _EncodeProgram:
                 p.line(f"{p.name(check_size)}(n + {len(ENCAPSULATION)})")
             if self._room:
                 p.line(f"add({p.name(_TAILS)}[n & 3])")
-            p.line(f"return {'bytearray' if self._room else 'bytes'}().join(out)")
+            p.line(f"return {'bytearray' if self._room else 'bytes'}().join(out)" if join else "return out")
         p.write_functions(self._write)
         return p.compile("encode")
 
@@ -192,10 +197,10 @@ class _EncodeProgram:
                 self._end_run()
                 if kind.dtype.itemsize == 8:
                     p.line(f"if {array}.size: add({p.name(_PADDING)}[n & 7]); n += -n & 7")
-                p.line(f"add({array}.data); n += {array}.nbytes")
+                p.line(f"add({array}); n += {array}.nbytes")
             case Sequence(item):
                 items = p.fresh()
-                p.line(f"{items} = {p.name(as_list)}({x})")
+                p.line(f"{items} = {x}.copy() if type({x}) is list else {p.name(as_list)}({x})")
                 self._run("I", f"len({items})")
                 self._end_run()
                 self._items(item, items)
@@ -216,14 +221,17 @@ class _EncodeProgram:
         if len(kinds) != 1 or not kinds <= _NUMBERS:
             self._loop(f"{each} in {items}", (item, each))
             return
-        # All numbers of one kind: no padding inside, so one call packs them all.
-        letter = leaves[0].letters
-        size = struct.calcsize("<" + letter)
-        values = "".join(f"{each}{leaf.path}, " for leaf in leaves)
+        # All numbers of one kind: no padding inside, so one call packs them all, and column by column is quickest.
+        letter, width = leaves[0].letters, len(leaves)
         with p.block(f"if {items}"):
-            if size > 4:
+            if struct.calcsize("<" + letter) > 4:
                 p.line(f"add({p.name(_PADDING)}[n & 7]); n += -n & 7")
-            p.line(f"s = [v for {each} in {items} for v in ({values})]")
+            if width == 1:
+                p.line(f"s = [{each}{leaves[0].path} for {each} in {items}]")
+            else:
+                p.line(f"s = [0] * ({width} * len({items}))")
+                for column, leaf in enumerate(leaves):
+                    p.line(f"s[{column}::{width}] = [{each}{leaf.path} for {each} in {items}]")
             p.line(f"s = {p.name(struct.pack)}(f'<{{len(s)}}{letter}', *s)")
             p.line("add(s); n += len(s)")
 
@@ -355,17 +363,27 @@ class _DecodeProgram:
         p = self._program
         leaves = [leaf for kind in kinds for leaf in (_leaves(kind) or ())]
         if len(kinds) == 1 and leaves:
-            letters = "".join(leaf.letters for leaf in leaves)
-            names = [p.fresh() for _ in letters]
-            rows = f"{p.name(_rows)}({p.name(_layouts(letters), 'layouts')}, data, n, {count})"
-            value = self._fixed(kinds[0], iter(names).__next__)
-            p.line(f"s, n = {rows}; {result} = [{value} for [{', '.join(names)}] in s]")
+            self._rows(count, kinds[0], "".join(leaf.letters for leaf in leaves), result)
             return
         p.line(f"{p.name(_check_count)}(data, n, {count})")
         with p.block(f"for _ in range({count})"):
             values = [self._call(kind) if is_loop(kind) else self._value(kind) for kind in kinds]
             self._end_run()
             p.line(store.format(*values))
+
+    def _rows(self, count: str, item: Type, letters: str, result: str) -> None:
+        """Emit what reads items of fixed size; of a record's, all objects are made before any is filled."""
+        p = self._program
+        names = [p.fresh() for _ in letters]
+        p.line(f"s, n = {p.name(_rows)}({p.name(_layouts(letters), 'layouts')}, data, n, {count})")
+        if not (isinstance(item, Struct) and is_record(item)):
+            p.line(f"{result} = [{self._fixed(item, iter(names).__next__)} for [{', '.join(names)}] in s]")
+            return
+        each, take = p.fresh(), iter(names).__next__
+        values = [(f"{each}.{field.attribute}", self._fixed(field.type, take)) for field in item.fields]
+        p.line(f"{result} = {p.made_without_values(item, count)}")
+        with p.block(f"for {each}, [{', '.join(names)}] in zip({result}, s)"):
+            p.line("; ".join(f"{target} = {value}" for target, value in values))
 
     def _call(self, kind: Type) -> str:
         self._end_run()
@@ -420,18 +438,18 @@ def _text(data: memoryview, n: int, length: int) -> str:
     return str(data[n : n + length - 1], "utf-8")
 
 
-def _rows(layouts: _Layouts, data: memoryview, n: int, count: int) -> tuple[list[tuple[Any, ...]], int]:
+def _rows(layouts: _Layouts, data: memoryview, n: int, count: int) -> tuple[Iterator[tuple[Any, ...]], int]:
     """The leaves of `count` items of fixed size: one by one until the padding repeats, then at one go."""
     _check_count(data, n, count)
-    rows: list[tuple[Any, ...]] = []
-    while len(rows) < count:
+    first: list[tuple[Any, ...]] = []
+    while len(first) < count:
         layout = layouts[n & 7]
         if layouts[(n + layout.size) & 7].format == layout.format:
-            end = n + (count - len(rows)) * layout.size
+            end = n + (count - len(first)) * layout.size
             if end > data.nbytes:
                 raise ValueError(f"{count} items exceed the payload")
-            rows.extend(layout.iter_unpack(data[n:end]))
-            return rows, end
-        rows.append(layout.unpack_from(data, n))
+            rest = layout.iter_unpack(data[n:end])
+            return chain(first, rest) if first else rest, end
+        first.append(layout.unpack_from(data, n))
         n += layout.size
-    return rows, n
+    return iter(first), n

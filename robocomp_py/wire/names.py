@@ -39,6 +39,11 @@ def resolve(target: str, namespace: str, interface: str) -> tuple[str, str, str]
     return namespace, parts[0], parts[1] if len(parts) == 2 else interface
 
 
+def instance(channel: str) -> str:
+    """Whose a channel is."""
+    return channel.split("/")[-3]
+
+
 def is_segment(text: str) -> bool:
     """Whether a name may stand between the slashes of a channel."""
     return bool(_SEGMENT.match(text))

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import is_dataclass
+from itertools import repeat
 from typing import Any
 
 from ..contract.types import MAX_DEPTH, Dictionary, Sequence, Struct, Type, children
@@ -71,6 +73,11 @@ class Program:
                 self.line(f"{name} = {value}.{field.attribute}")
         return names
 
+    def made_without_values(self, kind: Struct, count: str) -> str:
+        """An expression for a list of so many objects of a record's class, whose attributes are yet to be set."""
+        make, repeated = self.name(object.__new__, "new"), self.name(repeat)
+        return f"list(map({make}, {repeated}({self.name(kind.python)}, {count})))"
+
     def function_for(self, kind: Type) -> str:
         """The name of the function that treats values of this type."""
         key = id(kind)  # types live as long as their message does
@@ -97,6 +104,24 @@ class Program:
 def is_loop(kind: Type) -> bool:
     """Whether values of this type are treated by a loop in Python."""
     return isinstance(kind, Dictionary) or (isinstance(kind, Sequence) and kind.dtype is None)
+
+
+def is_record(kind: Struct) -> bool:
+    """Whether a struct's class is one of a generated module, whose objects are their fields and nothing else.
+
+    Many of those are made faster without their constructor.
+    """
+    made = kind.python
+    return (
+        isinstance(made, type)
+        and bool(kind.fields)
+        and "__contract__" in vars(made)
+        and is_dataclass(made)
+        and not hasattr(made, "__post_init__")
+        and tuple(getattr(made, "__slots__", ())) == tuple(field.attribute for field in kind.fields)
+        and made.__new__ is object.__new__
+        and made.__setattr__ is object.__setattr__
+    )
 
 
 def _height(kind: Type, known: dict[int, int]) -> int:

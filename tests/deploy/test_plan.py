@@ -410,17 +410,18 @@ def test_nor_what_a_component_was_generated_for(tmp_path: Path) -> None:
 
 def test_both_ends_of_a_link_use_one_middleware(folder: Path, carrier: str) -> None:
     (folder / "other.toml").write_text(f'[ports.laser]\nmiddleware = "{carrier}"\n')
-    body = 'Component driver { config "other.toml"; }; Component sensor { };'
+    body = 'Component driver { config "other.toml"; }; Component sensor { middleware zeromq; };'
     _, (found,) = plan(folder, body)
     assert found.code == "middleware-mismatch"
     assert f"`driver` uses `Laser.getLaserData` over `carrier` ({folder}/other.toml:2)" in found.message
-    assert "`sensor` offers it over `zeromq` (generated for it)" in found.message
+    assert f"`sensor` offers it over `zeromq` ({folder}/net.ddsl)" in found.message
     both = Overrides(settings=(("sensor", f"ports.Laser.middleware={carrier}"),))
     assert errors(folder, body, both) == []
 
 
 def test_ends_are_those_that_configurations_name(folder: Path, carrier: str) -> None:
     body = f"""
+        middleware zeromq;
         Component left : sensor {{ }};
         Component right : sensor {{ middleware {carrier}; }};
         Component driver {{ requires Laser from left; subscribesTo LaserPub from left; }};

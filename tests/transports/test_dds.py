@@ -62,11 +62,13 @@ from robocomp_py.transports.dds.topics import MESSAGES_WAITING
 from robocomp_py.transports.dds.types import (
     BEFORE_TAIL,
     CODEC,
+    START,
     Message,
     fill_reply,
     fill_request,
+    milliseconds,
     publication_type,
-    read_reply,
+    reply_fields,
     reply_type,
     request_type,
 )
@@ -133,7 +135,7 @@ def test_the_librarys_own_codec_reads_our_samples(operation: Operation[Any], val
     message = operation.request
     payload = CODEC.encoder(message)(values)
     sample = memoryview(Message(message).sample(payload))[:BEFORE_TAIL]
-    fill_request(payload, 1, 2.5, 3, 4, 5, 6)
+    fill_request(payload, 0, START, 1, milliseconds(2.5), 3, 4, 5, 6)
     kind = request_type(message.name, message)
     read = kind.deserialize(bytes(sample))
     header = read.header  # type: ignore[attr-defined]  # made at run time
@@ -149,10 +151,10 @@ def test_failures_are_samples_of_the_replys_type(message: Struct, why: bytes) ->
     kind = Message(message)
     payload = Message(None).payload(_counted(why)) if why else None
     sample = kind.failure(payload)
-    fill_reply(sample, Status.FAILED, 1, 2, 3, 4)
+    fill_reply(sample, 0, START, Status.FAILED, 1, 2, 3, 4)
     read = reply_type(message.name, message).deserialize(bytes(sample))
     assert bytes(read.error) == why  # type: ignore[attr-defined]
-    assert read_reply(bytes(sample)).status == Status.FAILED
+    assert reply_fields(sample) == (START, Status.FAILED, 1, 2, 3, 4)
     found = kind.why(bytes(sample))
     assert (b"" if found is None else bytes(found[44:])) == why
 

@@ -55,29 +55,34 @@ class _Builder:
                 self._span(item),
                 next((self._name(each.children[0]) for each in extras if each.data == "marker"), None),
                 any(each.data == "concurrent" for each in extras),
-                tuple(self._setting(each) for extra in extras if extra.data == "qos" for each in extra.children),
+                tuple(
+                    setting_of(self._source, each) for extra in extras if extra.data == "qos" for each in extra.children
+                ),
                 next((self._span(each) for each in extras if each.data == "concurrent"), None),
             )
 
-    def _setting(self, tree: Tree[Any]) -> m.Setting:
-        name, *value = tree.children
-        words = [self._name(each) for each in value if isinstance(each, Token)]
-        amounts = [self._amount(each) for each in value if isinstance(each, Tree)]
-        return m.Setting(
-            self._name(name), self._span(tree), words[0] if words else None, amounts[0] if amounts else None
-        )
-
     def _clause(self, tree: Tree[Any]) -> m.Clause:
         names = tuple(self._name(each) for each in tree.children if isinstance(each, Token))
-        amounts = [self._amount(each) for each in tree.children if isinstance(each, Tree)]
+        amounts = [_amount_of(self._source, each) for each in tree.children if isinstance(each, Tree)]
         return m.Clause(str(tree.data), self._span(tree), names, amounts[0] if amounts else None)
-
-    def _amount(self, tree: Tree[Any]) -> m.Amount:
-        number, *unit = tree.children
-        return m.Amount(real(str(number)), self._name(unit[0]) if unit else None, self._span(tree))
 
     def _name(self, token: Any) -> Name:
         return name_of(self._source, token)
 
     def _span(self, tree: Tree[Any]) -> Span:
         return tree_span(self._source, tree)
+
+
+def setting_of(source: Source, tree: Tree[Any]) -> m.Setting:
+    """One word of a QoS, which other languages write in the same way."""
+    name, *value = tree.children
+    words = [name_of(source, each) for each in value if isinstance(each, Token)]
+    amounts = [_amount_of(source, each) for each in value if isinstance(each, Tree)]
+    return m.Setting(
+        name_of(source, name), tree_span(source, tree), words[0] if words else None, amounts[0] if amounts else None
+    )
+
+
+def _amount_of(source: Source, tree: Tree[Any]) -> m.Amount:
+    number, *unit = tree.children
+    return m.Amount(real(str(number)), name_of(source, unit[0]) if unit else None, tree_span(source, tree))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..cdsl.model import Setting
 from ..source import Name, Source, Span
 
 
@@ -14,6 +15,16 @@ class Wiring:
     verb: Name
     port: Name
     instance: Name
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class Quality:
+    """`qos subscribesTo LaserPub(best_effort, depth 1);`: of a port, whatever its component says. No verb: any port."""
+
+    verb: Name | None
+    port: Name
+    settings: tuple[Setting, ...]
     span: Span
 
 
@@ -50,6 +61,9 @@ class Instance:
     env: tuple[Variable, ...] = ()
     args: tuple[Name, ...] = ()
     wirings: tuple[Wiring, ...] = ()
+    process: Name | None = None
+    """The one it shares with others that name it, if it has none of its own."""
+    qos: tuple[Quality, ...] = ()
     later: tuple[Name, ...] = ()
     """Words that are spoken for, but have no effect yet."""
     clauses: tuple[Clause, ...] = ()
@@ -58,6 +72,11 @@ class Instance:
     @property
     def component(self) -> Name:
         return self.kind or self.name
+
+    @property
+    def runs_in(self) -> Name:
+        """What its process is called."""
+        return self.process or self.name
 
 
 @dataclass(frozen=True, slots=True)

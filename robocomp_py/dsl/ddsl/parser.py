@@ -7,6 +7,7 @@ from typing import Any
 
 from lark import Token, Tree
 
+from ..cdsl.parser import setting_of
 from ..diagnostics import Report
 from ..source import Name, Source, Span
 from ..syntax import Grammar, Parsed, name_of, tree_span
@@ -43,7 +44,7 @@ class _Builder:
         for clause in clauses:
             match clause.data:
                 case "middleware":
-                    model = replace(model, middleware=self._name(clause.children[0]))
+                    model = replace(model, middleware=_middleware([self._name(each) for each in clause.children]))
                 case "namespace":
                     model = replace(model, namespace="/".join(map(str, clause.children)))
                 case "later":
@@ -71,9 +72,15 @@ class _Builder:
                 changed = {"env": (*instance.env, m.Variable(names[0], names[1], span))}
             case "wiring":
                 changed = {"wirings": (*instance.wirings, m.Wiring(names[0], names[1], names[2], span))}
+            case "qos":
+                *verb, port = names
+                settings = tuple(setting_of(self._source, each) for each in clause.children if isinstance(each, Tree))
+                changed = {"qos": (*instance.qos, m.Quality(verb[0] if verb else None, port, settings, span))}
             case "later":
                 changed = {"later": (*instance.later, names[0])}
-            case one:  # path, ip, port, config, middleware
+            case "middleware":
+                changed = {"middleware": _middleware(names)}
+            case one:  # path, ip, port, config, process
                 changed = {one: names[0]}
         return replace(instance, **changed)
 
@@ -85,3 +92,9 @@ class _Builder:
 
     def _span(self, tree: Tree[Any]) -> Span:
         return tree_span(self._source, tree)
+
+
+def _middleware(names: list[Name]) -> Name:
+    """`zenoh`, or `auto(zenoh)` as one name."""
+    first, *inner = names
+    return Name(f"{first}({inner[0]})", first.span.to(inner[0].span)) if inner else first

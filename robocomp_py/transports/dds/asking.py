@@ -6,6 +6,7 @@ import contextlib
 import itertools
 import queue
 import re
+import struct
 import threading
 import time
 from concurrent.futures import Future
@@ -41,12 +42,15 @@ from .endpoints import Endpoint
 from .link import BATCH, KEEP_ALL, Link, endpoint_qos, enter
 from .types import (
     BEFORE_TAIL,
+    START,
     Message,
     bare,
     fill_request,
-    read_reply,
+    milliseconds,
+    reply_fields,
     reply_type,
     request_type,
+    unreadable,
 )
 
 if TYPE_CHECKING:
@@ -73,6 +77,7 @@ class Line:
         self.requests = bus.writer(
             f"rc/{name}Request", request_type(kind.name, kind.request), endpoint_qos(KEEP_ALL, about)
         )
+        self.write = self.requests.write
 
     def reaches(self, server: Endpoint) -> bool:
         """Whether requests arrive there, and replies here."""
@@ -165,13 +170,13 @@ class AskingLink(Link):
 
     def write(self, line: Line, payload: Payload, flags: int, number: int, end: float) -> bool:
         """Send a request, trying until `end`; whether it was sent."""
-        as_it_is = self._message.plain and type(payload) is bytearray
-        sample = payload if as_it_is else self._message.sample(payload)
+        message = self._message
+        sample = payload if message.plain and type(payload) is bytearray else message.sample(payload)
         try:
             with line.order:  # a payload may be sent by several threads at once
-                left = end - time.monotonic()
-                fill_request(sample, flags, left, self._fingerprint, self.id, number, time.time_ns())
-                if line.requests.write(memoryview(sample)[:BEFORE_TAIL]):
+                left = milliseconds(end - time.monotonic())
+                fill_request(sample, 0, START, flags, left, self._fingerprint, self.id, number, time.time_ns())
+                if line.write(memoryview(sample)[:BEFORE_TAIL]):
                     return True
                 copy = bytearray(sample[:BEFORE_TAIL])
             return line.requests.write_within(copy, end, self._pause)
@@ -324,27 +329,30 @@ class Caller(AskingLink):
 
     def _await(self, asker: _Asker, end: float) -> Reply | None:
         """The reply, or None if there is none in time."""
-        receives = self._takes_turn(asker)
+        waiting, receives = self._waiting, self._takes_turn(asker)
         try:
-            while True:
-                if asker.reply is not None:
-                    return asker.reply
+            while asker.reply is None:
                 if asker.error:
                     raise asker.error(self._reason(asker.error))
                 left = end - time.monotonic()
                 if left <= 0:
                     return None
                 if receives:
-                    if self._waiting.wait(left):
-                        for line in tuple(self._lines.values()):
+                    if waiting.wait(left):
+                        for line in (*self._lines.values(),):
                             self._take(line)
                 else:
                     assert asker.woken
                     with contextlib.suppress(queue.Empty):
                         asker.woken.get(timeout=left)
                     receives = self._takes_turn(asker)
+            return asker.reply
         finally:
-            self._leave_turn(asker)
+            with self._turn:
+                if self._receiver is asker:
+                    self._receiver = None
+                    if self._asynchronous or len(self._askers) > 1:
+                        self._pass_turn()
 
     def _takes_turn(self, asker: _Asker) -> bool:
         """Whether this one receives, until it leaves its turn; if not, it will be woken."""
@@ -353,22 +361,20 @@ class Caller(AskingLink):
                 self._receiver = asker
                 if self._crew_receives:
                     self._stop_crew()
-            elif self._receiver is not asker and asker.woken is None:
+                return True
+            if self._receiver is not asker and asker.woken is None:
                 asker.woken = queue.SimpleQueue()
             return self._receiver is asker
 
-    def _leave_turn(self, asker: _Asker) -> None:
-        with self._turn:
-            if self._receiver is not asker:
+    def _pass_turn(self) -> None:
+        """Have another one receive; with the turn locked."""
+        for other in tuple(self._askers.values()):
+            if other.woken and other.reply is None and other.error is None:
+                self._receiver = other
+                other.woken.put(None)
                 return
-            self._receiver = None
-            for other in tuple(self._askers.values()) if len(self._askers) > 1 else ():
-                if other.woken and other.reply is None and other.error is None:
-                    self._receiver = other
-                    other.woken.put(None)
-                    return
-            if self._asynchronous and len(self._pending):
-                self._have_crew_receive()
+        if self._asynchronous and len(self._pending):
+            self._have_crew_receive()
 
     def _have_crew_receive(self) -> None:
         if not self._crew_receives and not self.closed.is_set():
@@ -392,16 +398,18 @@ class Caller(AskingLink):
 
     def _take(self, line: Line) -> None:
         assert line.replies
+        plain = self._response.plain
         for sample in line.replies.take(BATCH):
             try:
-                _, status, client, number, _, _ = read_reply(sample)
+                start, status, client, number, _, _ = reply_fields(sample)
+                if start != START:
+                    raise unreadable(sample)
                 if status == _OK:
-                    plain = self._response.plain
                     payload = memoryview(sample)[:BEFORE_TAIL] if plain else self._response.payload(sample)
                     reply = answered((Status.OK, payload))
                 else:
                     reply = Reply(STATUSES[status], self._response.why(sample))
-            except (DecodeError, KeyError) as exc:
+            except (DecodeError, KeyError, struct.error) as exc:
                 self.malformed(exc)
                 continue
             if client != self.id:

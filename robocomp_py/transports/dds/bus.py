@@ -15,7 +15,7 @@ import os
 import time
 import weakref
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from cyclonedds._clayer import (  # type: ignore[import-not-found]  # compiled, without types
@@ -213,7 +213,14 @@ class Waiting:
         self._guard = checked(dds_create_guardcondition(participant), "waiting")
         checked(dds_waitset_attach(self._set, self._guard, self._guard), "waiting")
         self._found = (ctypes.c_ssize_t * self.MOST)()
-        self._address = ctypes.addressof(self._found)
+        self._timeout = ctypes.c_int64()
+        # Made once, for to convert them at each call takes as long as all the rest of it.
+        self._arguments = (
+            ctypes.c_int32(self._set),
+            ctypes.c_void_p(ctypes.addressof(self._found)),
+            ctypes.c_size_t(self.MOST),
+            self._timeout,
+        )
         self.closed = False
 
     def attach(self, condition: int) -> None:
@@ -225,16 +232,18 @@ class Waiting:
     def wake(self) -> None:
         dds_set_guardcondition(self._guard, True)
 
-    def wait(self, timeout: float) -> list[int]:
+    def wait(self, timeout: float) -> Sequence[int]:
         """The conditions that hold, at the latest after `timeout` seconds. For one thread at a time."""
-        nanoseconds = int(timeout * 1e9) if timeout < 1e9 else FOREVER
-        count = dds_waitset_wait(self._set, self._address, self.MOST, nanoseconds)
-        if count == 1 and self._found[0] != self._guard:
-            return self._found[:1]
+        self._timeout.value = int(timeout * 1e9) if timeout < 1e9 else FOREVER
+        count = dds_waitset_wait(*self._arguments)
+        if count == 1:
+            first = self._found[0]
+            if first != self._guard:
+                return (first,)
         if count <= 0:
             if count < 0 and not self.closed:
                 raise TransportError(f"dds: waiting: {DDSException(count)}")
-            return []
+            return ()
         found = self._found[: min(count, self.MOST)]
         if self._guard in found:
             dds_set_guardcondition(self._guard, False)
@@ -282,13 +291,14 @@ class Loop:
         if when < self._next_tick:
             self.wake()
 
-    def receive(self) -> list[Job]:
+    def receive(self) -> Iterable[Job]:
         now = time.monotonic()
         if self._woken or now >= self._next_tick:
             self._woken = False  # before looking: what becomes due while we look is not missed
             self._next_tick = self.tick()
         self._sleeping = True  # before looking at the jobs: whoever adds one later sees this, and wakes us
-        ready = self._waiting.wait(0.0 if self._jobs else max(0.0, self._next_tick - now))
+        patience = self._next_tick - now
+        ready = self._waiting.wait(0.0 if self._jobs or patience < 0.0 else patience)
         self._sleeping = False
         jobs: list[Job] = []
         for condition in ready:

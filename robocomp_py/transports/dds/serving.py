@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import struct
 import threading
 import time
 from collections import deque
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ...errors import (
     AlreadyServed,
@@ -34,13 +35,15 @@ from .bus import Reader, Writer
 from .endpoints import Endpoint
 from .link import INTAKE, KEEP_ALL, SOON, Link, endpoint_qos
 from .types import (
+    START,
     Message,
     Request,
     dressed,
     fill_reply,
-    read_request,
     reply_type,
+    request_fields,
     request_type,
+    unreadable,
 )
 
 if TYPE_CHECKING:
@@ -56,6 +59,11 @@ QUERIES_WAITING = 1000
 PATIENCE = 60.0
 """Seconds for which a reply without deadline is kept for a client that cannot be reached yet."""
 
+
+_FOREVER = float("inf")
+
+_new: Any = tuple.__new__
+"""Makes a named tuple of what was unpacked, in half the time that its own constructor takes."""
 
 _Asked = tuple[Request, Payload, float]
 """A request, what is asked, and when that expires."""
@@ -102,19 +110,21 @@ class ServingLink(Link):
     def read(self, sample: bytes) -> _Asked | None:
         """A request that means what we mean, and is new."""
         try:
-            request = read_request(sample)
+            request: Request = _new(Request, request_fields(sample))
+            if request.start != START:
+                raise unreadable(sample)
             if request.fingerprint != self._fingerprint:
                 self.report_mismatch((request.client, request.fingerprint), self._stranger(request))
                 self.refuse(request)
                 return None
             payload = sample if self._message.plain else self._message.payload(sample)
-        except DecodeError as exc:
+        except (DecodeError, struct.error) as exc:
             self.malformed(exc)
             return None
         if not self._ledger.admit(request.client, request.sequence):
             return None
-        remaining = request.remaining_ms / 1000 if request.remaining_ms != NO_DEADLINE else float("inf")
-        return request, payload, time.monotonic() + remaining
+        ms = request.remaining_ms
+        return request, payload, time.monotonic() + ms / 1000 if ms != NO_DEADLINE else _FOREVER
 
     def _stranger(self, request: Request) -> TypeRef:
         asking = self.bus.endpoints.find(self.facing, self.channel.name)
@@ -300,6 +310,8 @@ class Server(ServingLink):
             with self._order:  # a service may answer several with the same payload
                 fill_reply(
                     sample,
+                    0,
+                    START,
                     status,
                     request.client,
                     request.sequence,

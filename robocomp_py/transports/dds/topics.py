@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import struct
 import threading
 import time
 from dataclasses import replace
@@ -31,14 +32,16 @@ from .endpoints import Endpoint
 from .link import BATCH, INTAKE, KEEP_ALL, SOON, Link, depth_of, endpoint_qos, enter, topic_qos
 from .types import (
     BEFORE_TAIL,
+    START,
     Credit,
     Message,
     credit_type,
     fill_publication,
     pack_credit,
+    publication_fields,
     publication_type,
     read_credit,
-    read_publication,
+    unreadable,
 )
 
 if TYPE_CHECKING:
@@ -90,7 +93,7 @@ class Publisher(Link):
             self.check_open()
             if self._credits and not self._await_credit(self._sent + 1, end):
                 raise Timeout(f"{self.channel.name}: a subscriber did not keep up for {deadline:g} s")
-            fill_publication(sample, self._fingerprint, self.id, self._sent + 1, time.time_ns())
+            fill_publication(sample, 0, START, self._fingerprint, self.id, self._sent + 1, time.time_ns())
             if self._credits is None:
                 self._sent += 1  # whether it gets away or not: who hears the next one knows what is missing
                 self.stats.dropped += not self._written(memoryview(sample)[:BEFORE_TAIL])
@@ -225,6 +228,7 @@ class Subscriber(Link):
         depth = MOST_WAITING if self._reliable else self._window
         self._lane = Lane(channel.name, self._consume, depth, lossy=not self._reliable, stats=self.stats)
         self._message = Message(channel.type.request)
+        self._fingerprint = channel.type.fingerprint
         self._ledger = Ledger(self.stats, ordered=True)
         self._heard: dict[str, _Heard] = {}
         self._counting: dict[int, bool] = {}
@@ -329,23 +333,24 @@ class Subscriber(Link):
 
     def _take(self, heard: _Heard, sample: bytes) -> bool:
         try:
-            header = read_publication(sample)
-            if header.fingerprint != self.channel.type.fingerprint:
-                self.report_mismatch(header.source, TypeRef("", header.fingerprint))
+            start, fingerprint, source, sequence, _ = publication_fields(sample)
+            if start != START:
+                raise unreadable(sample)
+            if fingerprint != self._fingerprint:
+                self.report_mismatch(source, TypeRef("", fingerprint))
                 return False
-            payload = self._message.payload(sample)
-        except DecodeError as exc:
+            payload = sample if self._message.plain else self._message.payload(sample)
+        except (DecodeError, struct.error) as exc:
             self.malformed(exc)
             return False
-        source = header.source
-        if not self._ledger.admit(source, header.sequence):
+        if not self._ledger.admit(source, sequence):
             return False
         if self._reliable:
             waiting = self._put - self._consumed
             if waiting >= self._window + MESSAGES_WAITING and not self._counting.get(source, True):
                 self.stats.dropped += 1
                 return False
-        if self._lane.put((heard, source, header.sequence, payload)):
+        if self._lane.put((heard, source, sequence, payload)):
             self._put += 1
             return True
         self.stats.dropped += 1

@@ -54,28 +54,13 @@ _making = threading.RLock()
 
 
 class Request(NamedTuple):
+    """The fields of a request's header."""
+
     start: bytes
     flags: int
     remaining_ms: int
     fingerprint: int
     client: int
-    sequence: int
-    stamp: int
-
-
-class ReplyHeader(NamedTuple):
-    start: bytes
-    status: int
-    client: int
-    sequence: int
-    server: int
-    stamp: int
-
-
-class Publication(NamedTuple):
-    start: bytes
-    fingerprint: int
-    source: int
     sequence: int
     stamp: int
 
@@ -91,63 +76,40 @@ class Credit(NamedTuple):
 
 _REQUEST, _REPLY = struct.Struct("<5sBxxIQQQq"), struct.Struct("<5sB6xQQQq")
 _PUBLICATION, _CREDIT = struct.Struct("<5s7xQQQq"), struct.Struct("<4sQQQI")
-_START = ENCAPSULATION + bytes((VERSION,))
 _U32 = struct.Struct("<I")
 
+START = ENCAPSULATION + bytes((VERSION,))
+"""What every sample with a header begins with."""
 
-def fill_request(
-    sample: bytearray, flags: int, remaining: float, fingerprint: int, client: int, sequence: int, stamp: int
-) -> None:
-    """`remaining` in seconds; more than fits (seven weeks) means without deadline."""
-    ms = max(0, int(remaining * 1000)) if remaining * 1000 < NO_DEADLINE else NO_DEADLINE
-    _REQUEST.pack_into(sample, 0, _START, flags, ms, fingerprint, client, sequence, stamp)
+# At every message, so there is nothing in front of what `struct` compiled.
+
+fill_request, fill_reply, fill_publication = _REQUEST.pack_into, _REPLY.pack_into, _PUBLICATION.pack_into
+"""Write a header: `fill_reply(sample, 0, START, status, client, sequence, server, stamp)`; all fields: `_HEADERS`."""
+
+request_fields, reply_fields, publication_fields = (
+    _REQUEST.unpack_from, _REPLY.unpack_from, _PUBLICATION.unpack_from
+)  # fmt: skip
+"""The same fields of a sample, the first of which must be `START`. Raise `struct.error` if it is too short."""
 
 
-def fill_reply(sample: bytearray, status: int, client: int, sequence: int, server: int, stamp: int) -> None:
-    _REPLY.pack_into(sample, 0, _START, status, client, sequence, server, stamp)
-
-
-def fill_publication(sample: bytearray, fingerprint: int, source: int, sequence: int, stamp: int) -> None:
-    _PUBLICATION.pack_into(sample, 0, _START, fingerprint, source, sequence, stamp)
+def milliseconds(remaining: float) -> int:
+    """What is left of a deadline, in seconds, for a header; more than fits (seven weeks) means without deadline."""
+    ms = remaining * 1000
+    return NO_DEADLINE if ms >= NO_DEADLINE else int(ms) if ms > 0 else 0
 
 
 def pack_credit(credit: Credit) -> bytes:
     return _CREDIT.pack(ENCAPSULATION, *credit)
 
 
-def read_request(sample: bytes) -> Request:
-    if sample[:5] != _START or len(sample) < BODY:
-        raise _unreadable(sample)
-    header: Request = _new(Request, _REQUEST.unpack_from(sample))
-    return header
-
-
-def read_reply(sample: bytes) -> ReplyHeader:
-    if sample[:5] != _START or len(sample) < BODY:
-        raise _unreadable(sample)
-    header: ReplyHeader = _new(ReplyHeader, _REPLY.unpack_from(sample))
-    return header
-
-
-def read_publication(sample: bytes) -> Publication:
-    if sample[:5] != _START or len(sample) < BODY:
-        raise _unreadable(sample)
-    header: Publication = _new(Publication, _PUBLICATION.unpack_from(sample))
-    return header
+def unreadable(sample: bytes) -> DecodeError:
+    return DecodeError(f"not a version {VERSION} sample in little-endian XCDR1: {len(sample)} bytes")
 
 
 def read_credit(sample: bytes) -> Credit:
     if len(sample) != _CREDIT.size or not sample.startswith(ENCAPSULATION):
         raise DecodeError(f"not a credit: {len(sample)} bytes")
     return Credit._make(_CREDIT.unpack(sample)[1:])
-
-
-_new: Any = tuple.__new__
-"""Makes a named tuple of what was unpacked, in half the time that its own constructor takes."""
-
-
-def _unreadable(sample: bytes) -> DecodeError:
-    return DecodeError(f"not a version {VERSION} sample in little-endian XCDR1: {len(sample)} bytes")
 
 
 # -- messages -----------------------------------------------------------------

@@ -11,8 +11,8 @@ from ...wire import names
 class Token(NamedTuple):
     """One link, as all can see it: `rc_lv/<domain>/<role>/<traits>/<fingerprint>/<pid>/<link>/<channel>`.
 
-    Traits: `r` reliable, `l` latched, `-` neither. A `*` in the channel is written as a dot. `since`
-    is not told, but noted here: the version of the table in which it came.
+    Traits: those of its QoS (`contract.qos`), `-` if it has none. A `*` in the channel is written as a
+    dot. `since` is not told, but noted here: the version of the table in which it came.
     """
 
     role: str

@@ -6,12 +6,13 @@ import threading
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import zenoh
 
-from ...contract.qos import History
+from ...contract.qos import History, Reliability, from_traits, traits
 from ...errors import Timeout
 from ...wire.codec import Payload
 from ...wire.header import (
@@ -22,9 +23,11 @@ from ...wire.header import (
 from ..base import (
     Channel,
     Sink,
+    Source,
 )
 from ..crew import Lane
 from ..ledger import Ledger
+from ..reception import TOO_OLD, Reception
 from .credit import Credit
 from .link import Link, Receiving, depth_of, within
 from .messages import BLOCK, DROP, Message, octets
@@ -41,7 +44,7 @@ class Publisher(Link):
         super().__init__(transport, channel)
         qos = channel.qos
         lossless = qos.reliable or qos.history is History.KEEP_ALL
-        self.traits = "".join(("r" * lossless, "l" * qos.latched)) or "-"
+        self.traits = traits(replace(qos, reliability=Reliability.RELIABLE) if lossless else qos)
         self._lossless = lossless
         self._readers: tuple[int, dict[int, int]] = -1, {}
         self._credit = Credit(depth_of(channel), self._reliable_readers)
@@ -107,22 +110,30 @@ class Subscriber(Receiving):
         super().__init__(transport, channel)
         qos = channel.qos
         self._lossless = qos.reliable or qos.history is History.KEEP_ALL
-        self.traits = "".join(("r" * self._lossless, "l" * qos.latched)) or "-"
+        self.traits = traits(replace(qos, reliability=Reliability.RELIABLE) if self._lossless else qos)
         self._ledger = Ledger(self.stats, ordered=True)
         self.lane = Lane(
             channel.name, lambda p: sink(p.to_bytes()), depth_of(channel), lossy=not self._lossless, stats=self.stats
         )
+        self._reception = Reception(channel, self.stats, self.lane.through)
+        self._channels: dict[int, str] = {}
+        """By publisher."""
         self._catching_up: dict[int, list[Message]] = {}
         self._caught_up: set[int] = set()
         self._heard: dict[int, int] = {}
 
     def look(self) -> None:
-        there = {token.link for token in self.counterparts()}
+        there = {token.link: token.channel for token in self.counterparts()}
+        self._channels = there
+        self._reception.meet(self.sources())
         if self.channel.qos.latched:
             with self._taking:
-                self._caught_up &= there
+                self._caught_up &= there.keys()
                 for source in there:
                     self._catch_up(source)
+
+    def sources(self) -> list[Source]:
+        return [Source(token.channel, from_traits(token.traits)) for token in self.counterparts()]
 
     def take(self, message: Message) -> tuple[int, int] | None:
         header = read_publication(octets(message.header))
@@ -132,7 +143,12 @@ class Subscriber(Receiving):
         if self.channel.qos.latched and not self._is_next(header, message):
             return None
         if self._ledger.admit(header.source, header.sequence):
-            self.lane.put(message.payload)
+            payload = message.payload
+            if self._reception.on:
+                name = self._channels.get(header.source, self.channel.name)
+                payload = self._reception.admit(name, header.stamp, payload)
+            if payload is not TOO_OLD:
+                self.lane.put(payload)
         return (header.source, header.sequence) if self._lossless else None
 
     def _is_next(self, header: Publication, message: Message) -> bool:

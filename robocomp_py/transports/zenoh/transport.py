@@ -26,6 +26,7 @@ from ...wire.header import (
     random_id,
 )
 from ..base import (
+    ANY_QOS,
     Capability,
     Channel,
     Service,
@@ -70,7 +71,7 @@ class ZenohTransport:
     def __init__(self, config: TransportConfig) -> None:
         connect, self.domain = _options(config)
         self.codec: Codec = Cdr()
-        self.capabilities = Capability.RELIABLE | Capability.LATCHED | Capability.CROSS_PROCESS
+        self.capabilities = ANY_QOS | Capability.CROSS_PROCESS
         if connect and not connect.startswith("unix"):
             self.capabilities |= Capability.CROSS_HOST
         self.owner, self.incarnation = config.owner, random_id()

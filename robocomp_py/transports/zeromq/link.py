@@ -8,6 +8,7 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
+from ...contract.qos import traits
 from ...errors import (
     Closed,
     ContractMismatch,
@@ -82,7 +83,8 @@ class Link:
 
     def announce(self, address: str = "") -> None:
         kind = self.channel.type
-        self._entry = Entry(self.role, self.channel.name, kind.fingerprint, kind.text, address)
+        offered = traits(self.channel.qos)
+        self._entry = Entry(self.role, self.channel.name, kind.fingerprint, kind.text, address, offered)
         self.transport.member.add(self._entry)
 
     def counterparts(self, *, strict: bool = False) -> list[tuple[Member, Entry]]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import zmq
 
-from ...contract.qos import History
+from ...contract.qos import History, from_traits
 from ...errors import (
     DecodeError,
     Timeout,
@@ -25,10 +25,12 @@ from ...wire.header import (
 from ..base import (
     Channel,
     Sink,
+    Source,
     TypeRef,
 )
 from ..crew import Job, Lane
 from ..ledger import Ledger
+from ..reception import TOO_OLD, Reception
 from .frames import OWN_TOPIC_BYTES, Frames, joined, read_publication_frames, topic
 from .link import Link
 from .sockets import Socket, as_transport_error, persist
@@ -58,7 +60,7 @@ class Publisher(Link):
         self._socket = self.transport.socket(
             zmq.XPUB, self._on_subscription, SNDHWM=depth, XPUB_VERBOSER=1, XPUB_NODROP=int(qos.reliable)
         )
-        path = self.transport.member.address(f"{self._source & 0xFFFFFF:06x}")
+        path = self.transport.member.address(_ending(self._source))
         with as_transport_error(f"binding {path}"), self._socket.lock:
             self._socket.raw.bind(f"ipc://{path}")
         self.announce(f"ipc://{path}")
@@ -124,8 +126,11 @@ class Subscriber(Link):
         qos = channel.qos
         self._depth = KEEP_ALL_DEPTH if qos.history is History.KEEP_ALL else qos.depth
         self._lane = Lane(channel.name, sink, self._depth, lossy=not qos.reliable, stats=self.stats)
+        self._reception = Reception(channel, self.stats, self._lane.through)
         self._ledger = Ledger(self.stats, ordered=True)
         self._connected: dict[str, str] = {}
+        self._channels: dict[str, str] = {}
+        """By what the address of a publisher ends with."""
         self._paused = False
 
     def open(self) -> None:
@@ -138,7 +143,10 @@ class Subscriber(Link):
     def look(self) -> bool:
         assert self._socket
         with self._socket.lock:  # also while looking: of two who look, the later one must not connect the earlier
-            there = {entry.address: entry.channel for _, entry in self.counterparts()}
+            found = self.counterparts()
+            there = {entry.address: entry.channel for _, entry in found}
+            self._channels = {address[-6:]: channel for address, channel in there.items()}
+            self._reception.meet(Source(entry.channel, from_traits(entry.traits)) for _, entry in found)
             if self._socket.closed:
                 return True
             for address in self._connected.keys() - there.keys():
@@ -154,6 +162,10 @@ class Subscriber(Link):
                 self._connected[address] = there[address]
         self.transport.attend(self._socket)
         return True
+
+    def sources(self) -> list[Source]:
+        alive = self.transport.directory.alive
+        return [Source(e.channel, from_traits(e.traits)) for m, e in self.counterparts() if alive(m.id)]
 
     def visible(self) -> bool:
         publishers = self.counterparts(strict=True)
@@ -188,9 +200,19 @@ class Subscriber(Link):
         if header.fingerprint != self.channel.type.fingerprint:
             self.report_mismatch(header.source, TypeRef("", header.fingerprint))
             return False
-        return self._ledger.admit(header.source, header.sequence) and self._lane.put(payload)
+        if not self._ledger.admit(header.source, header.sequence):
+            return False
+        if self._reception.on:
+            name = self._channels.get(_ending(header.source), self.channel.name)
+            payload = self._reception.admit(name, header.stamp, payload)
+        return payload is not TOO_OLD and self._lane.put(payload)
 
     def _drain(self) -> None:
         self._lane.drain()
         if self._paused and self._socket:
             self.transport.attend(self._socket)
+
+
+def _ending(source: int) -> str:
+    """What the address of a publisher ends with."""
+    return f"{source & 0xFFFFFF:06x}"

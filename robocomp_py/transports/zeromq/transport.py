@@ -24,6 +24,7 @@ from ...wire.header import (
 )
 from ...wire.messagepack import MessagePack
 from ..base import (
+    ANY_QOS,
     Capability,
     Channel,
     Service,
@@ -52,7 +53,7 @@ T = TypeVar("T")
 class ZeroMQTransport:
     """Option `bind`: TCP address at which operations are served as well, `tcp://127.0.0.1:5555`."""
 
-    capabilities = Capability.RELIABLE | Capability.LATCHED | Capability.CROSS_PROCESS
+    capabilities = ANY_QOS | Capability.CROSS_PROCESS
 
     def __init__(self, config: TransportConfig) -> None:
         self._bind = options_of(config, bind="")["bind"]

@@ -1,0 +1,199 @@
+"""What components compute while nothing much happens, from what the kernel counts for their processes.
+
+Idle: `components/speech`, which nobody calls; its `compute` runs ten times a second, and has nothing to do.
+Busy: a publisher, whose `compute` runs a hundred times a second and sends 1 KB, and a subscriber, both generated
+here and written as their users would. Nothing is measured until they have settled.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from .goals import Finding
+from .ours import options
+from .pair import place
+from .parties import PATIENCE
+from .process import ROOT, cpu_seconds, running
+from .query import Tell
+from .rounds import Effort
+from .tables import Table
+
+IDLE, BUSY = 0.3, 6.0
+"""Goals, in % of one core."""
+
+HERTZ, SIZE = 100, 1024
+SETTLED = 1.0
+"""Seconds after `ready` in which caches fill, and links are made."""
+
+_SOUND = "module Benchmark { interface Sound { void heard(sequence<byte> data); }; };\n"
+_CDSL = """\
+import "Sound.idsl";
+
+Component {name}
+{{
+    Communications {{ {verb} Sound; }};
+    language python;
+}};
+"""
+_TALKER = f"""\
+import numpy as np
+
+from .generic.genericworker import GenericWorker
+
+
+class SpecificWorker(GenericWorker):
+    def initialize(self) -> None:
+        self.data = np.arange({SIZE}, dtype=np.uint16).astype(np.uint8)
+
+    def compute(self) -> None:
+        self.sound_proxy.heard(self.data)
+"""
+_LISTENER = """\
+import os
+
+from .generic.genericworker import GenericWorker
+
+
+class SpecificWorker(GenericWorker):
+    heard = 0
+
+    def compute(self) -> None:
+        pass
+
+    def Sound_heard(self, data) -> None:
+        self.heard += 1
+
+    def finish(self) -> None:
+        with open(os.environ["HEARD"], "w") as file:
+            file.write(str(self.heard))
+"""
+
+
+@dataclass(frozen=True)
+class Row:
+    """In % of one core. Of a middleware that joins only threads there is no pair of processes."""
+
+    middleware: str
+    idle: float
+    publisher: float | None = None
+    subscriber: float | None = None
+
+    @property
+    def both(self) -> float | None:
+        return None if self.publisher is None or self.subscriber is None else self.publisher + self.subscriber
+
+
+def run(middlewares: Iterable[str], effort: Effort, tell: Tell) -> list[Row]:
+    chosen = tuple(middlewares)
+    tell("cpu · idle")
+    idle = _idle(chosen, effort.watched)
+    rows = []
+    with tempfile.TemporaryDirectory(prefix="rc-", dir="/tmp") as folder:
+        _generate(Path(folder))
+        for middleware in chosen:
+            if middleware == "inproc":
+                rows.append(Row(middleware, idle[middleware]))
+                continue
+            tell(f"cpu · {middleware}")
+            rows.append(Row(middleware, idle[middleware], *_busy(middleware, Path(folder), effort.watched)))
+    return rows
+
+
+def _idle(middlewares: tuple[str, ...], seconds: float) -> dict[str, float]:
+    """All at once: they do not disturb each other."""
+    with contextlib.ExitStack() as undo:
+        pids = [undo.enter_context(component("speech", ROOT / "components", middleware)) for middleware in middlewares]
+        return dict(zip(middlewares, _shares(pids, seconds), strict=True))
+
+
+def _busy(middleware: str, folder: Path, seconds: float) -> list[float]:
+    count = folder / "heard"
+    with contextlib.ExitStack() as undo:
+        here = undo.enter_context(place())
+        both = [
+            undo.enter_context(component(name, folder, middleware, *more, runtime=here.folder, HEARD=str(count)))
+            for name, more in (("listener", ()), ("talker", (f"component.period={1 / HERTZ}",)))
+        ]
+        shares = _shares(both, seconds)
+    heard, expected = int(count.read_text()), seconds * HERTZ
+    if heard < expected / 2:
+        raise RuntimeError(f"{middleware}: {heard} messages were heard in {seconds:g} s, not {expected:g}")
+    return shares[::-1]
+
+
+def _shares(pids: list[int], seconds: float) -> list[float]:
+    """% of one core that each used in so many seconds, once all have settled."""
+    time.sleep(min(SETTLED, seconds))
+    begun, before = time.monotonic(), [cpu_seconds(pid) for pid in pids]
+    time.sleep(seconds)
+    passed, after = time.monotonic() - begun, [cpu_seconds(pid) for pid in pids]
+    return [(late - early) / passed * 100 for early, late in zip(before, after, strict=True)]
+
+
+@contextlib.contextmanager
+def component(
+    name: str, folder: Path, middleware: str, *settings: str, runtime: str = "", **environment: str
+) -> Iterator[int]:
+    """The process of a component that is ready; it meets others in the same run-time folder."""
+    with contextlib.ExitStack() as undo:
+        here = undo.enter_context(place())
+        command = [sys.executable, "-m", name, "--middleware", middleware, "--set", "component.log=warning"]
+        transport = (f"transports.{middleware}.{key}={value}" for key, value in options(middleware, here).items())
+        for each in (*settings, *transport):
+            command += ["--set", each]
+        address = f"{here.folder}/notify"
+        told = undo.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM))
+        told.bind(address)
+        told.settimeout(3 * PATIENCE)
+        own = {"NOTIFY_SOCKET": address, "ROBOCOMP_RUNTIME_DIR": runtime or here.folder, "PYTHONDONTWRITEBYTECODE": "1"}
+        process = undo.enter_context(running(command, cwd=folder, env=os.environ | own | environment))
+        while b"READY=1" not in told.recv(4096):
+            pass
+        yield process.pid
+
+
+def _generate(folder: Path) -> None:
+    """Two components: their generated parts by `rcgen`, their specific parts from here."""
+    (folder / "Sound.idsl").write_text(_SOUND, encoding="utf-8")
+    for name, verb, code in (("talker", "publishes", _TALKER), ("listener", "subscribesTo", _LISTENER)):
+        model = folder / f"{name}.cdsl"
+        model.write_text(_CDSL.format(name=name, verb=verb), encoding="utf-8")
+        command = [sys.executable, "-m", "robocomp_py.cli.rcgen", str(model), "-o", str(folder / name)]
+        subprocess.run(command, check=True, cwd=ROOT, stdout=subprocess.DEVNULL)
+        (folder / name / "specificworker.py").write_text(code, encoding="utf-8")
+
+
+def table(rows: list[Row]) -> Table:
+    head = ("", "idle", "goal", "publisher", "subscriber", "both", "goal")
+    cells = [
+        (
+            row.middleware,
+            _percent(row.idle),
+            f"≤ {IDLE:g} %: {'met' if row.idle <= IDLE else 'missed'}",
+            *(_percent(each) for each in (row.publisher, row.subscriber, row.both)),
+            "" if row.both is None else f"≤ {BUSY:g} %: {'met' if row.both <= BUSY else 'missed'}",
+        )
+        for row in rows
+    ]
+    return Table("cpu", f"share of one core: idle, and {SIZE} B at {HERTZ} Hz", head, cells, labels=1)
+
+
+def findings(rows: list[Row]) -> list[Finding]:
+    found = [Finding("idle", row.middleware, "", _percent(row.idle), row.idle <= IDLE) for row in rows]
+    for row in rows:
+        if row.both is not None:
+            found.append(Finding("busy", row.middleware, "", _percent(row.both), row.both <= BUSY))
+    return found
+
+
+def _percent(share: float | None) -> str:
+    return "–" if share is None else f"{share:.2f} %"

@@ -1,0 +1,97 @@
+"""`rc links`: what carries the messages between the instances of a network."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .common import FINE, USAGE, WRONG, show
+from .network import add_overrides, overrides_of, tell_notes
+
+if TYPE_CHECKING:
+    from ..deploy.auto import Way
+
+NAME = "links"
+HELP = "show what carries the messages of a network, link by link"
+
+
+_EXAMPLES = """\
+examples:
+  rc links net.ddsl                            what `rcdeploy net.ddsl` would choose
+  rc links net.ddsl --middleware 'auto(dds)'   ... with DDS where nothing faster can be had
+  rc links net.ddsl --json                     one link a line, for machines
+
+exit status: 0 fine, 1 the network is wrong, 2 usage
+"""
+
+
+def add_arguments(to: argparse.ArgumentParser) -> None:
+    to.description = (
+        "Show which mechanism carries each operation between each two instances, and why: objects within one "
+        "process, shared memory on one host, else a middleware."
+    )
+    to.epilog = _EXAMPLES
+    to.formatter_class = argparse.RawDescriptionHelpFormatter
+    to.add_argument("network", type=Path, metavar="NET.ddsl", help="the network")
+    to.add_argument("--json", action="store_true", help="one link a line, for machines")
+    add_overrides(to)
+
+
+def run(options: argparse.Namespace) -> int:
+    from ..deploy.auto import usable
+    from ..deploy.plan import make_plan
+    from ..dsl.workspace import Workspace
+
+    try:
+        overrides = overrides_of(options)
+    except ValueError as exc:
+        print(f"rc links: {exc}", file=sys.stderr)
+        return USAGE
+    workspace = Workspace(options.include)
+    plan = make_plan(options.network, workspace, overrides, usable)
+    show(workspace.report.diagnostics, as_json=options.json and plan is None)
+    if plan is None:
+        return WRONG
+    if options.json:
+        for way in plan.ways:
+            print(json.dumps(asdict(way)))
+        return FINE
+    _print(plan.ways)
+    tell_notes(plan)
+    return FINE
+
+
+def _print(ways: Sequence[Way]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    if not ways:
+        print("no instance of this network uses another one")
+        return
+    table = Table(box=None, pad_edge=False)
+    for column in ("instance", "uses", "of", "over", "why"):
+        table.add_column(column, no_wrap=column != "why")
+    for way, what in _together(ways):
+        table.add_row(way.client, what, way.provider, way.middleware, way.why)
+    console = Console(highlight=False)
+    console.print(table, width=None if console.is_terminal else 200)
+
+
+def _together(ways: Sequence[Way]) -> list[tuple[Way, str]]:
+    """The operations between two ports that go the same way as one line, and what to call them."""
+    found: dict[tuple[str, ...], list[Way]] = {}
+    for way in ways:
+        found.setdefault((way.client, way.port, way.verb, way.provider, way.middleware, way.why), []).append(way)
+    pairs = Counter((key[0], key[1], key[2], key[3]) for key in found)
+    lines = []
+    for key, (way, *others) in found.items():
+        operations = (way.operation, *(other.operation for other in others))
+        is_whole = pairs[key[0], key[1], key[2], key[3]] == 1
+        lines += [(way, way.port)] if is_whole else [(way, f"{way.port}.{name}") for name in operations]
+    return lines

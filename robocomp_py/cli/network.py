@@ -1,0 +1,66 @@
+"""What commands that read a network (.ddsl) have in common: the options that change it."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING
+
+from .common import add_include
+
+if TYPE_CHECKING:
+    from ..deploy.plan import Overrides, Plan
+
+
+def add_overrides(to: argparse.ArgumentParser) -> None:
+    to.add_argument(
+        "--middleware",
+        metavar="NAME",
+        help="what carries the messages, whatever the network says; auto, or 'auto(dds)': the fastest for each link "
+        "(default: what the network says, or else auto)",
+    )
+    to.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="INSTANCE.KEY=VALUE",
+        help="set a key of an instance's configuration; may be repeated",
+    )
+    add_include(to)
+
+
+def overrides_of(options: argparse.Namespace) -> Overrides:
+    """What the options say. Raises ValueError, for people, if one is wrong."""
+    from ..deploy.plan import Overrides
+
+    _check_middleware(options.middleware)
+    return Overrides(options.middleware, tuple(map(_assignment, options.set)))
+
+
+def tell_notes(plan: Plan) -> None:
+    """Say why something does not go the fastest way. That nobody can read it is no reason not to go on."""
+    try:
+        for note in plan.notes:
+            print(f"note: {note}", file=sys.stderr, flush=True)
+    except OSError:
+        from ..deploy.terminal import discard
+
+        discard(sys.stderr)
+
+
+def _check_middleware(name: str | None) -> None:
+    """Whether a middleware can carry a network: if not, the option is wrong, and not a file."""
+    from ..deploy.routes import unfit
+    from ..runtime.settings import carrier
+
+    carried = carrier(name, "")
+    fault = unfit(carried) if carried else None
+    if fault:
+        raise ValueError(f"--middleware {name}: {fault}")
+
+
+def _assignment(text: str) -> tuple[str, str]:
+    instance, dot, assignment = text.partition(".")
+    if not dot or "=" not in assignment or "=" in instance:
+        raise ValueError(f"--set {text}: write it as INSTANCE.KEY=VALUE, as in world.component.period=0.02")
+    return instance, assignment

@@ -1,0 +1,235 @@
+"""The best way for each link of a network, by where its two ends are.
+
+    in one process      `inproc`: objects, no bytes
+    on one host         `shm`: shared memory
+    else                the middleware that the provider is always reached by, also from outside of the network
+
+This holds for ends that leave the choice open (nobody named a middleware for them, or `auto`). An
+end that names one decides for the other, too. What is chosen becomes settings of the instances: a
+provider offers what its links need beside what it offers anyway, and who uses it gets one way to
+each provider.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+
+from ..contract.component import Port
+from ..contract.interface import Pattern, Verb
+from ..errors import ConfigurationError, TransportError
+from ..transports.base import Capability, Channel, TransportConfig, TypeRef, find_transport, needs
+from .routes import Configured, providers, unfit
+
+INPROC, SHM = "inproc", "shm"
+
+Usable = Callable[[str], str]
+"""Why a middleware cannot be used on this host; "" if it can."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """What carries one operation between two instances."""
+
+    client: str
+    port: str
+    """As the CDSL of the client has it."""
+    provider: str
+    verb: Verb
+    interface: str
+    operation: str
+    middleware: str
+    why: str
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The ways of a network, and the settings that make them so."""
+
+    ways: tuple[Way, ...] = ()
+    settings: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """By instance, `key=value`."""
+    notes: tuple[str, ...] = ()
+    """Which better ways could not be taken, and why: a line each."""
+
+
+def installed_here(middleware: str) -> str:
+    """Whether a middleware can be used, as far as can be told without opening it."""
+    fault = unfit(middleware)
+    return fault.message if fault else ""
+
+
+@cache
+def usable(middleware: str) -> str:
+    """Whether a middleware can be used: it is opened, once, and closed again."""
+    reason = installed_here(middleware)
+    if reason or middleware == INPROC:
+        return reason
+    try:
+        find_transport(middleware)(TransportConfig(owner="rcdeploy")).close()
+    except (TransportError, ConfigurationError, OSError) as exc:
+        return str(exc)
+    return ""
+
+
+def choose(configured: Sequence[Configured], usable: Usable = installed_here) -> Choice:
+    """The best ways between instances. What is wrong with their wiring is not our business: see `check_routes`."""
+    chooser = _Chooser(usable)
+    for client in configured:
+        for port, operation, pattern in _operations(client, providing=False):
+            for server, offers in providers(client, port, operation, configured):
+                for theirs in offers:
+                    chooser.link(_Link(client, port, operation, pattern, server, theirs))
+    settings = {each.name: tuple(chooser.settings(each)) for each in configured}
+    ways = tuple(each.way for each in chooser.links)
+    return Choice(ways, {name: assignments for name, assignments in settings.items() if assignments}, chooser.notes())
+
+
+def _operations(each: Configured, *, providing: bool) -> Iterator[tuple[Port, str, Pattern]]:
+    for port in each.component.ports:
+        if port.verb.provides is providing:
+            yield from ((port, operation.name, pattern) for operation, pattern in port.interface.under(port.verb))
+
+
+@dataclass(frozen=True)
+class _Link:
+    client: Configured
+    port: Port
+    operation: str
+    pattern: Pattern
+    server: Configured
+    theirs: Port
+
+    def named(self) -> tuple[str, str]:
+        """The middleware that an end names, and where; "" if both leave it open."""
+        for end, port in ((self.client, self.port), (self.server, self.theirs)):
+            if name := end.named(port, self.operation):
+                return name, f"{end.name}: {end.origin(port, self.operation)}"
+        return "", ""
+
+    def lacks(self, middleware: str) -> str:
+        """What a middleware does not offer of the QoS of either end."""
+        offered = getattr(find_transport(middleware), "capabilities", Capability.NONE)
+        wanted = Capability.NONE
+        for end, port in ((self.client, self.port), (self.server, self.theirs)):
+            wanted |= needs(Channel("", self.pattern, TypeRef(""), end.qos(port, self.operation)))
+        return ", ".join(str(each.name).lower() for each in wanted & ~offered)
+
+    @property
+    def source(self) -> str:
+        """The `from` by which the client means this provider and nobody else."""
+        segment = self.server.component.segment(self.theirs)
+        return self.server.name if segment == self.port.interface.short else f"{self.server.name}/{segment}"
+
+
+@dataclass(frozen=True)
+class _Chosen:
+    link: _Link
+    way: Way
+
+
+class _Chooser:
+    def __init__(self, usable: Usable) -> None:
+        self._usable = usable
+        self.links: list[_Chosen] = []
+        self._instead: Counter[tuple[str, str, str]] = Counter()
+        """How many links go by something else than the middleware that is named first, and why."""
+
+    def link(self, link: _Link) -> None:
+        middleware, why = self._best(link)
+        names = link.client.name, link.port.label, link.server.name, link.port.verb, link.port.interface.short
+        self.links.append(_Chosen(link, Way(*names, link.operation, middleware, why)))
+
+    def _best(self, link: _Link) -> tuple[str, str]:
+        middleware, origin = link.named()
+        if middleware:
+            return middleware, f"named ({origin})"
+        network = link.server.middleware(link.theirs, link.operation)
+        hindered: list[tuple[str, str]] = []
+        for better, here, why in (
+            (INPROC, link.client.is_with(link.server), "one process"),
+            (SHM, True, "one host"),
+        ):
+            if not here:
+                continue
+            hindrance = self._hindrance(better, link)
+            if not hindrance:
+                self._instead.update((which, reason, better) for which, reason in hindered)
+                return better, why
+            hindered.append((better, hindrance))
+        self._instead.update((which, reason, network) for which, reason in hindered)
+        return network, "; ".join(f"no {which}: {reason}" for which, reason in hindered)
+
+    def _hindrance(self, middleware: str, link: _Link) -> str:
+        if reason := self._usable(middleware):
+            return reason
+        lacking = link.lacks(middleware)
+        return f"it does not offer {lacking}" if lacking else ""
+
+    def notes(self) -> tuple[str, ...]:
+        return tuple(
+            f"{which} is not used for {count} {'operation' if count == 1 else 'operations'}, which "
+            f"{'goes' if count == 1 else 'go'} over {instead or 'what was generated for'} instead: {reason}"
+            for (which, reason, instead), count in self._instead.items()
+        )
+
+    # Settings.
+
+    def settings(self, each: Configured) -> Iterator[str]:
+        """What makes the ways of an instance what they are, port by port, or operation by operation."""
+        for port in each.component.ports:
+            wanted = {
+                operation.name: self._offered(each, port, operation.name)
+                if port.verb.provides
+                else self._used(each, port, operation.name)
+                for operation, _ in port.interface.under(port.verb)
+            }
+            if len(set(wanted.values())) == 1:
+                wanted = {"": next(iter(wanted.values()))}
+            for operation, keys in wanted.items():
+                at = f"ports.{port.name}.{operation}" if operation else f"ports.{port.name}"
+                yield from (f"{at}.{key}" for key in keys)
+
+    def _offered(self, server: Configured, port: Port, operation: str) -> tuple[str, ...]:
+        """What a provider needs beside what it offers anyway."""
+        if server.named(port, operation):
+            return ()
+        always = server.middleware(port, operation)
+        used = {
+            each.way.middleware
+            for each in self.links
+            if each.link.server is server and each.link.theirs is port and each.link.operation == operation
+        }
+        also = sorted(used - {always, ""}, key=lambda name: (name != INPROC, name != SHM, name))
+        return (f"also={_toml(also)}",) if also else ()
+
+    def _used(self, client: Configured, port: Port, operation: str) -> tuple[str, ...]:
+        """The way of a client to each of its providers."""
+        links = [
+            each
+            for each in self.links
+            if each.link.client is client and each.link.port is port and each.link.operation == operation
+        ]
+        used = list(dict.fromkeys(each.way.middleware for each in links))
+        if client.named(port, operation) or not links or used == [client.middleware(port, operation)]:
+            return ()
+        if len(used) == 1:
+            return (f"middleware={used[0]}",)
+        if port.verb is Verb.REQUIRES:
+            return ()  # of several providers nobody knows which is meant
+        first, *others = links
+        also = [{"from": each.link.source, "middleware": each.way.middleware} for each in others]
+        return f"middleware={first.way.middleware}", f"from={first.link.source}", f"also={_toml(also)}"
+
+
+def _toml(value: Sequence[str] | Sequence[Mapping[str, str]]) -> str:
+    inner = (
+        json.dumps(each)
+        if isinstance(each, str)
+        else "{ " + ", ".join(f"{key} = {json.dumps(text)}" for key, text in each.items()) + " }"
+        for each in value
+    )
+    return f"[{', '.join(inner)}]"

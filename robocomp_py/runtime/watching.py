@@ -1,0 +1,136 @@
+"""The watches of one component, and the thread that looks at them; there is none if no port asks for any.
+
+A port of a topic is watched if its QoS has a `deadline` or a `lease`: of what it subscribes to, the
+messages as they come in, and who sends them; of what it publishes, the messages as they are sent.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Mapping
+
+from ..contract.component import Port
+from ..contract.interface import Pattern
+from ..contract.qos import Liveliness, QoS
+from ..errors import RobocompError
+from ..transports.base import Link, Source
+from .watch import Lost, Missed, Watch
+
+log = logging.getLogger("robocomp.worker")
+
+_STUCK = 5.0
+"""Seconds for which closing waits for a hook that is running."""
+
+Tell = Callable[[Port, str, "Missed | Lost"], object]
+"""Passes on what happened on an operation of a port; may wait for its turn."""
+
+
+class Watched:
+    """One operation of a port, over whatever links it goes."""
+
+    def __init__(self, port: Port, operation: str, qos: QoS, wake: Callable[[], object]) -> None:
+        self.port, self.operation, self.qos = port, operation, qos
+        self._wake = wake
+        self._lock = threading.Lock()
+        self._watch = Watch(qos)
+        self._links: list[Link] = []
+        self._own: dict[str, QoS] = {}
+
+    def add(self, link: Link) -> None:
+        """By this link messages come in."""
+        self._links.append(link)
+
+    def publishes(self, channel: str) -> None:
+        """There messages are sent; they are told to `heard`."""
+        self._own[channel] = self.qos
+
+    def heard(self, channel: str) -> None:
+        """A message came in or went out. From any thread."""
+        with self._lock:
+            news = self._watch.heard(channel, time.monotonic())
+        if news:
+            self._wake()
+
+    def due(self) -> float:
+        with self._lock:
+            return self._watch.due()
+
+    def look(self) -> list[Missed | Lost]:
+        there = self._sources()  # without the lock: whoever holds locks of a transport may be about to tell us something
+        with self._lock:
+            return self._watch.look(time.monotonic(), lambda: there)
+
+    def totals(self) -> tuple[int, int]:
+        return self._watch.missed, self._watch.lost
+
+    def _sources(self) -> Mapping[str, QoS]:
+        there = dict(self._own)
+        for link in self._links:
+            sources: Callable[[], list[Source]] | None = getattr(link, "sources", None)
+            there |= dict(sources()) if sources else {}
+        return there
+
+
+class Watching:
+    def __init__(self, name: str, tell: Tell) -> None:
+        self._name, self._tell = name, tell
+        self._watched: list[Watched] = []
+        self._news = threading.Event()
+        self._closed = False
+        self._thread: threading.Thread | None = None
+
+    def of(self, port: Port, operation: str, pattern: Pattern, qos: QoS) -> Watched | None:
+        """The watch of an operation; None if its QoS asks for none."""
+        speaks = port.verb.has_proxy and qos.liveliness is Liveliness.AUTOMATIC  # it lives as long as we do
+        if pattern is not Pattern.PUBLISH or (qos.deadline is None and (qos.lease is None or speaks)):
+            return None
+        watched = Watched(port, operation, qos, self._news.set)
+        self._watched.append(watched)
+        return watched
+
+    def begin(self) -> None:
+        """Look from now on."""
+        if self._watched and self._thread is None:
+            self._thread = threading.Thread(target=self._run, name=f"{self._name}-watch")
+            self._thread.start()
+
+    def close(self) -> None:
+        self._closed = True
+        self._news.set()
+        if self._thread and self._thread is not threading.current_thread():
+            self._thread.join(_STUCK)
+            if self._thread.is_alive():
+                log.warning("%s: still in a handler after %g s; not waiting any longer", self._thread.name, _STUCK)
+        for each in self._watched:
+            missed, lost = each.totals()
+            if missed or lost:
+                what = f"{each.port.label}.{each.operation}"
+                log.info("%s: %d deadlines were missed, publishers lost %d times", what, missed, lost)
+        self._watched.clear()
+
+    def _run(self) -> None:
+        while not self._closed:
+            due = min((each.due() for each in self._watched), default=float("inf"))
+            wait = due - time.monotonic()
+            if wait > 0:
+                self._news.wait(min(wait, threading.TIMEOUT_MAX))
+                self._news.clear()
+                continue
+            for each in list(self._watched):
+                self._look(each)
+
+    def _look(self, each: Watched) -> None:
+        if each.due() > time.monotonic():
+            return
+        try:
+            found = each.look()
+        except RobocompError as exc:
+            if not self._closed:
+                log.warning("%s.%s: who publishes cannot be told now: %s", each.port.label, each.operation, exc)
+                self._news.clear()
+                self._news.wait(1.0)  # rather than again at once
+            return
+        for event in found:
+            self._tell(each.port, each.operation, event)

@@ -1,0 +1,505 @@
+"""What every transport must survive, as tests: processes that are killed or hang, and floods. A transport joins so:
+
+    class TestMyTransport(TransportFaults):
+        def open_transport(self) -> Transport:
+            return MyTransport(TransportConfig({...}))
+
+in a module that can be imported, since its other processes open a transport in the same way. What is demanded:
+
+    server killed       in the middle of a large reply: who asked gets all of it, or Unreachable or Timeout within its
+                        deadline; the next server answers
+    client killed       while the server writes: others are answered; what was acknowledged was executed, nothing twice
+    publisher killed    in the middle of a message: no part of one is delivered; the next publisher is heard
+    subscriber hangs    a best-effort publisher and its other subscribers notice nothing; a reliable one gives up at
+                        its deadline, and goes on once the subscriber was killed; memory is bounded
+    flood               from another process, as fast as that goes: in order, nothing twice, every message accounted
+                        for, memory bounded; reliable: every message
+    the clock leaps     calls, their deadlines and topics do not notice
+    leftovers           of a killed process are gone after the next one that opened and closed
+
+Like `conformance`, nothing here judges speed. The rate of the floods is printed, for who wants to see it (`-rP`).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import queue
+import signal
+import threading
+import time
+import uuid
+from collections import Counter
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+import pytest
+
+from ..contract.qos import QoS, Reliability
+from ..errors import Timeout, Unreachable
+from ..transports.base import Caller, Capability, Outlet, Reply, Status, Transport
+from ..transports.directory import runtime_dir
+from ..wire.codec import Payload
+from .conformance import A_MOMENT, answering, blob, command, query, topic, unblob
+from .patience import SOON, wait_until
+
+LARGE = 6_000_000
+FLOOD = 3000
+"""Messages of MESSAGE octets: twice the memory that a flood may cost."""
+MESSAGE = 100_000
+MOST_MEMORY = 150_000_000
+
+Control: TypeAlias = "Connection[Any, Any]"
+Act: TypeAlias = Callable[[Transport, str, "Control"], None]
+"""What another process does, on a transport of its own; when it returns, that process ends properly."""
+
+
+class TransportFaults:
+    """Fill in `open_transport`, and `leftovers` if there may be some outside the run-time folder."""
+
+    def open_transport(self) -> Transport:
+        raise NotImplementedError
+
+    def leftovers(self) -> set[str]:
+        """Names of what open transports have in places that outlive their process."""
+        return {str(path) for path in runtime_dir().rglob("*")}
+
+    # What the tests use.
+
+    @pytest.fixture
+    def here(self) -> Iterator[Transport]:
+        transport = self.open_transport()
+        yield transport
+        transport.close()
+
+    @pytest.fixture
+    def there(self) -> Iterator[Transport]:
+        transport = self.open_transport()
+        yield transport
+        transport.close()
+
+    @pytest.fixture
+    def name(self) -> str:
+        return f"i{uuid.uuid4().hex[:12]}/Faults/op"
+
+    @pytest.fixture
+    def pool(self) -> Iterator[ThreadPoolExecutor]:
+        with ThreadPoolExecutor(4) as executor:
+            yield executor
+
+    @pytest.fixture
+    def start(self, name: str) -> Iterator[Callable[[Act], Other]]:
+        """Starts other processes; those that still run at the end are killed."""
+        with contextlib.ExitStack() as running:
+
+            def begin(act: Act) -> Other:
+                other = Other(type(self), name, act)
+                running.callback(other.kill)
+                return other
+
+            yield begin
+
+    # Processes that are killed.
+
+    @pytest.mark.parametrize("ask", ["ask", "call"])
+    def test_a_server_killed_in_a_large_reply_leaves_nobody_waiting(
+        self, here: Transport, there: Transport, name: str, ask: str, start: Start, pool: ThreadPoolExecutor
+    ) -> None:
+        caller = there.caller(query(name))
+        victim = start(_reply_and_die)
+        assert victim.heard() == "serving"
+        assert caller.wait_peer(SOON)
+        asking = pool.submit(_ask, there, caller, ask, b"6 MB", SOON / 2)
+        assert victim.heard() == "replying"
+        victim.join()
+        with contextlib.suppress(Unreachable, Timeout):
+            assert asking.result(SOON) == _large(1)
+        wait_until(lambda: _serve(here, name))
+        wait_until(lambda: _answered(there, caller, ask, b"next") == b"NEXT")
+
+    def test_a_client_killed_while_the_server_writes_hurts_no_other(
+        self, here: Transport, there: Transport, name: str, start: Start
+    ) -> None:
+        executed: Counter[bytes] = Counter()
+
+        def service(payload: Payload, expires: float) -> Reply:
+            data = unblob(here, payload)
+            executed[data] += 1
+            return Reply(Status.OK, blob(here, data if data.startswith(b"witness") else _large(2)))
+
+        here.server(query(name), service)
+        witness = there.caller(query(name))
+        assert witness.wait_peer(SOON)
+        victim = start(_ask_again_and_again)
+        acknowledged = [victim.heard() for _ in range(10)]
+        victim.kill()
+        asked = [b"witness %d" % number for number in range(20)]
+        assert [_ask(there, witness, "ask", each, SOON) for each in asked] == asked
+        acknowledged += victim.all_heard()
+        assert [number for number in acknowledged if executed[b"%d" % number] != 1] == []
+        assert max(executed.values()) == 1
+
+    def test_a_publisher_killed_in_a_message_leaves_no_part_of_it(
+        self, here: Transport, there: Transport, name: str, start: Start
+    ) -> None:
+        heard: queue.Queue[tuple[int, int, int]] = queue.Queue()
+
+        def sink(payload: Payload) -> None:
+            data = np.frombuffer(unblob(here, payload), np.uint8)
+            heard.put((len(data), int(data.min()), int(data.max())))
+
+        here.inlet(topic(name), sink)
+        victim = start(_publish_again_and_again)
+        seen = [heard.get(timeout=SOON) for _ in range(5)]
+        victim.kill()
+        outlet = there.outlet(topic(name))
+        assert outlet.wait_peer(SOON)
+
+        def the_next_is_heard() -> bool:
+            outlet.send(blob(there, b"\0"))
+            while not heard.empty():
+                seen.append(heard.get())
+            return seen[-1][0] == 1
+
+        wait_until(the_next_is_heard)
+        assert {size for size, _, _ in seen} == {LARGE, 1}
+        assert [least for _, least, _ in seen] == [most for _, _, most in seen]
+
+    def test_who_hangs_is_not_waited_for_beyond_what_reliable_demands(
+        self, here: Transport, there: Transport, name: str, start: Start
+    ) -> None:
+        loose, strict = topic(name, QoS(depth=4)), topic(name + "r", QoS(Reliability.RELIABLE, depth=4))
+        reliable = Capability.RELIABLE in here.capabilities
+        outlets = [here.outlet(loose), *([here.outlet(strict)] if reliable else [])]
+        victim = start(_listen)
+        assert victim.heard() == "listening"
+        for outlet in outlets:
+            assert outlet.wait_peer(SOON)
+            wait_until(lambda outlet=outlet: _heard_of(here, outlet, victim))  # type: ignore[misc]
+        others: list[int] = []
+        there.inlet(loose, lambda payload: others.append(len(unblob(there, payload))))
+        wait_until(lambda: (outlets[0].send(blob(here, b"")), others)[1])
+        before = memory()
+        victim.stop()
+        large = blob(here, bytes(MESSAGE))
+        for _ in range(FLOOD):
+            outlets[0].send(large)
+        wait_until(lambda: (outlets[0].send(blob(here, b"end")), 3 in others)[1])
+        assert memory() - before < MOST_MEMORY
+        for outlet in outlets[1:]:
+            with pytest.raises(Timeout):
+                _send_many(outlet, large)
+        victim.kill()
+        for outlet in outlets:
+            wait_until(lambda outlet=outlet: _taken(outlet, large))  # type: ignore[misc]
+
+    def test_what_a_killed_process_left_is_gone_after_the_next_one(self, name: str, start: Start) -> None:
+        before = self.leftovers()
+        victim = start(_open_everything)
+        assert victim.heard() == "open"
+        victim.kill()
+        transport = self.open_transport()
+        _everything(transport, name)
+        transport.close()
+        assert self.leftovers() - before == set()
+
+    # Floods.
+
+    def test_of_a_flood_every_message_is_accounted_for(self, here: Transport, name: str, start: Start) -> None:
+        delivered: list[int] = []
+
+        def sink(payload: Payload) -> None:
+            delivered.append(int(unblob(here, payload)[:8]))
+            if delivered[-1] % 10 == 0:
+                time.sleep(0.002)  # so that it is too slow for them
+
+        link = here.inlet(topic(name, QoS(depth=4)), sink)
+        sender = start(_flood)
+        wait_until(lambda: delivered)
+        before = memory()
+        sender.tell("go")
+        print("best effort:", sender.heard())
+        wait_until(lambda: delivered[-1] > FLOOD)
+        sender.tell("enough")
+        last = sender.heard()
+        wait_until(lambda: delivered[-1] == last)
+        first = delivered[0]
+        wait_until(lambda: link.stats.received + link.stats.dropped + link.stats.lost == last - first + 1)
+        assert memory() - before < MOST_MEMORY
+        assert delivered == sorted(set(delivered))
+        assert (link.stats.received, link.stats.repeated) == (len(delivered), 0)
+
+    def test_of_a_reliable_flood_every_message_arrives(self, here: Transport, name: str, start: Start) -> None:
+        if Capability.RELIABLE not in here.capabilities:
+            return  # refused, as the conformance suite shows
+        delivered: list[int] = []
+        channel = topic(name, QoS(Reliability.RELIABLE, depth=16))
+        link = here.inlet(channel, lambda payload: delivered.append(int(unblob(here, payload)[:8])))
+        sender = start(_flood_reliably)
+        wait_until(lambda: delivered)
+        before = memory()
+        sender.tell("go")
+        print("reliable:", sender.heard())
+        wait_until(lambda: delivered[-1] == FLOOD)
+        assert memory() - before < MOST_MEMORY
+        assert [number for number in delivered if number] == list(range(1, FLOOD + 1))
+        assert (link.stats.lost, link.stats.dropped, link.stats.repeated) == (0, 0, 0)
+
+    # Time.
+
+    def test_a_clock_that_leaps_breaks_no_deadline(
+        self, here: Transport, there: Transport, name: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        heard: queue.Queue[bytes] = queue.Queue()
+        here.server(query(name), _deaf_to(here, b"never"))
+        here.inlet(topic(name + "t"), lambda payload: heard.put(unblob(here, payload)))
+        caller, outlet = there.caller(query(name)), there.outlet(topic(name + "t"))
+        assert caller.wait_peer(SOON)
+        assert outlet.wait_peer(SOON)
+        true_ns = time.time_ns
+        for hours in (24, -24):
+            leap = hours * 3600 * 10**9
+            monkeypatch.setattr(time, "time_ns", lambda leap=leap: true_ns() + leap)
+            monkeypatch.setattr(time, "time", lambda leap=leap: (true_ns() + leap) / 1e9)
+            begun = time.monotonic()
+            with pytest.raises(Timeout):
+                _ask(there, caller, "call", b"never", A_MOMENT)
+            assert time.monotonic() - begun >= A_MOMENT * 0.9
+            for how in ("ask", "call"):
+                assert _ask(there, caller, how, b"soon", SOON) == b"soon"
+            outlet.send(blob(there, b"%d" % hours))
+            assert heard.get(timeout=SOON) == b"%d" % hours
+
+
+# -- other processes ----------------------------------------------------------
+
+
+class Other:
+    """Another process with a transport of its own."""
+
+    def __init__(self, suite: type[TransportFaults], name: str, act: Act) -> None:
+        spawn = multiprocessing.get_context("spawn")
+        self._control, theirs = spawn.Pipe()
+        self._process = spawn.Process(target=_live, args=(suite, name, act, theirs))
+        self._process.start()
+        theirs.close()
+
+    def tell(self, what: object) -> None:
+        self._control.send(what)
+
+    def heard(self) -> Any:
+        """What it says next."""
+        assert self._control.poll(SOON * 3)
+        return self._control.recv()
+
+    def all_heard(self) -> list[Any]:
+        """What it said before it ended."""
+        said = []
+        with contextlib.suppress(EOFError, ConnectionResetError):
+            while self._control.poll(0):
+                said.append(self._control.recv())
+        return said
+
+    def stop(self) -> None:
+        """It hangs from now on."""
+        assert self._process.pid is not None
+        os.kill(self._process.pid, signal.SIGSTOP)
+
+    def join(self) -> None:
+        """Wait until it has ended."""
+        self._process.join(SOON)
+        assert not self._process.is_alive()
+
+    def kill(self) -> None:
+        self._process.kill()
+        self._process.join()
+
+
+Start = Callable[[Act], Other]
+
+
+def _live(suite: type[TransportFaults], name: str, act: Act, control: Control) -> None:
+    transport = suite().open_transport()
+    try:
+        act(transport, name, control)
+    finally:
+        transport.close()
+
+
+def _until_told(control: Control) -> None:
+    """Or until who started us has gone."""
+    with contextlib.suppress(EOFError):
+        if control.poll(SOON * 10):
+            control.recv()
+
+
+def _reply_and_die(transport: Transport, name: str, control: Control) -> None:
+    reply = blob(transport, _large(1))
+
+    def service(payload: Payload, expires: float) -> Reply:
+        control.send("replying")
+        threading.Timer(0.001, os.kill, (os.getpid(), signal.SIGKILL)).start()  # it takes longer than that to write
+        return Reply(Status.OK, reply)
+
+    transport.server(query(name), service)
+    control.send("serving")
+    _until_told(control)
+
+
+def _ask_again_and_again(transport: Transport, name: str, control: Control) -> None:
+    caller, say = transport.caller(query(name)), threading.Lock()
+    assert caller.wait_peer(SOON)
+
+    def ask(numbers: range) -> None:
+        for number in numbers:
+            _ask(transport, caller, "ask", b"%d" % number, SOON)
+            with say:
+                control.send(number)
+
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(ask, (range(1, 100_000, 2), range(2, 100_000, 2))))
+
+
+def _publish_again_and_again(transport: Transport, name: str, control: Control) -> None:
+    outlet = transport.outlet(topic(name))
+    assert outlet.wait_peer(SOON)
+    messages = [blob(transport, _large(value)) for value in (1, 2, 3)]
+    while not control.poll(0):
+        for message in messages:
+            outlet.send(message)
+
+
+def _listen(transport: Transport, name: str, control: Control) -> None:
+    say = threading.Lock()
+
+    def heard(payload: Payload) -> None:
+        with say:
+            control.send(unblob(transport, payload))
+
+    transport.inlet(topic(name, QoS(depth=4)), heard)
+    if Capability.RELIABLE in transport.capabilities:
+        transport.inlet(topic(name + "r", QoS(Reliability.RELIABLE, depth=4)), heard)
+    with say:
+        control.send("listening")
+    _until_told(control)
+
+
+def _heard_of(transport: Transport, outlet: Outlet, listener: Other) -> bool:
+    outlet.send(blob(transport, b"hello"))
+    return bool(listener.all_heard())
+
+
+def _open_everything(transport: Transport, name: str, control: Control) -> None:
+    _everything(transport, name)
+    control.send("open")
+    _until_told(control)
+
+
+def _flood(transport: Transport, name: str, control: Control) -> None:
+    outlet, number = transport.outlet(topic(name, QoS(depth=4))), 0
+    assert outlet.wait_peer(SOON)
+    while not control.poll(0.005):  # until the first one was heard
+        outlet.send(_numbered(transport, number))
+        number += 1
+    control.recv()
+    control.send(_flooded(transport, outlet, number, max(FLOOD, number + FLOOD)))
+    number = max(FLOOD, number + FLOOD)
+    while not control.poll(0.005):  # so slowly that nothing is lost: what was lost before shows by these
+        number += 1
+        outlet.send(_numbered(transport, number))
+    control.recv()
+    control.send(number)
+    _until_told(control)
+
+
+def _flood_reliably(transport: Transport, name: str, control: Control) -> None:
+    outlet = transport.outlet(topic(name, QoS(Reliability.RELIABLE, depth=16)))
+    assert outlet.wait_peer(SOON)
+    while not control.poll(0.005):
+        outlet.send(_numbered(transport, 0))
+    control.recv()
+    control.send(_flooded(transport, outlet, 1, FLOOD))
+    _until_told(control)
+
+
+def _flooded(transport: Transport, outlet: Outlet, first: int, last: int) -> str:
+    """Send so many as fast as that goes; at what rate."""
+    begun = time.monotonic()
+    for number in range(first, last + 1):
+        outlet.send(_numbered(transport, number), SOON)
+    taken = time.monotonic() - begun
+    return f"{last + 1 - first} messages of {MESSAGE} octets at {(last + 1 - first) / taken:.0f}/s"
+
+
+# -- what both sides use ------------------------------------------------------
+
+
+def memory() -> int:
+    """What this process has in memory, in bytes."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def _large(value: int) -> bytes:
+    return bytes([value]) * LARGE
+
+
+def _numbered(transport: Transport, number: int) -> Payload:
+    return blob(transport, b"%08d" % number + bytes(MESSAGE - 8))
+
+
+def _ask(transport: Transport, caller: Caller, how: str, data: bytes, deadline: float) -> bytes:
+    payload = blob(transport, data)
+    reply = caller.ask(payload, deadline) if how == "ask" else caller.call(payload, deadline).result(SOON * 3)
+    assert reply.status is Status.OK
+    return unblob(transport, reply.payload)
+
+
+def _answered(transport: Transport, caller: Caller, how: str, data: bytes) -> bytes | None:
+    try:
+        return _ask(transport, caller, how, data, SOON)
+    except (Unreachable, Timeout):
+        return None  # it still thinks of the dead one
+
+
+def _serve(transport: Transport, name: str) -> bool:
+    transport.server(query(name), answering(transport, bytes.upper))
+    return True
+
+
+def _deaf_to(transport: Transport, word: bytes) -> Callable[[Payload, float], Any]:
+    """A service that answers one word too late, and echoes others."""
+    def service(payload: Payload, expires: float) -> Any:
+        data = unblob(transport, payload)
+        return Future() if data == word else Reply(Status.OK, blob(transport, data))
+
+    return service
+
+
+def _everything(transport: Transport, name: str) -> None:
+    """An open link of every kind, used as far as one process can."""
+    transport.server(query(name), answering(transport, bytes.upper))
+    transport.inlet(command(name + "c"), lambda _: None)
+    transport.inlet(topic(name + "t"), lambda _: None)
+    outlet, caller = transport.outlet(topic(name + "t")), transport.caller(query(name))
+    assert outlet.wait_peer(SOON)
+    assert caller.wait_peer(SOON)
+    outlet.send(blob(transport, bytes(MESSAGE)))
+    assert _answered(transport, caller, "ask", b"x") == b"X"
+
+
+def _send_many(outlet: Outlet, payload: Payload) -> None:
+    for _ in range(FLOOD):
+        outlet.send(payload, A_MOMENT)
+
+
+def _taken(outlet: Outlet, payload: Payload) -> bool:
+    try:
+        outlet.send(payload, A_MOMENT)
+    except Timeout:
+        return False
+    return True

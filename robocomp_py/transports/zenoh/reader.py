@@ -1,0 +1,157 @@
+"""One subscription: read by a thread of its own, which also gives the sink its messages, one at a time.
+
+Zenoh's threads leave messages in a channel of Zenoh's, for which they need nothing of Python's: no
+thread of theirs waits while ours compute, and ours takes many in a row. While a sink takes long,
+another thread reads in place of the first one, so that messages are counted when they come in and
+that those for which there is no room are given up, the oldest first, or held back.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import threading
+from collections import deque
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import zenoh
+
+from ..base import Sink, Statistics
+from ..crew import STUCK, belongs
+
+log = logging.getLogger("robocomp.transport.zenoh")
+
+Admit = Callable[[Any], Any]
+"""What is to be delivered of a message that came in, its payload as Zenoh has it, or None."""
+
+AT_LEAST, TIMES = 4096, 8
+"""So many messages the channel holds at least, and so many times the depth; then it gives up the oldest one."""
+
+
+class Reader:
+    """`admit` is called for each message, in their order and by one thread at a time; it must not wait."""
+
+    def __init__(self, name: str, admit: Admit, sink: Sink, depth: int, *, lossy: bool, stats: Statistics) -> None:
+        self._name, self._admit, self._sink, self._stats = name, admit, sink, stats
+        self._depth, self._lossy = depth, lossy
+        self._lock = threading.Lock()
+        self._changed = threading.Condition(self._lock)
+        self._waiting: deque[Any] = deque()
+        self._turn: threading.Thread | None = None
+        """The thread that reads."""
+        self._drainer = 0
+        """The thread that gives the sink what waits, if there is one."""
+        self._delivered = self._seen = 0
+        self._closed = False
+        self.owing = False
+        """Whether `settle` is to be called after the present message; set by `admit`."""
+        self.settle: Callable[[], object] = _nothing
+
+    def channel(self) -> Any:
+        """What Zenoh is to put messages into."""
+        return zenoh.handlers.RingChannel(max(AT_LEAST, TIMES * self._depth))
+
+    def start(self, receive: Callable[[], Any]) -> None:
+        """Begin to read; `receive` raises ZError when nothing will come any more."""
+        self._receive = receive
+        self._hire()
+
+    def feed(self, messages: Callable[[], Iterable[Any]]) -> None:
+        """Have these admitted and delivered before all that has not been read yet. None is held back."""
+        with self._lock:
+            for message in messages():
+                payload = self._admit(message)
+                if payload is not None:
+                    self._append(payload)
+            payload = None
+            if self._waiting and not self._drainer and not self._closed:
+                self._drainer, payload = threading.get_ident(), self._waiting.popleft()
+        if payload is not None:
+            self._drain(payload)
+
+    def relieve(self) -> bool:
+        """To be called now and then: if the thread that reads is held up by the sink, have another one read.
+
+        Whether it was so.
+        """
+        turn, seen = self._turn, self._seen
+        self._seen = self._delivered
+        with self._lock:
+            held_up = self._drainer and turn is not None and self._drainer == turn.ident and seen == self._delivered
+            if held_up and not self._closed:
+                self._hire()
+        return bool(held_up)
+
+    def close(self) -> None:
+        """Forget what waits. The sink is not called any more once this returns."""
+        with self._changed:
+            self._closed = True
+            self._waiting.clear()
+            self._changed.notify_all()
+            me = threading.get_ident()
+            if not self._changed.wait_for(lambda: self._drainer in (0, me), STUCK):
+                log.warning("%s: still in a handler after %g s; not waiting any longer", self._name, STUCK)
+        turn = self._turn
+        if turn and turn is not threading.current_thread():
+            turn.join(STUCK)
+
+    def _hire(self) -> None:
+        thread = threading.Thread(target=self._read, name=f"zenoh {self._name}")
+        belongs(thread)
+        self._turn = thread
+        thread.start()
+
+    def _read(self) -> None:
+        me, receive = threading.current_thread(), self._receive
+        with contextlib.suppress(zenoh.ZError):
+            while self._turn is me and not self._closed:
+                self._arrive(receive())
+
+    def _arrive(self, message: Any) -> None:
+        with self._lock:
+            payload = self._admit(message)
+            if payload is not None:
+                if self._drainer:
+                    if not self._lossy:
+                        self._changed.wait_for(lambda: len(self._waiting) < self._depth or self._closed)
+                    self._append(payload)
+                    payload = None
+                else:
+                    self._drainer = threading.get_ident()
+        if payload is not None:
+            self._drain(payload)
+        if self.owing:
+            self.owing = False
+            self.settle()
+
+    def _append(self, payload: Any) -> None:
+        if self._lossy and len(self._waiting) >= self._depth:
+            self._waiting.popleft()
+            self._stats.dropped += 1
+        self._waiting.append(payload)
+
+    def _drain(self, payload: Any) -> None:
+        """Deliver this, and what has come in for the lane meanwhile."""
+        while not self._closed:
+            self._stats.received += 1
+            try:
+                self._sink(payload.to_bytes())
+            except BaseException:  # also SystemExit: the messages that follow are to be delivered all the same
+                log.exception("%s: a message was not handled", self._name)
+            with self._lock:
+                self._delivered += 1
+                if not self._waiting:
+                    self._drainer = 0
+                    if self._closed:
+                        self._changed.notify_all()
+                    return
+                payload = self._waiting.popleft()
+                if not self._lossy:
+                    self._changed.notify_all()
+        with self._changed:
+            self._drainer = 0
+            self._changed.notify_all()
+
+
+def _nothing() -> None: ...
