@@ -2,7 +2,7 @@
 
 python components/demo.py                        about a minute
 python components/demo.py --fast                 the same story, ten times faster
-python components/demo.py --middleware zeromq    over that middleware
+python components/demo.py --middleware zeromq    over that middleware and no other
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from robocomp_py.cli import rcdeploy, rcgen
-from robocomp_py.deploy.routes import unfit
+from robocomp_py.deploy.routes import stays_inside, unfit, unshared
+from robocomp_py.runtime.settings import carrier, is_auto
 
 NETWORK = Path(__file__).with_name("rescue.ddsl")
 
@@ -22,12 +23,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """The exit code of rcdeploy: 0 if somebody was found and help was called."""
     options = _parser().parse_args(arguments)
     picture = options.picture.resolve()
-    wrong = unfit(options.middleware) if options.middleware else None
+    carried = carrier(options.middleware, "zeromq")
+    wrong = unfit(carried) or (unshared(carried, "world") if stays_inside(carried) else None)
     if wrong:  # before anything is generated for it
         print(f"demo.py: --middleware: {wrong}", file=sys.stderr)
         return 2
     over = ["--middleware", options.middleware] if options.middleware else []
-    code = rcgen.main([str(NETWORK), *over])
+    code = rcgen.main([str(NETWORK), *([] if is_auto(options.middleware) else over)])
     if code:
         return code
     given = ["--until", "rescue", "--set", f"world.params.picture={picture}"]

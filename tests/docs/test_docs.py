@@ -104,7 +104,7 @@ def test_every_middleware_and_all_its_options_are_explained() -> None:
 
 
 def test_the_choices_by_port_and_operation_are_a_configuration(tmp_path: Path) -> None:
-    [toml] = blocks(MIDDLEWARES, "toml")
+    toml, _ = blocks(MIDDLEWARES, "toml")
     config, cdsl = tmp_path / "config.toml", tmp_path / "arm.cdsl"
     config.write_text(toml)
     cdsl.write_text(
@@ -116,6 +116,21 @@ def test_the_choices_by_port_and_operation_are_a_configuration(tmp_path: Path) -
     chosen = settings.check(linked.component, settings.read(config))
     routes = [chosen.port(port, operation).middleware for operation in ("getLaserData", "getLaserConfData")]
     assert (port.middleware, chosen.middleware, routes) == ("zenoh", "zeromq", ["zenoh", "dds"])
+
+
+def test_several_ways_to_a_port_are_a_configuration(tmp_path: Path) -> None:
+    _, toml = blocks(MIDDLEWARES, "toml")
+    config, cdsl = tmp_path / "config.toml", tmp_path / "arm.cdsl"
+    config.write_text(toml)
+    ports = "publishes CameraSimplePub; subscribesTo LaserPub;"
+    cdsl.write_text(
+        f'import "CameraSimplePub.idsl"; import "LaserPub.idsl"; Component arm {{ Communications {{ {ports} }}; }};'
+    )
+    linked = Workspace().component(cdsl)
+    assert linked is not None
+    chosen = settings.check(linked.component, settings.read(config))
+    routes = [chosen.middlewares(port, "", "zeromq") for port in linked.component.ports]
+    assert routes == [["zeromq", "inproc", "shm"], ["shm", "zeromq"]]
 
 
 TRANSPORTS = DOCS / "transports.md"

@@ -1,0 +1,187 @@
+"""The best way for each link, by where its ends are and what they leave open."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import SimpleNamespace
+
+import pytest
+
+from robocomp_py.contract.component import Component, Port
+from robocomp_py.contract.interface import Verb
+from robocomp_py.contract.qos import QoS, Reliability
+from robocomp_py.deploy import auto
+from robocomp_py.deploy.auto import Choice, choose
+from robocomp_py.deploy.routes import Configured
+from robocomp_py.runtime import settings
+from robocomp_py.testing import everything as e
+from robocomp_py.transports.base import Capability
+
+OFFERED = {
+    "inproc": Capability.RELIABLE | Capability.LATCHED,
+    "shm": Capability.CROSS_PROCESS,
+    "zeromq": ~Capability.NONE,
+    "dds": ~Capability.NONE,
+}
+RELIABLE = QoS(Reliability.RELIABLE)
+
+
+@pytest.fixture(autouse=True)
+def offered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Transports that are not opened; here `shm` is not reliable."""
+    monkeypatch.setattr(auto, "find_transport", lambda name: SimpleNamespace(capabilities=OFFERED[name]))
+
+
+SERVER = Component("server", (Port(Verb.IMPLEMENTS, e.EVERYTHING), Port(Verb.PUBLISHES, e.EVERYTHING)))
+CLIENT = Component("client", (Port(Verb.REQUIRES, e.EVERYTHING),))
+READER = Component("reader", (Port(Verb.SUBSCRIBES, e.EVERYTHING),))
+
+
+def instance(
+    component: Component, name: str, *sets: str, process: str = "", generated_for: str = "zeromq"
+) -> Configured:
+    document = settings.Document()
+    for assignment in sets:
+        settings.override(document, assignment)
+    return Configured(name, component, settings.check(component, document, name), document, generated_for, process)
+
+
+def fine(middleware: str) -> str:
+    return ""
+
+
+def over(choice: Choice, operation: str) -> list[tuple[str, str, str]]:
+    """Who uses an operation of whom, over what."""
+    return [(way.client, way.provider, way.middleware) for way in choice.ways if way.operation == operation]
+
+
+def lines(choice: Choice, name: str) -> list[str]:
+    return list(choice.settings.get(name, ()))
+
+
+def test_on_one_host_it_is_shared_memory() -> None:
+    choice = choose([instance(SERVER, "server"), instance(CLIENT, "client")], fine)
+    assert over(choice, "divide") == [("client", "server", "shm")]
+    assert lines(choice, "client") == ["ports.everything.middleware=shm"]
+    assert lines(choice, "server") == ['ports.Everything.also=["shm"]']
+    assert choice.notes == ()
+
+
+def test_in_one_process_it_is_objects() -> None:
+    choice = choose([instance(SERVER, "server", process="p"), instance(CLIENT, "client", process="p")], fine)
+    assert over(choice, "divide") == [("client", "server", "inproc")]
+    assert lines(choice, "client") == ["ports.everything.middleware=inproc"]
+    assert lines(choice, "server") == ['ports.Everything.also=["inproc"]']
+
+
+def test_two_that_have_each_a_process_of_their_own_name_share_none() -> None:
+    choice = choose([instance(SERVER, "server", process="p"), instance(CLIENT, "client", process="q")], fine)
+    assert over(choice, "divide") == [("client", "server", "shm")]
+
+
+def test_a_publisher_offers_what_each_of_its_subscribers_needs() -> None:
+    network = [
+        instance(SERVER, "server", process="p"),
+        instance(READER, "beside", process="p"),
+        instance(READER, "away"),
+        instance(READER, "elsewhere", "ports.Everything.middleware=dds"),
+    ]
+    choice = choose(network, fine)
+    assert over(choice, "news") == [
+        ("beside", "server", "inproc"),
+        ("away", "server", "shm"),
+        ("elsewhere", "server", "dds"),
+    ]
+    assert lines(choice, "server") == ['ports.everything.also=["inproc", "shm", "dds"]']
+    assert [lines(choice, name) for name in ("beside", "away", "elsewhere")] == [
+        ["ports.Everything.middleware=inproc"],
+        ["ports.Everything.middleware=shm"],
+        [],
+    ]
+
+
+def test_a_subscription_goes_its_own_way_to_each_publisher() -> None:
+    network = [
+        instance(READER, "reader", process="p"),
+        instance(SERVER, "near", process="p"),
+        instance(SERVER, "far"),
+        instance(SERVER, "foreign", "ports.everything.middleware=dds"),
+    ]
+    choice = choose(network, fine)
+    assert over(choice, "news") == [
+        ("reader", "near", "inproc"),
+        ("reader", "far", "shm"),
+        ("reader", "foreign", "dds"),
+    ]
+    assert lines(choice, "reader") == [
+        "ports.Everything.middleware=inproc",
+        "ports.Everything.from=near",
+        'ports.Everything.also=[{ from = "far", middleware = "shm" }, { from = "foreign", middleware = "dds" }]',
+    ]
+    checked = instance(READER, "reader", *lines(choice, "reader"))
+    assert checked.settings.middlewares(READER.ports[0], "news", "zeromq") == ["inproc", "shm", "dds"]
+
+
+@pytest.mark.parametrize("named", ["client", "server"])
+def test_an_end_that_names_a_middleware_decides_for_the_other(named: str) -> None:
+    port = {"client": "everything", "server": "Everything"}
+    sets = {name: (f"ports.{port[name]}.middleware=dds",) if name == named else () for name in port}
+    choice = choose([instance(SERVER, "server", *sets["server"]), instance(CLIENT, "client", *sets["client"])], fine)
+    assert over(choice, "divide") == [("client", "server", "dds")]
+    assert "named" in choice.ways[0].why
+    other = {"client": 'ports.Everything.also=["dds"]', "server": "ports.everything.middleware=dds"}
+    assert [*lines(choice, "client"), *lines(choice, "server")] == [other[named]]
+
+
+def test_one_operation_may_go_another_way() -> None:
+    client = instance(CLIENT, "client", "ports.everything.divide.middleware=dds")
+    choice = choose([instance(SERVER, "server"), client], fine)
+    assert over(choice, "divide") == [("client", "server", "dds")]
+    assert over(choice, "work") == [("client", "server", "shm")]
+    assert 'ports.Everything.divide.also=["dds"]' in lines(choice, "server")
+    assert 'ports.Everything.work.also=["shm"]' in lines(choice, "server")
+    assert "ports.everything.work.middleware=shm" in lines(choice, "client")
+    assert not any("divide" in line for line in lines(choice, "client"))
+
+
+def network_without(usable: auto.Usable, sets: Sequence[str] = ()) -> Choice:
+    return choose([instance(SERVER, "server", *sets), instance(CLIENT, "client")], usable)
+
+
+def test_what_cannot_be_used_is_told_once_with_what_is_used_instead() -> None:
+    choice = network_without(lambda name: "no shared memory here" if name == "shm" else "")
+    assert over(choice, "divide") == [("client", "server", "zeromq")]
+    assert choice.settings == {}
+    [note] = choice.notes
+    count = len(choice.ways)
+    assert note == f"shm is not used for {count} operations, which go over zeromq instead: no shared memory here"
+
+
+def test_the_middleware_for_all_else_is_that_of_the_provider() -> None:
+    def nothing(name: str) -> str:
+        return "not here"
+
+    assert over(network_without(nothing, ["middleware=auto(dds)"]), "divide") == [("client", "server", "dds")]
+    served = instance(SERVER, "server", generated_for="dds")
+    choice = choose([served, instance(CLIENT, "client")], nothing)
+    assert over(choice, "divide") == [("client", "server", "dds")]
+    assert lines(choice, "client") == ["ports.everything.middleware=dds"]
+
+
+def test_what_does_not_keep_a_promise_of_the_qos_is_not_chosen() -> None:
+    reader = Component("reader", (Port(Verb.SUBSCRIBES, e.EVERYTHING, qos=RELIABLE),))
+    server = Component("server", (Port(Verb.PUBLISHES, e.EVERYTHING, qos=RELIABLE),))
+    choice = choose([instance(server, "server"), instance(reader, "reader")], fine)
+    assert over(choice, "news") == [("reader", "server", "zeromq")]
+    assert choice.notes == (
+        "shm is not used for 1 operation, which goes over zeromq instead: it does not offer reliable",
+    )
+
+
+def test_two_providers_of_what_is_required_are_left_to_the_check_of_the_wiring() -> None:
+    both = [instance(SERVER, "a"), instance(SERVER, "b", "middleware=dds"), instance(CLIENT, "client")]
+    assert lines(choose(both, fine), "client") == []
+
+
+def test_a_network_without_links_has_nothing_to_choose() -> None:
+    assert choose([instance(SERVER, "server")], fine) == Choice()
