@@ -1,10 +1,11 @@
 # Everything a developer types. PYTHON chooses the interpreter that .venv is made from.
 
 PYTHON ?= python3
-MIDDLEWARE ?= zeromq
+MIDDLEWARE ?= auto
+WORKERS ?= 2
 BIN = .venv/bin
 
-.PHONY: help demo test check format lint types fix golden test-tools vscode bench fuzz clean
+.PHONY: help demo test check format lint types fix golden test-tools vscode bench bench-check bench-peers fuzz clean
 
 help:  ## this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/	/' | expand -t 14
@@ -19,7 +20,7 @@ demo: .venv/ready  ## run the example network, and show its story (MIDDLEWARE=â€
 	$(BIN)/python components/demo.py --middleware $(MIDDLEWARE)
 
 test: .venv/ready  ## every test that needs nothing but pip
-	$(BIN)/pytest -m "not tool" $(ARGS)
+	$(BIN)/pytest -m "not tool" --numprocesses $(WORKERS) --dist loadfile $(ARGS)
 
 check: format lint types test  ## what has to be green before every change lands
 
@@ -52,8 +53,16 @@ vscode:  ## build and test the extension for VS Code: editors/vscode/*.vsix; nee
 fuzz: .venv/ready  ## many damaged texts for the parsers of the languages (TEXTS=â€¦ for each test, ARGS="-k idsl")
 	ROBOCOMP_FUZZ=$(or $(TEXTS),5000) $(BIN)/pytest tests/dsl/test_fuzz.py $(ARGS)
 
-bench: .venv/ready  ## measure against the raw libraries, side by side (ARGS=--help)
+bench: .venv/ready  ## measure against the raw libraries and other frameworks, side by side (ARGS=--help)
 	$(BIN)/python -m benchmarks $(ARGS)
+
+bench-check: .venv/ready  ## has anything become slower, compared with the raw libraries? (ARGS=--help)
+	$(BIN)/python -m benchmarks.check $(ARGS)
+
+bench-peers: .venv/ready  ## the frameworks that `make bench` compares with, as far as pip has them
+	$(BIN)/pip install --quiet --disable-pip-version-check dora-rs dora-rs-cli Pyro5 grpcio
+	@/usr/bin/python3 -c 'import numpy, rospy, rosmaster, std_msgs' 2>/dev/null || \
+	  echo 'for rospy, on Debian: apt-get install python3-rospy python3-rosmaster python3-std-msgs python3-numpy'
 
 clean:  ## remove what make made
 	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .hypothesis dist build

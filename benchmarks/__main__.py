@@ -1,12 +1,16 @@
-"""How fast it is, beside the raw libraries, measured here and now.
+"""How fast it is, beside the raw libraries and other frameworks, measured here and now.
 
-  query    a question and its answer, between two processes: ours and the bare library by turns
-  publish  a reliable topic: latency one way, and what gets through
-  start    a component, from its process to `ready`
-  layers   where the time of a query goes; the codec of the cyclonedds package
-  memory   queries with large arrays, when glibc keeps freed memory
+  start      a component, from its process to `ready`, and its memory then
+  query      a question and its answer, between two processes: ours and the bare library by turns
+  peers      the same, beside other frameworks, of those that are installed (`make bench-peers`)
+  publish    a reliable topic: latency one way, and what gets through
+  loans      latency of messages that are filled where they are sent from
+  cpu        what components compute while nothing much happens
+  threads    handlers run by the thread that received their message, and by another one
+  layers     where the time of a query goes; the codec of the cyclonedds package
+  memory     queries with large arrays, when glibc keeps freed memory
   languages  files read and checked; `rc lint` and `rcgen` as processes
-  lsp      from a change in an editor to its diagnostics
+  lsp        from a change in an editor to its diagnostics
 
 Bare means: the same library, settings, socket kinds or QoS, router and encoded bytes, coded by the
 fastest way a user of it would take, without our header. Ratios count, not absolute figures: they are
@@ -19,19 +23,32 @@ import argparse
 import json
 import signal
 import sys
+import time
+import traceback
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from . import languages, layers, lsp, machine, memory, publish, query, start
+from . import cpu, goals, languages, layers, loans, lsp, machine, memory, publish, query, start, threads, versus
+from .goals import Finding
 from .parties import MIDDLEWARES
 from .rounds import FULL, QUICK, Effort
 from .tables import Table, as_markdown, as_text, fill, octets
 
 SIZES = (64, 1024, 65536, 1_000_000, 6_000_000)
-Rows = list[Any]
-Run = Callable[[argparse.Namespace, Effort], tuple[Rows, list[Table]]]
+
+
+@dataclass
+class Found:
+    """By one measurement."""
+
+    rows: list[Any]
+    tables: list[Table]
+    findings: list[Finding] = field(default_factory=list)
+
+
+Run = Callable[[argparse.Namespace, Effort], Found]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -39,74 +56,111 @@ def main(arguments: Sequence[str] | None = None) -> int:
     signal.signal(signal.SIGTERM, _terminated)
     base = QUICK if options.quick else FULL
     effort = Effort(options.rounds or base.rounds, options.seconds or base.seconds)
-    tables, found = [machine.describe()], {}
+    tables, found, failures = [machine.describe()], dict[str, Found](), []
     if options.page:
         page = Path(options.page)
         text = fill(page.read_text(encoding="utf-8"), tables)  # now: who named a wrong page should not wait to hear
-    print(_shown(tables[0], options), flush=True)
+    _print(tables[0], options)
+    begun = time.monotonic()
     try:
         for what in options.what:
-            found[what], new = MEASUREMENTS[what](options, effort)
-            _tell("")
-            tables += new
-            for table in new:
-                print(f"\n{_shown(table, options)}", flush=True)
+            try:
+                found[what] = MEASUREMENTS[what](options, effort)
+            except Exception as exc:  # said at once and at the end; the others are worth measuring all the same
+                tell("")
+                traceback.print_exc()
+                failures.append(f"failed: {what}: {exc}")
+                continue
+            tell("")
+            for table in found[what].tables:
+                _print(table, options)
     except KeyboardInterrupt:
-        _tell("")
+        tell("")
         print("interrupted; what was started has been closed", file=sys.stderr)
         return 130
+    summary = goals.table([each for one in found.values() for each in one.findings])
+    _print(summary, options)
+    tables += [table for one in found.values() for table in one.tables]
+    if set(options.what) == set(MEASUREMENTS):
+        tables.append(summary)  # a page shows all of one run, or what it showed
     if options.json:
         about = {label: value for label, value in tables[0].rows}
-        rows = {what: [asdict(row) for row in rows] for what, rows in found.items()}
+        rows = {what: [asdict(row) for row in one.rows] for what, one in found.items()}
         Path(options.json).write_text(json.dumps({"machine": about, **rows}, indent=1), encoding="utf-8")
     if options.page:
         page.write_text(fill(text, tables), encoding="utf-8")
-    return 0
+    minutes, seconds = divmod(round(time.monotonic() - begun), 60)
+    print(f"\n{minutes} min {seconds} s", *failures, sep="\n", file=sys.stderr)
+    return 1 if failures else 0
 
 
 # What can be measured.
 
 
-def _query(options: argparse.Namespace, effort: Effort) -> tuple[Rows, list[Table]]:
-    rows = query.run(options.only, options.sizes, effort, _tell)
-    return rows, [query.table(rows)]
+def _start(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = start.run(options.only, effort, tell)
+    return Found(rows, [start.table(rows)], start.findings(rows))
 
 
-def _publish(options: argparse.Namespace, effort: Effort) -> tuple[Rows, list[Table]]:
-    rows = publish.run(options.only, options.sizes, effort, _tell)
-    return rows, publish.tables(rows)
+def _query(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = query.run(options.only, options.sizes, effort, tell)
+    return Found(rows, [query.table(rows)], query.findings(rows))
 
 
-def _start(options: argparse.Namespace, effort: Effort) -> tuple[Rows, list[Table]]:
-    rows = start.run(options.only, effort, _tell)
-    return rows, [start.table(rows)]
+def _peers(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = versus.run(options.path, [versus.PEERS[name] for name in options.peers], options.sizes, effort, tell)
+    return Found(rows, [versus.table(rows)], versus.findings(rows))
 
 
-def _layers(options: argparse.Namespace, effort: Effort) -> tuple[Rows, list[Table]]:
-    rows = layers.run(options.only, effort, _tell)
-    more = [layers.package_codec(effort)] if "dds" in options.only else []
-    return rows, [layers.table(rows), *more]
+def _publish(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = publish.run(options.only, options.sizes, effort, tell)
+    return Found(rows, publish.tables(rows), publish.findings(rows))
 
 
-def _memory(options: argparse.Namespace, effort: Effort) -> tuple[Rows, list[Table]]:
-    rows = memory.run(options.only, effort, _tell)
-    return rows, [memory.table(rows)]
+def _loans(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = loans.run([each for each in ("shm", "inproc") if each in options.only], effort, tell)
+    return Found(rows, [loans.table(rows)], loans.findings(rows))
 
 
-def _languages(options: argparse.Namespace, effort: Effort) -> tuple[Rows, list[Table]]:
-    rows = languages.run(effort, _tell)
-    return rows, [languages.table(rows)]
+def _cpu(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = cpu.run(options.only, effort, tell)
+    return Found(rows, [cpu.table(rows)], cpu.findings(rows))
 
 
-def _lsp(options: argparse.Namespace, effort: Effort) -> tuple[Rows, list[Table]]:
-    rows = lsp.run(effort, _tell)
-    return rows, [lsp.table(rows)]
+def _threads(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = threads.run(options.only, effort.halved, tell)
+    return Found(rows, [threads.table(rows)])
+
+
+def _layers(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = layers.run(options.only, effort.halved, tell)
+    more = [layers.package_codec(effort.halved)] if "dds" in options.only else []
+    return Found(rows, [layers.table(rows), *more])
+
+
+def _memory(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = memory.run(options.only, effort.halved, tell)
+    return Found(rows, [memory.table(rows)])
+
+
+def _languages(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = languages.run(effort.halved, tell)
+    return Found(rows, [languages.table(rows)])
+
+
+def _lsp(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = lsp.run(effort.halved, tell)
+    return Found(rows, [lsp.table(rows)])
 
 
 MEASUREMENTS: dict[str, Run] = {
     "start": _start,
     "query": _query,
+    "peers": _peers,
     "publish": _publish,
+    "loans": _loans,
+    "cpu": _cpu,
+    "threads": _threads,
     "layers": _layers,
     "memory": _memory,
     "languages": _languages,
@@ -129,14 +183,14 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--only",
-        type=_some_of(MIDDLEWARES),
+        type=some_of(MIDDLEWARES),
         default=MIDDLEWARES,
         metavar="NAMES",
         help=f"middlewares, with commas between them: {', '.join(MIDDLEWARES)} (default: all)",
     )
     parser.add_argument(
         "--what",
-        type=_some_of(tuple(MEASUREMENTS)),
+        type=some_of(tuple(MEASUREMENTS)),
         default=tuple(MEASUREMENTS),
         metavar="WHAT",
         help=f"measurements: {', '.join(MEASUREMENTS)} (default: all)",
@@ -147,6 +201,19 @@ def _parser() -> argparse.ArgumentParser:
         default=SIZES,
         metavar="BYTES",
         help=f"of the array, from 8 (default: {','.join(map(str, SIZES))})",
+    )
+    parser.add_argument(
+        "--peers",
+        type=some_of(tuple(versus.PEERS)),
+        default=tuple(versus.PEERS),
+        metavar="NAMES",
+        help=f"other frameworks: {', '.join(versus.PEERS)} (default: all)",
+    )
+    parser.add_argument(
+        "--path",
+        choices=MIDDLEWARES,
+        default="shm",
+        help="what ours uses beside other frameworks (default: shm, which `auto` takes on one host)",
     )
     parser.add_argument("--quick", action="store_true", help="few and short rounds: a first impression")
     parser.add_argument("--rounds", type=int, metavar="N", help=f"rounds per figure (default: {FULL.rounds})")
@@ -161,7 +228,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _some_of(known: tuple[str, ...]) -> Callable[[str], tuple[str, ...]]:
+def some_of(known: tuple[str, ...]) -> Callable[[str], tuple[str, ...]]:
     def chosen(text: str) -> tuple[str, ...]:
         names = tuple(text.split(","))
         for name in names:
@@ -182,11 +249,12 @@ def _sizes(text: str) -> tuple[int, ...]:
     return sizes
 
 
-def _shown(table: Table, options: argparse.Namespace) -> str:
-    return f"**{table.title}**\n\n{as_markdown(table)}" if options.markdown else as_text(table)
+def _print(table: Table, options: argparse.Namespace) -> None:
+    shown = f"**{table.title}**\n\n{as_markdown(table)}" if options.markdown else as_text(table)
+    print(f"\n{shown}", flush=True)
 
 
-def _tell(text: str) -> None:
+def tell(text: str) -> None:
     """How far it is, on one line if somebody looks at it."""
     if sys.stderr.isatty():
         print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)

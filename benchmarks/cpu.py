@@ -8,21 +8,18 @@ here and written as their users would. Nothing is measured until they have settl
 from __future__ import annotations
 
 import contextlib
-import os
-import socket
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from .components import COMPONENTS, Ready, component
 from .goals import Finding
-from .ours import options
 from .pair import place
-from .parties import PATIENCE
-from .process import ROOT, cpu_seconds, running
+from .process import ROOT, cpu_seconds
 from .query import Tell
 from .rounds import Effort
 from .tables import Table
@@ -111,8 +108,8 @@ def run(middlewares: Iterable[str], effort: Effort, tell: Tell) -> list[Row]:
 def _idle(middlewares: tuple[str, ...], seconds: float) -> dict[str, float]:
     """All at once: they do not disturb each other."""
     with contextlib.ExitStack() as undo:
-        pids = [undo.enter_context(component("speech", ROOT / "components", middleware)) for middleware in middlewares]
-        return dict(zip(middlewares, _shares(pids, seconds), strict=True))
+        ready = [undo.enter_context(component("speech", COMPONENTS, middleware)) for middleware in middlewares]
+        return dict(zip(middlewares, _shares(ready, seconds), strict=True))
 
 
 def _busy(middleware: str, folder: Path, seconds: float) -> list[float]:
@@ -130,35 +127,13 @@ def _busy(middleware: str, folder: Path, seconds: float) -> list[float]:
     return shares[::-1]
 
 
-def _shares(pids: list[int], seconds: float) -> list[float]:
+def _shares(ready: list[Ready], seconds: float) -> list[float]:
     """% of one core that each used in so many seconds, once all have settled."""
     time.sleep(min(SETTLED, seconds))
-    begun, before = time.monotonic(), [cpu_seconds(pid) for pid in pids]
+    begun, before = time.monotonic(), [cpu_seconds(each.pid) for each in ready]
     time.sleep(seconds)
-    passed, after = time.monotonic() - begun, [cpu_seconds(pid) for pid in pids]
+    passed, after = time.monotonic() - begun, [cpu_seconds(each.pid) for each in ready]
     return [(late - early) / passed * 100 for early, late in zip(before, after, strict=True)]
-
-
-@contextlib.contextmanager
-def component(
-    name: str, folder: Path, middleware: str, *settings: str, runtime: str = "", **environment: str
-) -> Iterator[int]:
-    """The process of a component that is ready; it meets others in the same run-time folder."""
-    with contextlib.ExitStack() as undo:
-        here = undo.enter_context(place())
-        command = [sys.executable, "-m", name, "--middleware", middleware, "--set", "component.log=warning"]
-        transport = (f"transports.{middleware}.{key}={value}" for key, value in options(middleware, here).items())
-        for each in (*settings, *transport):
-            command += ["--set", each]
-        address = f"{here.folder}/notify"
-        told = undo.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM))
-        told.bind(address)
-        told.settimeout(3 * PATIENCE)
-        own = {"NOTIFY_SOCKET": address, "ROBOCOMP_RUNTIME_DIR": runtime or here.folder, "PYTHONDONTWRITEBYTECODE": "1"}
-        process = undo.enter_context(running(command, cwd=folder, env=os.environ | own | environment))
-        while b"READY=1" not in told.recv(4096):
-            pass
-        yield process.pid
 
 
 def _generate(folder: Path) -> None:

@@ -55,14 +55,19 @@ class Finding:
         return " · ".join(filter(None, (self.goal, self.subject, self.case)))
 
 
+def failed(goal: str, subject: str, case: str = "") -> Finding:
+    """There is no figure: what was to be measured did not work."""
+    return Finding(goal, subject, case, "failed", met=False)
+
+
 def table(findings: Sequence[Finding]) -> Table:
     cells = []
     for name, goal in GOALS.items():
         found = [each for each in findings if each.goal == name]
         missed = [f"{each.subject} {each.case}".strip() for each in found if not each.met]
         verdict = "not measured" if not found else f"missed: {', '.join(missed)}" if missed else "met"
-        cells.append((goal.what, goal.demand, _shown(found), verdict))
-    return Table("summary", "what was aimed at", ("what", "goal", "found", ""), cells, labels=4)
+        cells.append((goal.what, goal.demand, verdict, _shown(found)))
+    return Table("summary", "what was aimed at", ("what", "goal", "", "found"), cells, labels=4)
 
 
 def _shown(findings: Iterable[Finding]) -> str:

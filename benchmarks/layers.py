@@ -77,7 +77,8 @@ def run(middlewares: Iterable[str], effort: Effort, tell: Tell) -> list[Row]:
     chosen = [each for each in middlewares if parties.raw(each)]
     rows = []
     for whole in query.run(chosen, SIZES, effort, lambda text: tell(f"layers · {text}")):
-        assert whole.raw
+        if not (whole.ours and whole.raw):
+            raise RuntimeError(f"{whole.middleware}: {whole.failure}")
         bare = parties.raw(whole.middleware)
         assert bare
         data, codec = some(whole.size), codec_of(whole.middleware)

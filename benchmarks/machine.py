@@ -11,7 +11,7 @@ from .tables import Table
 
 
 def describe() -> Table:
-    libraries = ("numpy", "msgpack", "pyzmq", "cyclonedds", "eclipse-zenoh")
+    libraries = ("numpy", "msgpack", "pyzmq", "cyclonedds", "eclipse-zenoh", "iceoryx2")
     allocator = [f"{name}={value}" for name, value in sorted(os.environ.items()) if name.startswith("MALLOC_")]
     rows = [
         ("processor", f"{_processor()}, {len(os.sched_getaffinity(0))} cores for us"),

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any
+
+import numpy as np
 
 from robocomp_py.contract.component import Port
 from robocomp_py.contract.interface import Interface, Operation, Verb
@@ -13,7 +17,7 @@ from robocomp_py.runtime import ports
 from robocomp_py.runtime.monitor import Monitor
 from robocomp_py.transports.base import Link, Transport, TransportConfig, find_transport
 
-from .parties import PATIENCE, Array, Hear, Place
+from .parties import PATIENCE, Array, Hear, Place, stamp
 
 BYTES = (Field("data", Sequence(UINT8)),)
 echo: Operation[Any] = Operation("Benchmark::Echo", "echo", BYTES, (Field("ret", Sequence(UINT8)),))
@@ -34,9 +38,21 @@ class Handlers:
         return data
 
 
+@dataclass
+class News:
+    """The message of the topic, to be filled where it is sent from."""
+
+    data: Array = field(default_factory=lambda: np.empty(0, np.uint8))
+
+
 class Far:
-    def __init__(self, middleware: str, place: Place, hear: Hear) -> None:
+    def __init__(
+        self, middleware: str, place: Place, hear: Hear, through: Callable[[Transport], Transport] | None = None
+    ) -> None:
+        """`through` puts something between the transport and what is bound to it."""
         self._transport, self._monitor = _transport(middleware, place), Monitor()
+        if through:
+            self._transport = through(self._transport)
         self._links: list[Link] = []
         for port in (IMPLEMENTS, SUBSCRIBES):
             router = route(self._transport, place.depth)
@@ -73,6 +89,12 @@ class Near:
             self._publishing._send(news, (data,), None)
         except Timeout as exc:
             raise TimeoutError(exc) from exc
+
+    def lend(self, data: Array) -> None:
+        """Publish the same by a loan: it is filled first, and then stamped with the time."""
+        with self._publishing._loan(news, News, (data.shape,), None) as message:
+            message.data[:] = data
+            stamp(message.data)
 
     def close(self) -> None:
         self._monitor.leave()

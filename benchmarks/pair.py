@@ -11,21 +11,19 @@ import ctypes
 import multiprocessing
 import os
 import signal
-import struct
-import tempfile
 import time
 from collections.abc import Iterator
 from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import Any
 
-from .parties import PATIENCE, Array, Far, Near, Party, Place
+from .parties import INT, PATIENCE, Array, Far, Near, Party, Place
+from .process import folder
 
 MOST = 100_000
 """Messages that a record holds."""
 
 _spawn = multiprocessing.get_context("spawn")  # threads of these libraries do not survive a fork
-_INT = struct.Struct("=q")
 
 
 class Record:
@@ -45,7 +43,7 @@ class Record:
     def hear(self, data: Array) -> None:
         now, numbers = time.monotonic_ns(), self._numbers
         count = numbers[0]
-        numbers[2 * count + 1], numbers[2 * count + 2] = _INT.unpack_from(data.data)[0], now
+        numbers[2 * count + 1], numbers[2 * count + 2] = INT.unpack_from(data.data)[0], now
         numbers[0] = count + 1  # at last: whoever sees it may read the others
 
     def clear(self) -> None:
@@ -59,30 +57,40 @@ class Record:
         return list(zip(flat[::2], flat[1::2], strict=True))
 
 
-def stamp(data: Array) -> None:
-    """Write into a message when it is sent."""
-    _INT.pack_into(data.data, 0, time.monotonic_ns())
-
-
 class Pair:
-    """Both ends of a party; `with` closes them."""
+    """Both ends of a party. The far one starts at once, so that several may start together; `with` waits until it
+    is ready, makes the near one, and closes both."""
+
+    near: Near
 
     def __init__(self, party: Party, place: Place) -> None:
         self.record = Record()
-        with contextlib.ExitStack() as undo:
-            far: _Process | Far
-            far = _Process(party, place, self.record) if party.apart else party.far(place, self.record.hear)
-            undo.callback(far.close)
-            self.near: Near = party.near(place)
-            undo.callback(self.near.close)
-            self._undo = undo.pop_all()
+        self._party, self._place = party, place
+        self._undo = contextlib.ExitStack()
+        self._process = _Process(party, place, self.record) if party.apart else None
+        if self._process:
+            self._undo.callback(self._process.close)
 
     def __enter__(self) -> Pair:
+        try:
+            if self._process:
+                self._process.wait()
+            else:
+                self._undo.callback(self._party.far(self._place, self.record.hear).close)
+            self.near = self._party.near(self._place)
+            self._undo.callback(self.near.close)
+        except BaseException:
+            self.close()
+            raise
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Idempotent, also before `with`."""
         self._undo.close()
 
 
@@ -90,10 +98,10 @@ class Pair:
 def place(depth: int = 10) -> Iterator[Place]:
     """A run-time folder, and a DDS domain, of our own."""
     before = os.environ.get("ROBOCOMP_RUNTIME_DIR")
-    with tempfile.TemporaryDirectory(prefix="rc-", dir="/tmp") as folder:  # short: socket paths have 107 bytes
-        os.environ["ROBOCOMP_RUNTIME_DIR"] = folder
+    with folder() as path:
+        os.environ["ROBOCOMP_RUNTIME_DIR"] = path
         try:
-            yield Place(folder, 100 + 2 * (os.getpid() % 60), depth)
+            yield Place(path, 100 + 2 * (os.getpid() % 60), depth)
         finally:
             if before is None:
                 del os.environ["ROBOCOMP_RUNTIME_DIR"]
@@ -102,22 +110,22 @@ def place(depth: int = 10) -> Iterator[Place]:
 
 
 class _Process:
-    """The process of a far end, which is ready."""
+    """The process of a far end."""
 
     def __init__(self, party: Party, place: Place, record: Record) -> None:
         self._control, theirs = _spawn.Pipe()
         self._process = _spawn.Process(target=_live, args=(party.far, place, record.shared, theirs), name="far end")
         self._process.start()
         theirs.close()
+
+    def wait(self) -> None:
+        """Until it is ready."""
+        if not self._control.poll(3 * PATIENCE):
+            raise TimeoutError(f"the other process was not ready within {3 * PATIENCE:g} s")
         try:
-            if not self._control.poll(3 * PATIENCE):
-                raise TimeoutError(f"the other process was not ready within {3 * PATIENCE:g} s")
             self._control.recv()
-        except BaseException as exc:
-            self.close()
-            if isinstance(exc, EOFError):
-                raise RuntimeError("the other process ended; see above") from exc
-            raise
+        except EOFError as exc:
+            raise RuntimeError("the other process ended; see above") from exc
 
     def close(self) -> None:
         self._control.close()  # which it notices

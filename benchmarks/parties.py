@@ -6,20 +6,36 @@ hears a topic. Its near end, in the measuring process, asks and publishes.
 
 from __future__ import annotations
 
+import struct
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
+
+from robocomp_py.errors import RobocompError
 
 Array = np.ndarray[Any, np.dtype[np.uint8]]
 Hear = Callable[[Array], object]
 
-MIDDLEWARES = ("zeromq", "dds", "zenoh", "inproc")
+MIDDLEWARES = ("zeromq", "dds", "zenoh", "shm", "inproc")
+
+FAILURES = (RobocompError, OSError, RuntimeError, ValueError)
+"""What keeps one party from being measured, and no reason to keep the figures of others from anybody."""
 
 PATIENCE = 10.0
 """Seconds for an answer, and until both ends have found each other; then the measurement fails."""
+
+
+INT = struct.Struct("=q")
+"""A time in the first octets of a message."""
+
+
+def stamp(data: Array) -> None:
+    """Write into a message when it is sent."""
+    INT.pack_into(data.data, 0, time.monotonic_ns())
 
 
 @dataclass(frozen=True)
@@ -48,6 +64,15 @@ class Near(Protocol):
         ...
 
     def close(self) -> None: ...
+
+
+@runtime_checkable
+class Lender(Near, Protocol):
+    """Whose messages can be filled where they are sent from."""
+
+    def lend(self, data: Array) -> None:
+        """Publish a message that was filled with this, and then stamped."""
+        ...
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shutil
 import subprocess
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -29,6 +30,20 @@ def running(command: Sequence[str], **options: Any) -> Iterator[subprocess.Popen
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
+
+
+@contextlib.contextmanager
+def folder() -> Iterator[str]:
+    """A folder for sockets, whose paths have 107 bytes at most. What a killed run left is removed by the next one."""
+    for left in Path("/tmp").glob("rcb-*-*"):
+        if not Path("/proc", left.name.split("-")[1]).exists():
+            shutil.rmtree(left, ignore_errors=True)
+    path = Path("/tmp", f"rcb-{os.getpid()}-{os.urandom(3).hex()}")
+    path.mkdir(mode=0o700)
+    try:
+        yield str(path)
+    finally:
+        shutil.rmtree(path, ignore_errors=True)
 
 
 def cpu_seconds(pid: int) -> float:

@@ -13,15 +13,19 @@ from __future__ import annotations
 import itertools
 import statistics
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from .pair import MOST, Pair, stamp
-from .parties import PATIENCE, Array
+from .goals import Finding, failed
+from .pair import MOST, Pair
+from .parties import FAILURES, PATIENCE, Array, stamp
 from .query import Tell, both, some
 from .rounds import Effort, Times, by_turns, how_many, ratio, times
 from .tables import Table, octets, times_as_much, us
+
+GOAL = 1.15
+"""Times the latency of the bare library; and times as many messages through the bare library."""
 
 PAUSE = 0.001
 """Seconds from the arrival of a message to the next, when latency is measured."""
@@ -53,6 +57,7 @@ class Row:
     raw: Figures | None = None
     latency_ratio: float | None = None
     rate_ratio: float | None = None
+    """How many times as many messages come through the bare library."""
     failure: str = ""
     """Why there are no figures."""
 
@@ -76,7 +81,9 @@ class _Flood:
         _settle(lambda: record.count, self.count)
         heard = record.times()
         self.lost += self.count - len(heard)
-        return [len(heard) / (heard[-1][1] - begun) * 1e9] if heard else [0.0]
+        if not heard:
+            raise TimeoutError("nothing arrived")
+        return [len(heard) / (heard[-1][1] - begun) * 1e9]
 
     def choose(self, seconds: float) -> None:
         """Publish so many that it takes about so long."""
@@ -84,24 +91,32 @@ class _Flood:
             self.count = max(20, min(MOST, int(self.rate()[0] * seconds)))
 
 
-def run(middlewares: Iterable[str], sizes: Iterable[int], effort: Effort, tell: Tell) -> list[Row]:
+def run(middlewares: Iterable[str], sizes: Sequence[int], effort: Effort, tell: Tell) -> list[Row]:
     rows = []
-    for middleware, size in itertools.product(middlewares, sizes):
-        tell(f"publish · {middleware} · {octets(size)}")
-        try:
-            with both(middleware, MANY if size < LARGE else FEW) as pairs:
+    few = [size for size in sizes if size >= LARGE]
+    many = [size for size in sizes if size < LARGE]
+    for middleware, (depth, group) in itertools.product(middlewares, ((MANY, many), (FEW, few))):
+        if group:
+            rows += _rows(middleware, depth, group, effort, tell)
+    return rows
+
+
+def _rows(middleware: str, depth: int, sizes: list[int], effort: Effort, tell: Tell) -> list[Row]:
+    rows: list[Row] = []
+    try:
+        with both(middleware, depth) as pairs:
+            for size in sizes:
+                tell(f"publish · {middleware} · {octets(size)}")
                 rows.append(_row(middleware, size, pairs, effort))
-        except TimeoutError as exc:  # worth knowing, and no reason to keep the other figures from anybody
-            rows.append(Row(middleware, size, failure=str(exc)))
+    except FAILURES as exc:  # worth knowing, and no reason to keep the other figures from anybody
+        rows += [Row(middleware, size, failure=f"{exc}") for size in sizes[len(rows) :]]
     return rows
 
 
 def _row(middleware: str, size: int, pairs: list[Pair], effort: Effort) -> Row:
     data = some(size)
-    counts = [how_many(partial(_latencies, pair, data, 1), effort.seconds) for pair in pairs]
-    latencies = by_turns(
-        [partial(_latencies, pair, data, count) for pair, count in zip(pairs, counts, strict=True)], effort.rounds
-    )
+    measures = [latency_of(pair, pair.near.publish, data, effort.seconds) for pair in pairs]
+    latencies = by_turns(measures, effort.rounds)
     floods = [_Flood(pair, data) for pair in pairs]
     for flood in floods:
         flood.choose(effort.seconds)
@@ -112,15 +127,21 @@ def _row(middleware: str, size: int, pairs: list[Pair], effort: Effort) -> Row:
     )
     if not raw:
         return Row(middleware, size, ours)
-    return Row(middleware, size, ours, raw[0], ratio(*latencies), ratio(*rates))
+    return Row(middleware, size, ours, raw[0], ratio(*latencies), ratio(*reversed(rates)))
 
 
-def _latencies(pair: Pair, data: Array, count: int) -> list[float]:
+def latency_of(pair: Pair, publish: Callable[[Array], None], data: Array, seconds: float) -> Callable[[], list[float]]:
+    """What measures for about so long how many seconds messages take to the handler."""
+    count = how_many(partial(_latencies, pair, publish, data, 1), seconds)
+    return partial(_latencies, pair, publish, data, count)
+
+
+def _latencies(pair: Pair, publish: Callable[[Array], None], data: Array, count: int) -> list[float]:
     record = pair.record
     record.clear()
     for number in range(1, count + 1):
         stamp(data)
-        pair.near.publish(data)
+        publish(data)
         end = time.monotonic() + PATIENCE
         while record.count < number:
             if time.monotonic() > end:
@@ -140,8 +161,8 @@ def _settle(count: Callable[[], int], wanted: int) -> None:
 
 
 def tables(rows: list[Row]) -> list[Table]:
-    latency = ("", "array", "ours p50", "p99", "raw p50", "p99", "ratio")
-    rate = ("", "array", "ours", "", "raw", "", "ratio", "lost, ours", "raw")
+    latency = ("", "array", "ours p50", "p99", "raw p50", "p99", "ratio", "goal")
+    rate = ("", "array", "ours", "", "raw", "", "raw ÷ ours", "lost, ours", "raw", "goal")
     note = "; ".join(f"{row.middleware}, {octets(row.size)}: {row.failure}" for row in rows if row.failure)
     return [
         Table("latency", "publish: latency, one way", latency, [_latency_cells(row) for row in rows], note=note),
@@ -151,13 +172,28 @@ def tables(rows: list[Row]) -> list[Table]:
 
 def _latency_cells(row: Row) -> tuple[str, ...]:
     found = [(us(each.latency.p50), us(each.latency.p99)) if each else ("–", "–") for each in (row.ours, row.raw)]
-    return (row.middleware, octets(row.size), *found[0], *found[1], times_as_much(row.latency_ratio))
+    return (
+        row.middleware,
+        octets(row.size),
+        *found[0],
+        *found[1],
+        times_as_much(row.latency_ratio),
+        _verdict(row.latency_ratio),
+    )
 
 
 def _rate_cells(row: Row) -> tuple[str, ...]:
     ours, its = (_rate(each, row.size) for each in (row.ours, row.raw))
     lost = (str(each.lost) if each else "–" for each in (row.ours, row.raw))
-    return (row.middleware, octets(row.size), *ours, *its, times_as_much(row.rate_ratio), *lost)
+    return (
+        row.middleware,
+        octets(row.size),
+        *ours,
+        *its,
+        times_as_much(row.rate_ratio),
+        *lost,
+        _verdict(row.rate_ratio),
+    )
 
 
 def _rate(figures: Figures | None, size: int) -> tuple[str, str]:
@@ -165,3 +201,18 @@ def _rate(figures: Figures | None, size: int) -> tuple[str, str]:
         return "–", "–"
     megabytes = figures.rate * size / 1e6
     return f"{figures.rate:.0f}/s", f"{megabytes:.{0 if megabytes >= 10 else 1}f} MB/s"
+
+
+def _verdict(found: float | None) -> str:
+    return "" if found is None else f"≤ {GOAL:g} ×: {'met' if found <= GOAL else 'missed'}"
+
+
+def findings(rows: list[Row]) -> list[Finding]:
+    made = []
+    for goal, row in itertools.product(("latency", "rate"), rows):
+        found = row.latency_ratio if goal == "latency" else row.rate_ratio
+        if row.failure:
+            made.append(failed(goal, row.middleware, octets(row.size)))
+        elif found is not None:
+            made.append(Finding(goal, row.middleware, octets(row.size), times_as_much(found), found <= GOAL, found))
+    return made

@@ -6,45 +6,72 @@ The array that was asked comes back. One question at a time; the next follows at
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from . import parties
+from .goals import Finding, failed
 from .pair import Pair, place
-from .parties import Array, Near
-from .rounds import Effort, Times, by_turns, how_many, ratio, seconds_of, times
+from .parties import FAILURES, Array, Near
+from .rounds import Effort, Times, by_turns, difference, how_many, ratio, seconds_of, times
 from .tables import Table, octets, times_as_much, us
 
 Tell = Callable[[str], None]
 """Says how far it is."""
 
 
+MORE, SMALL, LARGE = 12.0, 1.15, 1.10
+"""Goals: up to 1 KB, µs more than the bare library, or times as much; of 1 MB and more, times as much."""
+
+INPROC = 10.0
+"""Goal within one process, where there is no bare library, in µs."""
+
+
 @dataclass(frozen=True)
 class Row:
     middleware: str
     size: int
-    ours: Times
+    ours: Times | None = None
     raw: Times | None = None
     ratio: float | None = None
+    more: float | None = None
+    """How many µs more ours takes: like the ratio, the median of the rounds' differences."""
+    failure: str = ""
+    """Why there are no figures."""
 
     @property
-    def allowed(self) -> float | None:
-        """The p50 in µs that we want to stay below, if there is a goal for this size."""
-        if self.raw is None or self.size not in (64, 1_000_000):
-            return None
-        return max(1.35 * self.raw.p50, self.raw.p50 + 25) if self.size == 64 else 1.25 * self.raw.p50
+    def goal(self) -> str:
+        """The one for this size, if there is one."""
+        if self.middleware == "inproc":
+            return "inproc" if self.size <= 1024 else ""
+        return "small" if self.size <= 1024 else "large" if self.size >= 1_000_000 else ""
+
+    @property
+    def met(self) -> bool:
+        if self.ours is None:
+            return False
+        if self.ratio is None or self.more is None:
+            return self.ours.p50 <= INPROC
+        if self.goal == "small":
+            return self.ratio <= SMALL or self.more <= MORE
+        return self.ratio <= LARGE
 
 
-def run(middlewares: Iterable[str], sizes: Iterable[int], effort: Effort, tell: Tell) -> list[Row]:
+def run(middlewares: Iterable[str], sizes: Sequence[int], effort: Effort, tell: Tell) -> list[Row]:
     rows = []
     for middleware in middlewares:
-        with both(middleware, 10) as pairs:
-            for size in sizes:
-                tell(f"query · {middleware} · {octets(size)}")
-                rows.append(_row(middleware, size, [pair.near for pair in pairs], effort))
+        found: list[Row] = []
+        try:
+            with both(middleware, 10) as pairs:
+                for size in sizes:
+                    tell(f"query · {middleware} · {octets(size)}")
+                    found.append(_row(middleware, size, [pair.near for pair in pairs], effort))
+        except FAILURES as exc:  # worth knowing, and no reason to keep the other figures from anybody
+            found += [Row(middleware, size, failure=f"{exc}") for size in sizes[len(found) :]]
+        rows += found
     return rows
 
 
@@ -54,7 +81,10 @@ def both(middleware: str, depth: int) -> Iterator[list[Pair]]:
     with place(depth) as here, contextlib.ExitStack() as open_pairs:
         bare = parties.raw(middleware)
         compared = [parties.ours(middleware), *([bare] if bare else [])]
-        yield [open_pairs.enter_context(Pair(party, here)) for party in compared]
+        pairs = [Pair(party, here) for party in compared]
+        for pair in pairs:
+            open_pairs.callback(pair.close)
+        yield [pair.__enter__() for pair in pairs]
 
 
 def some(size: int) -> Array:
@@ -73,24 +103,38 @@ def _row(middleware: str, size: int, nears: list[Near], effort: Effort) -> Row:
     ours, *raw = by_turns(measures, effort.rounds)
     if not raw:
         return Row(middleware, size, times(ours))
-    return Row(middleware, size, times(ours), times(raw[0]), ratio(ours, raw[0]))
+    return Row(middleware, size, times(ours), times(raw[0]), ratio(ours, raw[0]), difference(ours, raw[0]))
 
 
 def table(rows: list[Row]) -> Table:
     head = ("", "array", "ours p50", "p99", "raw p50", "p99", "ratio", "difference", "goal")
-    return Table("query", "query round trip", head, [_cells(row) for row in rows])
+    note = "; ".join(f"{row.middleware}, {octets(row.size)}: {row.failure}" for row in rows if row.failure)
+    return Table("query", "query round trip", head, [_cells(row) for row in rows], note=note)
 
 
 def _cells(row: Row) -> tuple[str, ...]:
-    name = (row.middleware, octets(row.size), us(row.ours.p50), us(row.ours.p99))
-    if row.raw is None:
-        return (*name, "–", "–", "–", "–", "")
-    difference = row.ours.p50 - row.raw.p50
-    signed = f"{'-' if difference < 0 else '+'}{us(abs(difference))}"
+    name = (row.middleware, octets(row.size), *((us(row.ours.p50), us(row.ours.p99)) if row.ours else ("–", "–")))
+    if row.raw is None or row.more is None:
+        return (*name, "–", "–", "–", "–", _verdict(row))
+    signed = f"{'-' if row.more < 0 else '+'}{us(abs(row.more))}"
     return (*name, us(row.raw.p50), us(row.raw.p99), times_as_much(row.ratio), signed, _verdict(row))
 
 
 def _verdict(row: Row) -> str:
-    if row.allowed is None:
-        return ""
-    return f"≤ {us(row.allowed)}: {'met' if row.ours.p50 <= row.allowed else 'missed'}"
+    demands = {
+        "small": f"≤ {SMALL:.2f} × or +{MORE:g} µs",
+        "large": f"≤ {LARGE:.2f} ×",
+        "inproc": f"≤ {INPROC:g} µs",
+    }
+    return f"{demands[row.goal]}: {'met' if row.met else 'missed'}" if row.goal and row.ours else ""
+
+
+def findings(rows: list[Row]) -> list[Finding]:
+    return [_finding(row) for row in rows if row.goal]
+
+
+def _finding(row: Row) -> Finding:
+    if row.ours is None:
+        return failed(row.goal, row.middleware, octets(row.size))
+    shown = us(row.ours.p50) if row.ratio is None else times_as_much(row.ratio)
+    return Finding(row.goal, row.middleware, octets(row.size), shown, row.met, row.ratio)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import shutil
 import socket
 import statistics
 import subprocess
@@ -25,7 +24,7 @@ from pathlib import Path
 from .goals import Finding
 from .parties import PATIENCE
 from .peers.driver import MEETING
-from .process import ROOT, running
+from .process import ROOT, folder, running
 from .query import Tell
 from .rounds import MOST_CALLS, Effort, Times, by_turns, ratio, times
 from .tables import Table, octets, us
@@ -57,11 +56,11 @@ class Row:
     failure: str = ""
 
 
-def run(middleware: str, names: Iterable[str], sizes: Sequence[int], effort: Effort, tell: Tell) -> list[Row]:
+def run(middleware: str, peers: Iterable[Peer], sizes: Sequence[int], effort: Effort, tell: Tell) -> list[Row]:
     """Ours, by this middleware, is the first row."""
     rows, sessions = [], []
     with contextlib.ExitStack() as undo:
-        for peer in (_ours(middleware), *(PEERS[name] for name in names)):
+        for peer in (_ours(middleware), *peers):
             tell(f"peers · {peer.name}")
             found = ""
             try:
@@ -140,14 +139,14 @@ class _Session:
 @contextlib.contextmanager
 def _session(peer: Peer) -> Iterator[_Session]:
     with contextlib.ExitStack() as undo:
-        folder = undo.enter_context(_folder())
+        place = undo.enter_context(folder())
         listening = undo.enter_context(socket.socket(socket.AF_UNIX))
-        listening.bind(f"{folder}/{MEETING}")
+        listening.bind(f"{place}/{MEETING}")
         listening.listen()
         listening.settimeout(0.1)
-        log = undo.enter_context(open(f"{folder}/output", "w+b"))  # noqa: SIM115  # the stack closes it
-        options = {"cwd": ROOT, "env": _environment(folder), "stdin": subprocess.PIPE, "stdout": log, "stderr": log}
-        processes = [undo.enter_context(running(command, **options)) for command in peer.programs(folder)]
+        log = undo.enter_context(open(f"{place}/output", "w+b"))
+        options = {"cwd": ROOT, "env": _environment(place), "stdin": subprocess.PIPE, "stdout": log, "stderr": log}
+        processes = [undo.enter_context(running(command, **options)) for command in peer.programs(place)]
         end = time.monotonic() + 3 * PATIENCE
         while True:
             with contextlib.suppress(TimeoutError):
@@ -161,17 +160,6 @@ def _session(peer: Peer) -> Iterator[_Session]:
         session = _Session(peer.name, connection)
         undo.callback(session.close)
         yield session
-
-
-@contextlib.contextmanager
-def _folder() -> Iterator[str]:
-    """Short, since paths of sockets have 107 bytes; the last to go, when all processes have ended."""
-    folder = Path("/tmp", f"rc-{os.urandom(4).hex()}")
-    folder.mkdir(mode=0o700)
-    try:
-        yield str(folder)
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _environment(folder: str) -> dict[str, str]:

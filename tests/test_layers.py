@@ -8,7 +8,7 @@ import sys
 import pytest
 
 BUILD = {"lark", "jinja2", "rich", "robocomp_py.dsl", "robocomp_py.codegen", "robocomp_py.deploy", "robocomp_py.cli"}
-MIDDLEWARES = {"zmq", "cyclonedds", "zenoh"}
+MIDDLEWARES = {"zmq", "cyclonedds", "zenoh", "iceoryx2"}
 
 FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py": {"numpy", "robocomp_py.errors"},
@@ -24,6 +24,7 @@ FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py.transports.dds": BUILD | (MIDDLEWARES - {"cyclonedds"}) | {"robocomp_py.runtime", "msgpack"},
     "robocomp_py.transports.exclusive": BUILD | MIDDLEWARES | {"robocomp_py.runtime", "msgpack", "numpy"},
     "robocomp_py.transports.zenoh": BUILD | (MIDDLEWARES - {"zenoh"}) | {"robocomp_py.runtime", "msgpack"},
+    "robocomp_py.transports.shm": BUILD | (MIDDLEWARES - {"iceoryx2"}) | {"robocomp_py.runtime", "msgpack"},
     "robocomp_py.runtime.statechart": BUILD | MIDDLEWARES | {"numpy", "robocomp_py.wire", "robocomp_py.transports"},
     "robocomp_py.graph.statemachine": BUILD | MIDDLEWARES | {"numpy", "xml", "robocomp_py.wire", "robocomp_py.runtime"},
     "robocomp_py.runtime.api": BUILD | MIDDLEWARES | {"xml", "pyexpat", "msgpack", "argparse"},

@@ -60,7 +60,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     tell_notes(plan)
     if options.plan:
         return _print_plan(plan, options.json)
-    if options.until and options.until not in [process.name for process in plan.processes]:
+    ending = {name for process in plan.processes for name in (process.name, *process.instances)}
+    if options.until and options.until not in ending:
         print(f"rcdeploy: --until {options.until}: there is no such instance", file=sys.stderr)
         return USAGE
     return _run(plan, options)

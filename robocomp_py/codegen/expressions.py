@@ -16,7 +16,10 @@ from .names import (
     argument,
     class_name,
     interface_constant,
+    loan,
+    loan_arguments,
     member_name,
+    message_class,
     method,
     module_name,
     module_of,
@@ -161,6 +164,51 @@ def _signature(name: str, operation: Operation[Any], returned: str, here: str, s
     return signature(name, arguments, shadows.avoid(returned))
 
 
+def loan_signature(operation: Operation[Any], interface: Interface, here: str, shadows: Shadows) -> str:
+    """`def loanPushImage(self, image: int | tuple[int, ...], *, …) -> AbstractContextManager[TImage]:`."""
+    shape = shadows.avoid("int | tuple[int, ...]")
+    arguments = [f"{name}: {shape}" for name in loan_arguments(operation)]
+    if len(arguments) > 1:
+        arguments = ["*", *(f"{each} = 0" for each in arguments)]
+    else:
+        arguments.append("*")
+    arguments = ["self", *arguments, f"deadline: {shadows.avoid('float')} | None = None"]
+    returned = f"AbstractContextManager[{loan_message(operation, here)}]"
+    return signature(loan(operation, interface), arguments, shadows.avoid(returned))
+
+
+def loan_message(operation: Operation[Any], here: str) -> str:
+    """The class of what is filled: that of the operation's only parameter, or one of its own."""
+    return message_class(operation) if has_message(operation) else hint(operation.inputs[0].type, here)
+
+
+def has_message(operation: Operation[Any]) -> bool:
+    """Whether a class of its own holds the parameters of an operation while they are filled."""
+    return len(operation.inputs) != 1 or not isinstance(operation.inputs[0].type, t.Struct)
+
+
+def can_lend(operation: Operation[Any], pattern: Pattern) -> bool:
+    """Whether a message of an operation can be filled in place."""
+    return pattern is not Pattern.QUERY and any(t.arrays(operation.inputs))
+
+
+def loan_passed(operation: Operation[Any]) -> str:
+    """The shapes of its arrays as a tuple."""
+    names = loan_arguments(operation)
+    line = f"({', '.join(names)}{',' if len(names) == 1 else ''})"
+    return line if len(line) + 13 <= WIDTH else tuple_of(names, 12, 12)
+
+
+def loan_doc(operation: Operation[Any]) -> str:
+    many = len(loan_arguments(operation)) > 1
+    given, they = ("arrays of these shapes", "The arrays are") if many else ("an array of this shape", "The array is")
+    return (
+        f"`{operation.name}` with {given} to fill, where the message is sent from.\n\n"
+        f"Leaving the block sends it, unless by an exception. {they} not zeros to begin "
+        "with, and not ours any more in the end."
+    )
+
+
 def proxy_shadows(port: Port, here: str) -> Shadows:
     """What the methods of a proxy hide from those behind them."""
     shadows = Shadows()
@@ -171,6 +219,9 @@ def proxy_shadows(port: Port, here: str) -> Shadows:
         shadows.member(method(operation), " ".join(uses))
         if pattern is Pattern.QUERY:
             shadows.member(twin(operation, port.interface), " ".join(uses))
+        if can_lend(operation, pattern):
+            lent = f"int tuple float AbstractContextManager {loan_message(operation, here)}"
+            shadows.member(loan(operation, port.interface), lent)
     return shadows
 
 

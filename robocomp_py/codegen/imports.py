@@ -13,6 +13,7 @@ MARK = "# imports\n"
 
 STANDARD = {
     "abc": ("abstractmethod",),
+    "contextlib": ("AbstractContextManager",),
     "dataclasses": ("dataclass", "field"),
     "enum": ("IntEnum",),
     "typing": ("ClassVar", "Literal", "TypeAlias"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import keyword
 import re
+from collections import Counter
 from collections.abc import Collection
 from typing import Any
 
@@ -16,7 +17,18 @@ from .imports import API, BUILTINS, TYPES
 _CLASSES = {
     *TYPES,
     *BUILTINS,
-    *("ArrayLike", "ClassVar", "IntEnum", "NDArray", "TypeAlias", "annotations", "builtins", "dataclass", "field"),
+    *(
+        "AbstractContextManager",
+        "ArrayLike",
+        "ClassVar",
+        "IntEnum",
+        "NDArray",
+        "TypeAlias",
+        "annotations",
+        "builtins",
+        "dataclass",
+        "field",
+    ),
     *("np", "typing"),
 }
 """What modules of types use for themselves."""
@@ -30,7 +42,7 @@ _MODULES = {
 """What is in the generic part beside the modules of types, and what it uses for itself."""
 
 _ARGUMENTS = {"self", "deadline"}
-_METHODS = {"interface", "_ask", "_ask_async", "_send", "_bound"}
+_METHODS = {"interface", "_ask", "_ask_async", "_send", "_loan", "_bound"}
 _MEMBERS = {
     *("as_integer_ratio", "bit_count", "bit_length", "conjugate", "denominator", "from_bytes", "imag", "is_integer"),
     *("mro", "name", "numerator", "real", "to_bytes", "value", "ClassVar", "Enumeration"),
@@ -82,6 +94,31 @@ def method(operation: Operation[Any]) -> str:
 def twin(operation: Operation[Any], interface: Interface) -> str:
     """An operation of a proxy that does not wait."""
     return _free(f"{operation.name}Async", {other.name for other in interface.operations})
+
+
+def loan(operation: Operation[Any], interface: Interface) -> str:
+    """The method of a proxy that gives a message to fill: `loanPushImage`."""
+    return _free(
+        f"loan{operation.name[:1].upper()}{operation.name[1:]}", {other.name for other in interface.operations}
+    )
+
+
+def loan_arguments(operation: Operation[Any]) -> list[str]:
+    """What the arrays of its message are called: by their own names or, where two are called so, by the way to them."""
+    paths = [[field.name for field in path] for path, _ in t.arrays(operation.inputs)]
+    own = Counter(path[-1] for path in paths)
+    names: list[str] = []
+    for path in paths:
+        name = _free(path[-1] if own[path[-1]] == 1 else "_".join(path), _ARGUMENTS)
+        while name in names:
+            name += "_"
+        names.append(name)
+    return names
+
+
+def message_class(operation: Operation[Any]) -> str:
+    """What holds the parameters of an operation while they are filled."""
+    return class_name(operation.request.name)
 
 
 def operation_constant(operation: Operation[Any]) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -30,7 +29,7 @@ class History(StrEnum):
 
 
 class Liveliness(StrEnum):
-    """Who publishes is alive as long as its process is (`AUTOMATIC`), or as it sends something every `lease` seconds."""
+    """Who publishes is alive while its process is (`AUTOMATIC`), or while it sends something every `lease` seconds."""
 
     AUTOMATIC = "automatic"
     MANUAL_BY_TOPIC = "manual_by_topic"
@@ -79,16 +78,18 @@ PRESETS: dict[str, QoS] = {
 
 @dataclass(frozen=True, slots=True)
 class Shortfall:
-    """A policy of which a publisher offers less than a subscriber asks for, both in the words of a CDSL."""
+    """A policy of which a publisher offers less than a subscriber asks for."""
 
     policy: str
     asked: str
+    """As a CDSL has it."""
     offered: str
+    """The same; "" if it is nothing at all."""
     less: str
     """What the subscriber would have to set in its configuration."""
 
     def __str__(self) -> str:
-        return f"{self.asked} is asked for, {self.offered} is offered"
+        return f"`{self.asked}` is asked for, {f'`{self.offered}`' if self.offered else 'none'} is offered"
 
 
 def shortfalls(asked: QoS, offered: QoS) -> list[Shortfall]:
@@ -98,18 +99,22 @@ def shortfalls(asked: QoS, offered: QoS) -> list[Shortfall]:
     """
     found = []
     if asked.reliable and not offered.reliable:
-        found.append(Shortfall("reliability", "`reliable`", "`best_effort`", 'reliability = "best_effort"'))
+        found.append(Shortfall("reliability", "reliable", "best_effort", 'reliability = "best_effort"'))
     if asked.latched and not offered.latched:
-        found.append(Shortfall("durability", "`transient_local`", "`volatile`", 'durability = "volatile"'))
+        found.append(Shortfall("durability", "transient_local", "volatile", 'durability = "volatile"'))
     for name in ("deadline", "lease"):
         most, least = getattr(asked, name), getattr(offered, name)
-        if most is not None and (least is None or least > most):
-            given = (f"`{name} {duration(least)}`", f"{name} = {least:g}") if least else ("none", f"no `{name}`")
-            found.append(Shortfall(name, f"`{name} {duration(most)}`", *given))
+        if most is not None and (least is None or least > most * (1 + _NEARLY)):
+            given = (f"{name} {duration(least)}", f"{name} = {least:g}") if least else ("", f"no `{name}`")
+            found.append(Shortfall(name, f"{name} {duration(most)}", *given))
     if asked.liveliness is Liveliness.MANUAL_BY_TOPIC and offered.liveliness is not asked.liveliness:
-        words = ("`liveliness manual_by_topic`", "`liveliness automatic`", 'liveliness = "automatic"')
+        words = ("liveliness manual_by_topic", "liveliness automatic", 'liveliness = "automatic"')
         found.append(Shortfall("liveliness", *words))
     return found
+
+
+_NEARLY = 1e-9
+"""By such a part two times may differ and be the same, which both ends know in units of their own."""
 
 
 def duration(seconds: float) -> str:
@@ -124,14 +129,14 @@ def traits(qos: QoS) -> str:
     for letter, name in _TIMES.items():
         seconds = getattr(qos, name)
         if seconds is not None:
-            written += f"{letter}{math.ceil(seconds * 1e6)}"
+            written += f"{letter}{max(1, round(seconds * 1e9))}"
     return written or "-"
 
 
 def from_traits(text: str) -> QoS:
     """The QoS of which these are the traits; letters of another version mean nothing."""
-    values = {letter: int(number or 0) for letter, number in re.findall(r"([a-z])([0-9]{0,15})", text)}
-    times = {name: values[letter] / 1e6 for letter, name in _TIMES.items() if values.get(letter)}
+    values = {letter: int(number or 0) for letter, number in re.findall(r"([a-z])([0-9]{0,18})", text, re.ASCII)}
+    times = {name: values[letter] / 1e9 for letter, name in _TIMES.items() if values.get(letter)}
     return QoS(
         Reliability.RELIABLE if "r" in values else Reliability.BEST_EFFORT,
         Durability.TRANSIENT_LOCAL if "l" in values else Durability.VOLATILE,
@@ -143,4 +148,4 @@ def from_traits(text: str) -> QoS:
 
 
 _TIMES = {"d": "deadline", "s": "lifespan", "e": "lease"}
-"""By letter; in microseconds."""
+"""By letter; in nanoseconds."""

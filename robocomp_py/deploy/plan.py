@@ -31,7 +31,8 @@ from ..runtime.notify import BETWEEN
 from ..spelling import unknown
 from .auto import Choice, Usable, Way, choose, installed_here
 from .configuration import check_text, span_of
-from .routes import Configured, check_routes, generated_for, stays_inside, unfit, unmet, unshared
+from .qos import unsupported
+from .routes import Configured, check_routes, generated_for, stays_inside, unfit, unmet, unshared, worth_telling
 
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
 
@@ -154,6 +155,12 @@ class Node:
     """The instance to use, by the name of the port that uses it."""
     qos: dict[str, Quality] = field(default_factory=dict)
     """What the network says, by the name of the port."""
+    places: dict[str, Name] = field(default_factory=dict)
+    """Where the network speaks of a port, by its name."""
+
+    def place(self, port: str = "") -> Name:
+        """Where to tell what is wrong with it, or with one of its ports."""
+        return self.places.get(port) or self.instance.config or self.instance.name
 
     @property
     def name(self) -> str:
@@ -264,7 +271,8 @@ class _Planner:
             fault = unshared(carried, alone[0]) if alone else None
         if fault:
             self._unfit.add(name.text)
-            self._error(fault.code, fault.message, name, fault.hint)
+            message = f"--middleware {name}: {fault.message}" if override else fault.message
+            self._error(fault.code, message, name, fault.hint)
 
     def _shared(self, instance: Instance) -> str:
         """The process that it shares with others; "" if it has one of its own."""
@@ -303,6 +311,7 @@ class _Planner:
             port = self._wired_port(node, wiring)
             if port:
                 wirings[port.name] = wiring
+                node.places[port.name] = wiring.instance
             else:
                 astray.add(Verb(wiring.verb.text))
         there = {other.name for other in nodes}
@@ -385,6 +394,7 @@ class _Planner:
                 self._error("configuration", message, quality.port, "remove it")
             elif port := self._port_of(node, quality):
                 node.qos[port.name] = quality
+                node.places[port.name] = quality.port
 
     def _port_of(self, node: Node, quality: Quality) -> Port | None:
         """The one whose QoS is said; None, and reported, if it is none, or may be two."""
@@ -489,7 +499,7 @@ class _Planner:
             yield assignment, f"--set {assignment}"
 
     def _configure(self, node: Node) -> None:
-        at = node.instance.config or node.instance.name
+        at = node.place()
         config = self._config(node)
         try:
             params = node.component.params
@@ -525,11 +535,12 @@ class _Planner:
                     yield opened
 
     def _check_routes(self, nodes: Sequence[Node]) -> None:
-        named = {node.name: node.instance.name for node in nodes}
-        at = {node.name: node.instance.config or node.instance.name for node in nodes}
-        for fault in check_routes(self._configured, self._instances, self._unfit):
-            blame = [("the publisher", named[fault.other])] if fault.other else []
-            self._error(fault.code, fault.message, at[fault.instance], fault.hint, *blame)
+        named = {node.name: node for node in nodes}
+        faults = check_routes(self._configured, self._instances, self._unfit)
+        for fault in (*faults, *worth_telling(unsupported(self._configured))):
+            blame = [("the publisher", named[fault.other].instance.name)] if fault.other else []
+            at = named[fault.instance].place(fault.port)
+            self._error(fault.code, fault.message, at, fault.hint, *blame)
 
     def _error(self, code: str, message: str, at: Name, hint: str = "", *related: tuple[str, Name]) -> None:
         self._report.error(code, message, at.span, hint, *((text, name.span) for text, name in related))
@@ -542,7 +553,7 @@ def _complaint(node: Node, config: Path | None, document: Document, complaint: C
         source = Source(config, document.text)
         return Diagnostic(complaint.code, complaint.message, span_of(source, document, complaint))
     message = f"`{node.name}` is configured wrongly: {f'{origin}: ' if origin else ''}{complaint.message}"
-    return Diagnostic(complaint.code, message, (node.instance.config or node.instance.name).span)
+    return Diagnostic(complaint.code, message, node.place().span)
 
 
 def _offered(node: Node, wanted: Port) -> list[Port]:

@@ -7,14 +7,14 @@ line, and so may the instance a port uses. What counts is what comes out of all 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from .. import installed
 from ..contract.component import Component, Port
 from ..contract.interface import Verb
-from ..contract.qos import QoS
+from ..contract.qos import QoS, shortfalls
 from ..dsl.diagnostics import did_you_mean
 from ..errors import ConfigurationError
 from ..runtime.settings import Document, Settings, carrier, is_auto
@@ -37,6 +37,8 @@ class Fault:
     """Of several faults with one subject, the first is worth telling."""
     other: str = ""
     """The instance at the other end, if it is to blame as well."""
+    port: str = ""
+    """Of the instance, if it is about one."""
 
     def __str__(self) -> str:
         return f"{self.message}; {self.hint}" if self.hint else self.message
@@ -157,8 +159,13 @@ def check_routes(configured: Sequence[Configured], instances: Collection[str], t
     for client in configured:
         for port, operation in client.operations(providing=False):
             found += _check_route(client, port, operation, configured, instances)
+    return worth_telling(found)
+
+
+def worth_telling(faults: Iterable[Fault]) -> list[Fault]:
+    """Of those with one subject, the first."""
     once: dict[tuple[str, ...], Fault] = {}
-    for fault in found:
+    for fault in faults:
         once.setdefault((fault.code, *(fault.subject or (fault.message,))), fault)
     return list(once.values())
 
@@ -214,15 +221,12 @@ def unmet(
     port: Port, asked: QoS, provider: str, offered: QoS, *, client: str = "", said: tuple[str, str] = ("", "")
 ) -> Iterator[Fault]:
     """What a port of a subscriber asks for that a publisher does not offer. `said` is where each is set."""
-    for word, is_unmet in (
-        ("reliable", asked.reliable and not offered.reliable),
-        ("transient_local", asked.latched and not offered.latched),
-    ):
-        if is_unmet:
-            what = f"`{port.interface.short}` is asked for as {word}{said[0]}"
-            message = f"{what}, but `{provider}` does not offer that{said[1]}"
-            subject = (client, port.name, provider, word)
-            yield Fault("qos-mismatch", message, f"publish it with qos({word})", client, subject, provider)
+    for each in shortfalls(asked, offered):
+        what = f"`{port.interface.short}` is asked for with `{each.asked}`{said[0]}"
+        given = f"`{each.offered}`" if each.offered else f"no `{each.policy}`"
+        message = f"{what}, but `{provider}` offers {given}{said[1]}"
+        subject = (client, port.name, provider, each.policy)
+        yield Fault("qos-mismatch", message, f"publish it with qos({each.asked})", client, subject, provider, port.name)
 
 
 def _check_ends(client: Configured, port: Port, server: Configured, theirs: Port, operation: str) -> Iterator[Fault]:
@@ -234,7 +238,7 @@ def _check_ends(client: Configured, port: Port, server: Configured, theirs: Port
     here, there = mine or other, other or mine  # who leaves it open follows who does not
     if not here:
         return
-    if _is_unfit(client, here) or _is_unfit(server, there):
+    if any(name and _is_unfit(end, name) for end, name in ((client, mine), (server, other))):
         return  # which has been told
     what = f"`{port.interface.short}.{operation}`"
     subject = (client.name, port.name, server.name)
@@ -245,9 +249,10 @@ def _check_ends(client: Configured, port: Port, server: Configured, theirs: Port
         )
         yield Fault("middleware-mismatch", message, "choose one for both", client.name, subject)
     elif stays_inside(here) and not client.is_with(server):
+        origin = client.origin(port, operation) if mine else server.origin(theirs, operation)
         message = (
-            f"`{client.name}` ({client.origin(port, operation)}): `{here}` does not reach other processes, "
-            f"but `{server.name}`, whose {what} it uses, is in `{server.process}`"
+            f"{what} of `{server.name}` does not reach `{client.name}`, which is in another process, "
+            f"over `{here}` ({origin})"
         )
         hint = "put both into one process, or choose another middleware"
         yield Fault("unfit-middleware", message, hint, client.name, subject)

@@ -235,7 +235,7 @@ def _in_cdsl(place: _Place) -> Iterator[Candidate]:
     verbs = {verb.value.lower() for verb in Verb}
     inside = _open_call(words)
     if inside == "qos":
-        yield from (Candidate(str(word), "word") for word in (Liveliness if last == "liveliness" else _QOS))
+        yield from _words_of_qos(last)
     elif inside:
         yield from (Candidate(name, "word", "middleware") for name in installed.transports())
     elif words and words[0] in verbs and last in (words[0], ","):
@@ -256,6 +256,10 @@ def _open_call(words: list[str]) -> str:
         if depth < 0:
             return words[at - 1] if at else ""
     return ""
+
+
+def _words_of_qos(last: str) -> Iterator[Candidate]:
+    return (Candidate(str(word), "word") for word in (Liveliness if last == "liveliness" else _QOS))
 
 
 def _interfaces(place: _Place) -> Iterator[Candidate]:
@@ -295,10 +299,21 @@ def _in_ddsl(place: _Place) -> Iterator[Candidate]:
         yield from _wireable(place, last, symbols)
     elif last == "middleware":
         yield from (Candidate(name, "word", "middleware") for name in installed.transports())
+    elif last == "process":
+        named = re.findall(r"\bprocess\s+([A-Za-z_]\w*)\s*;", find_comments(place.source).bare)
+        yield from (Candidate(name, "word", "process") for name in dict.fromkeys(named))
+    elif place.first == "qos" and _open_call(words):
+        yield from _words_of_qos(last)
+    elif place.first == "qos" and last in ("qos", *_TOPIC_VERBS):
+        for verb in _TOPIC_VERBS if last == "qos" else (last,):
+            yield from _wireable(place, verb, symbols)
+
+
+_TOPIC_VERBS = tuple(str(verb) for verb in Verb if verb.is_topic)
 
 
 def _wireable(place: _Place, verb: str, symbols: list[Symbol]) -> Iterator[Candidate]:
-    """The interfaces that the component of this instance uses so."""
+    """The interfaces that the component of this instance names behind a verb."""
     head = place.blocks[-1].head
     kind = (head[3] if head[2:3] == [":"] and len(head) > 3 else head[1] if len(head) > 1 else "").lower()
     for component in _of(symbols, Kind.COMPONENT):

@@ -96,7 +96,7 @@ def _components_of(index: Index, instance: Symbol) -> list[Symbol]:
 def _of_word(word: str, ending: str) -> str:
     if ending == ".idsl" and word in BUILTIN:
         return f"`{word}`: {BUILTIN[word]}, built in"
-    if ending == ".cdsl" and word in PRESETS:
+    if ending in (".cdsl", ".ddsl") and word in PRESETS:
         qos = PRESETS[word]
         return f"`{word}`: {qos.reliability}, {qos.durability}, {qos.history}, depth {qos.depth}"
     return ""

@@ -55,11 +55,9 @@ class Loans:
         return self._pieces is not None
 
     @contextmanager
-    def message(
-        self, kind: type[M], shapes: Sequence[Shape], send: Callable[[_Arguments, Memory], None]
-    ) -> Iterator[M]:
-        """A new message with arrays of these shapes. When its block ends without an exception, `send` gets its
-        arguments and the memory, by whose `send` they go through this outlet.
+    def message(self, kind: type[M], shapes: Sequence[Shape], send: Callable[..., None]) -> Iterator[M]:
+        """A new message with arrays of these shapes. When its block ends without an exception, it is passed on by
+        `send(arguments, memory=…)`; the memory's own `send` then sends them by this outlet.
         """
         sizes = tuple(map(_size, shapes))
         with closing(self._memory(kind, sizes)) as memory:
@@ -69,7 +67,7 @@ class Loans:
             yield message
             for array in (*views, *memory.arrays):
                 array.flags.writeable = False  # whoever goes on writing to what he gave away hears of it
-            send(self._arguments(message), memory)
+            send(self._arguments(message), memory=memory)
 
     def send(self, arguments: _Arguments, deadline: float) -> None:
         """As any message is."""
@@ -97,7 +95,13 @@ class Loans:
         """A guess, by a message in which all but the arrays is as it is made."""
         message, made = kind(), self._new(sizes)
         self._put(message, made)
-        return plan(pieces(self._arguments(message)), made)
+        return self._remembered(sizes, plan(pieces(self._arguments(message)), made))
+
+    def _remembered(self, sizes: _Sizes, planned: Plan) -> Plan:
+        if len(self._plans) >= _PLANS:
+            self._plans.clear()
+        self._plans[sizes] = planned
+        return planned
 
     def _new(self, sizes: _Sizes) -> list[_Array]:
         return [np.empty(size, dtype) for size, dtype in zip(sizes, self._dtypes, strict=True)]
@@ -117,9 +121,7 @@ class Loans:
         assert self._pieces
         where, better = lay(self._pieces(arguments), octets, planned)
         if better is not planned:
-            if len(self._plans) >= _PLANS:
-                self._plans.clear()
-            self._plans[sizes] = better
+            self._remembered(sizes, better)
         return where
 
 
@@ -127,11 +129,10 @@ class Memory:
     """Where the arrays of one message lie, and how it is sent from there: here, as any message is."""
 
     def __init__(self, loans: Loans, made: Sequence[_Array]) -> None:
-        self.arrays = made
-        self._loans = loans
+        self.loans, self.arrays = loans, made
 
     def send(self, arguments: _Arguments, deadline: float) -> None:
-        self._loans.send(arguments, deadline)
+        self.loans.send(arguments, deadline)
 
     def close(self) -> None:
         """Give back what was not sent. Idempotent."""
@@ -147,7 +148,7 @@ class _Lent(Memory):
         self._loan, self._octets, self._planned, self._sizes = loan, octets, planned, sizes
 
     def send(self, arguments: _Arguments, deadline: float) -> None:
-        where = self._loans.lay(arguments, self._octets, self._planned, self._sizes)
+        where = self.loans.lay(arguments, self._octets, self._planned, self._sizes)
         if where is None:  # it has become longer than it was planned
             super().send(arguments, deadline)
         else:

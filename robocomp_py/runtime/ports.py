@@ -7,8 +7,9 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, ClassVar, TypeVar
 
 from ..contract.component import MAX_SECONDS, Port
@@ -31,12 +32,14 @@ from ..transports.base import (
 )
 from ..wire.codec import Payload
 from .calls import Answering, Call
+from .loans import Loans, Memory, Shape
 from .monitor import Monitor
 from .watching import Watched, Watching
 
 log = logging.getLogger("robocomp.worker")
 
 R = TypeVar("R")
+M = TypeVar("M")
 
 _AT_LEAST = 0.001
 """Seconds that a way to send by has, whatever the others have taken."""
@@ -83,6 +86,15 @@ class Proxy:
     def _send(self, operation: Operation[None], arguments: tuple[Any, ...], deadline: float | None) -> None:
         sent: Any = self._bound[operation.name]
         sent.send(arguments, deadline)
+
+    def _loan(
+        self, operation: Operation[None], kind: type[M], shapes: tuple[Shape, ...], deadline: float | None
+    ) -> AbstractContextManager[M]:
+        if deadline is not None:
+            _positive(deadline)  # not only when everything is filled
+        sent: Any = self._bound[operation.name]
+        message: AbstractContextManager[M] = sent.loans.message(kind, shapes, partial(sent.send, deadline=deadline))
+        return message
 
 
 class Answer(Future[R]):
@@ -225,14 +237,26 @@ class _Sent:
     """A command or a publication, ready to be sent."""
 
     def __init__(self, call: Call[Any], outlet: Outlet, deadline: float) -> None:
-        self._encode, self._outlet, self._deadline = call.encode, outlet, deadline
+        self._call, self._encode, self._outlet, self._deadline = call, call.encode, outlet, deadline
 
     @property
     def heard(self) -> bool:
         return is_heard(self._outlet)
 
-    def send(self, arguments: tuple[Any, ...], deadline: float | None) -> None:
-        self._outlet.send(self._encode(arguments), self._deadline if deadline is None else _positive(deadline))
+    @cached_property
+    def loans(self) -> Loans:
+        return Loans(self._call, self._outlet)
+
+    def send(self, arguments: tuple[Any, ...], deadline: float | None, memory: Memory | None = None) -> None:
+        """`memory` is where the arguments were filled, if somewhere."""
+        limit = self._deadline if deadline is None else _positive(deadline)
+        if memory and self.lent(memory):
+            memory.send(arguments, limit)
+        else:
+            self._outlet.send(self._encode(arguments), limit)
+
+    def lent(self, memory: Memory | None) -> bool:
+        return memory is not None and memory.loans is self.loans
 
 
 class _SentByAll:
@@ -241,13 +265,21 @@ class _SentByAll:
     def __init__(self, ways: Sequence[_Sent], deadline: float) -> None:
         self._ways, self._deadline = ways, deadline
 
-    def send(self, arguments: tuple[Any, ...], deadline: float | None) -> None:
+    @cached_property
+    def loans(self) -> Loans:
+        """Of the way that lends memory, if one does. The others copy from it before it is sent."""
+        return next((way.loans for way in self._ways if way.loans.in_place), self._ways[0].loans)
+
+    def send(self, arguments: tuple[Any, ...], deadline: float | None, memory: Memory | None = None) -> None:
         """A way that fails does not keep the others from it; the first error is raised in the end."""
         end = time.monotonic() + (self._deadline if deadline is None else _positive(deadline))
         failed: TransportError | None = None
-        for way in [way for way in self._ways if way.heard] or self._ways[:1]:
+        ways = [way for way in self._ways if way.heard] or list(self._ways[:1])
+        if memory:
+            ways.sort(key=lambda way: way.lent(memory))
+        for way in ways:
             try:
-                way.send(arguments, max(_AT_LEAST, end - time.monotonic()))
+                way.send(arguments, max(_AT_LEAST, end - time.monotonic()), memory)
             except TransportError as exc:
                 failed = failed or exc
         if failed:
@@ -261,8 +293,12 @@ class _SentWatched:
         self._way, self._heard, self._channel = way, watched.heard, channel
         watched.publishes(channel)
 
-    def send(self, arguments: tuple[Any, ...], deadline: float | None) -> None:
-        self._way.send(arguments, deadline)
+    @property
+    def loans(self) -> Loans:
+        return self._way.loans
+
+    def send(self, arguments: tuple[Any, ...], deadline: float | None, memory: Memory | None = None) -> None:
+        self._way.send(arguments, deadline, memory)
         self._heard(self._channel)
 
 

@@ -1,9 +1,9 @@
 """Several components in one process, each on a thread of its own: what `rc run DIR … + DIR …` runs.
 
-They begin in the order in which they are given, without waiting for each other: each becomes visible, waits for those it
-requires, and is ready. Only what is given `--after NAME` begins when that one is ready. To whoever launched the process,
-it is ready when all are. It ends when all have ended: one that ends well leaves the others alone, one that fails takes
-them along. They are stopped one after the other, the last one first.
+They begin in the order in which they are given, without waiting for each other: each becomes visible, waits for what
+it requires, and is ready. Only one that is given `--after NAME` begins when that other one is ready. To its launcher,
+the process is ready when all are. It ends when all have ended: one that ends well leaves the others alone, one that
+fails takes them along. They are stopped one after the other, the last one first.
 """
 
 from __future__ import annotations

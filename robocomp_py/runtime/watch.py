@@ -87,11 +87,17 @@ class Watch:
         if each is None:
             return False
         begins = not each.running and self._deadline is not None
+        if self._lease is not None and each.heard is None:  # who has just come is to be seen, however soon it goes
+            self._next, begins = -math.inf, True
         self._count_misses(each, now)
         self._count_silence(each, now)
         each.heard, each.running, each.counted = now, self._deadline is not None, 0
         each.alive |= each.manual
         return begins or each.untold + each.losses > 0
+
+    def alive(self) -> list[str]:
+        """The channels whose publishers lived at the last look."""
+        return [name for name, each in self._channels.items() if each.alive and each.seen]
 
     def due(self) -> float:
         """When to look."""

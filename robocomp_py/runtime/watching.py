@@ -58,9 +58,14 @@ class Watched:
             return self._watch.due()
 
     def look(self) -> list[Missed | Lost]:
-        there = self._sources()  # without the lock: whoever holds locks of a transport may be about to tell us something
+        there = self._sources()  # without our lock: who holds locks of a transport may be about to tell us something
         with self._lock:
             return self._watch.look(time.monotonic(), lambda: there)
+
+    def alive(self) -> list[str]:
+        """The channels whose publishers lived at the last look."""
+        with self._lock:
+            return self._watch.alive()
 
     def totals(self) -> tuple[int, int]:
         return self._watch.missed, self._watch.lost
@@ -89,6 +94,10 @@ class Watching:
         watched = Watched(port, operation, qos, self._news.set)
         self._watched.append(watched)
         return watched
+
+    @property
+    def all(self) -> tuple[Watched, ...]:
+        return tuple(self._watched)
 
     def begin(self) -> None:
         """Look from now on."""

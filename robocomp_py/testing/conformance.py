@@ -13,6 +13,7 @@ demanded:
                 reliable loses nothing, and every sender gives up at its own deadline · what is lost is counted, and a
                 flood is bounded · `*` hears all instances but its own
     commands    in order, once, from many senders; to nobody: Unreachable
+    qos         what is missed, lost, or older than its lifespan, is told, counted, not delivered: see `testing.qos`
     queries     answers find their callers, 64 out of order · every status arrives · nobody serves: Unreachable ·
                 deadlines hold, and a late answer is nobody else's · cancelled calls leave nothing · a service may call
                 others, and be called back · the callback of a call may take long, and call again · one server at most
@@ -27,7 +28,6 @@ from __future__ import annotations
 
 import asyncio
 import math
-import multiprocessing
 import queue
 import threading
 import time
@@ -44,7 +44,6 @@ import pytest
 from ..contract.component import Port
 from ..contract.interface import Interface, Operation, Pattern, Verb
 from ..contract.qos import Durability, QoS, Reliability
-from ..contract.types import INT16, UINT8, Field, Sequence, Struct
 from ..errors import (
     AlreadyServed,
     Busy,
@@ -67,29 +66,29 @@ from ..transports.base import (
     Reply,
     Status,
     Transport,
-    TypeRef,
     require,
 )
 from ..wire.codec import Payload
 from . import everything as e
-from .patience import SCALE, SOON, wait_until
+from .parts import A_MOMENT as A_MOMENT
+from .parts import BLOB, OTHER, Victim, publish_once, put, subscribe
+from .parts import Inbox as Inbox
+from .parts import blob as blob
+from .parts import command as command
+from .parts import drain as drain
+from .parts import greet as greet
+from .parts import query as query
+from .parts import topic as topic
+from .parts import unblob as unblob
+from .patience import SOON, wait_until
+from .qos import QoSConformance
 
-A_MOMENT = 0.3 * SCALE
-"""How long a test makes something take that must not be waited for."""
-
-_BLOB = Struct("Conformance::Blob", (Field("data", Sequence(UINT8)),))
-_OTHER_BLOB = Struct("Conformance::Blob", (Field("data", Sequence(INT16)),))
-_TEXT = "operation Conformance::Blob.send\nstruct Conformance::Blob\n  data sequence<{}>"
-_TYPE = TypeRef("Conformance::Blob", 1, _TEXT.format("uint8"), _BLOB, _BLOB)
-_OTHER = TypeRef("Conformance::Blob", 2, _TEXT.format("int16"), _OTHER_BLOB, _OTHER_BLOB)
 _MANY = QoS(depth=5000)
 _RELIABLE = QoS(Reliability.RELIABLE, depth=8)
 _LATCHED = QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=2)
 
-Inbox = queue.Queue[bytes]
 
-
-class TransportConformance:
+class TransportConformance(QoSConformance):
     """Fill in `open_transport`; everything else is the contract."""
 
     def open_transport(self) -> Transport:
@@ -121,7 +120,7 @@ class TransportConformance:
     # Topics.
 
     def test_every_subscriber_gets_every_message_in_order(self, here: Transport, there: Transport, name: str) -> None:
-        inboxes = [_subscribe(transport, topic(name, _MANY)) for transport in (here, there, there)]
+        inboxes = [subscribe(transport, topic(name, _MANY)) for transport in (here, there, there)]
         outlet = there.outlet(topic(name, _MANY))
         greet(there, outlet, *inboxes)
         sent = [str(number).encode() for number in range(1000)]
@@ -133,13 +132,13 @@ class TransportConformance:
 
     def test_the_publisher_may_come_first(self, here: Transport, there: Transport, name: str) -> None:
         outlet = here.outlet(topic(name))
-        inbox = _subscribe(there, topic(name))
+        inbox = subscribe(there, topic(name))
         assert outlet.wait_peer(SOON)
         outlet.send(blob(here, b"x"))
         assert inbox.get(timeout=SOON) == b"x"
 
     def test_the_subscriber_may_come_first(self, here: Transport, there: Transport, name: str) -> None:
-        inbox = _subscribe(there, topic(name))
+        inbox = subscribe(there, topic(name))
         outlet = here.outlet(topic(name))
         assert outlet.wait_peer(SOON)
         outlet.send(blob(here, b"x"))
@@ -151,7 +150,7 @@ class TransportConformance:
         outlet.send(blob(here, b"x"))
 
     def test_channels_do_not_leak_into_each_other(self, here: Transport, there: Transport, name: str) -> None:
-        inbox, other_inbox = _subscribe(there, topic(name)), _subscribe(there, topic(name + "x"))
+        inbox, other_inbox = subscribe(there, topic(name)), subscribe(there, topic(name + "x"))
         outlet, other = here.outlet(topic(name)), here.outlet(topic(name + "x"))
         assert outlet.wait_peer(SOON)
         assert other.wait_peer(SOON)
@@ -165,16 +164,16 @@ class TransportConformance:
     def test_payloads_from_nothing_to_64_megabytes(
         self, here: Transport, there: Transport, name: str, size: int
     ) -> None:
-        inbox = _subscribe(there, topic(name))
+        inbox = subscribe(there, topic(name))
         outlet = here.outlet(topic(name))
         assert outlet.wait_peer(SOON)
         sent = np.arange(size, dtype=np.uint8)
-        outlet.send(here.codec.encoder(_BLOB)((sent,)))
+        outlet.send(here.codec.encoder(BLOB)((sent,)))
         assert inbox.get(timeout=SOON * 2) == sent.tobytes()
 
     def test_nothing_arrives_after_close_returns(self, here: Transport, there: Transport, name: str) -> None:
-        closed, witness = Inbox(), _subscribe(there, topic(name))
-        link = there.inlet(topic(name), _put(there, closed))
+        closed, witness = Inbox(), subscribe(there, topic(name))
+        link = there.inlet(topic(name), put(there, closed))
         outlet = here.outlet(topic(name))
         greet(here, outlet, closed, witness)
         link.close()
@@ -220,7 +219,7 @@ class TransportConformance:
     def test_a_slow_sink_delays_no_other_channel(self, here: Transport, there: Transport, name: str) -> None:
         release = threading.Event()
         there.inlet(topic(name), lambda _: release.wait(SOON))
-        inbox = _subscribe(there, topic(name + "x"))
+        inbox = subscribe(there, topic(name + "x"))
         slow, quick = here.outlet(topic(name)), here.outlet(topic(name + "x"))
         assert slow.wait_peer(SOON)
         assert quick.wait_peer(SOON)
@@ -232,7 +231,7 @@ class TransportConformance:
             release.set()
 
     def test_a_sink_may_publish(self, here: Transport, there: Transport, name: str) -> None:
-        back, inbox = here.outlet(topic(name + "back")), _subscribe(there, topic(name + "back"))
+        back, inbox = here.outlet(topic(name + "back")), subscribe(there, topic(name + "back"))
         assert back.wait_peer(SOON)
         here.inlet(topic(name), lambda payload: back.send(blob(here, unblob(here, payload) + b"!")))
         outlet = there.outlet(topic(name))
@@ -248,11 +247,11 @@ class TransportConformance:
             with pytest.raises(UnsupportedQoS):
                 require(here, "this transport", latched)
             return
-        early, outlet = _subscribe(here, latched), here.outlet(latched)
+        early, outlet = subscribe(here, latched), here.outlet(latched)
         assert outlet.wait_peer(SOON)
         for message in (b"old", b"map", b"pose"):
             outlet.send(blob(here, message))
-        late = _subscribe(there, latched)
+        late = subscribe(there, latched)
         assert [late.get(timeout=SOON), late.get(timeout=SOON)] == [b"map", b"pose"]
         outlet.send(blob(here, b"new"))
         assert late.get(timeout=SOON) == b"new"
@@ -397,7 +396,7 @@ class TransportConformance:
     def test_a_star_hears_every_instance(self, here: Transport, there: Transport, name: str) -> None:
         _, interface, operation = name.split("/")
         interface = f"C{uuid.uuid4().hex[:8]}"
-        inbox = _subscribe(there, topic(f"robot/*/{interface}/{operation}"))
+        inbox = subscribe(there, topic(f"robot/*/{interface}/{operation}"))
         outlets = [here.outlet(topic(f"robot/{instance}/{interface}/{operation}")) for instance in ("one", "two")]
         stranger = here.outlet(topic(f"other/three/{interface}/{operation}"))
         for outlet in outlets:
@@ -409,7 +408,7 @@ class TransportConformance:
 
     def test_a_star_is_never_oneself(self, here: Transport, there: Transport) -> None:
         interface = f"C{uuid.uuid4().hex[:8]}"
-        inbox = _subscribe(here, topic(f"*/{interface}/news"))
+        inbox = subscribe(here, topic(f"*/{interface}/news"))
         own, other = (t.outlet(topic(f"{n}/{interface}/news")) for t, n in ((here, "one"), (there, "two")))
         here.server(query(f"one/{interface}/ask"), answering(here, bytes.upper))
         caller = here.caller(query(f"*/{interface}/ask"))
@@ -427,7 +426,7 @@ class TransportConformance:
 
     def test_commands_arrive_once_and_in_order(self, here: Transport, there: Transport, name: str) -> None:
         inbox = Inbox()
-        link = here.inlet(command(name), _put(here, inbox))
+        link = here.inlet(command(name), put(here, inbox))
         outlet = there.outlet(command(name))
         assert outlet.wait_peer(SOON)
         sent = [str(number).encode() for number in range(500)]
@@ -439,7 +438,7 @@ class TransportConformance:
 
     def test_many_may_command_one(self, here: Transport, there: Transport, name: str) -> None:
         inbox = Inbox()
-        here.inlet(command(name), _put(here, inbox))
+        here.inlet(command(name), put(here, inbox))
         for transport, message in ((here, b"a"), (there, b"b"), (there, b"c")):
             outlet = transport.outlet(command(name))
             assert outlet.wait_peer(SOON)
@@ -614,7 +613,7 @@ class TransportConformance:
         here.server(query(name), service)
         here.server(query(name + "x"), answering(here, bytes.upper))
         caller, other = there.caller(query(name)), there.caller(query(name + "x"))
-        inbox, outlet = _subscribe(there, topic(name + "news")), here.outlet(topic(name + "news"))
+        inbox, outlet = subscribe(there, topic(name + "news")), here.outlet(topic(name + "news"))
         for link in (caller, other, outlet):
             assert link.wait_peer(SOON)
         caller.call(blob(there, b""), SOON * 3).add_done_callback(slow)
@@ -641,7 +640,7 @@ class TransportConformance:
     ) -> None:
         executed = Inbox()
         server = here.server(query(name), answering(here, _noting(executed)))
-        caller = there.caller(replace(query(name), type=_OTHER))
+        caller = there.caller(replace(query(name), type=OTHER))
         with pytest.raises(ContractMismatch, match=r"data: sequence<int16> here, sequence<uint8> there"):
             caller.wait_peer(SOON)
         with pytest.raises(ContractMismatch, match=r"data: sequence<int16> here, sequence<uint8> there"):
@@ -653,8 +652,8 @@ class TransportConformance:
     def test_another_contract_is_named_and_messages_do_not_pass(
         self, here: Transport, there: Transport, name: str, caplog: pytest.LogCaptureFixture
     ) -> None:
-        inbox, witness = Inbox(), _subscribe(there, topic(name))
-        link = there.inlet(replace(topic(name), type=_OTHER), _put(there, inbox))
+        inbox, witness = Inbox(), subscribe(there, topic(name))
+        link = there.inlet(replace(topic(name), type=OTHER), put(there, inbox))
         outlet = here.outlet(topic(name))
         greet(here, outlet, witness)
         wait_until(lambda: link.stats.mismatched > 0 and outlet.stats.mismatched > 0)
@@ -757,7 +756,7 @@ class TransportConformance:
 
     def test_a_publisher_and_its_subscribers_may_be_restarted(self, name: str) -> None:
         stays, inbox = self.open_transport(), Inbox()
-        stays.inlet(topic(name), _put(stays, inbox))
+        stays.inlet(topic(name), put(stays, inbox))
         for life in (b"first", b"second"):
             transport = self.open_transport()
             outlet = transport.outlet(topic(name))
@@ -768,7 +767,7 @@ class TransportConformance:
         stays.close()
         transport, other = self.open_transport(), self.open_transport()
         outlet = transport.outlet(topic(name))
-        inbox = _subscribe(other, topic(name))
+        inbox = subscribe(other, topic(name))
         assert outlet.wait_peer(SOON)
         outlet.send(blob(transport, b"third"))
         assert inbox.get(timeout=SOON) == b"third"
@@ -804,15 +803,15 @@ class TransportConformance:
         inlet.close()
         with pytest.raises(Unreachable):
             outlet.send(blob(asking, b"nobody"))
-        there.inlet(command(name), _put(there, inbox))
+        there.inlet(command(name), put(there, inbox))
         assert outlet.wait_peer(SOON)
         outlet.send(blob(asking, b"two"))
         assert inbox.get(timeout=SOON) == b"two"
         asking.close()
 
     def test_a_killed_publisher_may_be_followed_by_another(self, here: Transport, there: Transport, name: str) -> None:
-        inbox = _subscribe(here, topic(name))
-        victim = _Victim(self, here, name, _publish_once)
+        inbox = subscribe(here, topic(name))
+        victim = Victim(self, here, name, publish_once)
         assert inbox.get(timeout=SOON * 3) == b"last words"
         victim.kill()
         outlet = there.outlet(topic(name))
@@ -821,7 +820,7 @@ class TransportConformance:
         assert inbox.get(timeout=SOON) == b"new"
 
     def test_a_killed_server_is_not_waited_for_in_vain(self, there: Transport, name: str) -> None:
-        victim = _Victim(self, there, name)
+        victim = Victim(self, there, name)
         caller = there.caller(query(name))
         assert caller.wait_peer(SOON * 3)
         victim.kill()
@@ -831,7 +830,7 @@ class TransportConformance:
     def test_a_server_that_dies_in_a_call_makes_it_unreachable(
         self, there: Transport, name: str, ask: str, pool: ThreadPoolExecutor
     ) -> None:
-        victim = _Victim(self, there, name)
+        victim = Victim(self, there, name)
         caller = there.caller(query(name))
         assert caller.wait_peer(SOON)
         asking = pool.submit(_asker(there, caller, ask, SOON * 3), b"stuck")
@@ -1068,47 +1067,6 @@ class TransportConformance:
 # -- channels, payloads, inboxes ----------------------------------------------
 
 
-def topic(name: str, qos: QoS = QoS()) -> Channel:  # noqa: B008 - frozen
-    return Channel(name, Pattern.PUBLISH, _TYPE, qos)
-
-
-def command(name: str) -> Channel:
-    return Channel(name, Pattern.COMMAND, _TYPE)
-
-
-def query(name: str) -> Channel:
-    return Channel(name, Pattern.QUERY, _TYPE)
-
-
-def blob(transport: Transport, data: bytes) -> Payload:
-    """Bytes as that transport's codec packs them."""
-    return transport.codec.encoder(_BLOB)((data,))
-
-
-def unblob(transport: Transport, payload: Payload) -> bytes:
-    (data,) = transport.codec.decoder(_BLOB)(payload)
-    return bytes(data.tobytes())
-
-
-def drain(inbox: Inbox) -> list[bytes]:
-    return [inbox.get_nowait() for _ in range(inbox.qsize())]
-
-
-def greet(transport: Transport, outlet: Outlet, *inboxes: Inbox) -> None:
-    """Send until every inbox has heard us, then empty them: all are connected, nothing is in flight."""
-    assert outlet.wait_peer(SOON)
-
-    def all_hear() -> bool:
-        outlet.send(blob(transport, b"hello"))
-        return not any(inbox.empty() for inbox in inboxes)
-
-    wait_until(all_hear)
-    outlet.send(blob(transport, b"go"))
-    for inbox in inboxes:
-        while inbox.get(timeout=SOON) != b"go":
-            pass
-
-
 def answering(transport: Transport, answer: Callable[[bytes], bytes]) -> Callable[[Payload, float], Reply]:
     return lambda payload, expires: Reply(Status.OK, blob(transport, answer(unblob(transport, payload))))
 
@@ -1132,16 +1090,6 @@ def _signed(name: str, data: bytes) -> bytes:
     return data + name.encode()
 
 
-def _put(transport: Transport, inbox: Inbox) -> Callable[[Payload], None]:
-    return lambda payload: inbox.put(unblob(transport, payload))
-
-
-def _subscribe(transport: Transport, channel: Channel) -> Inbox:
-    inbox = Inbox()
-    transport.inlet(channel, _put(transport, inbox))
-    return inbox
-
-
 def _asker(transport: Transport, caller: Caller, how: str, deadline: float = SOON) -> Callable[[bytes], bytes]:
     """Ask by either of the two ways."""
 
@@ -1161,66 +1109,6 @@ def _stuck_on(transport: Transport, word: bytes) -> Callable[[Payload, float], R
         return Future() if data == word else Reply(Status.OK, blob(transport, data))
 
     return service
-
-
-class _Victim:
-    """Somebody who can be killed: another process, where the transport reaches one.
-
-    By default a server that gets stuck in a call.
-    """
-
-    def __init__(
-        self,
-        suite: TransportConformance,
-        seen_from: Transport,
-        name: str,
-        act: Callable[[Transport, str, Any], None] | None = None,
-    ) -> None:
-        act = act or _serve_stuck
-        self._stuck: Any
-        if Capability.CROSS_PROCESS in seen_from.capabilities:
-            spawn = multiprocessing.get_context("spawn")
-            self._stuck = spawn.Event()
-            process = spawn.Process(target=_be_victim, args=(type(suite), name, self._stuck, act))
-            process.start()
-            self._process: Any = process
-        else:
-            self._stuck = threading.Event()
-            transport = suite.open_transport()
-            act(transport, name, self._stuck)
-            self._transport: Transport = transport
-            self._process = None
-
-    def wait_until_stuck(self) -> None:
-        assert self._stuck.wait(SOON)
-
-    def kill(self) -> None:
-        if self._process is None:
-            self._transport.close()
-        else:
-            self._process.kill()
-            self._process.join()
-
-
-def _be_victim(
-    suite: type[TransportConformance], name: str, stuck: Any, act: Callable[[Transport, str, Any], None]
-) -> None:
-    act(suite().open_transport(), name, stuck)
-    time.sleep(SOON * 10)  # until killed
-
-
-def _publish_once(transport: Transport, name: str, stuck: Any) -> None:
-    outlet = transport.outlet(topic(name))
-    outlet.wait_peer(SOON)
-    outlet.send(blob(transport, b"last words"))
-
-
-def _serve_stuck(transport: Transport, name: str, stuck: Any) -> None:
-    def service(payload: Payload, expires: float) -> Future[Reply]:
-        stuck.set()
-        return Future()
-
-    transport.server(query(name), service)
 
 
 # -- typed --------------------------------------------------------------------

@@ -13,6 +13,7 @@ Jobs are begun in the order in which they came in, by whoever leads.
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
 import time
@@ -42,7 +43,12 @@ _LONGEST_PAUSE = 0.5
 # Where messages pass, locks are entered themselves: the same through their condition takes twice as long.
 
 _THREADS: weakref.WeakSet[threading.Thread] = weakref.WeakSet()
-"""All threads of all crews."""
+"""All threads of all crews, and others that belong to transports."""
+
+
+def belongs(thread: threading.Thread) -> None:
+    """Note a thread of a transport that is no crew's, for `abandoned`."""
+    _THREADS.add(thread)
 
 
 def abandoned() -> bool:
@@ -124,10 +130,11 @@ class Crew:
             return not self._closing.is_set()
 
     def _lead(self) -> None:
+        me, jobs = threading.current_thread(), self._jobs
         while not self._closing.is_set():
-            if not self._jobs:
-                self._jobs.extend(self._input())
-            elif not self._run(self._jobs.popleft()):
+            if not jobs:
+                jobs.extend(self._input())
+            elif not self._run(jobs.popleft(), me):
                 return
 
     def _input(self) -> Iterable[Job]:
@@ -142,7 +149,7 @@ class Crew:
         self._pause = 0.0
         return jobs
 
-    def _run(self, job: Job) -> bool:
+    def _run(self, job: Job, me: threading.Thread) -> bool:
         """Run one job; whether this thread still leads."""
         self._begun += 1
         self._running = job
@@ -153,11 +160,12 @@ class Crew:
             job()
         except BaseException:  # also SystemExit, which would end this thread, and nothing else
             log.exception("%s: a message was not handled", self._name)
-        with self._lock:
-            if self._leader is not threading.current_thread():
-                return False
+        self._lock.acquire()  # half of what `with` takes, and nothing here raises
+        leads = self._leader is me
+        if leads:
             self._running = None
-            return True
+        self._lock.release()
+        return leads
 
     def _hand_over(self, overdue: Job | None = None) -> None:
         """Let another thread lead: the leader says so in its job, or that job is overdue."""
@@ -264,6 +272,8 @@ class Lane:
         self._waiting: deque[Payload] = deque()
         self._lock = threading.RLock()
         self._changed = threading.Condition(self._lock)
+        self._wanted = 0
+        """How many wait for room."""
         self._draining = False
         self._summoned = False
         self._gate = Gate(name)
@@ -278,15 +288,30 @@ class Lane:
 
         Somebody has to call `drain` then. A closed lane takes everything and forgets it.
         """
-        with self._lock:
-            if not self._changed.wait_for(lambda: not self.full or self._gate.closed, patience):
-                return False
-            if len(self._waiting) >= self._depth:
-                self._waiting.popleft()
-                self._stats.dropped += 1
+        self._lock.acquire()
+        try:
+            waiting = self._waiting
+            if len(waiting) >= self._depth:
+                if self._lossy:
+                    with contextlib.suppress(IndexError):  # `drain` may be quicker
+                        waiting.popleft()
+                        self._stats.dropped += 1
+                elif not self._await_room(patience):
+                    return False
             if not self._gate.closed:
-                self._waiting.append(payload)
+                waiting.append(payload)
             return True
+        finally:
+            self._lock.release()
+
+    def put_all(self, payloads: list[Payload]) -> int:
+        """`put` each, without waiting for room; how many were taken. Those behind one that was not, are not, either."""
+        if len(payloads) == 1 or len(self._waiting) + len(payloads) > self._depth:
+            return next((number for number, each in enumerate(payloads) if not self.put(each)), len(payloads))
+        with self._lock:
+            if not self._gate.closed:
+                self._waiting.extend(payloads)
+        return len(payloads)
 
     def through(self, wrap: Callable[[Sink], Sink]) -> None:
         """Put something in front of the sink."""
@@ -313,14 +338,26 @@ class Lane:
             if self._draining:
                 return
             self._draining = True
-        while True:
-            with self._lock:
-                if not self._waiting:
-                    self._draining = False
-                    return
-                payload = self._waiting.popleft()
-                self._changed.notify_all()
-            self._deliver(payload)
+        waiting, gate = self._waiting, self._gate
+        inside = gate.enter()
+        try:
+            while True:
+                try:
+                    payload = waiting.popleft()  # atomic, and quicker without the lock
+                except IndexError:
+                    with self._lock:
+                        if waiting:
+                            continue
+                        self._draining = False
+                        return
+                if self._wanted:
+                    with self._lock:
+                        self._changed.notify_all()
+                if not gate.closed:
+                    self._deliver(payload)
+        finally:
+            if inside:
+                gate.leave()
 
     def close(self) -> None:
         """Forget what waits. The sink is not called any more once this returns."""
@@ -329,13 +366,17 @@ class Lane:
             self._changed.notify_all()
         self._gate.close()
 
-    def _deliver(self, payload: Payload) -> None:
-        if not self._gate.enter():
-            return
+    def _await_room(self, patience: float) -> bool:
+        """With the lock, which is let go meanwhile."""
+        self._wanted += 1
         try:
-            self._stats.received += 1
+            return self._changed.wait_for(lambda: not self.full or self._gate.closed, patience)
+        finally:
+            self._wanted -= 1
+
+    def _deliver(self, payload: Payload) -> None:
+        self._stats.received += 1
+        try:
             self._sink(payload)
         except BaseException:  # also SystemExit: the messages that follow are to be delivered all the same
             log.exception("%s: a message was not handled", self._name)
-        finally:
-            self._gate.leave()

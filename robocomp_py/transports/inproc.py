@@ -43,7 +43,7 @@ from .base import (
 )
 from .crew import Crew, Job, Lane, Servant
 from .pending import Pending
-from .reception import TOO_OLD, Reception
+from .reception import Reception
 
 log = logging.getLogger("robocomp.transport.inproc")
 
@@ -285,8 +285,7 @@ class _Outlet(_Link):
         assert isinstance(inlet, _Inlet)
         if self._history.maxlen and inlet.channel.qos.latched and inlet not in self._greeted:
             self._greeted.add(inlet)
-            missed = [inlet.admit(self.channel.name, stamp, payload) for stamp, payload in self._history]
-            inlet.lane.start_with(payload for payload in missed if payload is not TOO_OLD)
+            inlet.lane.start_with(inlet.admit(self.channel.name, stamp, payload) for stamp, payload in self._history)
             inlet.have_drained()
 
     def _give(self, inlet: _Link, payload: Payload, end: float) -> None:
@@ -317,7 +316,7 @@ class _Inlet(_Link):
         return [Source(outlet.channel.name, outlet.channel.qos) for outlet in self.peers_or_none()]
 
     def admit(self, name: str, stamp: int, payload: Payload) -> Payload:
-        """What is to be put into the lane of a message of that channel, or TOO_OLD."""
+        """What is to be put into the lane of a message of that channel."""
         return self.reception.admit(name, stamp, payload) if self.reception.on else payload
 
     def opened(self) -> None:

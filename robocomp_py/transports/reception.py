@@ -1,11 +1,11 @@
 """What a subscriber does about the QoS of those it hears, on every transport in the same way.
 
     meet      who is there, and what each offers: what is missing is said once; lifespans hold from now on
-    admit     a message came in: it is noted for deadlines and liveliness, and given up if it is too old
-    delivery  a message may have become too old while it waited
+    admit     a message came in: it is noted for deadlines and liveliness, and how long it may wait
+    delivery  when its turn has come, it is given up if it has become too old
 
 The age of a message is counted from the stamp in its header, by the clocks of both hosts; on two
-hosts, lifespans are worth as much as these agree. What waits here is timed by the monotonic clock.
+hosts, lifespans are worth as much as these agree. From then on the monotonic clock counts.
 """
 
 from __future__ import annotations
@@ -22,17 +22,16 @@ from .base import Channel, Sink, Source, Statistics
 
 log = logging.getLogger("robocomp.transport")
 
-TOO_OLD: Any = object()
-"""What `admit` returns in place of a payload that is not to be delivered."""
-
-_MOST_TOLD = 1000
-"""Of so many publishers it is said what they do not offer; further ones are not looked at."""
+_MOST = 1000
+"""What so many publishers offer is looked at; further ones pass for such that offer what is asked for."""
 
 
 class _Ageing(NamedTuple):
-    """A payload that is delivered until then, by the monotonic clock."""
+    """A payload that is delivered until then, by the monotonic clock; it had some age when it came in."""
 
     until: float
+    age: float
+    lifespan: float
     payload: Any
 
 
@@ -42,8 +41,16 @@ class Reception:
     While nobody asks for anything, `on` is False, and `admit` need not be called.
     """
 
-    def __init__(self, channel: Channel, stats: Statistics, through: Callable[[Callable[[Sink], Sink]], object]) -> None:
+    def __init__(
+        self,
+        channel: Channel,
+        stats: Statistics,
+        through: Callable[[Callable[[Sink], Sink]], object],
+        now: Callable[[], float] = time.monotonic,
+        stamp_now: Callable[[], int] = time.time_ns,
+    ) -> None:
         self._channel, self._stats, self._through = channel, stats, through
+        self._now, self._stamp_now = now, stamp_now
         self._heard = channel.heard
         self._lifespans: dict[str, float] = {}
         """By channel: the shorter one of ours and its publisher's."""
@@ -56,17 +63,22 @@ class Reception:
     def meet(self, sources: Iterable[Source]) -> None:
         """These publish now. To be called when that changes; not for every message."""
         for name, offered in sources:
-            if offered.lifespan is not None and self._lifespans.get(name) != offered.lifespan:
+            if offered.lifespan is None:
+                self._lifespans.pop(name, None)
+            elif len(self._lifespans) < _MOST:
                 self._lifespans[name] = min(offered.lifespan, self._channel.qos.lifespan or offered.lifespan)
                 self._start_ageing()
-            if (name, offered) not in self._told and len(self._told) < _MOST_TOLD:
+            if (name, offered) not in self._told and len(self._told) < _MOST:
                 self._told.add((name, offered))
                 missing = shortfalls(self._channel.qos, offered)
                 if missing:
                     log.warning("%s", _unkept(self._channel.name, name, missing))
 
     def admit(self, name: str, stamp: int, payload: Payload) -> Payload:
-        """A new message of that channel, sent at `stamp` (ns since the Unix epoch): what is to be delivered, or TOO_OLD."""
+        """A new message of a channel, sent at `stamp` (ns since the Unix epoch; 0 if that is not known).
+
+        Returns what is to be passed to the sink.
+        """
         if self._heard:
             self._heard(name)
         if not self._ageing:
@@ -74,11 +86,8 @@ class Reception:
         lifespan = self._lifespans.get(name, self._channel.qos.lifespan)
         if lifespan is None:
             return payload
-        left = lifespan - max(0, time.time_ns() - stamp) / 1e9
-        if left <= 0:
-            self._expired(name, f"a message came in {duration(lifespan - left)} old, and its lifespan is {duration(lifespan)}")
-            return TOO_OLD
-        return _Ageing(time.monotonic() + left, payload)
+        age = max(0, self._stamp_now() - stamp) / 1e9 if stamp > 0 else 0.0
+        return _Ageing(self._now() + lifespan - age, age, lifespan, payload)
 
     def _start_ageing(self) -> None:
         if not self._ageing:
@@ -89,17 +98,27 @@ class Reception:
         def deliver(payload: Payload) -> None:
             if type(payload) is not _Ageing:  # it came in before anybody spoke of lifespans
                 sink(payload)
-            elif time.monotonic() < payload.until:
+            elif self._now() < payload.until:
                 sink(payload.payload)
             else:
                 self._stats.received -= 1  # it was counted on its way here
-                self._expired(self._channel.name, "a message waited for its handler longer than its lifespan allows")
+                self._expired(payload)
 
         return deliver
 
-    def _expired(self, name: str, why: str) -> None:
+    def _expired(self, message: _Ageing) -> None:
         if self._stats.expired == 0:
-            log.warning("%s: dropped: %s (further ones are only counted)", name, why)
+            when = (
+                f"when it came in, {duration(message.age)} after it was sent"
+                if message.age > message.lifespan
+                else "when its turn came"
+            )
+            log.warning(
+                "%s: dropped a message that was older than its lifespan of %s %s (further ones are only counted)",
+                self._channel.name,
+                duration(message.lifespan),
+                when,
+            )
         self._stats.expired += 1
 
 

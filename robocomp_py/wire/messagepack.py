@@ -1,6 +1,6 @@
 """Codec `messagepack`: for ZeroMQ, so that a script in any language can call a component.
 
-A payload is a list of buffers: the packed tree of `plain`, then the arrays it refers to.
+A payload is a list of buffers: the packed message (see `packing`), then the arrays it refers to.
 
     sequence of bytes         bin
     other arrays              ext 1: one letter for the dtype, then the little-endian data
@@ -13,6 +13,8 @@ array of plain MessagePack numbers is accepted.
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import msgpack
@@ -20,8 +22,11 @@ import numpy as np
 
 from ..contract.types import DTYPES, Struct
 from .codec import Decoder, Encoder, check_size, refused, unreadable
-from .plain import Frames, compile_planter, compile_reader
-from .values import as_array, read_only, snapshot, view_of
+from .packing import Frames, PackArray, ReadArray, compile_writer
+from .packing import compile_reader as compile_own_reader
+from .plain import compile_reader
+from .values import as_array, read_only, view_of
+from .values import snapshot as frozen
 
 APART = 64 * 1024
 """Arrays of so many bytes travel in a buffer of their own."""
@@ -30,6 +35,12 @@ INLINE_EXT, APART_EXT = 1, 2
 _LETTERS = {dtype: {"bool": "?", "int64": "q", "uint64": "Q"}.get(dtype.name, dtype.char) for dtype in DTYPES.values()}
 _DTYPES = {ord(letter): dtype for dtype, letter in _LETTERS.items()}
 _REFERENCE = struct.Struct("<BI")
+_INDEX = struct.Struct("<I")
+_APART_BYTES = _REFERENCE.size
+_BIN8, _BIN16 = struct.Struct(">BB"), struct.Struct(">BH")
+_EXT8, _EXT16 = struct.Struct(">BBbB"), struct.Struct(">BHbB")
+_HEADS = {0xC4: _BIN8, 0xC5: _BIN16, 0xC7: _EXT8, 0xC8: _EXT16}
+"""How arrays begin, by the first octet: bin 8 and 16, and ext 8 and 16 with the letter."""
 _OCTET = ord("B")
 _OCTETS = np.dtype(np.uint8)
 _NUMBERS = {bool, int, float}
@@ -47,14 +58,11 @@ class MessagePack:
     name = "messagepack"
 
     def encoder(self, message: Struct, *, snapshot: bool = True) -> Encoder:
-        plant = compile_planter(message, _pack_array if snapshot else _share_array)
-        packb = msgpack.packb
+        pack = compile_writer(message, partial(_array_packer, keep=frozen if snapshot else as_array))
 
         def encode(values: tuple[Any, ...]) -> list[Any]:
             try:
-                frames: Frames = []
-                tree = plant(values, frames)
-                payload = [packb(tree), *frames]
+                payload = pack(values)
                 _check_size(payload)
                 return payload
             except Exception as exc:
@@ -64,11 +72,17 @@ class MessagePack:
 
     def decoder(self, message: Struct, *, prefix: bool = False) -> Decoder:
         read = compile_reader(message, _read_array, prefix=prefix)
+        read_ours = None if prefix else compile_own_reader(message, _array_reader)
         unpackb = msgpack.unpackb
 
         def decode(payload: list[Any]) -> tuple[Any, ...]:
             try:
                 _check_size(payload)
+                if read_ours:
+                    try:
+                        return read_ours(payload)
+                    except _OTHERWISE:
+                        pass  # it may be packed as others do, or be wrong: then it is said below what is
                 if len(payload[0]) > _SHORT:
                     _check_whole(payload[0])
                 return read(unpackb(payload[0], strict_map_key=False), payload)
@@ -76,6 +90,10 @@ class MessagePack:
                 raise unreadable(message, exc) from exc
 
         return decode
+
+
+_OTHERWISE = (ValueError, LookupError, TypeError, ArithmeticError, struct.error)
+"""What reading the form of ours may raise for another one."""
 
 
 def _check_size(payload: list[Any]) -> None:
@@ -92,25 +110,58 @@ def _check_whole(packed: Any) -> None:
     unpacker.skip()
 
 
-def _pack_array(value: Any, dtype: np.dtype[Any], frames: Frames) -> Any:
-    array = as_array(value, dtype)
-    return _packed(array, dtype) if array.nbytes < APART else _apart(snapshot(array, dtype), dtype, frames)
+def _array_packer(dtype: np.dtype[Any], keep: Callable[[Any, np.dtype[Any]], np.ndarray[Any, Any]]) -> PackArray:
+    """What packs arrays of this dtype; of large ones, what `keep` makes of them is sent."""
+    octets, letter = dtype == _OCTETS, ord(_LETTERS[dtype])
+
+    def pack(value: Any, add: Callable[[Any], object], frames: Frames) -> None:
+        array = as_array(value, dtype)
+        size = array.nbytes
+        if size >= APART:
+            frames.append(keep(array, dtype).data)
+            add(_EXT8.pack(0xC7, _APART_BYTES, APART_EXT, letter) + _INDEX.pack(len(frames)))
+        elif octets:
+            add(_BIN8.pack(0xC4, size) if size < 256 else _BIN16.pack(0xC5, size))
+            add(array)
+        elif size < 255:
+            add(_EXT8.pack(0xC7, size + 1, INLINE_EXT, letter))
+            add(array)
+        else:
+            add(_EXT16.pack(0xC8, size + 1, INLINE_EXT, letter))
+            add(array)
+
+    return pack
 
 
-def _share_array(value: Any, dtype: np.dtype[Any], frames: Frames) -> Any:
-    array = as_array(value, dtype)
-    return _packed(array, dtype) if array.nbytes < APART else _apart(array, dtype, frames)
+def _array_reader(dtype: np.dtype[Any]) -> ReadArray:
+    """What reads such arrays; it raises something if there is another one, or none, or one that others packed."""
+    octets, letter, item = dtype == _OCTETS, ord(_LETTERS[dtype]), dtype.itemsize
 
+    def read(data: Any, n: int, payload: Frames) -> tuple[np.ndarray[Any, Any], int]:
+        head = _HEADS[data[n]]
+        if head.size > 3:
+            _, size, code, found = head.unpack_from(data, n)
+            if found != letter or not size:
+                raise ValueError("another array")
+            begin, end = n + head.size, n + head.size + size - 1
+            if code == APART_EXT:
+                (index,) = _INDEX.unpack(data[begin:end])
+                if index == 0:
+                    raise ValueError("no array")
+                return _view(payload[index], letter, dtype), end
+            if code != INLINE_EXT or octets:
+                raise ValueError("another form")
+        else:
+            _, size = head.unpack_from(data, n)
+            begin, end = n + head.size, n + head.size + size
+            if not octets:
+                raise ValueError("another array")
+        count, rest = divmod(end - begin, item)
+        if rest or end > len(data):
+            raise ValueError("no whole array")
+        return view_of(bytes(data[begin:end]), dtype, count, 0), end  # a copy: nothing is aligned in there
 
-def _packed(array: np.ndarray[Any, Any], dtype: np.dtype[Any]) -> Any:
-    if dtype == _OCTETS:
-        return array.tobytes()
-    return msgpack.ExtType(INLINE_EXT, _LETTERS[dtype].encode() + array.tobytes())
-
-
-def _apart(array: np.ndarray[Any, Any], dtype: np.dtype[Any], frames: Frames) -> Any:
-    frames.append(array.data)
-    return msgpack.ExtType(APART_EXT, _REFERENCE.pack(ord(_LETTERS[dtype]), len(frames)))
+    return read
 
 
 def _read_array(value: Any, dtype: np.dtype[Any], payload: Frames) -> np.ndarray[Any, Any]:

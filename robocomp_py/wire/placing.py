@@ -39,7 +39,7 @@ def plan(pieces: Pieces, arrays: Sequence[_Array]) -> Plan:
     starts, total = {}, 0
     for piece in pieces:
         starts[id(piece)] = total
-        total += _size(piece)
+        total += len(piece) if type(piece) is bytes else piece.nbytes
     return Plan(_FIRST + total + SPARE, tuple(_FIRST + starts[id(array)] for array in arrays))
 
 
@@ -50,33 +50,38 @@ def lay(pieces: Pieces, memory: _Array, planned: Plan) -> tuple[slice | None, Pl
     memory as it is, and is nowhere: None.
     """
     here, room = _address(memory), memory.nbytes
-    parts, total = [], 0
-    for piece in pieces:
-        size = _size(piece)
-        at = _address(piece) - here if isinstance(piece, np.ndarray) and size else -1
-        parts.append((piece, total, size, at if 0 <= at <= room - size else None))
+    starts, total = [], 0
+    inside: dict[int, tuple[int, int]] = {}  # by its number, where a piece is and how long
+    for number, piece in enumerate(pieces):
+        starts.append(total)
+        if type(piece) is bytes:
+            total += len(piece)
+            continue
+        size, at = piece.nbytes, _address(piece) - here
+        if size and 0 <= at <= room - size:
+            inside[number] = at, size
         total += size
-    inside = [(size, at - start) for _, start, size, at in parts if at is not None]
-    begin = max(inside, default=(0, _FIRST))[1]
+    stays = max(inside, key=lambda number: inside[number][1], default=None)
+    begin = _FIRST if stays is None else inside[stays][0] - starts[stays]
     if not 0 <= begin <= room - total:
         begin = _FIRST
-    moving = {start: piece.tobytes() for piece, start, _, at in parts if at is not None and at != begin + start}
+    moving = [number for number, (at, _) in inside.items() if at != begin + starts[number]]
     fits = begin + total <= room
     if moving or not fits:
-        found = {at: _FIRST + start for _, start, _, at in parts if at is not None}
+        found = {at: _FIRST + starts[number] for number, (at, _) in inside.items()}
         planned = Plan(_FIRST + total + SPARE, tuple(found.get(place, place) for place in planned.places))
     if not fits:
         return None, planned
-    data = memory.data
-    for piece, start, size, at in parts:
-        if size and at != begin + start:
-            data[begin + start : begin + start + size] = memoryview(moving.get(start, piece)).cast("B")
+    for number in moving:  # out of the way, before anything is written
+        pieces[number] = pieces[number].tobytes()
+        del inside[number]
+    written = 0
+    for number in (*inside, len(pieces)):
+        between = b"".join(pieces[written:number])
+        end = begin + (total if number == len(pieces) else starts[number])
+        memory.data[end - len(between) : end] = between
+        written = number + 1
     return slice(begin, begin + total), planned
-
-
-def _size(piece: Any) -> int:
-    size: int = piece.nbytes if isinstance(piece, np.ndarray) else len(piece)
-    return size
 
 
 def _address(array: _Array) -> int:

@@ -163,7 +163,8 @@ def _is_frozen(owner: Any) -> bool:
             writable, owner = owner.flags.writeable, owner.base
         if writable:
             return False
-    return owner is None or isinstance(owner, bytes)  # None: the array had memory of its own
+    # None: the array had memory of its own; `frozen`: memory of a transport's, which lends it to be read
+    return owner is None or isinstance(owner, bytes) or bool(getattr(owner, "frozen", False))
 
 
 def view_of(data: Any, dtype: np.dtype[Any], count: int, offset: int) -> _Array:

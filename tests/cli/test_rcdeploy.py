@@ -129,8 +129,8 @@ def test_the_middleware_can_be_chosen(folder: Path) -> None:
 def test_an_option_is_blamed_for_a_middleware_that_stays_in_a_process(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert rcdeploy([str(folder / "net.ddsl"), "--middleware", "inproc"]) == 2
-    assert capsys.readouterr().err.startswith("rcdeploy: --middleware inproc: `inproc` does not reach other processes")
+    assert rcdeploy([str(folder / "net.ddsl"), "--middleware", "inproc"]) == 1
+    assert "error[unfit-middleware]: --middleware inproc: `inproc` does not reach other" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])

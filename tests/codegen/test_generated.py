@@ -184,6 +184,26 @@ def test_generated_handlers_answer_with_zeros_through_generated_proxies() -> Non
     assert (what, list(values)) == ("news", [1.0])
 
 
+def test_generated_loans_are_messages_to_fill() -> None:
+    with ComponentTest(WORKERS["everything"], {"params.device": "/dev/null"}) as component:
+        proxy = component.worker.news_proxy
+        with proxy.loanTold(3) as told:
+            told.what = "news"
+            told.values[:] = 1.0
+        with proxy.loanKept(raw=(2, 2)) as kept:
+            kept.raw[:] = 7
+        with proxy.loanCompared(left_numbers=2, numbers=1, deadline=5.0) as compared:
+            compared.left.numbers[:] = compared.numbers[:] = 0.5
+        component.wait_for(lambda: component.received("news.compared"))
+    [(what, values)] = component.received("news.told")
+    assert (what, list(values)) == ("news", [1.0] * 3)
+    [(received,)] = component.received("news.kept")
+    assert isinstance(kept, EVERYTHING.Containers)
+    assert list(received.raw) == [7] * 4
+    [(left, right, numbers)] = component.received("news.compared")
+    assert [list(each) for each in (left.numbers, right.numbers, numbers)] == [[0.5] * 2, [], [0.5]]
+
+
 def test_a_generated_component_can_be_imported_as_a_package(tmp_path: Path) -> None:
     """A folder of any name, beside another one of the same component."""
     for folder in ("my plain-component", "class"):

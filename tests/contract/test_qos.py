@@ -2,9 +2,43 @@
 
 from __future__ import annotations
 
-import pytest
+import re
+from dataclasses import replace
 
-from robocomp_py.contract.qos import DEFAULT_QOS, PRESETS, Durability, History, QoS, Reliability
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robocomp_py.contract.qos import (
+    DEFAULT_QOS,
+    PRESETS,
+    Durability,
+    History,
+    Liveliness,
+    QoS,
+    Reliability,
+    from_traits,
+    shortfalls,
+    traits,
+)
+
+STRICT = QoS(
+    Reliability.RELIABLE,
+    Durability.TRANSIENT_LOCAL,
+    deadline=0.5,
+    liveliness=Liveliness.MANUAL_BY_TOPIC,
+    lease=1.0,
+)
+_seconds = st.none() | st.floats(1e-6, 1e6)
+_any_qos = st.builds(
+    QoS,
+    st.sampled_from(Reliability),
+    st.sampled_from(Durability),
+    deadline=_seconds,
+    lifespan=_seconds,
+    liveliness=st.sampled_from(Liveliness),
+    lease=_seconds,
+)
 
 
 def test_by_default_a_topic_keeps_the_newest_ten_and_promises_nothing() -> None:
@@ -40,3 +74,38 @@ def test_words_are_those_of_ros_2() -> None:
         *("volatile", "transient_local"),
         *("keep_last", "keep_all"),
     ]
+
+
+def test_a_publisher_that_offers_the_same_or_more_falls_short_of_nothing() -> None:
+    assert shortfalls(STRICT, STRICT) == []
+    assert shortfalls(QoS(), STRICT) == []
+    assert shortfalls(STRICT, replace(STRICT, deadline=0.1, lease=0.9, history=History.KEEP_ALL)) == []
+
+
+def test_each_policy_of_which_less_is_offered_is_named_with_both_ends() -> None:
+    told = {each.policy: str(each) for each in shortfalls(STRICT, QoS(deadline=2.0))}
+    assert told == {
+        "reliability": "`reliable` is asked for, `best_effort` is offered",
+        "durability": "`transient_local` is asked for, `volatile` is offered",
+        "deadline": "`deadline 500 ms` is asked for, `deadline 2 s` is offered",
+        "lease": "`lease 1 s` is asked for, none is offered",
+        "liveliness": "`liveliness manual_by_topic` is asked for, `liveliness automatic` is offered",
+    }
+
+
+def test_lifespan_and_history_are_no_promises() -> None:
+    assert shortfalls(QoS(lifespan=1.0, history=History.KEEP_ALL), QoS(depth=1)) == []
+
+
+@given(_any_qos)
+def test_what_is_told_of_a_qos_is_all_that_others_have_to_know_and_fits_into_names(qos: QoS) -> None:
+    text = traits(qos)
+    assert re.fullmatch(r"[a-z0-9-]+", text)
+    again = from_traits(text)
+    assert shortfalls(qos, again) == shortfalls(again, qos) == []
+    assert again.lifespan == pytest.approx(qos.lifespan)
+
+
+@given(st.text())
+def test_traits_that_nobody_wrote_are_no_error(text: str) -> None:
+    assert isinstance(from_traits(text), QoS)

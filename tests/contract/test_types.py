@@ -105,7 +105,7 @@ def test_neither_documentation_nor_the_name_of_an_alias_makes_a_difference() -> 
     assert Dictionary(STRING, INT32, "Test::Table") == Dictionary(STRING, INT32)
 
 
-@pytest.mark.parametrize("kind", [*INTEGERS, BOOL, STRING, COLOUR])
+@pytest.mark.parametrize("kind", [*sorted(INTEGERS), BOOL, STRING, COLOUR])
 def test_keys_are_integers_bools_strings_and_enumerators(kind: Type) -> None:
     assert is_key(kind)
 

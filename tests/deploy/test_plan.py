@@ -27,11 +27,16 @@ FUSION = """
 import "Laser.idsl";
 Component fusion { Communications { requires Laser, Laser; }; language python; };
 """
+FILTER = """
+import "LaserPub.idsl";
+Component filter { Communications { publishes LaserPub; subscribesTo LaserPub; }; language python; };
+"""
 RECORDER = """
 import "LaserPub.idsl";
 Component recorder { Communications { subscribesTo LaserPub qos(reliable); }; language python; };
 """
 
+NAMES = ("sensor", "driver", "fusion", "recorder", "filter")
 
 CARRIER = """
 from robocomp_py.transports.base import Capability
@@ -54,9 +59,9 @@ def carrier(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Four generated components."""
+    """Five generated components."""
     root = tmp_path_factory.mktemp("network")
-    for name, text in {"sensor": SENSOR, "driver": DRIVER, "fusion": FUSION, "recorder": RECORDER}.items():
+    for name, text in zip(NAMES, (SENSOR, DRIVER, FUSION, RECORDER, FILTER), strict=True):
         (root / name).mkdir()
         (root / name / f"{name}.cdsl").write_text(text)
         (root / name / "sensor.pdsl").write_text(PARAMS)
@@ -83,7 +88,7 @@ def looked_through(monkeypatch: pytest.MonkeyPatch) -> list[object]:
 
 def plan(folder: Path, body: str, overrides: Overrides | None = None) -> tuple[Plan | None, list[Diagnostic]]:
     path = folder / "net.ddsl"
-    imports = "".join(f'import "{name}/{name}.cdsl";\n' for name in ("sensor", "driver", "fusion", "recorder"))
+    imports = "".join(f'import "{name}/{name}.cdsl";\n' for name in NAMES)
     path.write_text(f"{imports}Deployment net {{\n{body}\n}};\n")
     workspace = Workspace()
     found = make_plan(path, workspace, overrides)
@@ -231,6 +236,17 @@ WRONG = {
     "middleware zeromp; Component sensor { };": ["unknown-middleware"],
     "Component sensor { middleware inproc; };": ["unfit-middleware"],
     "Component sensor { }; Component recorder { };": ["qos-mismatch"],
+    "Component sensor { qos LaserPup(reliable); };": ["unknown-port"],
+    "Component sensor { qos subscribesTo LaserPub(reliable); };": ["unknown-port"],
+    "Component sensor { qos Laser(reliable); };": ["qos-of-calls"],
+    "Component filter { qos LaserPub(reliable); };": ["ambiguous-port"],
+    'Component sensor { path "own.sh"; qos LaserPub(reliable); };': ["configuration"],
+    'Component sensor { process p; env ROBOCOMP__PARAMS__RANGE "5"; }; Component driver { process p; };': [
+        "config-unknown-key"
+    ],
+    "Component driver { process p; }; Component fusion { process p; }; Component sensor { middleware inproc; };": [
+        "unfit-middleware"
+    ],
 }
 
 
@@ -238,6 +254,8 @@ WRONG = {
 def test_what_is_wrong_is_found_before_anything_starts(folder: Path, body: str) -> None:
     (folder / "bad.toml").write_text("[params]\nrange = 99\n")
     (folder / "no.toml").write_text("[params\n")
+    (folder / "own.sh").write_text("#!/bin/sh\n")
+    (folder / "own.sh").chmod(0o755)
     assert errors(folder, body) == WRONG[body]
 
 
@@ -473,3 +491,112 @@ def test_what_is_installed_is_looked_through_once_for_a_plan_and_anew_for_the_ne
     for count in (1, 2):
         make_plan(folder / "net.ddsl", Workspace(middlewares=["zeromq"]))
         assert len(looked_through) == count
+
+
+# Several instances in one process.
+
+SHARED = """
+    Component recorder { dependences driver; };
+    Component driver { process body; dependences sensor; env ROBOT "viriato"; args "--name", "second"; };
+    Component sensor { process body; dependences outside; config "near.toml"; };
+    Component outside : filter { };
+"""
+
+
+def test_instances_that_name_one_process_are_run_by_one_command(folder: Path) -> None:
+    (folder / "near.toml").write_text('[params]\nrange = 5\n[ports.laserpub]\nqos = "services_default"\n')
+    found, diagnostics = plan(
+        folder, SHARED + "middleware zeromq;", Overrides(settings=(("outside", "ports.laserpub.qos=parameters"),))
+    )
+    assert diagnostics == []
+    assert found is not None
+    outside, body, recorder = found.processes
+    assert (outside.name, outside.instances, outside.members) == ("outside", ("outside",), ())
+    assert (body.name, body.component, body.instances) == ("body", "sensor, driver", ("sensor", "driver"))
+    assert (body.after, dict(body.env), body.notifies) == (("outside",), {"ROBOT": "viriato"}, True)
+    assert (recorder.name, recorder.after) == ("recorder", ("body",))
+    sensor, driver = " ".join(body.command).split(" + ")
+    assert f"run {folder}/sensor --name sensor --config {folder}/near.toml --set middleware=zeromq" in sensor
+    assert driver.startswith(f"{folder}/driver --name driver --after sensor --set")
+    assert driver.endswith("--name second")
+    assert [each["instances"] for each in found.to_json()["processes"]] == [
+        ["outside"],
+        ["sensor", "driver"],
+        ["recorder"],
+    ]
+
+
+def test_those_that_share_a_process_may_talk_inside_of_it(folder: Path) -> None:
+    inside = "Component sensor { process p; }; Component driver { process p; };"
+    assert errors(folder, f"middleware inproc; {inside}") == []
+    assert errors(folder, inside, Overrides("inproc")) == []
+    assert errors(folder, inside.replace("process p;", "process p; middleware inproc;")) == []
+
+
+APART = """
+    Component sensor { process left; };
+    Component driver { process right; requires Laser from sensor; };
+    Component filter { process left; };
+    Component fusion { process right; requires Laser from sensor; requires Laser1 from sensor; };
+"""
+
+
+def test_what_stays_in_a_process_is_refused_between_two(folder: Path) -> None:
+    _, found = plan(folder, f"middleware inproc; {APART}")
+    assert [each.code for each in found] == ["unfit-middleware"] * len(found)
+    message = "`Laser.getLaserData` of `sensor` does not reach `driver`, which is in another process, over `inproc`"
+    assert any(each.message.startswith(message) for each in found)
+    assert errors(folder, APART, Overrides("inproc")) == ["unfit-middleware"] * len(found)
+
+
+def test_who_is_alone_in_a_process_is_named_for_a_middleware_that_stays_there(folder: Path) -> None:
+    body = "middleware inproc; Component sensor { process p; }; Component driver { process p; }; Component filter { };"
+    _, (found,) = plan(folder, body)
+    assert found.message == "`inproc` does not reach other processes, and `filter` shares its own with nobody"
+    assert found.span.text == "inproc"
+
+
+# QoS.
+
+
+def test_the_network_sets_the_qos_of_a_port(folder: Path) -> None:
+    body = """
+        Component sensor { qos LaserPub(reliable, depth 3, deadline 0.5 s); };
+        Component recorder { qos LaserPub(best_effort); };
+        Component filter { qos subscribesTo LaserPub(depth 1); };
+    """
+    found, _ = plan(folder, body)
+    assert 'ports.laserpub.qos={ reliability = "reliable", depth = 3, deadline = 0.5 }' in command(found, "sensor")
+    assert 'ports.LaserPub.qos="default"' in command(found, "recorder")
+    assert "ports.LaserPub.qos={ depth = 1 }" in command(found, "filter")
+    assert "laserpub.qos" not in command(found, "filter")
+
+
+def test_it_is_the_one_that_counts(folder: Path) -> None:
+    network = "Component sensor { %s }; Component recorder { %s };"
+    assert errors(folder, network % ("", "qos LaserPub(best_effort);")) == []
+    assert errors(folder, network % ("qos LaserPub(reliable);", "")) == []
+    _, (found,) = plan(folder, network % ("", "qos LaserPub(reliable);"))
+    assert (found.code, found.span.text) == ("qos-mismatch", "LaserPub")
+    assert f"({folder}/net.ddsl:7)" in found.message
+
+
+def test_so_is_that_of_a_configuration(folder: Path) -> None:
+    (folder / "asks.toml").write_text('[ports.LaserPub.pushLaserData]\nqos = { durability = "transient_local" }\n')
+    _, (found,) = plan(folder, 'Component sensor { }; Component driver { config "asks.toml"; };')
+    assert found.code == "qos-mismatch"
+    assert f"`transient_local` ({folder}/asks.toml:2)" in found.message
+    (folder / "offers.toml").write_text('[ports.laserpub]\nqos = { reliability = "reliable" }\n')
+    assert errors(folder, 'Component sensor { config "offers.toml"; }; Component recorder { };') == []
+    assert errors(
+        folder, 'Component sensor { config "offers.toml"; qos LaserPub(best_effort); }; Component recorder {};'
+    ) == ["qos-mismatch"]
+
+
+def test_of_a_program_of_ones_own_only_the_model_is_known(folder: Path) -> None:
+    (folder / "own.sh").write_text("#!/bin/sh\n")
+    (folder / "own.sh").chmod(0o755)
+    assert errors(folder, 'Component sensor { path "own.sh"; }; Component recorder { };') == ["qos-mismatch"]
+    assert errors(folder, 'Component sensor { path "own.sh"; }; Component recorder { path "own.sh"; };') == [
+        "qos-mismatch"
+    ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from collections.abc import Mapping
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,6 +15,7 @@ from robocomp_py.deploy.policy import (
     Finish,
     GraceOver,
     Kill,
+    Left,
     Ready,
     Start,
     State,
@@ -30,9 +32,10 @@ def replay(
     *events: Event,
     network: tuple[tuple[str, tuple[str, ...]], ...] = (LIDAR, FOLLOW),
     until: str | None = None,
-    needs: dict[str, tuple[str, ...]] | None = None,
+    needs: Mapping[str, tuple[str, ...]] | None = None,
+    instances: Mapping[str, tuple[str, ...]] | None = None,
 ) -> list[list[Action]]:
-    supervisor = Supervisor(network, until, needs)
+    supervisor = Supervisor(network, until, needs, instances)
     return [supervisor.begin(), *(supervisor.handle(event) for event in events)]
 
 
@@ -145,6 +148,31 @@ def test_the_end_of_the_mission_is_the_end_of_the_network() -> None:
     assert failed[-1] == [Finish(1)]
 
 
+BODY: dict[str, tuple[str, ...]] = {"lidar": ("front", "rear")}
+"""Two instances in the first process."""
+
+
+def test_the_mission_may_share_a_process_that_goes_on_without_it() -> None:
+    up = Ready("lidar"), Ready("follow")
+    history = replay(*up, Left("rear"), Exited("follow", 0), Exited("lidar", 0), until="rear", instances=BODY)
+    assert history[3:] == [[Stop("follow")], [Stop("lidar")], [Finish(0)]]
+    assert replay(*up, Left("front"), until="rear", instances=BODY)[-1] == []
+
+
+def test_the_end_of_its_process_is_the_end_of_the_mission_too() -> None:
+    history = replay(Ready("lidar"), Ready("follow"), Exited("lidar", -9), until="rear", instances=BODY)
+    assert history[-1] == [Stop("follow")]
+
+
+def test_who_leaves_a_process_while_one_that_needs_it_starts_stops_the_network() -> None:
+    needs: dict[str, tuple[str, ...]] = {"speech": ("rear",)}
+    network = (LIDAR, SPEECH)
+    assert replay(Left("front"), network=network, needs=needs, instances=BODY)[-1] == []
+    assert replay(Left("rear"), network=network, needs=needs, instances=BODY)[-1] == [Stop("speech"), Stop("lidar")]
+    ended = replay(Ready("lidar"), Exited("lidar", 0), network=network, needs=needs, instances=BODY)
+    assert ended[-1] == [Stop("speech")]
+
+
 def test_up_means_that_all_are_ready() -> None:
     supervisor = Supervisor((LIDAR, SPEECH))
     supervisor.begin()
@@ -170,13 +198,14 @@ events = st.one_of(
     st.builds(Exited, names, st.sampled_from([0, 1, TERM, -9])),
     st.builds(StopRequested, st.sampled_from([0, 130])),
     st.builds(GraceOver, names),
+    st.builds(Left, st.sampled_from(["front", "rear"])),
 )
 
 
 @given(st.lists(events, max_size=40))
 def test_whatever_happens_nobody_is_left_running_after_finish(history: list[Event]) -> None:
     """Events are played as the shell would: nobody exits who was not started, and the dead are silent."""
-    supervisor = Supervisor((LIDAR, FOLLOW, SPEECH))
+    supervisor = Supervisor((LIDAR, FOLLOW, SPEECH), "rear", {"speech": ["front"]}, BODY)
     running: set[str] = set()
     finished = False
 
@@ -196,7 +225,8 @@ def test_whatever_happens_nobody_is_left_running_after_finish(history: list[Even
 
     act(supervisor.begin())
     for event in [*history, StopRequested(), StopRequested()]:
-        if isinstance(event, StopRequested) or event.name in running:
+        speaker = "lidar" if isinstance(event, Left) else "" if isinstance(event, StopRequested) else event.name
+        if not speaker or speaker in running:
             if isinstance(event, Exited):
                 running.discard(event.name)
             act(supervisor.handle(event))

@@ -78,6 +78,8 @@ AROUND = {
         "Middleware": IN_DEPLOYMENT,
         "Namespace": IN_DEPLOYMENT,
         "Dependences": IN_INSTANCE,
+        "Process": IN_INSTANCE,
+        "QoS": IN_INSTANCE,
         "Wiring": IN_INSTANCE,
         "Program": IN_INSTANCE,
         "Variable": IN_INSTANCE,

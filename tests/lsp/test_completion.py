@@ -160,12 +160,32 @@ NETWORK = (
         ("Component chess { requires |; };", {"Arm"}, {"Joint", "left"}),
         ("Component chess { requires Arm from |; };", {"left"}, {"arm"}),
         ("Component left { requires |; };", set(), {"Arm"}),
+        ("Component chess { process |; }; Component b { process vision; };", {"vision"}, {"chess"}),
         ("middleware |;", {"zeromq"}, {"left"}),
         ("Component chess { | };", {"dependences", "config", "requires"}, {"Deployment"}),
     ],
 )
 def test_a_network_is_written_with_what_fits(editor: Editor, inside: str, expected: set[str], absent: set[str]) -> None:
     found = set(items(editor, "d.ddsl", NETWORK % inside))
+    assert expected <= found
+    assert not absent & found
+
+
+@pytest.mark.parametrize(
+    ("clause", "expected", "absent"),
+    [
+        ("qos |;", {"LaserPub", "BatteryStatusPub", "publishes", "subscribesTo"}, {"Laser"}),
+        ("qos publishes |;", {"LaserPub"}, {"BatteryStatusPub"}),
+        ("qos subscribesTo |;", {"BatteryStatusPub"}, {"LaserPub"}),
+        ("qos LaserPub(|);", {"sensor_data", "depth"}, {"LaserPub"}),
+        ("qos LaserPub(depth 1, liveliness |);", {"automatic"}, {"depth"}),
+    ],
+)
+def test_a_qos_is_written_with_what_fits(editor: Editor, clause: str, expected: set[str], absent: set[str]) -> None:
+    imports = "".join(f'import "{name}.idsl";' for name in ("Laser", "LaserPub", "BatteryStatusPub"))
+    ports = "implements Laser; publishes LaserPub; subscribesTo BatteryStatusPub;"
+    editor.open("arm/arm.cdsl", f"{imports} Component arm {{ Communications {{ {ports} }}; language python; }};")
+    found = set(items(editor, "d.ddsl", NETWORK % f"Component b : arm {{ {clause} }};"))
     assert expected <= found
     assert not absent & found
 

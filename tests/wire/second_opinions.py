@@ -1,4 +1,7 @@
-"""The same messages through two other implementations of XCDR1: pycdr2 (Cyclone DDS's) and rosbags (ROS 2's)."""
+"""The same messages through two other implementations of XCDR1: pycdr2 (Cyclone DDS's) and rosbags (ROS 2's).
+
+Both are given types made like ours; rosbags also has those that ROS 2 itself defines (`by_ros2`).
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ from typing import Any
 import numpy as np
 import pycdr2
 from pycdr2 import types as idl
+from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from robocomp_py.contract.types import (
@@ -38,6 +42,35 @@ def by_rosbags(message: Struct, values: tuple[Any, ...]) -> bytes:
     ros = _Rosbags()
     name, convert = ros.struct(message.fields)
     return bytes(ros.store.serialize_cdr(convert(values), name))
+
+
+def by_ros2(message: Struct, values: tuple[Any, ...]) -> bytes:
+    """The payload of ROS 2's own message of that name. Structs are tuples; one for an array of a fixed length, too."""
+    name = message.name.replace("::", "/msg/")
+    return bytes(_ROS2.serialize_cdr(_of_ros2(name, values), name))
+
+
+_ROS2 = get_typestore(Stores.ROS2_HUMBLE)
+
+
+def _of_ros2(name: str, value: Any) -> Any:
+    parts = divmod(value, 10**9) if name == "builtin_interfaces/msg/Time" else value
+    _, fields = _ROS2.fielddefs[name]
+    return _ROS2.types[name](*(_part_of_ros2(*kind, part) for (_, kind), part in zip(fields, parts, strict=True)))
+
+
+def _part_of_ros2(node: Nodetype, detail: Any, value: Any) -> Any:
+    match node:
+        case Nodetype.NAME:
+            return _of_ros2(detail, value)
+        case Nodetype.ARRAY:
+            ((_, (kind, _)), length) = detail
+            assert len(value) == length
+            return np.array(value, kind)
+        case Nodetype.SEQUENCE if detail[0][0] is Nodetype.NAME:
+            return [_of_ros2(detail[0][1], each) for each in value]
+        case _:
+            return value
 
 
 Convert = Callable[[Any], Any]

@@ -36,7 +36,7 @@ from robocomp_py.wire.cdr import TAIL, Cdr
 from robocomp_py.wire.codec import MAX_BYTES
 
 from .messages import messages, patiently
-from .second_opinions import by_pycdr2, by_rosbags
+from .second_opinions import by_pycdr2, by_ros2, by_rosbags
 from .test_codecs import RICH, one, rich
 
 CODEC = Cdr()
@@ -147,8 +147,51 @@ JOINTS = Struct(
         *(Field(name, Sequence(FLOAT64)) for name in ("position", "velocity", "effort")),
     ),
 )
+COMPRESSED = Struct(
+    "sensor_msgs::CompressedImage",
+    (Field("header", HEADER), Field("format", STRING), Field("data", Sequence(UINT8))),
+)
+
+
+def _numbers(name: str, *fields: str) -> Struct:
+    return Struct(f"geometry_msgs::{name}", tuple(Field(each, FLOAT64) for each in fields))
+
+
+def _matrix(size: int) -> Struct:
+    """What ROS 2 has as an array of a fixed length: as many numbers, and no count."""
+    return _numbers(f"Matrix{size}", *(f"m{place}" for place in range(size * size)))
+
+
+VECTOR, TURN = _numbers("Vector3", "x", "y", "z"), _numbers("Quaternion", "x", "y", "z", "w")
+IMU = Struct(
+    "sensor_msgs::Imu",
+    (
+        *(Field("header", HEADER), Field("orientation", TURN), Field("orientation_covariance", _matrix(3))),
+        *(Field("angular_velocity", VECTOR), Field("angular_velocity_covariance", _matrix(3))),
+        *(Field("linear_acceleration", VECTOR), Field("linear_acceleration_covariance", _matrix(3))),
+    ),
+)
+POSE = Struct("geometry_msgs::Pose", (Field("position", VECTOR), Field("orientation", TURN)))
+TWIST = Struct("geometry_msgs::Twist", (Field("linear", VECTOR), Field("angular", VECTOR)))
+ODOMETRY = Struct(
+    "nav_msgs::Odometry",
+    (
+        *(Field("header", HEADER), Field("child_frame_id", STRING)),
+        Field("pose", Struct("geometry_msgs::PoseC", (Field("pose", POSE), Field("covariance", _matrix(6))))),
+        Field("twist", Struct("geometry_msgs::TwistC", (Field("twist", TWIST), Field("covariance", _matrix(6))))),
+    ),
+)
+PATH = Struct(
+    "nav_msgs::Path",
+    (
+        Field("header", HEADER),
+        Field("poses", Sequence(Struct("geometry_msgs::PoseStamped", (Field("header", HEADER), Field("pose", POSE))))),
+    ),
+)
 STAMP = (1_700_000_000_123_456_789, "base_laser")
-MESSAGES: list[tuple[Struct, tuple[Any, ...]]] = [
+THREE, FOUR, SIX = (0.1, -2.0, 1e300), (0.0, 0.0, 0.6, 0.8), ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0))
+NINE, MANY = tuple(np.eye(3).flat), tuple(np.arange(36) / 7)
+SENSORS: list[tuple[Struct, tuple[Any, ...]]] = [
     (SCAN, (STAMP, -1.5, 1.5, 0.5, 0.0, 0.1, 0.25, 30.0, np.linspace(0.3, 8.0, 361, dtype="f4"), np.zeros(0, "f4"))),
     (IMAGE, (STAMP, 4, 3, "rgb8", 0, 9, np.arange(36, dtype=np.uint8))),
     (IMAGE, (STAMP, 0, 0, "", 0, 0, np.zeros(0, np.uint8))),
@@ -159,8 +202,14 @@ MESSAGES: list[tuple[Struct, tuple[Any, ...]]] = [
     (CLOUD, (STAMP, 0, 0, [], False, 0, 0, np.zeros(0, np.uint8), False)),
     (JOINTS, (STAMP, ["a", "elbow"], np.array([1.0, math.pi]), np.zeros(0), np.array([0.5]))),
     (JOINTS, (STAMP, [], np.zeros(0), np.zeros(0), np.zeros(0))),
-    (RICH, rich()),
+    (COMPRESSED, (STAMP, "jpeg", np.arange(255, dtype=np.uint8))),
+    (COMPRESSED, ((0, ""), "", np.zeros(0, np.uint8))),
+    (IMU, (STAMP, FOUR, NINE, THREE, NINE, THREE, NINE)),
+    (IMU, ((-1, "odd"), FOUR, NINE, THREE, NINE, THREE, NINE)),
+    (ODOMETRY, (STAMP, "base", ((THREE, FOUR), MANY), (SIX, MANY))),
+    (PATH, (STAMP, [(STAMP, (THREE, FOUR)), ((5, "x"), (THREE, FOUR))])),
 ]
+MESSAGES = [*SENSORS, (RICH, rich())]
 
 
 @pytest.mark.parametrize(("message", "values"), MESSAGES, ids=[message.name for message, _ in MESSAGES])
@@ -168,6 +217,11 @@ def test_sensor_messages_are_written_as_by_the_others(message: Struct, values: t
     payload = encoded(message, *values)
     assert payload == by_pycdr2(message, values)
     assert payload == by_rosbags(message, values)
+
+
+@pytest.mark.parametrize(("message", "values"), SENSORS, ids=[message.name for message, _ in SENSORS])
+def test_they_are_those_of_ros_2(message: Struct, values: tuple[Any, ...]) -> None:
+    assert encoded(message, *values) == by_ros2(message, values)
 
 
 def test_received_arrays_are_views_of_the_payload() -> None:

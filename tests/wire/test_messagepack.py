@@ -87,7 +87,7 @@ def test_every_type_has_one_form(kind: Type, value: Any, tree: Any) -> None:
 
 def test_a_message_is_the_list_of_its_fields() -> None:
     message = Struct("Test::Message", (Field("a", INT32), Field("b", STRING)))
-    assert CODEC.encoder(message)((1, "x")) == [b"\x92\x01\xa1x"]
+    assert CODEC.encoder(message)((1, "x")) == [b"\x92\xd2\x00\x00\x00\x01\xa1x"]
     assert CODEC.encoder(Struct("Test::Empty", ()))(()) == [b"\x90"]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -57,7 +57,19 @@ def read_qos(settings: Sequence[m.Setting], report: Report) -> QoS:
         message = f"`{given['depth'].name}` has no effect beside `keep_all`"
         related = [("keep_all is here", given["history"].span)] if "history" in given else []
         report.error("bad-qos", message, given["depth"].span, "remove one of them", *related)
+    _check_liveliness(qos, given, report)
     return qos
+
+
+def _check_liveliness(qos: QoS, given: Mapping[str, m.Setting], report: Report) -> None:
+    if qos.liveliness is not Liveliness.MANUAL_BY_TOPIC:
+        return
+    if qos.lease is None:
+        message = "`manual_by_topic` has no effect without a `lease`"
+        report.warning("ineffective-qos", message, given["liveliness"].span, "add the time after which: lease 1 s")
+    elif qos.deadline is not None and qos.lease < qos.deadline:
+        message = "a publisher that keeps this deadline counts as lost, since its lease is shorter"
+        report.error("bad-qos", message, given["deadline"].span, "", ("the lease is here", given["lease"].span))
 
 
 def _values(name: str, setting: m.Setting) -> dict[str, Any]:

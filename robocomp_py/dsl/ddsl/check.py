@@ -117,7 +117,7 @@ def _check_environment(together: Sequence[m.Instance], report: Report) -> None:
         for each in instance.env:
             first, theirs = seen.setdefault(each.name.text, (instance, each))
             if first is not instance and theirs.value.text != each.value.text:
-                message = f"`{each.name}` is another for `{first.name}`, but a process has one environment"
+                message = f"`{each.name}` is something else for `{first.name}`, but a process has one environment"
                 report.error("env-clash", message, each.span, "", ("the other one", theirs.span))
 
 

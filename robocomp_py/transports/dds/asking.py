@@ -8,9 +8,9 @@ import queue
 import re
 import struct
 import threading
-import time
 from concurrent.futures import Future
 from functools import partial
+from time import monotonic, time_ns
 from typing import TYPE_CHECKING
 
 from ...contract.interface import Pattern
@@ -23,7 +23,7 @@ from ...errors import (
     Unreachable,
 )
 from ...wire.codec import Payload
-from ...wire.header import Flag
+from ...wire.header import NO_DEADLINE, Flag
 from ...wire.names import ANY
 from ..base import (
     STATUSES,
@@ -39,6 +39,7 @@ from ..crew import Job
 from ..pending import Pending
 from .bus import Reader
 from .endpoints import Endpoint
+from .library import LARGE
 from .link import BATCH, KEEP_ALL, Link, endpoint_qos, enter
 from .types import (
     BEFORE_TAIL,
@@ -46,7 +47,6 @@ from .types import (
     Message,
     bare,
     fill_request,
-    milliseconds,
     reply_fields,
     reply_type,
     request_type,
@@ -57,8 +57,8 @@ if TYPE_CHECKING:
     from .transport import DDSTransport
 
 
-_OK = int(Status.OK)
-"""A plain number: comparing with the enumeration takes ten times as long."""
+_FINE, _OK = Status.OK, int(Status.OK)
+"""The status, and a plain number: finding the one in its class, and comparing with it, takes several times as long."""
 
 
 class Line:
@@ -144,7 +144,7 @@ class AskingLink(Link):
             if found:
                 return found
             if not self.visible():
-                if not self.counterparts(strict=True) or time.monotonic() >= end:
+                if not self.counterparts(strict=True) or monotonic() >= end:
                     raise Unreachable(f"{self.channel.name}: nobody serves it")
                 step_aside()
                 self.closed.wait(0.002)  # it is there, and discovery not quite finished
@@ -172,14 +172,19 @@ class AskingLink(Link):
         """Send a request, trying until `end`; whether it was sent."""
         message = self._message
         sample = payload if message.plain and type(payload) is bytearray else message.sample(payload)
+        left = (end - monotonic()) * 1000
+        ms = int(left) if 0 < left < NO_DEADLINE else NO_DEADLINE if left > 0 else 0
         try:
-            with line.order:  # a payload may be sent by several threads at once
-                left = milliseconds(end - time.monotonic())
-                fill_request(sample, 0, START, flags, left, self._fingerprint, self.id, number, time.time_ns())
+            if len(sample) < LARGE:  # several threads may send one payload at once, and a copy is quicker than a lock
+                sample = sample[:BEFORE_TAIL]
+                fill_request(sample, 0, START, flags, ms, self._fingerprint, self.id, number, time_ns())
+                return line.write(sample) or line.requests.write_within(sample, end, self._pause)
+            with line.order:
+                fill_request(sample, 0, START, flags, ms, self._fingerprint, self.id, number, time_ns())
                 if line.write(memoryview(sample)[:BEFORE_TAIL]):
                     return True
-                copy = bytearray(sample[:BEFORE_TAIL])
-            return line.requests.write_within(copy, end, self._pause)
+                sample = sample[:BEFORE_TAIL]
+            return line.requests.write_within(sample, end, self._pause)
         except TransportError:
             self.check_open()
             raise
@@ -200,7 +205,7 @@ class CommandOutlet(AskingLink):
         self._sent = 0
 
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
-        end = time.monotonic() + deadline
+        end = monotonic() + deadline
         enter(self, self._order, deadline)
         try:
             _, line = self.server(end)
@@ -222,8 +227,9 @@ class _Asker:
 class Caller(AskingLink):
     """Who waits for a reply receives it itself, and those of others that come meanwhile.
 
-    Of several threads that wait, one is the receiver, and another becomes it when that one leaves.
-    If none waits, but there are Futures, the crew attends to the replies.
+    Of several threads that wait, one has the turn and receives; when it leaves, another one is woken
+    to take it. If none waits, but there are Futures, the crew attends to the replies. Should two
+    receive for a moment, each sample goes to one of them, and both know whom it is for.
     """
 
     role, facing = "calls", "serves"
@@ -235,13 +241,14 @@ class Caller(AskingLink):
         self._numbers = itertools.count(1)
         self._pending = Pending(channel.name)
         self._askers: dict[int, _Asker] = {}
-        self._turn = threading.Lock()
-        self._receiver: _Asker | None = None
+        self._turn = [True]
+        """Empty while an asker receives: operations on a list are atomic, and quicker than a lock."""
+        self._switching = threading.Lock()
         self._crew_receives = self._asynchronous = False
         self._waiting = self.bus.waiting()
 
     def call(self, payload: Payload, deadline: float) -> Future[Reply]:
-        end = time.monotonic() + deadline
+        end = monotonic() + deadline
         found = self.server(end)
         number = next(self._numbers)
         future = self._pending.add(number, deadline)
@@ -252,15 +259,14 @@ class Caller(AskingLink):
         except BaseException:
             future.cancel()
             raise
-        with self._turn:
-            self._asynchronous = True
-            if self._receiver is None:
-                self._have_crew_receive()
+        self._asynchronous = True  # before looking: an asker that leaves gives back its turn and then looks at this
+        if self._turn:
+            self._have_crew_receive()
         self.bus.loop.due(end)
         return future
 
     def ask(self, payload: Payload, deadline: float) -> Reply:
-        end = time.monotonic() + deadline
+        end = monotonic() + deadline
         found = self._found or self.server(end)
         number, asker = next(self._numbers), _Asker()
         self._askers[number] = asker
@@ -275,11 +281,11 @@ class Caller(AskingLink):
             del self._askers[number]
         if reply is None:
             raise Timeout(f"{self.channel.name}: no answer in {deadline:g} s")
-        return reply if reply.status is Status.OK else self._understood(reply)
+        return reply if reply[0] is _FINE else self._understood(reply)
 
     def tick(self) -> float:
         wait = self._pending.expire(self.bus.loop.do)
-        return float("inf") if wait is None else time.monotonic() + wait
+        return float("inf") if wait is None else monotonic() + wait
 
     def lost(self) -> None:
         for line in self._lines.values():
@@ -291,11 +297,9 @@ class Caller(AskingLink):
         self._found = None  # first: who asks from now on is not among those who are told
         self._pending.close(Closed(self._reason(Closed)))
         self._release_askers(Closed)
-        with self._turn:
-            self._stop_crew()
+        self._stop_crew()
         super().release()
-        with self._turn:
-            self._waiting.close()
+        self._waiting.close()
 
     def _connect(self, name: str) -> None:
         super()._connect(name)
@@ -334,7 +338,7 @@ class Caller(AskingLink):
             while asker.reply is None:
                 if asker.error:
                     raise asker.error(self._reason(asker.error))
-                left = end - time.monotonic()
+                left = end - monotonic()
                 if left <= 0:
                     return None
                 if receives:
@@ -348,43 +352,48 @@ class Caller(AskingLink):
                     receives = self._takes_turn(asker)
             return asker.reply
         finally:
-            with self._turn:
-                if self._receiver is asker:
-                    self._receiver = None
-                    if self._asynchronous or len(self._askers) > 1:
-                        self._pass_turn()
+            if receives:
+                self._turn.append(True)
+            if self._asynchronous or len(self._askers) > 1:
+                self._pass_turn(asker)
 
     def _takes_turn(self, asker: _Asker) -> bool:
-        """Whether this one receives, until it leaves its turn; if not, it will be woken."""
-        with self._turn:
-            if self._receiver is None:
-                self._receiver = asker
-                if self._crew_receives:
-                    self._stop_crew()
-                return True
-            if self._receiver is not asker and asker.woken is None:
-                asker.woken = queue.SimpleQueue()
-            return self._receiver is asker
+        """Whether this one receives, until it gives back its turn; if not, it will be woken when another one does."""
+        try:
+            self._turn.pop()
+        except IndexError:
+            if asker.woken:
+                return False
+            asker.woken = queue.SimpleQueue()
+            return self._takes_turn(asker)  # who left before this could be seen has woken somebody else
+        if self._crew_receives:
+            self._stop_crew()
+        return True
 
-    def _pass_turn(self) -> None:
-        """Have another one receive; with the turn locked."""
+    def _pass_turn(self, leaving: _Asker) -> None:
+        """Have another one receive, unless one does."""
         for other in tuple(self._askers.values()):
-            if other.woken and other.reply is None and other.error is None:
-                self._receiver = other
+            if not self._turn:
+                return
+            if other is not leaving and other.woken and other.reply is None and other.error is None:
                 other.woken.put(None)
                 return
-        if self._asynchronous and len(self._pending):
+        if self._asynchronous and self._turn and len(self._pending):
             self._have_crew_receive()
 
     def _have_crew_receive(self) -> None:
-        if not self._crew_receives and not self.closed.is_set():
+        with self._switching:
+            if self._crew_receives or self.closed.is_set():
+                return
             self._crew_receives = True
             for line in self._lines.values():
                 assert line.replies
                 self.bus.loop.attach(line.replies.condition, partial(self._on_reply, line))
 
     def _stop_crew(self) -> None:
-        if self._crew_receives:
+        with self._switching:
+            if not self._crew_receives:
+                return
             self._crew_receives = False
             for line in self._lines.values():
                 assert line.replies
@@ -392,27 +401,34 @@ class Caller(AskingLink):
 
     def _on_reply(self, line: Line) -> list[Job]:
         self._take(line)
-        if self._receiver:
-            self._waiting.wake()  # it may have been its reply
+        if not self._turn:
+            self._waiting.wake()  # it may have been the reply of who receives
         return []
 
     def _take(self, line: Line) -> None:
         assert line.replies
-        plain = self._response.plain
-        for sample in line.replies.take(BATCH):
+        response, mine = self._response, self.id
+        for sample, info in line.replies.take(BATCH):
+            if not info.valid_data:
+                continue
             try:
                 start, status, client, number, _, _ = reply_fields(sample)
                 if start != START:
                     raise unreadable(sample)
                 if status == _OK:
-                    payload = memoryview(sample)[:BEFORE_TAIL] if plain else self._response.payload(sample)
-                    reply = answered((Status.OK, payload))
+                    if not response.plain:
+                        payload = response.payload(sample)
+                    elif len(sample) < LARGE:
+                        payload = sample[:BEFORE_TAIL]  # a small copy is made sooner than a view
+                    else:
+                        payload = memoryview(sample)[:BEFORE_TAIL]
+                    reply = answered((_FINE, payload))
                 else:
-                    reply = Reply(STATUSES[status], self._response.why(sample))
+                    reply = Reply(STATUSES[status], response.why(sample))
             except (DecodeError, KeyError, struct.error) as exc:
                 self.malformed(exc)
                 continue
-            if client != self.id:
+            if client != mine:
                 continue
             asker = self._askers.get(number)
             if asker is None:

@@ -16,6 +16,7 @@ import time
 import weakref
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
+from time import monotonic
 from typing import Any
 
 from cyclonedds._clayer import (  # type: ignore[import-not-found]  # compiled, without types
@@ -36,8 +37,11 @@ from .library import (
     ANY,
     FOREVER,
     LARGE,
+    POLICIES,
     TIMEOUT,
     Container,
+    IncompatibleQos,
+    LivelinessChanged,
     as_transport_error,
     checked,
     creating,
@@ -45,8 +49,11 @@ from .library import (
     dds_create_readcondition,
     dds_create_waitset,
     dds_delete,
+    dds_get_liveliness_changed_status,
     dds_get_matched_publications,
     dds_get_matched_subscriptions,
+    dds_get_offered_incompatible_qos_status,
+    dds_get_requested_incompatible_qos_status,
     dds_set_guardcondition,
     dds_waitset_attach,
     dds_waitset_detach,
@@ -115,9 +122,11 @@ class _End:
     """A reader or writer."""
 
     _matched: Callable[..., int]
+    _incompatible: Callable[..., int]
 
     def __init__(self, entity: Entity, parent: Entity | None, topic: Topic[Any]) -> None:
         self._entity, self._parent, self._topic = entity, parent, topic
+        self._status = IncompatibleQos()
         self.ref = entity._ref
 
     def matched(self) -> set[int]:
@@ -130,6 +139,13 @@ class _End:
                 return set(found[: max(count, 0)])
             room = count * 2
 
+    def unmet(self) -> str:
+        """The policy for which another one on the other side, whoever it is, does not hear or is not heard; or ""."""
+        status = self._status
+        if type(self)._incompatible(self.ref, ctypes.byref(status)) or status.change <= 0:
+            return ""
+        return POLICIES.get(status.policy, f"QoS policy {status.policy}")
+
     def close(self) -> None:
         forget(self._entity)
         if self._parent is not None:
@@ -141,6 +157,7 @@ class Writer(_End):
     """What is sent. Small samples are written holding the interpreter, since that is quicker than to let it go."""
 
     _matched = staticmethod(dds_get_matched_subscriptions)
+    _incompatible = staticmethod(dds_get_offered_incompatible_qos_status)
 
     def write(self, sample: bytearray | bytes | memoryview) -> bool:
         """Whether it was written; if not, there is no room now. Safe to use from any thread."""
@@ -177,26 +194,25 @@ class Writer(_End):
 
 class Reader(_End):
     _matched = staticmethod(dds_get_matched_publications)
+    _incompatible = staticmethod(dds_get_requested_incompatible_qos_status)
 
     def __init__(self, entity: Entity, parent: Entity | None, topic: Topic[Any]) -> None:
         super().__init__(entity, parent, topic)
         self.condition = checked(dds_create_readcondition(self.ref, ANY), "waiting for samples")
+        self._liveliness = LivelinessChanged()
 
-    def take(self, most: int) -> list[bytes]:
-        """What came in, at most so many samples."""
-        taken = ddspy_take(self.ref, ANY, most)
-        if type(taken) is not list:
-            return []  # the reader was closed
-        if len(taken) == 1 and taken[0][1].valid_data:
-            return [taken[0][0]]
-        return [sample for sample, info in taken if info.valid_data]
+    def alive(self) -> bool:
+        """Whether a writer that is heard has shown in time that it lives."""
+        status = self._liveliness
+        return dds_get_liveliness_changed_status(self.ref, ctypes.byref(status)) == 0 and status.alive > 0
 
-    def take_signed(self, most: int) -> list[tuple[bytes, int]]:
-        """The same, each with the handle of who wrote it."""
-        taken = ddspy_take(self.ref, ANY, most)
-        if type(taken) is not list:
-            return []
-        return [(sample, info.publication_handle) for sample, info in taken if info.valid_data]
+    def take(self, most: int) -> list[tuple[bytes, Any]]:
+        """What came in, at most so many samples, each with what the library says about it.
+
+        Among that is `valid_data`, without which it is no sample but the news that a writer left.
+        """
+        taken: list[tuple[bytes, Any]] | int = ddspy_take(self.ref, ANY, most)
+        return taken if type(taken) is list else []  # a number if the reader was closed
 
     def close(self) -> None:
         dds_delete(self.condition)
@@ -292,26 +308,33 @@ class Loop:
             self.wake()
 
     def receive(self) -> Iterable[Job]:
-        now = time.monotonic()
+        now = monotonic()
         if self._woken or now >= self._next_tick:
             self._woken = False  # before looking: what becomes due while we look is not missed
             self._next_tick = self.tick()
+        added = self._jobs
         self._sleeping = True  # before looking at the jobs: whoever adds one later sees this, and wakes us
         patience = self._next_tick - now
-        ready = self._waiting.wait(0.0 if self._jobs or patience < 0.0 else patience)
+        ready = self._waiting.wait(0.0 if added or patience < 0.0 else patience)
         self._sleeping = False
+        if len(ready) == 1 and not added:
+            return self._input(ready[0])
         jobs: list[Job] = []
         for condition in ready:
-            on_input = self._inputs.get(condition)
-            if on_input is None:
-                continue
+            jobs += self._input(condition)
+        while added:
+            jobs.append(added.popleft())
+        return jobs
+
+    def _input(self, condition: int) -> Iterable[Job]:
+        """What is to be done about what came in."""
+        on_input = self._inputs.get(condition)
+        if on_input:
             try:
-                jobs += on_input()
+                return on_input()
             except Exception:
                 log.exception("taking input")  # of one reader; the others have theirs taken
-        if self._jobs:
-            jobs += [self._jobs.popleft() for _ in range(len(self._jobs))]
-        return jobs
+        return ()
 
     def close(self) -> None:
         self._waiting.close()

@@ -56,6 +56,8 @@ class Endpoint:
     latched: bool = False
     owner: str = ""
     pid: int = 0
+    traits: str = ""
+    """Of its QoS, as `contract.qos.traits` writes them."""
 
 
 def user_data(**said: Any) -> Policy.Userdata:
@@ -72,7 +74,7 @@ def _said(data: bytes) -> dict[str, Any]:
     try:
         said = json.loads(zlib.decompressobj().decompress(data[len(_MARK) :], 1 << 20))
         known = {"role": str, "channel": str, "fingerprint": int, "text": str, "id": int, "owner": str, "pid": int}
-        known |= {"reliable": bool, "latched": bool}
+        known |= {"reliable": bool, "latched": bool, "traits": str}
         return {key: kind(said[key]) for key, kind in known.items()}
     except (ValueError, TypeError, KeyError, zlib.error):
         return {}  # not written by us, or by another version

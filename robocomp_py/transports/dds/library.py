@@ -30,6 +30,28 @@ class Container(ctypes.Structure):
     _fields_ = (("data", ctypes.c_void_p), ("size", ctypes.c_size_t))
 
 
+class IncompatibleQos(ctypes.Structure):
+    """How many on the other side offer less than a reader asks for, or ask for more than a writer offers."""
+
+    _fields_ = (("total", ctypes.c_uint32), ("change", ctypes.c_int32), ("policy", ctypes.c_uint32))
+
+
+POLICIES = {2: "durability", 4: "deadline", 8: "liveliness", 11: "reliability"}
+"""By the number by which the library says which one was the first that is not met."""
+
+
+class LivelinessChanged(ctypes.Structure):
+    """How many of the writers that a reader hears are alive, by their leases, and how many are not."""
+
+    _fields_ = (
+        ("alive", ctypes.c_uint32),
+        ("not_alive", ctypes.c_uint32),
+        ("alive_change", ctypes.c_int32),
+        ("not_alive_change", ctypes.c_int32),
+        ("last", ctypes.c_uint64),
+    )
+
+
 library = ctypes.CDLL(DDS._dll_handle._name)  # a handle of our own: declaring functions on theirs would change it
 
 
@@ -51,6 +73,11 @@ dds_set_guardcondition = _function("dds_set_guardcondition", _int, ctypes.c_bool
 dds_create_readcondition = _function("dds_create_readcondition", _int, ctypes.c_uint32)
 dds_get_matched_subscriptions = _function("dds_get_matched_subscriptions", _int, _handles, ctypes.c_size_t)
 dds_get_matched_publications = _function("dds_get_matched_publications", _int, _handles, ctypes.c_size_t)
+dds_get_requested_incompatible_qos_status = _function(
+    "dds_get_requested_incompatible_qos_status", _int, ctypes.c_void_p
+)
+dds_get_offered_incompatible_qos_status = _function("dds_get_offered_incompatible_qos_status", _int, ctypes.c_void_p)
+dds_get_liveliness_changed_status = _function("dds_get_liveliness_changed_status", _int, ctypes.c_void_p)
 dds_qget_userdata = _function(
     "dds_qget_userdata", ctypes.c_void_p, ctypes.POINTER(ctypes.c_void_p), ctypes.POINTER(ctypes.c_size_t)
 )

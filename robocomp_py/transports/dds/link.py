@@ -6,11 +6,12 @@ import logging
 import os
 import threading
 import time
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from cyclonedds.core import Policy, Qos
 
-from ...contract.qos import History
+from ...contract.qos import History, Liveliness, QoS, traits
 from ...errors import (
     Closed,
     ContractMismatch,
@@ -46,14 +47,22 @@ SOON = 0.02
 KEEP_ALL_DEPTH = 10_000
 
 
-def endpoint_qos(history: Any, *more: Any) -> Qos:
+_RELIABLE = Policy.Reliability.Reliable(BLOCKING_MS * 1_000_000)
+
+
+def best_effort_qos(history: Any, *more: Any) -> Qos:
+    """For a reader of those who offer no more."""
+    return endpoint_qos(history, *more, reliability=Policy.Reliability.BestEffort)
+
+
+def endpoint_qos(history: Any, *more: Any, reliability: Any = _RELIABLE) -> Qos:
     """What all our endpoints have in common.
 
     All are reliable on the wire, since a large sample loses fragments even on one host. Samples are
     ordered as they arrive, for clocks may be set back.
     """
     return Qos(
-        Policy.Reliability.Reliable(BLOCKING_MS * 1_000_000),
+        reliability,
         history,
         Policy.DestinationOrder.ByReceptionTimestamp,
         Policy.DataRepresentation(use_cdrv0_representation=True),
@@ -61,18 +70,35 @@ def endpoint_qos(history: Any, *more: Any) -> Qos:
     )
 
 
-def topic_qos(channel: Channel, *more: Any) -> Qos:
+def topic_qos(channel: Channel, *more: Any, common: Callable[..., Qos] = endpoint_qos) -> Qos:
     qos = channel.qos
+    more = (*more, *_times(qos))
     newest = Policy.History.KeepLast(max(depth_of(channel), 8))  # for a moment: what waits for a sink is the lane's
     if not qos.latched:
-        return endpoint_qos(Policy.History.KeepAll if qos.reliable else newest, *more)
+        return common(Policy.History.KeepAll if qos.reliable else newest, *more)
     unlimited = -1
-    return endpoint_qos(
+    return common(
         Policy.History.KeepAll if qos.reliable else newest,
         Policy.Durability.TransientLocal,
         Policy.DurabilityService(0, Policy.History.KeepLast(qos.depth), unlimited, unlimited, unlimited),
         *more,
     )
+
+
+def _times(qos: QoS) -> Iterator[Any]:
+    """The policies that have to do with time, as DDS has them."""
+    if qos.deadline is not None:
+        yield Policy.Deadline(_nanoseconds(qos.deadline))
+    if qos.lifespan is not None:
+        yield Policy.Lifespan(_nanoseconds(qos.lifespan))
+    manual = qos.liveliness is Liveliness.MANUAL_BY_TOPIC
+    if qos.lease is not None:
+        lives = Policy.Liveliness.ManualByTopic if manual else Policy.Liveliness.Automatic
+        yield lives(_nanoseconds(qos.lease))
+
+
+def _nanoseconds(seconds: float) -> int:
+    return max(1, round(seconds * 1e9))
 
 
 def depth_of(channel: Channel) -> int:
@@ -157,6 +183,7 @@ class Link:
             id=self.id,
             reliable=self.channel.qos.reliable,
             latched=self.channel.qos.latched,
+            traits=traits(self.channel.qos),
             owner=self.transport.owner,
             pid=os.getpid(),
         )

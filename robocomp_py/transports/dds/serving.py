@@ -6,9 +6,10 @@ import contextlib
 import logging
 import struct
 import threading
-import time
 from collections import deque
+from collections.abc import Iterable
 from functools import partial
+from time import monotonic, time_ns
 from typing import TYPE_CHECKING, Any
 
 from ...errors import (
@@ -33,6 +34,7 @@ from ..ledger import Ledger
 from .asking import client_of
 from .bus import Reader, Writer
 from .endpoints import Endpoint
+from .library import LARGE
 from .link import INTAKE, KEEP_ALL, SOON, Link, endpoint_qos
 from .types import (
     START,
@@ -62,10 +64,13 @@ PATIENCE = 60.0
 
 _FOREVER = float("inf")
 
-_new: Any = tuple.__new__
-"""Makes a named tuple of what was unpacked, in half the time that its own constructor takes."""
+_FINE = Status.OK
+"""Finding it in its class takes longer."""
 
-_Asked = tuple[Request, Payload, float]
+_Call = tuple[int, int]
+"""Which client's request, and its number."""
+
+_Asked = tuple[_Call, Payload, float]
 """A request, what is asked, and when that expires."""
 
 
@@ -89,7 +94,7 @@ class ServingLink(Link):
         self._requests = self.bus.reader(f"rc/{name}Request", made, endpoint_qos(KEEP_ALL, self.about()))
         self.bus.loop.attach(self._requests.condition, self._on_request)
 
-    def accept(self, samples: list[bytes]) -> list[Job]:
+    def accept(self, samples: list[tuple[bytes, Any]]) -> Iterable[Job]:
         """Have requests wait for their turn, or turn them away; what is to be done about those that wait."""
         raise NotImplementedError
 
@@ -103,28 +108,30 @@ class ServingLink(Link):
         if self.claimed:
             self.claimed.close()
 
-    def _on_request(self) -> list[Job]:
+    def _on_request(self) -> Iterable[Job]:
         assert self._requests
         return self.accept(self._requests.take(INTAKE))
 
     def read(self, sample: bytes) -> _Asked | None:
         """A request that means what we mean, and is new."""
+        message = self._message
         try:
-            request: Request = _new(Request, request_fields(sample))
-            if request.start != START:
+            fields = request_fields(sample)
+            start, _, ms, fingerprint, client, sequence, _ = fields
+            if start != START:
                 raise unreadable(sample)
-            if request.fingerprint != self._fingerprint:
-                self.report_mismatch((request.client, request.fingerprint), self._stranger(request))
+            if fingerprint != self._fingerprint:
+                request = Request._make(fields)
+                self.report_mismatch((client, fingerprint), self._stranger(request))
                 self.refuse(request)
                 return None
-            payload = sample if self._message.plain else self._message.payload(sample)
+            payload = sample if message.plain else message.payload(sample)
         except (DecodeError, struct.error) as exc:
             self.malformed(exc)
             return None
-        if not self._ledger.admit(request.client, request.sequence):
-            return None
-        ms = request.remaining_ms
-        return request, payload, time.monotonic() + ms / 1000 if ms != NO_DEADLINE else _FOREVER
+        if self._ledger.admit(client, sequence):
+            return (client, sequence), payload, monotonic() + ms / 1000 if ms != NO_DEADLINE else _FOREVER
+        return None
 
     def _stranger(self, request: Request) -> TypeRef:
         asking = self.bus.endpoints.find(self.facing, self.channel.name)
@@ -140,9 +147,9 @@ class CommandInlet(ServingLink):
         self._sink = sink
         self._lane = Lane(channel.name, self._execute, COMMANDS_WAITING, lossy=False, stats=self.stats)
 
-    def accept(self, samples: list[bytes]) -> list[Job]:
-        for sample in samples:
-            asked = self.read(sample)
+    def accept(self, samples: list[tuple[bytes, Any]]) -> Iterable[Job]:
+        for sample, info in samples:
+            asked = self.read(sample) if info.valid_data else None
             if asked is None or self._lane.put((asked[2], asked[1])):
                 continue
             self.stats.dropped += 1
@@ -156,7 +163,7 @@ class CommandInlet(ServingLink):
 
     def _execute(self, waiting: tuple[float, Payload]) -> None:
         expires, payload = waiting
-        if time.monotonic() >= expires:
+        if monotonic() >= expires:
             self.stats.expired += 1
         else:
             self._sink(payload)
@@ -175,18 +182,20 @@ class Server(ServingLink):
         super().__init__(transport, channel)
         self._servant = Servant(channel.name, service, self.stats)
         self._response = Message(channel.type.response)
+        self._incarnation = transport.incarnation
         self._writers: dict[str, Writer] = {}
         """By partition."""
         self._clients: dict[int, Writer] = {}
         """The same, by whom they reach."""
         self._others = False
         """Whether there are clients that know nothing of our partitions."""
-        self._deferred: list[tuple[float, Request, bytearray]] = []
+        self._deferred: list[tuple[float, int, bytearray]] = []
+        """When they expire, and for whom they are."""
         self._order = threading.Lock()
         self._waiting: deque[_Asked] = deque()
-        self._under_way: dict[tuple[int, int], float] = {}
+        self._under_way: dict[_Call, float] = {}
         """When those that wait or are being served expire."""
-        self._turned_away: deque[tuple[Request, float, Reply]] = deque(maxlen=QUERIES_WAITING)
+        self._turned_away: deque[tuple[_Call, float, Reply]] = deque(maxlen=QUERIES_WAITING)
         self._full_until = 0.0
         """When the next of those under way expires, if there were too many when we last looked."""
         self._beginning = self._refusing = False
@@ -207,40 +216,41 @@ class Server(ServingLink):
         self._clients = {client: self._writers[name] for client, name in map(client_of, partitions) if client}
         with self._order:
             deferred, self._deferred = self._deferred, []
-        for expires, request, sample in deferred:
-            writer = self._clients.get(request.client)
+        for expires, client, sample in deferred:
+            writer = self._clients.get(client)
             if writer:
                 writer.write(sample)  # to a reader that has just come: there is room
             else:
                 with self._order:
-                    self._deferred.append((expires, request, sample))
+                    self._deferred.append((expires, client, sample))
 
     def tick(self) -> float:
-        now = time.monotonic()
+        now = monotonic()
         with self._order:
             self._deferred = [each for each in self._deferred if each[0] > now]
             return min((expires for expires, _, _ in self._deferred), default=float("inf"))
 
-    def accept(self, samples: list[bytes]) -> list[Job]:
-        for sample in samples:
-            asked = self.read(sample)
+    def accept(self, samples: list[tuple[bytes, Any]]) -> Iterable[Job]:
+        for sample, info in samples:
+            asked = self.read(sample) if info.valid_data else None
             if asked is None:
                 continue
-            request, _, expires = asked
+            call, _, expires = asked
             if len(self._under_way) >= QUERIES_WAITING and not self._forget_expired():
                 self.stats.dropped += 1
-                self._turned_away.append((request, expires, Reply(Status.BUSY)))
+                self._turned_away.append((call, expires, Reply(Status.BUSY)))
                 continue
-            self._under_way[request.client, request.sequence] = expires
+            self._under_way[call] = expires
             if len(samples) == 1 and not self._waiting:
-                return [partial(self._serve, asked)]  # as it is nearly always
+                return (partial(self._serve, asked),)  # as it is nearly always
             self._waiting.append(asked)
         return self._jobs()
 
     def refuse(self, request: Request) -> None:
         if not request.flags & Flag.ONEWAY:
             text = dressed(self.channel.type.text.encode())
-            self._turned_away.append((request, time.monotonic() + PATIENCE, Reply(Status.MISMATCH, text)))
+            call = request.client, request.sequence
+            self._turned_away.append((call, monotonic() + PATIENCE, Reply(Status.MISMATCH, text)))
 
     def _jobs(self) -> list[Job]:
         """What is to be done, and is not being done."""
@@ -282,7 +292,7 @@ class Server(ServingLink):
 
     def _forget_expired(self) -> bool:
         """Whether some requests that were never answered need not be counted any more."""
-        now = time.monotonic()
+        now = monotonic()
         if now < self._full_until:
             return False
         under_way = list(self._under_way.items())
@@ -293,50 +303,48 @@ class Server(ServingLink):
         return len(self._under_way) < QUERIES_WAITING
 
     def _serve(self, asked: _Asked) -> None:
-        request, payload, expires = asked
-        answer = partial(self._answer, request, expires)
+        call, payload, expires = asked
+        answer = partial(self._answer, call, expires)
         if not self._servant.serve(payload, expires, answer):
             answer(Reply(Status.REFUSED))
 
-    def _answer(self, request: Request, expires: float, reply: Reply) -> None:
-        self._under_way.pop((request.client, request.sequence), None)
+    def _answer(self, call: _Call, expires: float, reply: Reply) -> None:
+        self._under_way.pop(call, None)
+        client, sequence = call
+        status, payload = reply
+        response = self._response
         try:
-            status, payload = reply
-            if status is Status.OK:
-                as_it_is = self._response.plain and type(payload) is bytearray
-                sample = payload if as_it_is else self._response.sample(payload)
+            if status is not _FINE:
+                sample = response.failure(payload)
             else:
-                sample = self._response.failure(payload)
-            with self._order:  # a service may answer several with the same payload
-                fill_reply(
-                    sample,
-                    0,
-                    START,
-                    status,
-                    request.client,
-                    request.sequence,
-                    self.transport.incarnation,
-                    time.time_ns(),
-                )
-                writer = self._clients.get(request.client)
+                sample = payload if response.plain and type(payload) is bytearray else response.sample(payload)
+            writer = self._clients.get(client)
+            if len(sample) < LARGE:  # a service may answer several with one payload, and a copy is quicker than a lock
+                sample = sample[:]
+                fill_reply(sample, 0, START, status, client, sequence, self._incarnation, time_ns())
                 if writer and writer.write(sample):
                     return
-                sample = bytearray(sample)
-            self._send_later(request, sample, expires)
+            else:
+                with self._order:
+                    fill_reply(sample, 0, START, status, client, sequence, self._incarnation, time_ns())
+                    if writer and writer.write(sample):
+                        return
+                    sample = sample[:]
+            self._send_later(client, sample, expires)
         except TransportError as exc:
             if not self.closed.is_set():
                 log.warning("%s: a reply was dropped: %s", self.channel.name, exc)
 
-    def _send_later(self, request: Request, sample: bytearray, expires: float) -> None:
+    def _send_later(self, client: int, sample: bytearray, expires: float) -> None:
         """Send a reply for which there was no room, or no way to the client."""
-        now = time.monotonic()
+        now = monotonic()
         expires = max(now + SOON, min(expires, now + PATIENCE))
-        writer = self._clients.get(request.client)
+        writer = self._clients.get(client)
         if writer is None:
             if self._others:
                 self._writers[""].write(sample)
             with self._order:
-                self._deferred.append((expires, request, sample))
+                self._deferred.append((expires, client, sample))
                 if len(self._deferred) > QUERIES_WAITING:
                     del self._deferred[0]
                     self.stats.dropped += 1

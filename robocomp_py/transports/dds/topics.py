@@ -7,11 +7,14 @@ import logging
 import struct
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from ...contract.qos import Durability
+from cyclonedds.core import Qos
+
+from ...contract.qos import QoS, from_traits, shortfalls
 from ...errors import (
     DecodeError,
     Timeout,
@@ -22,14 +25,17 @@ from ...wire.names import ANY
 from ..base import (
     Channel,
     Sink,
+    Source,
     TypeRef,
     step_aside,
 )
 from ..crew import Job, Lane
 from ..ledger import Ledger
+from ..reception import Reception
 from .bus import Reader, Writer
 from .endpoints import Endpoint
-from .link import BATCH, INTAKE, KEEP_ALL, SOON, Link, depth_of, endpoint_qos, enter, topic_qos
+from .library import LARGE
+from .link import BATCH, INTAKE, KEEP_ALL, SOON, Link, best_effort_qos, depth_of, endpoint_qos, enter, topic_qos
 from .types import (
     BEFORE_TAIL,
     START,
@@ -58,6 +64,9 @@ MOST_WAITING = 100_000
 UNGREETED = 100
 """Messages that a subscriber gets before it has said how many it takes."""
 
+_NONE = float("inf")
+"""No limit."""
+
 
 class Publisher(Link):
     role, facing = "publishes", "subscribes"
@@ -73,8 +82,11 @@ class Publisher(Link):
         self._room = threading.Condition()
         self._limits: dict[int, int] = {}
         """By reader that counts: the number of the last message it takes."""
+        self._limit: float = _NONE
+        """The least of these."""
         self._greeted: set[int] = set()
         self._early: dict[int, Credit] = {}
+        self._unmet: set[str] = set()
 
     def open(self) -> None:
         channel = self.channel
@@ -87,28 +99,49 @@ class Publisher(Link):
 
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
         end = time.monotonic() + deadline
-        sample = self._message.sample(payload)
-        enter(self, self._order, deadline)
+        message = self._message
+        sample = payload if message.plain and type(payload) is bytearray else message.sample(payload)
+        if not self._order.acquire(False):
+            enter(self, self._order, deadline)
         try:
-            self.check_open()
-            if self._credits and not self._await_credit(self._sent + 1, end):
+            if self.closed.is_set() or self.transport.closed:
+                self.check_open()
+            number = self._sent + 1
+            if number > self._limit and not self._await_credit(number, end):
                 raise Timeout(f"{self.channel.name}: a subscriber did not keep up for {deadline:g} s")
-            fill_publication(sample, 0, START, self._fingerprint, self.id, self._sent + 1, time.time_ns())
+            fill_publication(sample, 0, START, self._fingerprint, self.id, number, time.time_ns())
+            out = sample[:BEFORE_TAIL] if len(sample) < LARGE else memoryview(sample)[:BEFORE_TAIL]
             if self._credits is None:
-                self._sent += 1  # whether it gets away or not: who hears the next one knows what is missing
-                self.stats.dropped += not self._written(memoryview(sample)[:BEFORE_TAIL])
-            elif self._written_within(memoryview(sample)[:BEFORE_TAIL], end):
-                self._sent += 1
+                self._sent = number  # whether it gets away or not: who hears the next one knows what is missing
+                self.stats.dropped += not self._written(out)
+            elif self._written(out) or self._write_within(out, end):
+                self._sent = number
             else:
                 raise Timeout(f"{self.channel.name}: the network did not take a message for {deadline:g} s")
         finally:
             self._order.release()
+
+    def tick(self) -> float:
+        missing = self._writer.unmet() if self._writer else ""
+        if missing and missing not in self._unmet:
+            self._unmet.add(missing)
+            log.warning(
+                "%s: a subscriber asks for more %s than is offered here; if it is none of ours, it hears nothing. "
+                "Let it ask for less, or this port offer more in its `qos`",
+                self.channel.name,
+                missing,
+            )
+        return float("inf")
 
     def visible(self) -> bool:
         same = {endpoint.handle for endpoint in self.counterparts(strict=True)}
         named = {endpoint.handle for endpoint in self.bus.endpoints.find(self.facing, self.channel.name)}
         matched = self._writer.matched() if self._writer else set()
         return bool(matched - (named - same))  # others than ours can only be right
+
+    @property
+    def heard(self) -> bool:
+        return self.channel.qos.latched or bool(self._writer and self._writer.matched())
 
     def looked(self, there: list[Endpoint]) -> None:
         counting = {endpoint.id for endpoint in there if endpoint.reliable}
@@ -121,7 +154,7 @@ class Publisher(Link):
                 if reader in self._early:
                     self._grant(self._early[reader])
             self._early.clear()
-            self._room.notify_all()
+            self._limits_changed()
 
     def release(self) -> None:
         with self._room:
@@ -133,7 +166,7 @@ class Publisher(Link):
             if self._writer:
                 self._writer.close()
 
-    def _written(self, sample: memoryview) -> bool:
+    def _written(self, sample: bytearray | memoryview) -> bool:
         assert self._writer
         try:
             return self._writer.write(sample)
@@ -141,9 +174,9 @@ class Publisher(Link):
             self.check_open()
             raise
 
-    def _written_within(self, sample: memoryview, end: float) -> bool:
+    def _write_within(self, sample: bytearray | memoryview, end: float) -> bool:
         assert self._writer
-        return self._written(sample) or self._writer.write_within(sample, end, self._pause)
+        return self._writer.write_within(sample, end, self._pause)
 
     def _pause(self) -> None:
         self.check_open()
@@ -151,21 +184,23 @@ class Publisher(Link):
 
     def _await_credit(self, number: int, end: float) -> bool:
         """Wait until every reader takes a message of that number."""
-        with self._room:
-            if self._covers(number):
-                return True
         step_aside()  # what we wait for may come in by this very thread
         with self._room:
-            self._room.wait_for(lambda: self._covers(number) or self.closed.is_set(), max(0.0, end - time.monotonic()))
+            patience = max(0.0, end - time.monotonic())
+            self._room.wait_for(lambda: number <= self._limit or self.closed.is_set(), patience)
             self.check_open()
-            return self._covers(number)
+            return number <= self._limit
 
-    def _covers(self, number: int) -> bool:
-        return all(limit >= number for limit in self._limits.values())
+    def _limits_changed(self) -> None:
+        """With the lock of `_room`."""
+        self._limit = min(self._limits.values(), default=_NONE)
+        self._room.notify_all()
 
     def _on_credit(self) -> list[Job]:
         assert self._credits
-        for sample in self._credits.take(BATCH):
+        for sample, info in self._credits.take(BATCH):
+            if not info.valid_data:
+                continue
             try:
                 credit = read_credit(sample)
             except DecodeError as exc:
@@ -188,16 +223,16 @@ class Publisher(Link):
             self._greeted.add(credit.reader)
             limit = max(limit, self._sent + credit.window)  # what was sent before it came is no debt of its
         self._limits[credit.reader] = limit
-        self._room.notify_all()
+        self._limits_changed()
 
 
 class _Heard:
     """A topic that a subscriber hears: one, or with `*` all that are there."""
 
-    def __init__(self, reader: Reader, credits: Writer | None) -> None:
-        self.reader, self.credits = reader, credits
+    def __init__(self, name: str, reader: Reader, credits: Writer | None) -> None:
+        self.name, self.reader, self.credits = name, reader, credits
         self.news: Reader | None = None
-        """Hears publishers that keep nothing for late subscribers, whom `reader` cannot hear if we ask for that."""
+        """Hears publishers that offer less than we ask for (nothing for late ones, say), whom `reader` cannot hear."""
         self.consumed: dict[int, int] = {}
         self.told: dict[int, int] = {}
         """By source: up to which message we said that we have consumed."""
@@ -229,12 +264,16 @@ class Subscriber(Link):
         self._lane = Lane(channel.name, self._consume, depth, lossy=not self._reliable, stats=self.stats)
         self._message = Message(channel.type.request)
         self._fingerprint = channel.type.fingerprint
+        self._reception = Reception(channel, self.stats, self._through)
         self._ledger = Ledger(self.stats, ordered=True)
         self._heard: dict[str, _Heard] = {}
         self._counting: dict[int, bool] = {}
         """By publisher: whether it counts, and waits for us."""
-        self._met: set[int] = set()
         self._put = self._consumed = 0
+        self._most = self._window + MESSAGES_WAITING
+        """So many may wait of publishers that do not count."""
+        self._telling = max(1, self._window // 2)
+        """After so many messages we say that we have consumed them."""
         self._due = float("inf")
 
     def open(self) -> None:
@@ -251,7 +290,7 @@ class Subscriber(Link):
         self._counting = {endpoint.id: endpoint.reliable for endpoint in there}
         if self._reliable:
             self._greet()
-        self._met &= self._counting.keys()
+        self._reception.meet(map(_source, there))
         for endpoint in there:
             self._get_along_with(endpoint)
 
@@ -260,7 +299,18 @@ class Subscriber(Link):
             with self._looking:
                 if not self.closed.is_set():
                     self._greet()
+        with self._looking:
+            for heard in [] if self.closed.is_set() else self._heard.values():
+                self._notice_strangers(heard)
         return self._due
+
+    def sources(self) -> list[Source]:
+        return [_source(each) for each in self.counterparts() if self._lives(each)]
+
+    def _lives(self, publisher: Endpoint) -> bool:
+        """Whether a publisher's process is there, and DDS has heard of it in time; asked for a `lease` only."""
+        heard = self._heard.get(publisher.channel)
+        return bool(heard and any(reader.alive() for reader in heard.readers()))
 
     def visible(self) -> bool:
         self.counterparts(strict=True)
@@ -271,17 +321,20 @@ class Subscriber(Link):
         for name in list(self._heard):
             self._unhear(name)
 
+    def _through(self, wrap: Callable[[Sink], Sink]) -> None:
+        self._sink = wrap(self._sink)
+
     def _hear(self, name: str) -> None:
         credits = None
         if self._reliable:
             about = self.about("credits", name)
             credits = self.bus.writer(f"rc/{name}Credit", credit_type(), endpoint_qos(KEEP_ALL, about))
-        self._heard[name] = heard = _Heard(self._reader(name, self.channel), credits)
+        self._heard[name] = heard = _Heard(name, self._reader(name, self.channel), credits)
         self.bus.loop.attach(heard.reader.condition, partial(self._on_message, heard))
 
-    def _reader(self, name: str, channel: Channel) -> Reader:
+    def _reader(self, name: str, channel: Channel, common: Callable[..., Qos] = endpoint_qos) -> Reader:
         kind = publication_type(channel.type.name, channel.type.request)
-        return self.bus.reader(f"rc/{name}", kind, topic_qos(channel, self.about("subscribes", name)))
+        return self.bus.reader(f"rc/{name}", kind, topic_qos(channel, self.about("subscribes", name), common=common))
 
     def _unhear(self, name: str) -> None:
         heard = self._heard.pop(name)
@@ -290,71 +343,81 @@ class Subscriber(Link):
         heard.close()
 
     def _get_along_with(self, publisher: Endpoint) -> None:
-        """Hear as much as there is of one that offers less than we ask for, and say once what is missing."""
-        asked, name = self.channel.qos, self.channel.name
-        if asked.latched and not publisher.latched:
-            heard = self._heard.get(publisher.channel)
-            if heard and heard.news is None:
-                volatile = replace(self.channel, qos=replace(asked, durability=Durability.VOLATILE))
-                heard.news = self._reader(publisher.channel, volatile)
-                self.bus.loop.attach(heard.news.condition, partial(self._on_news, heard, heard.news))
-        if publisher.id in self._met:
+        """Hear as much as there is of one that offers less than we ask for, whom DDS would not let us hear."""
+        asked = self.channel.qos
+        less = [each for each in shortfalls(asked, from_traits(publisher.traits)) if each.policy != "reliability"]
+        heard = self._heard.get(publisher.channel)
+        if less and heard and heard.news is None:
+            self._hear_news(heard, endpoint_qos)
+
+    def _hear_news(self, heard: _Heard, common: Callable[..., Qos]) -> None:
+        """Hear also those that offer less than we ask for."""
+        if heard.news:
+            self.bus.loop.detach(heard.news.condition)
+            heard.news.close()
+        modest = replace(self.channel, qos=QoS(self.channel.qos.reliability, depth=depth_of(self.channel)))
+        heard.news = self._reader(heard.name, modest, common)
+        self.bus.loop.attach(heard.news.condition, partial(self._on_news, heard, heard.news))
+
+    def _notice_strangers(self, heard: _Heard) -> None:
+        """Other programs do not tell what they offer, but that something is missing."""
+        for reader in heard.readers():
+            missing = reader.unmet()
+            if not missing or (heard.news and missing != "reliability"):
+                continue  # it is one of ours, or will be heard with the others
+            log.warning(
+                "%s: a publisher that is none of ours offers less %s than this subscription asks for; it is heard "
+                "nevertheless, for what it is worth",
+                heard.name,
+                missing,
+            )
+            self._hear_news(heard, best_effort_qos if missing == "reliability" else endpoint_qos)
             return
-        self._met.add(publisher.id)
-        who = publisher.owner or "a publisher"
-        if asked.latched and not publisher.latched:
-            log.warning(
-                "%s: %s does not keep messages for late subscribers, as we ask; we hear what it publishes from now on. "
-                'Give its port the qos that ours has, or ours `durability = "volatile"`',
-                name,
-                who,
-            )
-        if asked.reliable and not publisher.reliable:
-            log.warning(
-                "%s: %s publishes best effort, so it does not wait while we are slow, as we ask. "
-                'Give its port the qos that ours has, or ours `reliability = "best_effort"`',
-                name,
-                who,
-            )
 
     def _on_message(self, heard: _Heard) -> list[Job]:
         return self._deliver(heard, heard.reader.take(self._intake))
 
     def _on_news(self, heard: _Heard, news: Reader) -> list[Job]:
-        signed = news.take_signed(self._intake)
+        samples = news.take(self._intake)
         otherwise = heard.reader.matched()  # whom we hear, with what they have kept, by the other reader
-        return self._deliver(heard, [sample for sample, writer in signed if writer not in otherwise])
+        return self._deliver(heard, [each for each in samples if each[1].publication_handle not in otherwise])
 
-    def _deliver(self, heard: _Heard, samples: list[bytes]) -> list[Job]:
-        taken = 0
-        for sample in samples:
-            taken += self._take(heard, sample)
-        return [self._lane.drain] if taken and self._lane.summon() else []
+    def _deliver(self, heard: _Heard, samples: list[tuple[bytes, Any]]) -> list[Job]:
+        messages = []
+        for sample, info in samples:
+            message = self._take(heard, sample) if info.valid_data else None
+            if message:
+                messages.append(message)
+        if not messages:
+            return []
+        dropped = len(messages) - self._lane.put_all(messages)
+        if dropped:
+            self._put -= dropped
+            self.stats.dropped += dropped
+        return [self._lane.drain] if self._lane.summon() else []
 
-    def _take(self, heard: _Heard, sample: bytes) -> bool:
+    def _take(self, heard: _Heard, sample: bytes) -> tuple[_Heard, int, int, Payload] | None:
+        """A message that means what we mean, is new, and has room here."""
         try:
-            start, fingerprint, source, sequence, _ = publication_fields(sample)
+            start, fingerprint, source, sequence, stamp = publication_fields(sample)
             if start != START:
                 raise unreadable(sample)
             if fingerprint != self._fingerprint:
                 self.report_mismatch(source, TypeRef("", fingerprint))
-                return False
+                return None
             payload = sample if self._message.plain else self._message.payload(sample)
         except (DecodeError, struct.error) as exc:
             self.malformed(exc)
-            return False
+            return None
         if not self._ledger.admit(source, sequence):
-            return False
-        if self._reliable:
-            waiting = self._put - self._consumed
-            if waiting >= self._window + MESSAGES_WAITING and not self._counting.get(source, True):
-                self.stats.dropped += 1
-                return False
-        if self._lane.put((heard, source, sequence, payload)):
-            self._put += 1
-            return True
-        self.stats.dropped += 1
-        return False
+            return None
+        if self._reliable and self._put - self._consumed >= self._most and not self._counting.get(source, True):
+            self.stats.dropped += 1
+            return None
+        if self._reception.on:
+            payload = self._reception.admit(heard.name, stamp, payload)
+        self._put += 1
+        return heard, source, sequence, payload
 
     def _consume(self, message: tuple[_Heard, int, int, Payload]) -> None:
         heard, source, sequence, payload = message
@@ -364,7 +427,7 @@ class Subscriber(Link):
         finally:
             if heard.credits:
                 heard.consumed[source] = sequence
-                if sequence - heard.told.get(source, sequence) >= max(1, self._window // 2):
+                if sequence - heard.told.get(source, sequence) >= self._telling:
                     self._tell(heard, source)
 
     def _greet(self) -> None:
@@ -390,3 +453,7 @@ class Subscriber(Link):
         heard.told[source] = consumed
         with contextlib.suppress(TransportError):  # closed meanwhile
             heard.credits.write(pack_credit(Credit(self.id, source, consumed, self._window)))
+
+
+def _source(publisher: Endpoint) -> Source:
+    return Source(publisher.channel, from_traits(publisher.traits))

@@ -18,6 +18,7 @@ from ...errors import (
 from ...wire.codec import Codec
 from ...wire.header import random_id
 from ..base import (
+    ANY_QOS,
     Capability,
     Channel,
     Service,
@@ -47,6 +48,8 @@ L = TypeVar("L", bound=Link)
 class DDSTransport:
     """Options `domain` (0) and `interface` ("lo", this host alone; "" lets Cyclone DDS choose)."""
 
+    capabilities = ANY_QOS | Capability.CROSS_PROCESS
+
     def __init__(self, config: TransportConfig) -> None:
         options = options_of(config, domain=0, interface="lo")
         domain, interface = options["domain"], options["interface"]
@@ -54,7 +57,6 @@ class DDSTransport:
             raise ConfigurationError(f"transport option `domain` is a number from 0 to 230, not {domain!r}")
         if type(interface) is not str:
             raise ConfigurationError(f"transport option `interface` is a name like 'lo', not {interface!r}")
-        self.capabilities = Capability.RELIABLE | Capability.LATCHED | Capability.CROSS_PROCESS
         if interface != "lo":
             self.capabilities |= Capability.CROSS_HOST
         self.codec: Codec = CODEC

@@ -26,7 +26,7 @@ from ...contract.types import STRING, TIME, Dictionary, Enumeration, Primitive, 
 from ...errors import DecodeError
 from ...wire.cdr import ENCAPSULATION, TAIL, Cdr
 from ...wire.codec import Payload
-from ...wire.header import NO_DEADLINE, VERSION
+from ...wire.header import VERSION
 
 ROOM = 40
 """Octets of a header."""
@@ -90,12 +90,6 @@ request_fields, reply_fields, publication_fields = (
     _REQUEST.unpack_from, _REPLY.unpack_from, _PUBLICATION.unpack_from
 )  # fmt: skip
 """The same fields of a sample, the first of which must be `START`. Raise `struct.error` if it is too short."""
-
-
-def milliseconds(remaining: float) -> int:
-    """What is left of a deadline, in seconds, for a header; more than fits (seven weeks) means without deadline."""
-    ms = remaining * 1000
-    return NO_DEADLINE if ms >= NO_DEADLINE else int(ms) if ms > 0 else 0
 
 
 def pack_credit(credit: Credit) -> bytes:

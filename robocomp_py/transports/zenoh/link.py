@@ -154,8 +154,13 @@ class Link:
         try:
             yield
         except zenoh.ZError as exc:
-            self.check_open()
-            raise TransportError(f"zenoh: {self.channel.name}: {exc}") from exc
+            raise self.failed(exc) from exc
+
+    def failed(self, why: zenoh.ZError) -> TransportError:
+        """What to raise when the session did."""
+        if self.closed.is_set() or self.transport.closed:
+            return Closed(f"{self.channel.name}: the link is closed")
+        return TransportError(f"zenoh: {self.channel.name}: {why}")
 
     def report_mismatch(self, link: int, fingerprint: int) -> None:
         """Count and log, once, that another link means something else. May wait for its answer."""

@@ -45,7 +45,7 @@ def halves(link: int) -> tuple[str, str]:
 
 
 class Message(NamedTuple):
-    header: Any
+    attachment: Any
     payload: Any
     arrived: float = 0.0
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import zenoh
 
-from ..base import Sink, Statistics
+from ..base import Sink, Statistics, receives
 from ..crew import STUCK, belongs
 
 log = logging.getLogger("robocomp.transport.zenoh")
@@ -35,8 +35,8 @@ class Reader:
     def __init__(self, name: str, admit: Admit, sink: Sink, depth: int, *, lossy: bool, stats: Statistics) -> None:
         self._name, self._admit, self._sink, self._stats = name, admit, sink, stats
         self._depth, self._lossy = depth, lossy
-        self._lock = threading.Lock()
-        self._changed = threading.Condition(self._lock)
+        self.lock = threading.Lock()
+        self._changed = threading.Condition(self.lock)
         self._waiting: deque[Any] = deque()
         self._turn: threading.Thread | None = None
         """The thread that reads."""
@@ -47,6 +47,10 @@ class Reader:
         self.owing = False
         """Whether `settle` is to be called after the present message; set by `admit`."""
         self.settle: Callable[[], object] = _nothing
+
+    def through(self, wrap: Callable[[Sink], Sink]) -> None:
+        """Put something in front of the sink."""
+        self._sink = wrap(self._sink)
 
     def channel(self) -> Any:
         """What Zenoh is to put messages into."""
@@ -59,7 +63,7 @@ class Reader:
 
     def feed(self, messages: Callable[[], Iterable[Any]]) -> None:
         """Have these admitted and delivered before all that has not been read yet. None is held back."""
-        with self._lock:
+        with self.lock:
             for message in messages():
                 payload = self._admit(message)
                 if payload is not None:
@@ -67,21 +71,17 @@ class Reader:
             payload = None
             if self._waiting and not self._drainer and not self._closed:
                 self._drainer, payload = threading.get_ident(), self._waiting.popleft()
-        if payload is not None:
-            self._drain(payload)
+        self._go_on(payload)
 
     def relieve(self) -> bool:
-        """To be called now and then: if the thread that reads is held up by the sink, have another one read.
+        """Now and then: if the thread that reads is in the sink since the last time, have another one read.
 
-        Whether it was so.
+        Whether it is in the sink.
         """
-        turn, seen = self._turn, self._seen
-        self._seen = self._delivered
-        with self._lock:
-            held_up = self._drainer and turn is not None and self._drainer == turn.ident and seen == self._delivered
-            if held_up and not self._closed:
-                self._hire()
-        return bool(held_up)
+        seen, self._seen = self._seen, self._delivered
+        if seen == self._delivered:
+            self._replace(self._drainer)
+        return self._drainer != 0
 
     def close(self) -> None:
         """Forget what waits. The sink is not called any more once this returns."""
@@ -96,6 +96,16 @@ class Reader:
         if turn and turn is not threading.current_thread():
             turn.join(STUCK)
 
+    def _step_aside(self) -> None:
+        self._replace(threading.get_ident())
+
+    def _replace(self, reading: int) -> None:
+        """Have another thread read, if the one that does is this one, and is in the sink."""
+        with self.lock:
+            turn = self._turn
+            if turn is not None and turn.ident == reading == self._drainer and not self._closed:
+                self._hire()
+
     def _hire(self) -> None:
         thread = threading.Thread(target=self._read, name=f"zenoh {self._name}")
         belongs(thread)
@@ -103,13 +113,18 @@ class Reader:
         thread.start()
 
     def _read(self) -> None:
+        receives(self._step_aside)
         me, receive = threading.current_thread(), self._receive
-        with contextlib.suppress(zenoh.ZError):
+        with contextlib.suppress(zenoh.ZError):  # the subscription has ended
             while self._turn is me and not self._closed:
-                self._arrive(receive())
+                message = receive()
+                try:
+                    self._arrive(message)
+                except Exception:  # if this thread ended, nobody would read any more
+                    log.exception("%s: a message was not taken", self._name)
 
     def _arrive(self, message: Any) -> None:
-        with self._lock:
+        with self.lock:
             payload = self._admit(message)
             if payload is not None:
                 if self._drainer:
@@ -119,6 +134,9 @@ class Reader:
                     payload = None
                 else:
                     self._drainer = threading.get_ident()
+        self._go_on(payload)
+
+    def _go_on(self, payload: Any) -> None:
         if payload is not None:
             self._drain(payload)
         if self.owing:
@@ -136,10 +154,10 @@ class Reader:
         while not self._closed:
             self._stats.received += 1
             try:
-                self._sink(payload.to_bytes())
+                self._sink(payload)
             except BaseException:  # also SystemExit: the messages that follow are to be delivered all the same
                 log.exception("%s: a message was not handled", self._name)
-            with self._lock:
+            with self.lock:
                 self._delivered += 1
                 if not self._waiting:
                     self._drainer = 0

@@ -55,7 +55,7 @@ class CommandInlet(Receiving):
         super().open()
 
     def take(self, message: Message) -> tuple[int, int] | None:
-        request = read_request(octets(message.header))
+        request = read_request(octets(message.attachment))
         if request.fingerprint != self.channel.type.fingerprint:
             self.meet_stranger(request.client, request.fingerprint)
             return None

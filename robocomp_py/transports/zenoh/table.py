@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from typing import NamedTuple
 
 from ...wire import names
 
+_AHEAD = re.compile(r"w([0-9]{1,9})")
+
 
 class Token(NamedTuple):
     """One link, as all can see it: `rc_lv/<domain>/<role>/<traits>/<fingerprint>/<pid>/<link>/<channel>`.
 
-    Traits: those of its QoS (`contract.qos`), `-` if it has none. A `*` in the channel is written as a
-    dot. `since` is not told, but noted here: the version of the table in which it came.
+    Traits: those of its QoS (`contract.qos`), `-` if it has none; of a reliable publisher also `w` and
+    how many messages it may be ahead of its readers. A `*` in the channel is written as a dot. `since`
+    is not told, but noted here: the version of the table in which it came.
     """
 
     role: str
@@ -22,6 +26,12 @@ class Token(NamedTuple):
     link: int
     channel: str
     since: int = 0
+
+    @property
+    def ahead(self) -> int:
+        """After so many messages it waits for a word from its readers."""
+        found = _AHEAD.search(self.traits)
+        return int(found[1]) if found else 1
 
     def key(self) -> str:
         channel = self.channel.replace(names.ANY, ".")

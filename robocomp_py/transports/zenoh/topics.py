@@ -12,29 +12,36 @@ from typing import TYPE_CHECKING, Any
 
 import zenoh
 
-from ...contract.qos import History, Reliability, from_traits, traits
-from ...errors import Timeout
+from ...contract.qos import History, QoS, Reliability, from_traits, traits
+from ...errors import DecodeError, Timeout
 from ...wire.codec import Payload
 from ...wire.header import (
-    Publication,
     pack_publication,
     read_publication,
 )
+from ...wire.names import ANY
 from ..base import (
     Channel,
     Sink,
     Source,
 )
-from ..crew import Lane
 from ..ledger import Ledger
-from ..reception import TOO_OLD, Reception
-from .credit import Credit
-from .link import Link, Receiving, depth_of, within
+from ..reception import Reception
+from .credit import BYTES_AHEAD, Credit
+from .link import INBOX, Link, depth_of
 from .messages import BLOCK, DROP, Message, octets
+from .reader import Reader
 from .table import Token
 
 if TYPE_CHECKING:
     from .transport import ZenohTransport
+
+
+_PARTS = 4
+"""Readers tell what they took when that is such a part of what their sender may be ahead."""
+
+_LOOK = 0.01
+"""Seconds until a sink that takes long is looked at again."""
 
 
 class Publisher(Link):
@@ -43,13 +50,14 @@ class Publisher(Link):
     def __init__(self, transport: ZenohTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
         qos = channel.qos
-        lossless = qos.reliable or qos.history is History.KEEP_ALL
-        self.traits = traits(replace(qos, reliability=Reliability.RELIABLE) if lossless else qos)
+        lossless = _as_it_is(qos).reliable
+        self.traits = f"{traits(_as_it_is(qos))}w{depth_of(channel)}" if lossless else traits(qos)
         self._lossless = lossless
         self._readers: tuple[int, dict[int, int]] = -1, {}
         self._credit = Credit(depth_of(channel), self._reliable_readers)
         self._history: deque[tuple[bytes, Payload]] = deque(maxlen=qos.depth if qos.latched else 0)
         self._order = threading.Lock()
+        self._fingerprint = channel.type.fingerprint
 
     def open(self) -> None:
         congestion = BLOCK if self._lossless else DROP
@@ -57,19 +65,25 @@ class Publisher(Link):
             self.key, congestion_control=congestion, reliability=zenoh.Reliability.RELIABLE
         )
         self._publisher: zenoh.Publisher = self.declare(publisher)
+        self._put = publisher.put
 
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
         end = time.monotonic() + deadline
-        with within(self._order, self._too_slow(deadline), end):
+        if not (self._order.acquire(blocking=False) or self._order.acquire(timeout=max(0.0, deadline))):
+            raise self._too_slow(deadline)
+        try:
             self.check_open()
-            if not self._credit.wait(end, self.check_open, len(payload)):
+            credit = self._credit
+            if not (credit.claim(len(payload)) or credit.wait(end, self.check_open, len(payload))):
                 raise self._too_slow(deadline)
-            fingerprint = self.channel.type.fingerprint
-            header = pack_publication(fingerprint, self.id, self._credit.sent, time.time_ns())
+            header = pack_publication(self._fingerprint, self.id, credit.sent, time.time_ns())
             if self._history.maxlen:
                 self._history.append((header, payload))  # first: who asks for it now may not hear the other one
-            with self.using_the_session():
-                self._publisher.put(payload, attachment=header)
+            self._put(payload, attachment=header)
+        except zenoh.ZError as exc:
+            raise self.failed(exc) from exc
+        finally:
+            self._order.release()
 
     def visible(self) -> bool:
         status: Any = self._publisher.matching_status  # its stub says bool, which it is not
@@ -103,75 +117,136 @@ class Publisher(Link):
         return Timeout(f"{self.channel.name}: a subscriber did not keep up for {deadline:g} s")
 
 
-class Subscriber(Receiving):
+class Subscriber(Link):
     role, facing = "subscribes", "publishes"
 
     def __init__(self, transport: ZenohTransport, channel: Channel, sink: Sink) -> None:
         super().__init__(transport, channel)
         qos = channel.qos
-        self._lossless = qos.reliable or qos.history is History.KEEP_ALL
-        self.traits = traits(replace(qos, reliability=Reliability.RELIABLE) if self._lossless else qos)
+        self._lossless = _as_it_is(qos).reliable
+        self._latched = qos.latched
+        self.traits = traits(_as_it_is(qos))
+        self._fingerprint = channel.type.fingerprint
         self._ledger = Ledger(self.stats, ordered=True)
-        self.lane = Lane(
-            channel.name, lambda p: sink(p.to_bytes()), depth_of(channel), lossy=not self._lossless, stats=self.stats
+        self._reader = Reader(
+            channel.name,
+            self._admit,
+            lambda payload: sink(payload.to_bytes()),
+            depth_of(channel),
+            lossy=not self._lossless,
+            stats=self.stats,
         )
-        self._reception = Reception(channel, self.stats, self.lane.through)
+        self._reader.settle = self._acknowledge
+        self._reception = Reception(channel, self.stats, self._reader.through)
         self._channels: dict[int, str] = {}
         """By publisher."""
-        self._catching_up: dict[int, list[Message]] = {}
+        self._untold: dict[int, list[int]] = {}
+        """Of each sender the last number that was taken, and how many messages and bytes it has not been told of."""
+        self._ahead: dict[int, int] = {}
+        """How many messages each sender may be ahead."""
+        self._catching_up: dict[int, deque[Any]] = {}
         self._caught_up: set[int] = set()
         self._heard: dict[int, int] = {}
 
+    def open(self) -> None:
+        from_whom = zenoh.Locality.REMOTE if ANY in self.channel.name else zenoh.Locality.ANY
+        subscribe = self.transport.session.declare_subscriber
+        subscription = self.declare(subscribe(self.key, self._reader.channel(), allowed_origin=from_whom))
+        self._reader.start(subscription.handler.recv)  # not its own `recv`, during which it cannot be undeclared
+
     def look(self) -> None:
-        there = {token.link: token.channel for token in self.counterparts()}
-        self._channels = there
+        tokens = self.counterparts()
+        there = {token.link for token in tokens}
+        self._channels = {token.link: token.channel for token in tokens}
+        self._ahead = {token.link: token.ahead for token in tokens}
         self._reception.meet(self.sources())
-        if self.channel.qos.latched:
-            with self._taking:
-                self._caught_up &= there.keys()
+        with self._reader.lock:
+            self._untold = {source: untold for source, untold in self._untold.items() if source in there}
+        if self._latched:
+            with self._reader.lock:
+                self._caught_up &= there
                 for source in there:
                     self._catch_up(source)
 
     def sources(self) -> list[Source]:
         return [Source(token.channel, from_traits(token.traits)) for token in self.counterparts()]
 
-    def take(self, message: Message) -> tuple[int, int] | None:
-        header = read_publication(octets(message.header))
-        if header.fingerprint != self.channel.type.fingerprint:
-            self.meet_stranger(header.source, header.fingerprint)
-            return None
-        if self.channel.qos.latched and not self._is_next(header, message):
-            return None
-        if self._ledger.admit(header.source, header.sequence):
-            payload = message.payload
-            if self._reception.on:
-                name = self._channels.get(header.source, self.channel.name)
-                payload = self._reception.admit(name, header.stamp, payload)
-            if payload is not TOO_OLD:
-                self.lane.put(payload)
-        return (header.source, header.sequence) if self._lossless else None
+    def tick(self) -> float | None:
+        held_up = self._reader.relieve()
+        if held_up:
+            self._acknowledge()
+        return _LOOK if held_up else None
 
-    def _is_next(self, header: Publication, message: Message) -> bool:
+    def release(self) -> None:
+        self._reader.close()
+
+    def _admit(self, message: zenoh.Sample | Message) -> Any:
+        try:
+            _, fingerprint, source, sequence, stamp = read_publication(octets(message.attachment))
+        except DecodeError as exc:
+            self.malformed(exc)
+            return None
+        if fingerprint != self._fingerprint:
+            self.meet_stranger(source, fingerprint)
+            return None
+        if self._latched and not self._is_next(source, sequence, message):
+            return None
+        payload = message.payload
+        if self._lossless:
+            self._note(source, sequence, len(payload))
+        if not self._ledger.admit(source, sequence):
+            return None
+        if self._reception.on:
+            return self._reception.admit(self._channels.get(source, self.channel.name), stamp, payload)
+        return payload
+
+    def _note(self, source: int, sequence: int, size: int) -> None:
+        """Have it told to its sender that a message was taken, when it is worth telling."""
+        untold = self._untold.get(source)
+        if untold is None:
+            untold = self._untold[source] = [0, 0, 0]
+        untold[0] = sequence
+        untold[1] += 1
+        untold[2] += size
+        if untold[1] * _PARTS >= self._ahead.get(source, 1) or untold[2] * _PARTS >= BYTES_AHEAD:
+            self._reader.owing = True
+
+    def _acknowledge(self) -> None:
+        taken = {}
+        with self._reader.lock:
+            for source, untold in self._untold.items():
+                if untold[1]:
+                    taken[source] = untold[0]
+                    untold[1] = untold[2] = 0
+        self.transport.acknowledge(taken, self.id)
+
+    def _is_next(self, source: int, sequence: int, message: Any) -> bool:
         """Whether all that precedes a latched message was heard, and itself was not."""
-        source = header.source
         if source not in self._caught_up:
             self._catch_up(source)
             self._catching_up[source].append(message)
             return False
-        new = header.sequence > self._heard.get(source, 0)
+        new = sequence > self._heard.get(source, 0)
         if new:
-            self._heard[source] = header.sequence
+            self._heard[source] = sequence
         return new
 
     def _catch_up(self, source: int) -> None:
         """Have a publisher's history fetched; what else comes from it has to wait until it is there."""
         if source not in self._caught_up and source not in self._catching_up:
-            self._catching_up[source] = []
+            self._catching_up[source] = deque(maxlen=INBOX)
             self.transport.do(partial(self._fetch, source))
 
     def _fetch(self, source: int) -> None:
         missed = self.transport.inquire(source, "history")
-        with self._taking:
+
+        def all_of_it() -> list[Any]:
             self._caught_up.add(source)
-            self._inbox.put_back([*missed, *self._catching_up.pop(source, ())])
-        self.schedule()
+            return [*missed, *self._catching_up.pop(source, ())]
+
+        self._reader.feed(all_of_it)
+
+
+def _as_it_is(qos: QoS) -> QoS:
+    """What all is kept of must not be lost on its way either."""
+    return replace(qos, reliability=Reliability.RELIABLE) if qos.history is History.KEEP_ALL else qos

@@ -68,10 +68,11 @@ class ZenohTransport:
     may take up to 2 s longer; a best-effort one is dropped after 1 s.
     """
 
+    capabilities = ANY_QOS | Capability.CROSS_PROCESS
+
     def __init__(self, config: TransportConfig) -> None:
         connect, self.domain = _options(config)
         self.codec: Codec = Cdr()
-        self.capabilities = ANY_QOS | Capability.CROSS_PROCESS
         if connect and not connect.startswith("unix"):
             self.capabilities |= Capability.CROSS_HOST
         self.owner, self.incarnation = config.owner, random_id()

@@ -42,7 +42,8 @@ from ..crew import Job
 from ..pending import Pending
 from .frames import Frames, joined, read_reply_frames, topic
 from .link import Link
-from .sockets import Socket, as_transport_error, new_socket, persist, receive_frames, send_frames
+from .sockets import Socket, as_transport_error, persist
+from .zmtp import SLICE_MS, Gone, Stream, Wait
 
 if TYPE_CHECKING:
     from .transport import ZeroMQTransport
@@ -50,21 +51,21 @@ if TYPE_CHECKING:
 log = logging.getLogger("robocomp.transport.zeromq")
 
 
-_SLICE_MS = 50
-"""A call that waits looks this often whether its server lives and its own link is open."""
+_SLICE = SLICE_MS / 1000
+"""Seconds after which a call that waits looks whether its server lives and its own link is open."""
 
 _TO_SERVER = {"IMMEDIATE": 1, "RECONNECT_IVL": -1, "SNDHWM": 1000, "RCVHWM": 1000}
 """No queueing for the dead; a server that comes back has another address."""
 
 
 class Peer:
-    """The process behind an address: a shared line to it, and sockets for synchronous calls."""
+    """The process behind an address: a shared line to it, and streams for synchronous calls."""
 
     def __init__(self, transport: ZeroMQTransport, member_id: str, address: str) -> None:
         self.id, self._address, self._transport = member_id, address, transport
         self.closed = False
         self.callers: dict[int, Caller] = {}
-        self._idle: list[zmq.Socket[bytes]] = []
+        self.idle: list[Stream] = []
         self.line = transport.socket(zmq.DEALER, self._on_reply, **_TO_SERVER)
         with as_transport_error(f"connecting to {address}"), self.line.lock:
             self.line.raw.connect(address)
@@ -72,27 +73,26 @@ class Peer:
     def alive(self) -> bool:
         return not self.closed and self._transport.directory.alive(self.id)
 
-    def take(self) -> zmq.Socket[bytes]:
-        """A socket for the calling thread alone; it must `give` it back."""
+    def take(self, wait: Wait) -> Stream:
+        """A stream for the calling thread alone; it must `give` it back."""
+        try:
+            return self.idle.pop()
+        except IndexError:
+            pass
         if self.closed:
             raise Unreachable(f"{self._address}: its server left")
-        if self._idle:
-            try:
-                return self._idle.pop()
-            except IndexError:  # another thread was quicker
-                pass
-        options = _TO_SERVER | {"SNDTIMEO": _SLICE_MS, "RCVTIMEO": _SLICE_MS}
-        socket = new_socket(self._transport.context, zmq.DEALER, **options)
         try:
-            with as_transport_error(f"connecting to {self._address}"):
-                socket.connect(self._address)
-        except TransportError:
-            socket.close()
-            raise
-        return socket
+            return Stream(self._address.removeprefix("ipc://"), wait)
+        except (ConnectionError, FileNotFoundError) as exc:
+            raise Unreachable(f"{self._address}: its server left") from exc
+        except OSError as exc:
+            raise TransportError(f"zeromq: connecting to {self._address}: {exc.strerror}") from exc
 
-    def give(self, socket: zmq.Socket[bytes]) -> None:
-        self._idle.append(socket)
+    def give(self, stream: Stream) -> None:
+        if stream.broken:
+            stream.close()
+            return
+        self.idle.append(stream)
         if self.closed:
             self._close_idle()
 
@@ -105,7 +105,7 @@ class Peer:
         """By whoever gets hold of each: more may be given back meanwhile."""
         with contextlib.suppress(IndexError):
             while True:
-                self._idle.pop().close()
+                self.idle.pop().close()
 
     def _on_reply(self, socket: Socket) -> list[Job]:
         jobs: list[Job] = []  # since the callbacks of a Future may take long, or ask again
@@ -256,10 +256,10 @@ class Caller(AskingLink):
                 reply = self._ask(peer, channel, payload, end, deadline)
                 if reply.status is not Status.REFUSED or not self.lost(peer):
                     return reply  # else it was not executed, and may be asked for where it is served now
-        except (zmq.ZMQError, TransportError) as exc:
+        except (Gone, TransportError) as exc:
             self.check_open()  # what goes wrong because we are closed is that
-            if isinstance(exc, zmq.ZMQError):
-                raise TransportError(f"zeromq: asking {self.channel.name}: {exc}") from exc
+            if isinstance(exc, Gone):
+                raise Unreachable(f"{self.channel.name}: its server left: {exc}") from exc
             raise
 
     def answered(self, peer: Peer, header: ReplyHeader, payload: Frames) -> None:
@@ -294,48 +294,42 @@ class Caller(AskingLink):
         self._pending.close(Closed(f"{self.channel.name}: the link is closed"))
 
     def _ask(self, peer: Peer, channel: bytes, payload: Payload, end: float, deadline: float) -> Reply:
-        socket = peer.take()
+        def wait() -> None:
+            self.still(peer)
+            if time.monotonic() >= end:
+                raise Timeout(f"{self.channel.name}: could not be asked within {deadline:g} s")
+
+        stream = peer.take(wait)
         try:
-            remaining = max(0.0, end - time.monotonic())
-            number, frames = self.request(channel, self._flags, remaining, payload)
-            try:
-                send_frames(socket, frames)
-            except zmq.Again:
-                self._send(peer, socket, frames, end, deadline)
+            number, frames = self.request(channel, self._flags, max(0.0, end - time.monotonic()), payload)
+            stream.send(frames, wait)
             while True:
-                header, reply = self._receive(peer, socket, end, deadline)
-                if header.sequence == number and header.client == self.client:
+                frames = self._receive(peer, stream, end, deadline)
+                try:
+                    header, values = read_reply_frames(frames)
+                    if header.sequence != number or header.client != self.client:
+                        continue
+                    reply = answered((STATUSES[header.status], values))
+                except DecodeError as exc:
+                    self.malformed(exc)
+                except KeyError as exc:
+                    self.malformed(f"status {exc}")
+                else:
                     return reply if reply.status is Status.OK else self._understood(reply)
         finally:
-            peer.give(socket)
+            peer.give(stream)
 
-    def _send(self, peer: Peer, socket: zmq.Socket[bytes], frames: Frames, end: float, deadline: float) -> None:
-        while True:
-            try:
-                send_frames(socket, frames)
-                return
-            except zmq.Again:
-                self.still(peer)
-                if time.monotonic() >= end:
-                    raise Timeout(f"{self.channel.name}: could not be asked within {deadline:g} s") from None
-
-    def _receive(self, peer: Peer, socket: zmq.Socket[bytes], end: float, deadline: float) -> tuple[ReplyHeader, Reply]:
+    def _receive(self, peer: Peer, stream: Stream, end: float, deadline: float) -> Frames:
         while True:
             left = end - time.monotonic()
             if left <= 0:
                 raise Timeout(f"{self.channel.name}: no answer in {deadline:g} s")
             try:
-                if left * 1000 < _SLICE_MS and not socket.poll(max(1, int(left * 1000))):
+                if left < _SLICE and not stream.readable(left):
                     continue
-                frames = receive_frames(socket)
-                header, payload = read_reply_frames(frames)
-                return header, answered((STATUSES[header.status], payload))
-            except zmq.Again:
+                return stream.receive()
+            except BlockingIOError:
                 self.still(peer)
-            except DecodeError as exc:
-                self.malformed(exc)
-            except KeyError as exc:
-                self.malformed(f"status {exc}")
 
     def _understood(self, reply: Reply) -> Reply:
         if reply.status is Status.MISMATCH:

@@ -10,7 +10,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, Protocol
 
 import zmq
 
@@ -20,6 +20,7 @@ from ...errors import (
 from ...wire.codec import MAX_BYTES
 from ..crew import Job
 from .frames import Frames
+from .zmtp import Feed
 
 log = logging.getLogger("robocomp.transport.zeromq")
 
@@ -144,14 +145,59 @@ def persist(send: Callable[[], bool], end: float, still: Callable[[], None], clo
     return True
 
 
+class Subscription:
+    """A feed whose input is attended to like that of a socket. A thread may close it while another one receives."""
+
+    def __init__(self, feed: Feed, on_input: Callable[[Subscription], list[Job]]) -> None:
+        self.lock = threading.RLock()
+        self.fileno = feed.fileno()
+        self.closed = False
+        self.awaited = False
+        self.on_input: Callable[[Any], list[Job]] = on_input
+        self._feed = feed
+
+    def receive(self) -> Frames | None:
+        """The next message, if there is one. Raises Gone."""
+        with self.lock:
+            if self.closed:
+                return None
+            try:
+                return self._feed.receive()
+            except BlockingIOError:
+                return None
+
+    def look(self) -> None:
+        """Nothing is missed: its descriptor tells of input as long as there is some."""
+
+    def close(self) -> None:
+        with self.lock:
+            if not self.closed:
+                self.closed = True
+                self._feed.close()
+
+
+class Attended(Protocol):
+    """What a loop attends to."""
+
+    fileno: int
+    awaited: bool
+
+    @property
+    def on_input(self) -> Callable[[Any], list[Job]]: ...
+
+    def look(self) -> None: ...
+
+    def close(self) -> None: ...
+
+
 class Loop:
     """Waits for input on all sockets at once, and for what is due. `receive` is for one thread at a time."""
 
     def __init__(self, tick: Callable[[], float]) -> None:
         self._tick = tick
         self._poller = select.poll()
-        self._sockets: dict[int, Socket] = {}
-        self._ready: deque[Socket] = deque()
+        self._sockets: dict[int, Attended] = {}
+        self._ready: deque[Attended] = deque()
         self._jobs: deque[Job] = deque()
         self._next_tick = 0.0
         self._sleeping = False
@@ -162,21 +208,26 @@ class Loop:
         os.set_blocking(self._wake_in, False)
         self._poller.register(self._wake_out, select.POLLIN)
 
-    def add(self, socket: Socket) -> None:
+    def add(self, socket: Attended) -> None:
         self._sockets[socket.fileno] = socket
         self._poller.register(socket.fileno, select.POLLIN)
         self.attend(socket)
 
-    def remove(self, socket: Socket) -> None:
+    def remove(self, socket: Attended) -> None:
         if self._sockets.get(socket.fileno) is socket:
             del self._sockets[socket.fileno]
             self._poller.unregister(socket.fileno)
         self.wake()
 
-    def sockets(self) -> list[Socket]:
+    def sockets(self) -> list[Attended]:
         return list(self._sockets.values())
 
-    def attend(self, socket: Socket) -> None:
+    def mute(self, socket: Attended) -> None:
+        """Wait for its input no more, until it is added again."""
+        if self._sockets.pop(socket.fileno, None) is socket:
+            self._poller.unregister(socket.fileno)
+
+    def attend(self, socket: Attended) -> None:
         """Look at this socket next, whatever its file descriptor says."""
         socket.awaited = True
         self._ready.append(socket)

@@ -30,7 +30,7 @@ from ..base import (
 )
 from ..crew import Job, Lane
 from ..ledger import Ledger
-from ..reception import TOO_OLD, Reception
+from ..reception import Reception
 from .frames import OWN_TOPIC_BYTES, Frames, joined, read_publication_frames, topic
 from .link import Link
 from .sockets import Socket, as_transport_error, persist
@@ -205,7 +205,7 @@ class Subscriber(Link):
         if self._reception.on:
             name = self._channels.get(_ending(header.source), self.channel.name)
             payload = self._reception.admit(name, header.stamp, payload)
-        return payload is not TOO_OLD and self._lane.put(payload)
+        return self._lane.put(payload)
 
     def _drain(self) -> None:
         self._lane.drain()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from robocomp_py.dsl.ddsl import model as m
+from robocomp_py.dsl.ddsl.order import process_dependences, processes_of
 
 from ..texts import FOLDER, rendered, workspace
 
@@ -17,7 +18,6 @@ Deployment house
     Component camera { };
     Component cam2 : camera
     {
-        path "bin/camera";
         ip localhost;
         port 0x2710;
         config "etc/cam2.toml";
@@ -29,8 +29,11 @@ Deployment house
         args "--fast", "1";
         requires Laser1 from base;
         subscribesTo LaserPub from base;
+        process vision;
+        qos LaserPub(best_effort, depth 1,);
+        qos publishes LaserPub1(sensor_data, deadline 0.5 s, liveliness automatic);
     };
-    Component base { };
+    Component base { path "bin/base"; };
     Component other { };
 };
 """
@@ -56,9 +59,10 @@ def test_a_deployment_is_read() -> None:
     camera, second, *_ = model.instances
     assert (str(camera.name), str(camera.component), camera.kind) == ("camera", "camera", None)
     assert (str(second.name), str(second.component)) == ("cam2", "camera")
-    assert [str(x) for x in (second.path, second.ip, second.port, second.config, second.middleware)] == [
-        *("bin/camera", "localhost", "0x2710", "etc/cam2.toml", "inproc"),
+    assert [str(x) for x in (second.ip, second.port, second.config, second.middleware, second.process)] == [
+        *("localhost", "0x2710", "etc/cam2.toml", "inproc", "vision"),
     ]
+    assert [str(each.path) for each in model.instances[2:]] == ["bin/base", "None"]
     assert [str(name) for name in second.dependences] == ["camera", "base", "other"]
     assert [(str(each.name), str(each.value)) for each in second.env] == [("DISPLAY", ":0"), ("HOME", "/root")]
     assert [str(name) for name in second.args] == ["--fast", "1"]
@@ -81,9 +85,7 @@ def test_an_address_is_a_name_or_a_number(address: str) -> None:
         "host onboard;",
         "restart on_failure;",
         "restart always 5;",
-        "process vision;",
         'existing "ls", "-l";',
-        "qos reliable;",
         'host onboard { address "192.168.1.10"; user "robot"; };',
         "System left { Component arm { path x; } }",
     ],
@@ -93,16 +95,39 @@ def test_words_that_are_spoken_for_are_read_and_listed(clause: str) -> None:
     assert [str(word) for word in deployment(f"Deployment net {{ {clause} }};").later] == [clause.split()[0]]
 
 
+def test_a_qos_is_that_of_a_port_whatever_its_component_says() -> None:
+    bare, told = deployment(NETWORK).instances[1].qos
+    assert (bare.verb, str(bare.port), [str(each.name) for each in bare.settings]) == (
+        *(None, "LaserPub", ["best_effort", "depth"]),
+    )
+    assert (str(told.verb), str(told.port)) == ("publishes", "LaserPub1")
+    _, deadline, liveliness = told.settings
+    assert deadline.amount is not None
+    assert (deadline.amount.seconds, str(liveliness.word)) == (0.5, "automatic")
+
+
+def test_instances_that_name_a_process_share_it() -> None:
+    clauses = "process p; dependences c;"
+    model = deployment(f"Deployment net {{ Component a {{ {clauses} }}; Component c {{}}; Component b {{ process p; }}; }};")
+    assert {name: [str(each.name) for each in together] for name, together in processes_of(model).items()} == {
+        "p": ["a", "b"],
+        "c": ["c"],
+    }
+    assert {name: list(map(str, others)) for name, others in process_dependences(model).items()} == {"p": ["c"], "c": []}
+
+
 def test_a_model_knows_where_everything_stands() -> None:
     model = deployment(NETWORK)
     second = model.instances[1]
     assert model.span.text.startswith("Deployment house")
     assert second.span.text.startswith("Component cam2 : camera")
-    assert [each.span.text for each in (*second.wirings, *second.env)] == [
+    assert [each.span.text for each in (*second.wirings, *second.env, *second.qos)] == [
         "requires Laser1 from base;",
         "subscribesTo LaserPub from base;",
         'env DISPLAY ":0";',
         'env HOME "/root";',
+        "qos LaserPub(best_effort, depth 1,);",
+        "qos publishes LaserPub1(sensor_data, deadline 0.5 s, liveliness automatic);",
     ]
 
 

@@ -66,6 +66,13 @@ SEEDS = [
     Seed("a QoS word misspelt", "bad-qos", _FILE, {"best_effort": "«best_efort»"}),
     Seed("a QoS without its number", "bad-qos", _FILE, {"depth 5": "«depth»"}),
     Seed("two QoS that contradict each other", "bad-qos", _FILE, {"depth 5": "«reliable»"}),
+    Seed(
+        "a liveliness without an end",
+        "ineffective-qos",
+        _FILE,
+        {"best_effort, depth 5": "«liveliness manual_by_topic»"},
+        "warning",
+    ),
     Seed("a QoS of calls", "qos-of-calls", _FILE, {"(zeromq), Arm;": "(zeromq), Arm qos(«reliable, depth 5»);"}),
     Seed("a proxy called concurrent", "concurrent-proxy", _FILE, {"(zeromq), Arm;": "(zeromq), Arm «concurrent»;"}),
     Seed("a period without a unit", "bad-period", _FILE, {"period 50 ms": "period «50»"}),

@@ -134,6 +134,24 @@ class SpecificWorker(GenericWorker):
         IDSL: [publish] void level(Level now)
         """
 
+    def News_kept(self, what: Everything.Containers) -> None:
+        """`kept` of Everything.News.
+
+        IDSL: [publish] void kept(Containers what)
+        """
+
+    def News_compared(
+        self,
+        left: Everything.Containers,
+        right: Everything.Containers,
+        numbers: Everything.Numbers,
+    ) -> None:
+        """`compared` of Everything.News.
+
+        IDSL: [publish] void compared(Containers left, Containers right, Numbers
+        numbers)
+        """
+
     def News1_told(self, what: str, values: NDArray[np.float32]) -> None:
         """`told` of Everything.News.
 
@@ -144,6 +162,24 @@ class SpecificWorker(GenericWorker):
         """`level` of Everything.News.
 
         IDSL: [publish] void level(Level now)
+        """
+
+    def News1_kept(self, what: Everything.Containers) -> None:
+        """`kept` of Everything.News.
+
+        IDSL: [publish] void kept(Containers what)
+        """
+
+    def News1_compared(
+        self,
+        left: Everything.Containers,
+        right: Everything.Containers,
+        numbers: Everything.Numbers,
+    ) -> None:
+        """`compared` of Everything.News.
+
+        IDSL: [publish] void compared(Containers left, Containers right, Numbers
+        numbers)
         """
 
     def Store1_adjust(

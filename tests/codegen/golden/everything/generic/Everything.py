@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import ClassVar, TypeAlias
@@ -389,6 +390,22 @@ _News_level: Operation[None] = Operation(
     inputs=(Field("now", Level.__contract__),),
     pattern=Pattern.PUBLISH,
 )
+_News_kept: Operation[None] = Operation(
+    "Everything::News",
+    "kept",
+    inputs=(Field("what", Containers.__contract__),),
+    pattern=Pattern.PUBLISH,
+)
+_News_compared: Operation[None] = Operation(
+    "Everything::News",
+    "compared",
+    inputs=(
+        Field("left", Containers.__contract__),
+        Field("right", Containers.__contract__),
+        Field("numbers", Sequence(FLOAT32)),
+    ),
+    pattern=Pattern.PUBLISH,
+)
 _News_asked: Operation[int] = Operation(
     "Everything::News",
     "asked",
@@ -399,6 +416,8 @@ NEWS_INTERFACE = Interface(
     (
         _News_told,
         _News_level,
+        _News_kept,
+        _News_compared,
         _News_asked,
     ),
 )
@@ -591,6 +610,23 @@ class StoreProxy(Proxy):
         self._send(_Store_trigger, (number, levels), deadline)
 
 
+@dataclass(slots=True)
+class NewsToldRequest:
+    """What `told` sends, to be filled."""
+
+    what: str = ""
+    values: NDArray[np.float32] = field(default_factory=lambda: np.empty(0, np.float32))
+
+
+@dataclass(slots=True)
+class NewsComparedRequest:
+    """What `compared` sends, to be filled."""
+
+    left: Containers = field(default_factory=Containers)
+    right: Containers = field(default_factory=Containers)
+    numbers: Numbers = field(default_factory=lambda: np.empty(0, np.float32))
+
+
 class NewsPublisher(Proxy):
     """Publishes News; waits only if its QoS is reliable."""
 
@@ -609,12 +645,95 @@ class NewsPublisher(Proxy):
         """
         self._send(_News_told, (what, values), deadline)
 
+    def loanTold(
+        self,
+        values: int | tuple[int, ...],
+        *,
+        deadline: float | None = None,
+    ) -> AbstractContextManager[NewsToldRequest]:
+        """`told` with an array of this shape to fill, where the message is sent from.
+
+        Leaving the block sends it, unless by an exception. The array is not zeros to
+        begin with, and not ours any more in the end.
+        """
+        return self._loan(_News_told, NewsToldRequest, (values,), deadline)
+
     def level(self, now: Level, *, deadline: float | None = None) -> None:
         """`level` of Everything.News.
 
         IDSL: [publish] void level(Level now)
         """
         self._send(_News_level, (now,), deadline)
+
+    def kept(self, what: Containers, *, deadline: float | None = None) -> None:
+        """`kept` of Everything.News.
+
+        IDSL: [publish] void kept(Containers what)
+        """
+        self._send(_News_kept, (what,), deadline)
+
+    def loanKept(
+        self,
+        *,
+        numbers: int | tuple[int, ...] = 0,
+        flags: int | tuple[int, ...] = 0,
+        raw: int | tuple[int, ...] = 0,
+        deadline: float | None = None,
+    ) -> AbstractContextManager[Containers]:
+        """`kept` with arrays of these shapes to fill, where the message is sent from.
+
+        Leaving the block sends it, unless by an exception. The arrays are not zeros to
+        begin with, and not ours any more in the end.
+        """
+        return self._loan(_News_kept, Containers, (numbers, flags, raw), deadline)
+
+    def compared(
+        self,
+        left: Containers,
+        right: Containers,
+        numbers: ArrayLike,
+        *,
+        deadline: float | None = None,
+    ) -> None:
+        """`compared` of Everything.News.
+
+        IDSL: [publish] void compared(Containers left, Containers right, Numbers
+        numbers)
+        """
+        self._send(_News_compared, (left, right, numbers), deadline)
+
+    def loanCompared(
+        self,
+        *,
+        left_numbers: int | tuple[int, ...] = 0,
+        left_flags: int | tuple[int, ...] = 0,
+        left_raw: int | tuple[int, ...] = 0,
+        right_numbers: int | tuple[int, ...] = 0,
+        right_flags: int | tuple[int, ...] = 0,
+        right_raw: int | tuple[int, ...] = 0,
+        numbers: int | tuple[int, ...] = 0,
+        deadline: float | None = None,
+    ) -> AbstractContextManager[NewsComparedRequest]:
+        """`compared` with arrays of these shapes to fill, where the message is sent
+        from.
+
+        Leaving the block sends it, unless by an exception. The arrays are not zeros to
+        begin with, and not ours any more in the end.
+        """
+        return self._loan(
+            _News_compared,
+            NewsComparedRequest,
+            (
+                left_numbers,
+                left_flags,
+                left_raw,
+                right_numbers,
+                right_flags,
+                right_raw,
+                numbers,
+            ),
+            deadline,
+        )
 
 
 class StorePublisher(Proxy):

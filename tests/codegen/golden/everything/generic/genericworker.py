@@ -204,6 +204,26 @@ class GenericWorker(Worker[Params]):
         """
 
     @abstractmethod
+    def News_kept(self, what: Everything.Containers) -> None:
+        """`kept` of Everything.News.
+
+        IDSL: [publish] void kept(Containers what)
+        """
+
+    @abstractmethod
+    def News_compared(
+        self,
+        left: Everything.Containers,
+        right: Everything.Containers,
+        numbers: Everything.Numbers,
+    ) -> None:
+        """`compared` of Everything.News.
+
+        IDSL: [publish] void compared(Containers left, Containers right, Numbers
+        numbers)
+        """
+
+    @abstractmethod
     def News1_told(self, what: str, values: NDArray[np.float32]) -> None:
         """`told` of Everything.News.
 
@@ -215,6 +235,26 @@ class GenericWorker(Worker[Params]):
         """`level` of Everything.News.
 
         IDSL: [publish] void level(Level now)
+        """
+
+    @abstractmethod
+    def News1_kept(self, what: Everything.Containers) -> None:
+        """`kept` of Everything.News.
+
+        IDSL: [publish] void kept(Containers what)
+        """
+
+    @abstractmethod
+    def News1_compared(
+        self,
+        left: Everything.Containers,
+        right: Everything.Containers,
+        numbers: Everything.Numbers,
+    ) -> None:
+        """`compared` of Everything.News.
+
+        IDSL: [publish] void compared(Containers left, Containers right, Numbers
+        numbers)
         """
 
     @abstractmethod

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import builtins
 import typing
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import ClassVar, TypeAlias
@@ -851,6 +852,16 @@ class EmptyProxy(Proxy):
     interface = EMPTY_INTERFACE
 
 
+@dataclass(slots=True)
+class OddImportRequest:
+    """What `import` sends, to be filled."""
+
+    deadline: int = 0
+    deadline_: int = 0
+    self_: int = 0
+    class_: list_ = field(default_factory=list_)
+
+
 class OddPublisher(Proxy):
     """Publishes Odd; waits only if its QoS is reliable."""
 
@@ -870,6 +881,19 @@ class OddPublisher(Proxy):
         IDSL: void import(int deadline, int deadline_, int self, list class)
         """
         self._send(_Odd_import, (deadline_, deadline__, self_, class_), deadline)
+
+    def loanImport(
+        self,
+        field: int | tuple[int, ...],
+        *,
+        deadline: float | None = None,
+    ) -> AbstractContextManager[OddImportRequest]:
+        """`import` with an array of this shape to fill, where the message is sent from.
+
+        Leaving the block sends it, unless by an exception. The array is not zeros to
+        begin with, and not ours any more in the end.
+        """
+        return self._loan(_Odd_import, OddImportRequest, (field,), deadline)
 
     def _send_(self, *, deadline: float | None = None) -> None:
         """`_send` of class.Odd.

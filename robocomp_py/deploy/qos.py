@@ -1,0 +1,59 @@
+"""What the ports of instances ask of middlewares that these do not offer.
+
+What a subscriber asks for beyond what its publisher offers is told with their route (`routes.unmet`):
+no middleware has to do with that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from ..contract.component import Port
+from ..contract.interface import Pattern
+from ..contract.qos import QoS
+from ..transports.base import Capability, Channel, TypeRef, find_transport, needs
+from .routes import Configured, Fault, unfit
+
+_WORDS = {
+    Capability.RELIABLE: "reliable or keep_all",
+    Capability.LATCHED: "transient_local",
+    Capability.DEADLINE: "deadline",
+    Capability.LIFESPAN: "lifespan",
+    Capability.LIVELINESS: "lease or liveliness",
+}
+"""By what leads to it, in the words of `qos( … )`."""
+
+
+def unsupported(configured: Sequence[Configured]) -> Iterator[Fault]:
+    """A fault for each port whose QoS a middleware that carries it does not offer."""
+    for each in configured:
+        for port, operation, pattern in _operations(each):
+            for middleware in each.settings.middlewares(port, operation, each.generated_for):
+                yield from _unsupported(each, port, operation, pattern, middleware)
+
+
+def lacking(middleware: str, pattern: Pattern, qos: QoS) -> list[str]:
+    """What a middleware does not offer of a QoS, in its words. Of one that does not say what it offers, nothing."""
+    offered: Capability | None = getattr(find_transport(middleware), "capabilities", None)
+    if offered is None:
+        return []
+    missing = needs(Channel("", pattern, TypeRef(""), qos)) & ~offered
+    return [word for capability, word in _WORDS.items() if capability in missing]
+
+
+def _unsupported(each: Configured, port: Port, operation: str, pattern: Pattern, middleware: str) -> Iterator[Fault]:
+    if not middleware or unfit(middleware):
+        return  # which is told elsewhere
+    missing = lacking(middleware, pattern, each.qos(port, operation))
+    if missing:
+        message = (
+            f"`{middleware}` ({each.origin(port, operation)}) does not offer {', '.join(missing)}, which `{each.name}` "
+            f"asks for in its `{port.verb} {port.label}`{each.qos_origin(port, operation)}"
+        )
+        hint = "choose another middleware for it, or ask for less"
+        yield Fault("unfit-middleware", message, hint, each.name, (each.name, port.name, middleware))
+
+
+def _operations(each: Configured) -> Iterator[tuple[Port, str, Pattern]]:
+    for port in each.component.ports:
+        yield from ((port, operation.name, pattern) for operation, pattern in port.interface.under(port.verb))

@@ -1,0 +1,143 @@
+"""What the suites for transports are made of: channels, payloads, inboxes, and somebody who can be killed."""
+
+from __future__ import annotations
+
+import multiprocessing
+import queue
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import Any, Protocol
+
+from ..contract.interface import Pattern
+from ..contract.qos import QoS
+from ..contract.types import INT16, UINT8, Field, Sequence, Struct
+from ..transports.base import Capability, Channel, Outlet, Reply, Transport, TypeRef
+from ..wire.codec import Payload
+from .patience import SCALE, SOON, wait_until
+
+A_MOMENT = 0.3 * SCALE
+"""How long a test makes something take that must not be waited for."""
+
+BLOB = Struct("Conformance::Blob", (Field("data", Sequence(UINT8)),))
+_OTHER_BLOB = Struct("Conformance::Blob", (Field("data", Sequence(INT16)),))
+_TEXT = "operation Conformance::Blob.send\nstruct Conformance::Blob\n  data sequence<{}>"
+_TYPE = TypeRef("Conformance::Blob", 1, _TEXT.format("uint8"), BLOB, BLOB)
+OTHER = TypeRef("Conformance::Blob", 2, _TEXT.format("int16"), _OTHER_BLOB, _OTHER_BLOB)
+"""What others may mean by the same name."""
+
+Inbox = queue.Queue[bytes]
+
+
+def topic(name: str, qos: QoS = QoS()) -> Channel:  # noqa: B008 - frozen
+    return Channel(name, Pattern.PUBLISH, _TYPE, qos)
+
+
+def command(name: str) -> Channel:
+    return Channel(name, Pattern.COMMAND, _TYPE)
+
+
+def query(name: str) -> Channel:
+    return Channel(name, Pattern.QUERY, _TYPE)
+
+
+def blob(transport: Transport, data: bytes) -> Payload:
+    """Bytes as that transport's codec packs them."""
+    return transport.codec.encoder(BLOB)((data,))
+
+
+def unblob(transport: Transport, payload: Payload) -> bytes:
+    (data,) = transport.codec.decoder(BLOB)(payload)
+    return bytes(data.tobytes())
+
+
+def drain(inbox: Inbox) -> list[bytes]:
+    return [inbox.get_nowait() for _ in range(inbox.qsize())]
+
+
+def put(transport: Transport, inbox: Inbox) -> Callable[[Payload], None]:
+    return lambda payload: inbox.put(unblob(transport, payload))
+
+
+def subscribe(transport: Transport, channel: Channel) -> Inbox:
+    inbox = Inbox()
+    transport.inlet(channel, put(transport, inbox))
+    return inbox
+
+
+def greet(transport: Transport, outlet: Outlet, *inboxes: Inbox) -> None:
+    """Send until every inbox has heard us, then empty them: all are connected, nothing is in flight."""
+    assert outlet.wait_peer(SOON)
+
+    def all_hear() -> bool:
+        outlet.send(blob(transport, b"hello"))
+        return not any(inbox.empty() for inbox in inboxes)
+
+    wait_until(all_hear)
+    outlet.send(blob(transport, b"go"))
+    for inbox in inboxes:
+        while inbox.get(timeout=SOON) != b"go":
+            pass
+
+
+class Suite(Protocol):
+    def open_transport(self) -> Transport: ...
+
+
+class Victim:
+    """Somebody who can be killed: another process, where the transport reaches one.
+
+    By default a server that gets stuck in a call.
+    """
+
+    def __init__(
+        self,
+        suite: Suite,
+        seen_from: Transport,
+        name: str,
+        act: Callable[[Transport, str, Any], None] | None = None,
+    ) -> None:
+        act = act or _serve_stuck
+        self._stuck: Any
+        if Capability.CROSS_PROCESS in seen_from.capabilities:
+            spawn = multiprocessing.get_context("spawn")
+            self._stuck = spawn.Event()
+            process = spawn.Process(target=_be_victim, args=(type(suite), name, self._stuck, act))
+            process.start()
+            self._process: Any = process
+        else:
+            self._stuck = threading.Event()
+            transport = suite.open_transport()
+            act(transport, name, self._stuck)
+            self._transport: Transport = transport
+            self._process = None
+
+    def wait_until_stuck(self) -> None:
+        assert self._stuck.wait(SOON)
+
+    def kill(self) -> None:
+        if self._process is None:
+            self._transport.close()
+        else:
+            self._process.kill()
+            self._process.join()
+
+
+def _be_victim(suite: type[Suite], name: str, stuck: Any, act: Callable[[Transport, str, Any], None]) -> None:
+    act(suite().open_transport(), name, stuck)
+    time.sleep(SOON * 10)  # until killed
+
+
+def publish_once(transport: Transport, name: str, stuck: Any) -> None:
+    outlet = transport.outlet(topic(name))
+    outlet.wait_peer(SOON)
+    outlet.send(blob(transport, b"last words"))
+
+
+def _serve_stuck(transport: Transport, name: str, stuck: Any) -> None:
+    def service(payload: Payload, expires: float) -> Future[Reply]:
+        stuck.set()
+        return Future()
+
+    transport.server(query(name), service)

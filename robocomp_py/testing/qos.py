@@ -1,0 +1,286 @@
+"""What every transport must do about the QoS of topics, beside what `conformance` says of it, as tests.
+
+Part of `TransportConformance`. A policy that a transport does not declare has to be refused, by
+name, when somebody asks for it; then nothing else is demanded. Else:
+
+    deadline      a missed one is told, and counted; none is while messages come
+    lifespan      older messages are not delivered, whichever end says how old: not to a slow sink, nor to latecomers
+    liveliness    a publisher whose process is killed is lost, and so is one that has to send something and does not;
+                  who comes back may be lost again
+    offered less  than asked for: that is told, naming both, and what there is passes
+    slow readers  a healthy one beside one that hangs gets everything · `keep_all` is bounded
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from ..contract.component import Port
+from ..contract.interface import Operation, Pattern, Verb
+from ..contract.qos import Durability, History, Liveliness, QoS, Reliability
+from ..errors import Timeout, UnsupportedQoS
+from ..runtime import ports
+from ..runtime.monitor import Monitor
+from ..runtime.watch import Lost, Missed
+from ..runtime.watching import Watching
+from ..transports.base import Channel, Outlet, Transport, needs, require
+from ..wire.codec import Payload
+from . import everything as e
+from .parts import A_MOMENT, Inbox, Victim, blob, greet, subscribe, topic, unblob
+from .patience import SCALE, SOON, wait_until
+
+_SHORT = 0.1 * SCALE
+_LEASE = 0.4 * SCALE
+_AUTOMATIC = QoS(lease=_LEASE)
+_MANUAL = QoS(lease=_LEASE, liveliness=Liveliness.MANUAL_BY_TOPIC)
+_MOST = 200_000
+"""So many messages nobody has to keep."""
+
+
+class QoSConformance:
+    def open_transport(self) -> Transport:
+        raise NotImplementedError
+
+    def test_a_missed_deadline_is_told(self, here: Transport, there: Transport, name: str) -> None:
+        qos = QoS(deadline=_SHORT)
+        if _refused(here, qos):
+            return
+        with _Subscribed(there, name, qos) as subscribed:
+            _send(_publish(here, name, qos), here, 1)
+            wait_until(lambda: subscribed.told)
+            first = subscribed.told[0]
+            assert isinstance(first, Missed)
+            assert first.channel == _channel(name)
+
+    def test_no_deadline_is_missed_while_messages_come(self, here: Transport, there: Transport, name: str) -> None:
+        qos = QoS(depth=20, deadline=SOON * 3)
+        if _refused(here, qos):
+            return
+        with _Subscribed(there, name, qos) as subscribed:
+            outlet = _publish(here, name, qos)
+            for number in range(20):
+                _send(outlet, here, number)
+            wait_until(lambda: len(subscribed.numbers) == 20)
+            assert subscribed.told == []
+
+    @pytest.mark.parametrize("who", ["subscriber", "publisher"])
+    def test_what_waits_for_a_slow_sink_beyond_its_lifespan_is_not_delivered(
+        self, here: Transport, there: Transport, name: str, who: str
+    ) -> None:
+        qos = QoS(lifespan=A_MOMENT)
+        if _refused(here, qos):
+            return
+        inbox, blocked, release = Inbox(), threading.Event(), threading.Event()
+
+        def sink(payload: Payload) -> None:
+            inbox.put(unblob(there, payload))
+            blocked.set()
+            release.wait(SOON)
+
+        link = there.inlet(topic(name, qos if who == "subscriber" else QoS()), sink)
+        outlet = here.outlet(topic(name, qos if who == "publisher" else QoS()))
+        assert outlet.wait_peer(SOON)
+        assert link.wait_peer(SOON)
+        _until(blocked.is_set, outlet, here, b"first")
+        outlet.send(blob(here, b"old"))
+        _let_pass(2 * A_MOMENT)
+        release.set()
+        _until(lambda: b"fresh" in inbox.queue, outlet, here, b"fresh")
+        assert b"old" not in inbox.queue
+        assert link.stats.expired > 0
+
+    def test_latecomers_do_not_get_what_is_older_than_its_lifespan(
+        self, here: Transport, there: Transport, name: str
+    ) -> None:
+        qos = QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=5, lifespan=A_MOMENT)
+        if _refused(here, qos):
+            return
+        outlet = here.outlet(topic(name, qos))
+        outlet.send(blob(here, b"old"))
+        _let_pass(2 * A_MOMENT)
+        inbox = subscribe(there, topic(name, qos))
+        _until(lambda: not inbox.empty(), outlet, here, b"fresh")
+        assert inbox.get_nowait() == b"fresh"
+
+    def test_a_publisher_whose_process_is_killed_is_lost(self, there: Transport, name: str) -> None:
+        if _refused(there, _AUTOMATIC):
+            return
+        with _Subscribed(there, name, _AUTOMATIC) as subscribed:
+            victim = Victim(self, there, name, _publish_news)
+            wait_until(lambda: subscribed.alive() == [_channel(name)])
+            victim.kill()
+            wait_until(lambda: subscribed.told)
+            assert subscribed.told == [Lost(_channel(name), 1, 1)]
+
+    def test_who_came_back_may_be_lost_again(self, there: Transport, name: str) -> None:
+        if _refused(there, _AUTOMATIC):
+            return
+        with _Subscribed(there, name, _AUTOMATIC) as subscribed:
+            for _ in range(2):
+                transport = self.open_transport()
+                _publish(transport, name, _AUTOMATIC)
+                wait_until(lambda: subscribed.alive() == [_channel(name)])
+                transport.close()
+                wait_until(lambda: not subscribed.alive())
+            wait_until(lambda: len(subscribed.told) == 2)
+            assert subscribed.told[-1] == Lost(_channel(name), 1, 2)
+
+    def test_a_publisher_that_has_to_send_something_and_does_not_is_lost(
+        self, here: Transport, there: Transport, name: str
+    ) -> None:
+        if _refused(here, _MANUAL):
+            return
+        with _Subscribed(there, name, _MANUAL) as subscribed:
+            outlet = _publish(here, name, _MANUAL)
+            for times in (1, 2):
+                _send(outlet, here, times)
+                wait_until(lambda n=times: len(subscribed.told) == n)  # type: ignore[misc]
+            assert subscribed.told == [Lost(_channel(name), 1, 1), Lost(_channel(name), 1, 2)]
+
+    def test_a_publisher_that_offers_less_is_named_and_heard(
+        self, here: Transport, there: Transport, name: str, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        asked = QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, deadline=5.0, lease=2.0)
+        if _refused(here, asked):
+            return
+        inbox, outlet = subscribe(there, topic(name, asked)), here.outlet(topic(name))
+        greet(here, outlet, inbox)
+        for policy in (
+            "`reliable` is asked for, `best_effort` is offered",
+            "`transient_local` is asked for, `volatile` is offered",
+            "`deadline 5 s` is asked for, none is offered",
+            "`lease 2 s` is asked for, none is offered",
+        ):
+            wait_until(lambda text=policy: text in caplog.text)  # type: ignore[misc]
+        outlet.send(blob(here, b"x"))
+        assert inbox.get(timeout=SOON) == b"x"
+
+    def test_a_healthy_subscriber_beside_one_that_hangs_gets_everything(
+        self, here: Transport, there: Transport, name: str
+    ) -> None:
+        release, stuck = threading.Event(), threading.Event()
+
+        def hang(payload: Payload) -> None:
+            stuck.set()
+            release.wait(SOON * 3)
+
+        healthy = self.open_transport()
+        there.inlet(topic(name), hang)
+        inbox, outlet = subscribe(healthy, topic(name)), here.outlet(topic(name))
+        try:
+            greet(here, outlet, inbox)
+            _until(stuck.is_set, outlet, here, b"")
+            for number in range(200):
+                sent = str(number).encode()
+                outlet.send(blob(here, sent))
+                while inbox.get(timeout=SOON) != sent:
+                    pass  # what was sent while the other one got stuck
+        finally:
+            release.set()
+            healthy.close()
+
+    def test_to_keep_all_is_bounded(self, here: Transport, there: Transport, name: str) -> None:
+        qos = QoS(Reliability.RELIABLE, history=History.KEEP_ALL)
+        if _refused(here, qos):
+            return
+        release = threading.Event()
+        there.inlet(topic(name, qos), lambda _: release.wait(SOON * 3))
+        outlet = here.outlet(topic(name, qos))
+        assert outlet.wait_peer(SOON)
+        message = blob(here, bytes(100))
+        try:
+            with pytest.raises(Timeout):
+                _send_many(outlet, message)
+        finally:
+            release.set()
+
+
+def _send_many(outlet: Outlet, message: Payload) -> None:
+    for _ in range(_MOST):
+        outlet.send(message, A_MOMENT)
+
+
+def _refused(transport: Transport, qos: QoS) -> bool:
+    """Whether a transport does not offer that; then it has to say so."""
+    channel = topic("any/Conformance/op", qos)
+    if not needs(channel) & ~transport.capabilities:
+        return False
+    with pytest.raises(UnsupportedQoS, match="this transport does not offer"):
+        require(transport, "this transport", channel)
+    return True
+
+
+def _until(condition: Callable[[], object], outlet: Outlet, transport: Transport, message: bytes) -> None:
+    """Send that again and again until a condition holds."""
+
+    def tried() -> object:
+        outlet.send(blob(transport, message))
+        return condition()
+
+    wait_until(tried)
+
+
+def _let_pass(seconds: float) -> None:
+    end = time.monotonic() + seconds
+    wait_until(lambda: time.monotonic() >= end, SOON + seconds)
+
+
+# -- topics as the runtime subscribes to them ---------------------------------
+
+
+def _channel(name: str) -> str:
+    return f"{name.replace('/', '_')}/{e.EVERYTHING.short}/{e.news.name}"
+
+
+def _publish(transport: Transport, name: str, qos: QoS) -> Outlet:
+    """An outlet that a subscriber hears."""
+    outlet = transport.outlet(Channel(_channel(name), Pattern.PUBLISH, ports.type_of(e.news, Pattern.PUBLISH), qos))
+    assert outlet.wait_peer(SOON)
+    return outlet
+
+
+def _send(outlet: Outlet, transport: Transport, number: int) -> None:
+    outlet.send(transport.codec.encoder(e.news.request)((number, "")))
+
+
+def _publish_news(transport: Transport, name: str, _: Any) -> None:
+    """For a victim."""
+    _send(_publish(transport, name, _AUTOMATIC), transport, 1)
+
+
+class _Subscribed:
+    """A subscription, what came by it, and what was told of it."""
+
+    def __init__(self, transport: Transport, name: str, qos: QoS) -> None:
+        self.told: list[Missed | Lost] = []
+        self.numbers: list[int] = []
+        self._monitor = Monitor("subscribed")
+        self._monitor.open()
+        self._watching = Watching("subscribed", lambda port, operation, event: self.told.append(event))
+        port = Port(Verb.SUBSCRIBES, e.EVERYTHING, qos=qos)
+
+        def route(port: Port, operation: Operation[Any]) -> ports.Route:
+            return ports.Route(transport, "tested", _channel(name), port.qos, SOON)
+
+        self._links = ports.bind_handlers(port, self, route, self._monitor, self._watching)
+        (self._watched,) = self._watching.all
+
+    def alive(self) -> list[str]:
+        return self._watched.alive()
+
+    def Everything_news(self, number: int, text: str) -> None:
+        self.numbers.append(number)
+
+    def __enter__(self) -> _Subscribed:
+        self._watching.begin()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._watching.close()
+        ports.close_all(self._links)
+        self._monitor.close()

@@ -1,0 +1,5 @@
+"""Transport `shm`: shared memory of one machine, on iceoryx2."""
+
+from .transport import ShmTransport
+
+__all__ = ["ShmTransport"]

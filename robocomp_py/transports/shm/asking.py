@@ -1,0 +1,282 @@
+"""Who commands and who calls, and the processes they ask."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import threading
+import time
+from collections.abc import Hashable
+from concurrent.futures import Future
+from functools import partial
+from typing import TYPE_CHECKING
+
+from ...errors import Closed, ContractMismatch, DecodeError, Timeout, TransportError, Unreachable
+from ...wire.codec import Payload
+from ...wire.header import Flag, ReplyHeader, pack_request, random_id, reply_at
+from ..announced import AnnouncedLink
+from ..base import STATUSES, Channel, Reply, Status, TypeRef, answered, mismatch
+from ..directory import Member
+from ..pending import Pending
+from .mail import Line, Post, packed, persist
+from .samples import HEAD_BYTES, size_of
+
+if TYPE_CHECKING:
+    from .transport import ShmTransport
+
+_SLICE = 0.05
+"""A call that waits looks this often whether its server lives and its own link is open."""
+
+
+class Peer:
+    """A transport that serves: the way into its queue, and lines for synchronous calls to it."""
+
+    def __init__(self, transport: ShmTransport, member: Member) -> None:
+        self.id, self.key = member.id, packed(member.id)
+        self.closed = False
+        self._transport = transport
+        self._idle: list[Line] = []
+        self.post = Post(transport.node, packed(transport.member.id), member.id, 0)
+
+    def alive(self) -> bool:
+        return not self.closed and self._transport.directory.alive(self.id)
+
+    def take(self) -> Line:
+        """A line for the calling thread alone; it must `give` it back."""
+        if self.closed:
+            raise Unreachable(f"{self.id}: this server left")
+        if self._idle:
+            try:
+                return self._idle.pop()
+            except IndexError:  # another thread was quicker
+                pass
+        return self._transport.new_line()
+
+    def give(self, line: Line) -> None:
+        self._idle.append(line)
+        if self.closed:
+            self._close_idle()
+
+    def close(self) -> None:
+        self.closed = True
+        self._close_idle()
+        self.post.close()
+
+    def _close_idle(self) -> None:
+        """By whoever gets hold of each: more may be given back meanwhile."""
+        with contextlib.suppress(IndexError):
+            while True:
+                self._idle.pop().close()
+
+
+class AskingLink(AnnouncedLink["ShmTransport"]):
+    """A link that finds the one process that serves its channel."""
+
+    def __init__(self, transport: ShmTransport, channel: Channel) -> None:
+        super().__init__(transport, channel)
+        self.client, self._sequence = random_id(), itertools.count(1)
+        self._found: tuple[Peer, int] | None = None
+        self._found_at = -1
+        """The version of the directory in which it was found."""
+
+    def visible(self) -> bool:
+        try:
+            peer, _ = self.server(fresh=True)
+            self.still(peer)
+        except Unreachable:
+            return False
+        return True
+
+    def server(self, *, fresh: bool = False) -> tuple[Peer, int]:
+        """The peer that serves this channel, and under which number. Raises Unreachable.
+
+        It may have stopped doing so since the directory was looked into, unless `fresh`.
+        """
+        found = self._found
+        if found and not found[0].closed and not (fresh and self.transport.directory.version() != self._found_at):
+            return found
+        self.check_open()  # once we are closed nothing is found any more, so it need not be looked at above
+        version = self.transport.directory.version()
+        self._found = None
+        for member, entry in self.counterparts(strict=True):
+            peer = self.transport.peer(member)
+            if peer and self.transport.directory.alive(member.id):
+                found = peer, int(entry.address)
+                self.met(peer)
+                self._found, self._found_at = found, version
+                if self.closed.is_set():  # meanwhile
+                    self._found = None
+                self.check_open()
+                return found
+        raise Unreachable(f"{self.channel.name}: nobody serves it")
+
+    def look(self) -> bool:
+        there = [(member.id, entry.address) for member, entry in self.counterparts()]
+        found = self._found
+        if found and (found[0].id, str(found[1])) not in there:
+            self._found = None
+        return True
+
+    def lost(self, peer: Peer) -> bool:
+        """Whether a peer has stopped serving this channel, as one that refuses a request probably has."""
+        self.look()
+        return not (self._found and self._found[0] is peer)
+
+    def release(self) -> None:
+        self._found = None
+
+    def met(self, peer: Peer) -> None:
+        """A server was found."""
+
+    def still(self, peer: Peer) -> None:
+        """Raise if there is no point in waiting any longer."""
+        self.check_open()
+        if not peer.alive():
+            self.transport.drop(peer)
+            raise Unreachable(f"{self.channel.name}: its server left")
+
+    def request(self, flags: int, remaining: float) -> tuple[int, bytes]:
+        number = next(self._sequence)
+        return number, pack_request(flags, self.channel.type.fingerprint, self.client, number, remaining)
+
+
+class CommandOutlet(AskingLink):
+    role, facing = "commands", "receives"
+
+    def __init__(self, transport: ShmTransport, channel: Channel) -> None:
+        super().__init__(transport, channel)
+        self._order = threading.Lock()
+
+    def send(self, payload: Payload, deadline: float = 5.0) -> None:
+        end = time.monotonic() + deadline
+        if not self._order.acquire(timeout=max(0.0, deadline)):
+            raise Timeout(f"{self.channel.name}: another thread was still sending after {deadline:g} s")
+        try:
+            self.check_open()
+            peer, to = self.server(fresh=True)  # nobody would tell that it does not serve this any more
+            _, header = self.request(Flag.ONEWAY, deadline)
+            send = partial(peer.post.send, 0, to, header, payload, size_of(payload))
+            if not persist(send, end, partial(self.still, peer), self.closed):
+                self.still(peer)
+                raise Timeout(f"{self.channel.name}: its server did not take the command for {deadline:g} s")
+        finally:
+            self._order.release()
+
+
+class Caller(AskingLink):
+    role, facing = "calls", "serves"
+
+    def __init__(self, transport: ShmTransport, channel: Channel) -> None:
+        super().__init__(transport, channel)
+        self._pending = Pending(channel.name)
+        self._flags = Flag.IDEMPOTENT if channel.idempotent else Flag.NONE
+        self._met: dict[str, Peer] = {}
+        """Those we asked, and who may still answer."""
+
+    def open(self) -> None:
+        self.transport.desk.callers[self.client] = self
+        super().open()
+
+    def met(self, peer: Peer) -> None:
+        self._met[peer.id] = peer
+
+    def call(self, payload: Payload, deadline: float) -> Future[Reply]:
+        self.check_open()
+        end = time.monotonic() + deadline
+        peer, to = self.server()
+        number, header = self.request(self._flags, deadline)
+        key = peer.key, number
+        future = self._pending.add(key, deadline)
+        try:
+            send = partial(peer.post.send, 0, to, header, payload, size_of(payload))
+            sent = persist(send, end, partial(self.still, peer), self.closed)
+        except BaseException:
+            future.cancel()
+            raise
+        if not sent:
+            self._pending.fail(key, Timeout(f"{self.channel.name}: could not be asked within {deadline:g} s"))
+        self.transport.wake()
+        return future
+
+    def ask(self, payload: Payload, deadline: float) -> Reply:
+        end = time.monotonic() + deadline
+        try:
+            while True:
+                peer, to = self.server()
+                reply = self._ask(peer, to, payload, end, deadline)
+                if reply.status is not Status.REFUSED or not self.lost(peer):
+                    return reply  # else it was not executed, and may be asked for where it is served now
+        except TransportError:
+            self.check_open()  # what goes wrong because we are closed is that
+            raise
+
+    def answered(self, member: int, header: ReplyHeader, payload: Payload) -> None:
+        key = member, header.sequence
+        try:
+            reply = self._understood(Reply(STATUSES[header.status], payload))
+        except ContractMismatch as exc:
+            self._pending.fail(key, exc)
+        except KeyError:
+            self.malformed(f"status {header.status}")
+        else:
+            peer = next((peer for peer in list(self._met.values()) if peer.key == member), None)
+            if reply.status is Status.REFUSED and peer and self.lost(peer):
+                self._pending.fail(key, Unreachable(f"{self.channel.name}: its server left"))
+            else:
+                self._pending.settle(key, reply)
+
+    def tick(self) -> float | None:
+        wait = self._pending.expire(self.transport.do)
+        if len(self._pending):
+            left = Unreachable(f"{self.channel.name}: its server left")
+            for peer in [peer for peer in list(self._met.values()) if not peer.alive()]:
+                self.transport.drop(peer)
+                self._pending.fail_all(left, only=partial(_is_to, peer.key), do=self.transport.do)
+        for peer in [peer for peer in list(self._met.values()) if peer.closed]:
+            del self._met[peer.id]
+        return wait
+
+    def release(self) -> None:
+        super().release()
+        self.transport.desk.callers.pop(self.client, None)
+        self._pending.close(Closed(f"{self.channel.name}: the link is closed"))
+
+    def _ask(self, peer: Peer, to: int, payload: Payload, end: float, deadline: float) -> Reply:
+        line = peer.take()
+        try:
+            number, header = self.request(self._flags, max(0.0, end - time.monotonic()))
+            size = size_of(payload)
+            if not peer.post.send(line.number, to, header, payload, size):
+                send = partial(peer.post.send, line.number, to, header, payload, size)
+                if not persist(send, end, partial(self.still, peer), self.closed):
+                    raise Timeout(f"{self.channel.name}: could not be asked within {deadline:g} s")
+            while True:
+                left = end - time.monotonic()
+                if left <= 0:
+                    raise Timeout(f"{self.channel.name}: no answer in {deadline:g} s")
+                rung = line.wait(left if left < _SLICE else _SLICE)
+                while (message := line.read()) is not None:
+                    try:
+                        found = reply_at(message.octets, HEAD_BYTES)
+                        if found.sequence == number and found.client == self.client:
+                            reply = answered((STATUSES[found.status], message.payload))
+                            return reply if reply.status is Status.OK else self._understood(reply)
+                    except DecodeError as exc:
+                        self.malformed(exc)
+                    except KeyError as exc:
+                        self.malformed(f"status {exc}")
+                if not rung:
+                    self.still(peer)
+        finally:
+            peer.give(line)
+
+    def _understood(self, reply: Reply) -> Reply:
+        if reply.status is Status.MISMATCH:
+            text = bytes(reply.payload).decode(errors="replace")
+            raise ContractMismatch(mismatch(self.channel, TypeRef("", 0, text)))
+        return reply
+
+
+def _is_to(peer: int, key: Hashable) -> bool:
+    """Whether that is the key of a call to that peer."""
+    return isinstance(key, tuple) and key[0] == peer

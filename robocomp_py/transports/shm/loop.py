@@ -1,0 +1,101 @@
+"""One thread waits, at one bell, for all that comes in: messages of topics, mail, and what is due."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from typing import Protocol
+
+from ...errors import TransportError
+from ..crew import Job
+from .bells import LOOK, MAIL, Bell, Rope
+from .node import BELLS
+
+log = logging.getLogger("robocomp.transport.shm")
+
+TURNS = 16
+"""After so many letters in a row, topics have their turn."""
+
+
+class Attending(Protocol):
+    """A link that may have input."""
+
+    def on_input(self) -> Iterable[Job]:
+        """Take what is there; what is left to do about it."""
+
+
+class Loop:
+    """`receive` is for one thread at a time."""
+
+    def __init__(self, bell: Bell, own: Rope, tick: Callable[[], float], open_mail: Callable[[], Job | None]) -> None:
+        self._bell, self._own, self._tick, self._open_mail = bell, own, tick, open_mail
+        self._attending: dict[int, list[Attending]] = {number: [] for number in range(BELLS)}
+        self._ready: deque[Attending] = deque()
+        self._jobs: deque[Job] = deque()
+        self._mail = True
+        """Whether there may be some."""
+        self._taken = 0
+        self._next_tick = 0.0
+        self._sleeping = False
+
+    def add(self, number: int, link: Attending) -> None:
+        """Have a link attended to whenever that number is rung."""
+        self._attending[number].append(link)
+        self.attend(link)
+
+    def remove(self, number: int, link: Attending) -> None:
+        with contextlib.suppress(ValueError):  # it was never added
+            self._attending[number].remove(link)
+
+    def attend(self, link: Attending) -> None:
+        """Look at this link next, whatever the bell says."""
+        self._ready.append(link)
+        if self._sleeping:
+            self._own.ring(MAIL)
+
+    def do(self, job: Job) -> None:
+        """Return this job next."""
+        self._jobs.append(job)
+        if self._sleeping:
+            self._own.ring(MAIL)
+
+    def wake(self) -> None:
+        """Tick now: something became due earlier."""
+        self._own.ring(LOOK)
+
+    def receive(self) -> list[Job]:
+        if time.monotonic() >= self._next_tick:
+            self._next_tick = time.monotonic() + self._tick()
+        if self._mail and (job := self._letter()):
+            return [job]
+        self._sleeping = True  # before looking at what is ready: whoever adds to it later sees this, and rings
+        busy = self._mail or self._ready or self._jobs
+        rung = self._bell.wait(0.0 if busy else max(0.0, self._next_tick - time.monotonic()))
+        self._sleeping = False
+        for number in rung:
+            if number == MAIL:
+                self._mail = True
+            elif number == LOOK:
+                self._next_tick = 0.0
+            else:
+                self._ready.extend(self._attending[number])
+        for _ in range(len(self._ready)):
+            link = self._ready.popleft()
+            try:
+                self._jobs.extend(link.on_input())
+            except TransportError:
+                log.exception("taking input")  # of one link; the others have theirs taken
+        return [self._jobs.popleft() for _ in range(len(self._jobs))]
+
+    def _letter(self) -> Job | None:
+        """What is to be done about the next one, unless it is the others' turn."""
+        if self._taken == TURNS:
+            self._taken = 0
+            return None
+        job = self._open_mail()
+        self._mail = job is not None
+        self._taken = self._taken + 1 if job else 0
+        return job

@@ -1,0 +1,105 @@
+"""Letters: requests, commands and replies, in queues that one transport reads and others write to.
+
+Every transport has a queue under its name, for all that nobody in particular expects. A thread that waits for an
+answer has a line of its own: a queue, with a bell, that nobody else reads.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+from ...wire.codec import Payload
+from .bells import MAIL, Bell, Rope
+from .node import PORTS, Node
+from .samples import Reader, Writer
+
+WAITING = 128
+"""Letters of one sender that may wait in the queue of a transport."""
+
+ANSWERS = 4
+"""Answers that may wait in a line: one that is waited for, and some that came too late for others."""
+
+KEPT = 16
+"""Letters that may be kept without being copied: of each queue, and each line."""
+
+_LOANS = 16
+"""Letters to one queue that may be written at the same time."""
+
+_LONGEST_PAUSE = 0.005
+"""Seconds between two attempts to send, when there is no room."""
+
+
+def packed(member_id: str) -> int:
+    """The name of a member of the directory, `<pid>-<eight hexadecimal digits>`, as a number."""
+    pid, _, rest = member_id.partition("-")
+    return int(pid) << 32 | int(rest, 16)
+
+
+def unpacked(member: int) -> str:
+    return f"{member >> 32}-{member & 0xFFFFFFFF:08x}"
+
+
+def queue_of(member_id: str, line: int) -> str:
+    """The name of a queue, and of its bell; line 0 is for everybody."""
+    return f"{member_id}/{line}" if line else member_id
+
+
+class Mailbox:
+    """The queue that everybody writes to. Its bell is the one that wakes the transport."""
+
+    def __init__(self, node: Node, member_id: str) -> None:
+        self._reader = Reader(node.new_queue(queue_of(member_id, 0), WAITING, KEPT + 1, PORTS, lossy=False), KEPT)
+        self.read = self._reader.read
+        self.close = self._reader.close
+
+
+class Line:
+    """A queue for the answers to one thread."""
+
+    def __init__(self, node: Node, member_id: str, number: int) -> None:
+        self.number = number
+        name = queue_of(member_id, number)
+        self._reader = Reader(node.new_queue(name, ANSWERS, KEPT + 1, 2, lossy=True), KEPT)
+        self._bell = Bell(node, name)
+        self.read, self.wait = self._reader.read, self._bell.wait
+
+    def close(self) -> None:
+        self._reader.close()
+        self._bell.close()
+
+
+class Post:
+    """By which letters are sent to one queue, from any thread."""
+
+    def __init__(self, node: Node, own: int, member_id: str, line: int) -> None:
+        name = queue_of(member_id, line)
+        self._own = own
+        self._rope = Rope(node, name)
+        self._writer = Writer(node.queue(name, _LOANS))
+
+    def send(self, line: int, to: int, header: bytes, payload: Payload, size: int) -> bool:
+        """Whether it was sent; if not, there is no room now, or nobody reads there any more."""
+        room = self._writer.room(size)
+        if room is None or not room.fill_and_send(self._own, line, to, header, payload, size):
+            return False
+        self._rope.ring(MAIL)
+        return True
+
+    def close(self) -> None:
+        self._writer.close()
+        self._rope.close()
+
+
+def persist(send: Callable[[], bool], end: float, still: Callable[[], object], closed: threading.Event) -> bool:
+    """Try to send until `end`; `still` is called meanwhile, and may raise."""
+    pause = 0.0001
+    while not send():
+        left = end - time.monotonic()
+        if left <= 0:
+            return False
+        still()
+        closed.wait(min(pause, left))
+        pause = min(2 * pause, _LONGEST_PAUSE)
+    return True

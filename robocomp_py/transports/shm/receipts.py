@@ -1,0 +1,144 @@
+"""How far each reader of reliable topics has come, where the publishers see it: in a file that both have mapped.
+
+A subscriber has a file; each publisher that it hears has a slot in it:
+
+    source u64 · taken u64, the number of the last message that was read · call u64, ring when that is read
+
+So a publisher knows without any message whom it is ahead of, and how far; it is woken only if it waits.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import mmap
+import os
+import struct
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+
+from ...errors import TransportError
+
+SLOTS = 1024
+"""So many publishers a subscriber can hear reliably."""
+
+_SLOT = struct.Struct("<QQQ")
+_NUMBER = struct.Struct("<Q")
+_TAKEN, _CALL = 8, 16
+_SIZE = SLOTS * _SLOT.size
+
+_SLICE = 0.02
+"""Seconds between two looks at the receipts by a publisher that waits, though it is woken."""
+
+
+class Receipts:
+    """A subscriber's own file."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._slots: dict[int, int] = {}
+        with _mapping(path, os.O_CREAT | os.O_EXCL | os.O_RDWR) as descriptor:
+            os.ftruncate(descriptor, _SIZE)
+            self._map = mmap.mmap(descriptor, _SIZE)
+
+    def begin(self, source: int) -> None:
+        """Before that publisher can be heard. Raises TransportError if there are too many."""
+        free = next((slot for slot in range(SLOTS) if slot not in self._slots.values()), None)
+        if free is None:
+            raise TransportError(f"shm: more than {SLOTS} publishers of one reliable topic")
+        self._slots[source] = free
+        _SLOT.pack_into(self._map, free * _SLOT.size, source, 0, 0)
+
+    def took(self, source: int, sequence: int) -> bool:
+        """Note a message; whether its publisher is to be woken."""
+        at = self._slots[source] * _SLOT.size
+        _NUMBER.pack_into(self._map, at + _TAKEN, sequence)
+        (call,) = _NUMBER.unpack_from(self._map, at + _CALL)
+        if not 0 < call <= sequence:
+            return False
+        _NUMBER.pack_into(self._map, at + _CALL, 0)
+        return True
+
+    def end(self, source: int) -> None:
+        slot = self._slots.pop(source, None)
+        if slot is not None:
+            _SLOT.pack_into(self._map, slot * _SLOT.size, 0, 0, 0)
+
+    def close(self) -> None:
+        with contextlib.suppress(OSError):
+            self._path.unlink(missing_ok=True)
+
+
+class Reader:
+    """One reader, as the publisher sees it: from when it was met, and in its file from when it has begun to read."""
+
+    def __init__(self, path: Path, source: int, sent: int) -> None:
+        self._path, self._source, self._met = path, source, sent
+        self._map: mmap.mmap | None = None
+        self._at = 0
+
+    def taken(self) -> int:
+        """The number of the last message that it took, or that it need not take."""
+        if self._map is None and not self._find():
+            return self._met
+        assert self._map
+        source, taken, _ = _SLOT.unpack_from(self._map, self._at)
+        return max(taken, self._met) if source == self._source else self._met
+
+    def call_at(self, number: int) -> None:
+        """Have it ring when it has taken that message."""
+        if self._map is not None:
+            _NUMBER.pack_into(self._map, self._at + _CALL, number)
+
+    def _find(self) -> bool:
+        with contextlib.suppress(TransportError), _mapping(self._path, os.O_RDWR) as descriptor:
+            found = mmap.mmap(descriptor, _SIZE)
+            for at in range(0, _SIZE, _SLOT.size):
+                if _NUMBER.unpack_from(found, at)[0] == self._source:
+                    self._map, self._at = found, at
+                    return True
+        return False
+
+
+class Credit:
+    """How far a publisher may go ahead of its slowest reader."""
+
+    def __init__(self, ahead: int) -> None:
+        self._ahead = ahead
+        self._called = threading.Event()
+        self.readers: Iterable[Reader] = ()
+
+    def wait(self, sent: int, end: float, still: Callable[[], object]) -> bool:
+        """Wait until one more may be sent; `still` is called meanwhile, and may raise."""
+        while sent - self._slowest(sent) >= self._ahead:
+            self._called.clear()
+            for reader in self.readers:
+                reader.call_at(max(1, sent - self._ahead // 2))  # not at once: it is woken less often so
+            left = end - time.monotonic()
+            if sent - self._slowest(sent) < self._ahead:  # meanwhile, and so perhaps without ringing
+                break
+            if left <= 0:
+                return False
+            self._called.wait(min(left, _SLICE))
+            still()
+        return True
+
+    def called(self) -> None:
+        """A reader has rung."""
+        self._called.set()
+
+    def _slowest(self, sent: int) -> int:
+        return min((reader.taken() for reader in self.readers), default=sent)
+
+
+@contextlib.contextmanager
+def _mapping(path: Path, flags: int) -> Iterator[int]:
+    try:
+        descriptor = os.open(path, flags | os.O_CLOEXEC, 0o600)
+        try:
+            yield descriptor
+        finally:
+            os.close(descriptor)
+    except OSError as exc:
+        raise TransportError(f"shm: {path}: {exc.strerror}") from exc

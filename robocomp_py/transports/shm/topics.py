@@ -1,0 +1,384 @@
+"""Publishers and subscribers. A publisher has a topic of its own; a subscriber reads those of all whom it hears."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections.abc import Iterator
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from ...contract.qos import History, from_traits
+from ...errors import DecodeError, Timeout, TransportError
+from ...wire.codec import Payload
+from ...wire.header import pack_publication, publication_at, random_id
+from ..announced import AnnouncedLink
+from ..base import Channel, Sink, Source, TypeRef, depth_of
+from ..crew import Job, Lane
+from ..directory import Member
+from ..ledger import Ledger
+from ..reception import Reception
+from .bells import LOOK, Rope, bell_of
+from .receipts import Credit, Receipts
+from .receipts import Reader as Receiver
+from .samples import HEAD_BYTES, Loaned, Message, Reader, Room, Writer, size_of
+
+if TYPE_CHECKING:
+    from .transport import ShmTransport
+
+BATCH = 32
+"""Messages taken from one publisher before the others have their turn, and at most as many as the lane has room for."""
+
+LEAST_AHEAD, MOST_AHEAD = 32, 256
+"""So many messages, at least and at most, may be on their way to a reader; the depth, if it is between them."""
+
+SPARE = 8
+"""Further ones for which there is room, since a reader may begin to read before it is counted."""
+
+SHARE = 8
+"""So many messages may be kept by a reader without being copied."""
+
+SHARES = 16
+"""So many readers may do that; where there are more, each may keep less."""
+
+LOANS = 16
+"""So many messages may be written at the same time."""
+
+PAUSE = 0.001
+"""Seconds between two attempts to have memory, when all of it is in use."""
+
+
+class Publisher(AnnouncedLink["ShmTransport"]):
+    role, facing = "publishes", "subscribes"
+    _number = 0
+    _writer: Writer | None = None
+
+    def open(self) -> None:
+        qos = self.channel.qos
+        self._lossless = qos.reliable or qos.history is History.KEEP_ALL
+        self._history = qos.depth if qos.latched else 0
+        ahead = min(max(depth_of(qos), LEAST_AHEAD), MOST_AHEAD)
+        self._credit = Credit(ahead)
+        self._source, self._sent = random_id(), 0
+        self._order, self._looking = threading.Lock(), threading.Lock()
+        self._readers: dict[tuple[str, str], _Known] = {}
+        self._ropes: list[tuple[Rope, int]] = []
+        self._seen = 0
+        """Of how many readers iceoryx2 knew when we last looked."""
+        self._number = self.transport.number()
+        self._service, port = self.transport.node.new_topic(
+            f"{self.transport.member.id}.{self._number}",
+            ahead + SPARE + self._history,
+            self._history,
+            SHARE + 1,
+            SHARE * SHARES + 64,
+            LOANS,
+        )
+        self._writer = Writer(port)
+        self.transport.attend_to(self._number, self)
+        self.announce(f"{self._number}/{self._source:016x}")
+        self.look()
+        for rope, _ in self._ropes:
+            rope.ring(LOOK)  # they need not wait for their next look into the directory
+
+    def send(self, payload: Payload, deadline: float = 5.0) -> None:
+        with self._turn(deadline) as end:
+            if self._is_to_be_written(end, deadline):
+                size = size_of(payload)
+                room = self._room(size, end, deadline)
+                if room:
+                    room.fill_and_send(0, 0, 0, self._header(), payload, size)
+                    self._ring()
+
+    def loan(self, size: int) -> _Loan:
+        self.check_open()
+        with self._turn(5.0) as end:
+            assert self._writer
+            loaned = self._writer.lend(size)
+            while loaned is None and time.monotonic() < end:
+                self.closed.wait(PAUSE)
+                self.check_open()
+                loaned = self._writer.lend(size)
+            if loaned is None:
+                raise TransportError(f"{self.channel.name}: all memory for messages is in use")
+            return _Loan(self, loaned)
+
+    def send_loaned(self, loaned: Loaned, begin: int, end: int, deadline: float) -> None:
+        with self._turn(deadline) as until:
+            if self._is_to_be_written(until, deadline):
+                loaned.send(self._header(), begin, end)
+                self._ring()
+
+    def look(self) -> bool:
+        with self._looking:
+            if self._writer is None or self.closed.is_set():
+                return True
+            self._seen = self._service.dynamic_config.number_of_subscribers
+            there = {(member.id, entry.address): (member, entry) for member, entry in self.counterparts()}
+            for gone in self._readers.keys() - there.keys():
+                del self._readers[gone]
+            for key in there.keys() - self._readers.keys():
+                member, entry = there[key]
+                rope = self.transport.rope(member)
+                if rope:
+                    number = int(entry.address)
+                    path = self.transport.receipts(member.id, number) if from_traits(entry.traits).reliable else None
+                    receiver = Receiver(path, self._source, self._sent) if path and self._lossless else None
+                    self._readers[key] = _Known(rope, bell_of(number), receiver)
+            known = list(self._readers.values())
+            self._credit.readers = [each.receiver for each in known if each.receiver]
+            self._ropes = [(each.rope, each.bell) for each in known]
+            self._writer.greet()  # who is new gets the history now
+        self._ring()
+        return all(key in self._readers for key in there)
+
+    def on_input(self) -> tuple[Job, ...]:
+        """A subscriber has rung: it begins to read, or it has read as much as was waited for."""
+        self._credit.called()
+        if self._writer and self._seen != self._service.dynamic_config.number_of_subscribers:
+            self.look()
+        return ()
+
+    def visible(self) -> bool:
+        if not self.counterparts(strict=True):
+            return False
+        self.look()
+        return bool(self._ropes) and self._seen > 0
+
+    @property
+    def heard(self) -> bool:
+        return bool(self._ropes) or self._history > 0
+
+    def release(self) -> None:
+        self.transport.forget(self._number, self)
+        if self._writer:
+            self._credit.called()
+            with self._looking:
+                self._writer.close()
+                self._service = None
+
+    @contextlib.contextmanager
+    def _turn(self, deadline: float) -> Iterator[float]:
+        """One message after the other. When there is no more time."""
+        end = time.monotonic() + deadline
+        if not self._order.acquire(timeout=max(0.0, deadline)):
+            raise Timeout(f"{self.channel.name}: another thread was still sending after {deadline:g} s")
+        try:
+            self.check_open()
+            yield end
+        finally:
+            self._order.release()
+
+    def _is_to_be_written(self, end: float, deadline: float) -> bool:
+        """Whether there is anybody to read it, once all who are to read it have room for it."""
+        if self._lossless:
+            if self._seen != self._service.dynamic_config.number_of_subscribers:
+                self.look()  # who reads from now on is counted from now on
+            if not self._credit.wait(self._sent, end, self._still):
+                raise Timeout(f"{self.channel.name}: a subscriber did not keep up for {deadline:g} s")
+        return self.heard
+
+    def _room(self, size: int, end: float, deadline: float) -> Room | None:
+        """Memory for a message; None if it is given up, since who does not wait for readers does not wait for this."""
+        while True:
+            assert self._writer
+            room = self._writer.room(size)
+            if room:
+                return room
+            if not self._lossless:
+                self._sent += 1  # so that it is missed
+                self.stats.dropped += 1
+                return None
+            if time.monotonic() >= end:
+                raise Timeout(f"{self.channel.name}: subscribers keep all memory for messages, for {deadline:g} s")
+            self.closed.wait(PAUSE)
+            self.check_open()
+
+    def _header(self) -> bytes:
+        self._sent += 1
+        return pack_publication(self.channel.type.fingerprint, self._source, self._sent, time.time_ns())
+
+    def _ring(self) -> None:
+        for rope, number in self._ropes:
+            rope.ring(number)
+
+    def _still(self) -> None:
+        """While we wait for readers: those that were killed are not waited for."""
+        self.check_open()
+        for member_id, _ in list(self._readers):
+            if not self.transport.directory.alive(member_id):
+                self.transport.died()
+                self.look()
+
+
+class _Known:
+    """A subscriber, as its publisher knows it."""
+
+    def __init__(self, rope: Rope, bell: int, receiver: Receiver | None) -> None:
+        self.rope, self.bell, self.receiver = rope, bell, receiver
+
+
+class _Loan:
+    """See `transports.base.Loan`."""
+
+    def __init__(self, publisher: Publisher, loaned: Loaned) -> None:
+        self._publisher = publisher
+        self._loaned: Loaned | None = loaned
+        self.data = loaned.data
+
+    def send(self, begin: int, end: int, deadline: float = 5.0) -> None:
+        loaned = self._loaned
+        if loaned is None:
+            raise ValueError("this loan has ended")
+        if not 0 <= begin <= end <= len(self.data):
+            raise ValueError(f"{begin} to {end} of {len(self.data)} bytes")
+        self._publisher.send_loaned(loaned, begin, end, deadline)
+        self._loaned = None
+
+    def close(self) -> None:
+        self._loaned = None
+
+
+class Subscriber(AnnouncedLink["ShmTransport"]):
+    role, facing = "subscribes", "publishes"
+    _number = 0
+    _receipts: Receipts | None = None
+
+    def __init__(self, transport: ShmTransport, channel: Channel, sink: Sink) -> None:
+        super().__init__(transport, channel)
+        self._lossless = channel.qos.reliable or channel.qos.history is History.KEEP_ALL
+        self._depth = depth_of(channel.qos)
+        self._lane = Lane(channel.name, sink, self._depth, lossy=not self._lossless, stats=self.stats)
+        self._reception = Reception(channel, self.stats, self._lane.through)
+        self._ledger = Ledger(self.stats, ordered=True)
+        self._heard: dict[tuple[str, str], _Heard] = {}
+        self._looking = threading.RLock()
+        self._paused = False
+
+    def open(self) -> None:
+        self._number = self.transport.number()
+        if self.channel.qos.reliable:
+            self._receipts = Receipts(self.transport.receipts(self.transport.member.id, self._number))
+        self.announce(str(self._number))
+        self.look()
+        self.transport.attend_to(self._number, self)
+
+    def look(self) -> bool:
+        with self._looking:
+            if self.closed.is_set():
+                return True
+            found = self.counterparts()
+            self._reception.meet(Source(entry.channel, from_traits(entry.traits)) for _, entry in found)
+            there = {(member.id, entry.address): (member, entry.channel) for member, entry in found}
+            for key in self._heard.keys() - there.keys():
+                self._hear_out(self._heard.pop(key))
+            for key in there.keys() - self._heard.keys():
+                self._begin(key, *there[key])
+            for heard in self._heard.values():
+                heard.reader.share = _share(heard.service)
+        self.transport.attend(self)
+        return self._heard.keys() >= there.keys()
+
+    def sources(self) -> list[Source]:
+        alive = self.transport.directory.alive
+        return [Source(e.channel, from_traits(e.traits)) for m, e in self.counterparts() if alive(m.id)]
+
+    def visible(self) -> bool:
+        publishers = self.counterparts(strict=True)
+        return any((m.id, e.address) in self._heard and self.transport.directory.alive(m.id) for m, e in publishers)
+
+    def release(self) -> None:
+        try:
+            self._lane.close()
+        finally:
+            self.transport.forget(self._number, self)
+            with self._looking:
+                for heard in self._heard.values():
+                    heard.reader.close()
+                self._heard.clear()
+            if self._receipts:
+                self._receipts.close()
+
+    def on_input(self) -> tuple[Job, ...]:
+        taken = 0
+        for heard in tuple(self._heard.values()):
+            for _ in range(min(BATCH, self._depth)):
+                self._paused = True  # before looking: whoever makes room later sees this, and has us go on
+                self._paused = self._lane.full
+                message = None if self._paused else heard.reader.read()
+                if message is None:
+                    break
+                taken += self._take(heard, message)
+            else:
+                self.transport.attend(self)
+        return (self._drain,) if taken else ()
+
+    def _begin(self, key: tuple[str, str], member: Member, channel: str) -> None:
+        """Have a publisher heard. One that cannot be heard now is tried again, as long as it is there."""
+        number, source = key[1].split("/")
+        rope = self.transport.rope(member)
+        if rope is None:
+            return
+        missed = self.channel.qos.depth if self.channel.qos.latched else 0
+        if self._receipts:
+            self._receipts.begin(int(source, 16))
+        try:
+            service, port = self.transport.node.topic(f"{member.id}.{number}", missed)
+        except TransportError:
+            if self._receipts:
+                self._receipts.end(int(source, 16))
+            if self.transport.directory.alive(member.id):
+                raise
+            return
+        reader = Reader(port, _share(service))
+        self._heard[key] = _Heard(service, reader, channel, int(source, 16), partial(rope.ring, bell_of(int(number))))
+        rope.ring(bell_of(int(number)))
+
+    def _hear_out(self, heard: _Heard) -> None:
+        """A publisher has left: what it has said before is still heard."""
+        taken = 0
+        with contextlib.suppress(TransportError):
+            while (message := heard.reader.read()) is not None:
+                taken += self._take(heard, message)
+        heard.reader.close()
+        if self._receipts:
+            self._receipts.end(heard.source)
+        if taken:
+            self.transport.do(self._drain)
+
+    def _take(self, heard: _Heard, message: Message) -> bool:
+        try:
+            header = publication_at(message.octets, HEAD_BYTES)
+        except DecodeError as exc:
+            self.malformed(exc)
+            return False
+        if header.fingerprint != self.channel.type.fingerprint:
+            self.report_mismatch(header.source, TypeRef("", header.fingerprint))
+            return False
+        if self._receipts and self._receipts.took(heard.source, header.sequence):
+            heard.call()
+        if not self._ledger.admit(header.source, header.sequence):
+            return False
+        payload = message.payload
+        if self._reception.on:
+            payload = self._reception.admit(heard.channel, header.stamp, payload)
+        return self._lane.put(payload)
+
+    def _drain(self) -> None:
+        self._lane.drain()
+        if self._paused:
+            self.transport.attend(self)
+
+
+class _Heard:
+    """A publisher, as its subscriber knows it."""
+
+    def __init__(self, service: Any, reader: Reader, channel: str, source: int, call: partial[bool]) -> None:
+        self.service, self.reader, self.channel, self.source, self.call = service, reader, channel, source, call
+
+
+def _share(service: Any) -> int:
+    """How many messages one of its readers may keep."""
+    readers: int = service.dynamic_config.number_of_subscribers
+    return max(1, min(SHARE, SHARE * SHARES // max(1, readers)))

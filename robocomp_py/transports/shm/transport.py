@@ -1,0 +1,262 @@
+"""The transport: its links, its mail, its threads."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+from ...contract.interface import Pattern
+from ...errors import Closed, TransportError
+from ...wire.codec import Codec
+from ...wire.header import random_id
+from ..announced import AnnouncedLink
+from ..base import Capability, Channel, Service, Sink, TransportConfig, options_of
+from ..crew import Crew, Job
+from ..directory import Directory, Member, runtime_dir
+from .asking import Caller, CommandOutlet, Peer
+from .bells import Bell, Rope, bell_of
+from .codec import ApartCdr
+from .desk import Desk
+from .loop import Attending, Loop
+from .mail import Line, Mailbox
+from .node import Node
+from .serving import CommandInlet, Server
+from .topics import Publisher, Subscriber
+
+log = logging.getLogger("robocomp.transport.shm")
+
+TICK = 0.05
+"""Seconds between two looks into the directory, and at those we wait for."""
+
+BURYING = 1.0
+"""Seconds after which what the dead have left is removed."""
+
+L = TypeVar("L", bound=AnnouncedLink[Any])
+T = TypeVar("T")
+
+
+class ShmTransport:
+    """Takes no options."""
+
+    capabilities = (
+        Capability.RELIABLE
+        | Capability.LATCHED
+        | Capability.CROSS_PROCESS
+        | Capability.DEADLINE
+        | Capability.LIFESPAN
+        | Capability.LIVELINESS
+    )
+
+    def __init__(self, config: TransportConfig) -> None:
+        options_of(config)
+        self.codec: Codec = ApartCdr()
+        self.incarnation = random_id()
+        self.owner, self.folder = config.owner, runtime_dir() / "shm"
+        self.closed = False
+        self._lock = threading.RLock()
+        self._links: list[AnnouncedLink[Any]] = []
+        self._numbers = 0
+        self._lines = 0
+        self._ropes: dict[str, Rope] = {}
+        self._peers: dict[str, Peer] = {}
+        self._known = -1
+        """The version of the directory that all links have seen."""
+        self._last: dict[object, str] = {}
+        """What last went wrong on the receiving thread, so that it is not told at every tick."""
+        self._bury_at = 0.0
+        self.directory = Directory(self.folder)
+        with contextlib.ExitStack() as undo:
+            self.member = self.directory.join(config.owner)
+            undo.callback(self.member.close)
+            self.node = Node(self.folder)
+            undo.callback(self.node.close)
+            self._bell = Bell(self.node, self.member.id)
+            undo.callback(self._bell.close)
+            self._own = Rope(self.node, self.member.id)
+            undo.callback(self._own.close)
+            self._mailbox = Mailbox(self.node, self.member.id)
+            undo.callback(self._mailbox.close)
+            self.desk = Desk(self, self._mailbox)
+            self._loop = Loop(self._bell, self._own, self._tick, self.desk.open_next)
+            self._crew = Crew("shm", self._loop.receive, self._loop.wake)
+            undo.pop_all()
+        self._crew.start()
+
+    def outlet(self, channel: Channel) -> Publisher | CommandOutlet:
+        kind = Publisher if channel.pattern is Pattern.PUBLISH else CommandOutlet
+        return self._open(kind(self, channel))
+
+    def inlet(self, channel: Channel, sink: Sink) -> Subscriber | CommandInlet:
+        kind = Subscriber if channel.pattern is Pattern.PUBLISH else CommandInlet
+        return self._open(kind(self, channel, sink))
+
+    def caller(self, channel: Channel) -> Caller:
+        return self._open(Caller(self, channel))
+
+    def server(self, channel: Channel, service: Service) -> Server:
+        return self._open(Server(self, channel, service))
+
+    def close(self) -> None:
+        with self._lock:
+            if self.closed:
+                return
+            self.closed = True
+        with contextlib.ExitStack() as everything:  # from the last line to the first, and all of it whatever fails
+            everything.callback(self.node.close)
+            everything.callback(self._let_go)
+            everything.callback(self.desk.close)
+            everything.callback(self._crew.close)
+            everything.callback(self.member.close)
+            for link in list(self._links):
+                everything.callback(link.close)
+
+    def _let_go(self) -> None:
+        with self._lock:
+            held: list[Peer | Rope] = [*self._peers.values(), *self._ropes.values()]
+            self._peers.clear()
+            self._ropes.clear()
+        for each in (*held, self._mailbox, self._own, self._bell):
+            each.close()
+
+    # What links use.
+
+    def number(self) -> int:
+        """A new number for a link."""
+        with self._lock:
+            self._numbers += 1
+            return self._numbers
+
+    def attend_to(self, number: int, link: Attending) -> None:
+        """Have the link of that number attended to from now on whenever its bell is rung."""
+        self._loop.add(bell_of(number), link)
+
+    def attend(self, link: Attending) -> None:
+        self._loop.attend(link)
+
+    def forget(self, number: int, link: Attending) -> None:
+        self._loop.remove(bell_of(number), link)
+
+    def rope(self, member: Member) -> Rope | None:
+        """By which somebody's bell is rung; None if he has just left."""
+        with self._lock:
+            if self.closed:
+                raise Closed("the transport is closed")
+            if member.id not in self._ropes:
+                try:
+                    self._ropes[member.id] = Rope(self.node, member.id)
+                except TransportError:
+                    if self.directory.alive(member.id):
+                        raise
+                    return None
+            return self._ropes[member.id]
+
+    def peer(self, member: Member) -> Peer | None:
+        """Somebody who serves; None if he has just left."""
+        with self._lock:
+            if self.closed:
+                raise Closed("the transport is closed")
+            if member.id not in self._peers:
+                try:
+                    self._peers[member.id] = Peer(self, member)
+                except TransportError:
+                    if self.directory.alive(member.id):
+                        raise
+                    return None
+            return self._peers[member.id]
+
+    def new_line(self) -> Line:
+        with self._lock:
+            self._lines += 1
+            number = self._lines
+        return Line(self.node, self.member.id, number)
+
+    def drop(self, peer: Peer) -> None:
+        """Its process is dead: nobody we wait for there will answer."""
+        with self._lock:
+            self._peers.pop(peer.id, None)
+        peer.close()
+        self.died()
+
+    def receipts(self, member_id: str, number: int) -> Path:
+        """Where that link of that transport notes what it has read."""
+        return self.folder / f"{member_id}-{number}"
+
+    def died(self) -> None:
+        """Somebody was killed: what he has left is removed soon."""
+        self._bury_at = self._bury_at or time.monotonic() + BURYING
+
+    def wake(self) -> None:
+        self._loop.wake()
+
+    def do(self, job: Job) -> None:
+        """Have the crew run this."""
+        self._loop.do(job)
+
+    def left(self, link: AnnouncedLink[Any]) -> None:
+        with self._lock:
+            if link in self._links:
+                self._links.remove(link)
+            for work in (link.look, link.tick):
+                self._last.pop(work, None)
+
+    def _guarded(self, work: Callable[[], T], otherwise: T) -> T:
+        """What a link does on the thread that receives for everybody: if it fails, the others go on."""
+        try:
+            result = work()
+        except Exception as exc:
+            if self._last.get(work) != repr(exc):
+                self._last[work] = repr(exc)
+                log.exception("looking after a link; trying again")
+            return otherwise
+        self._last.pop(work, None)
+        return result
+
+    def _open(self, link: L) -> L:
+        if self.closed:
+            raise Closed("the transport is closed")
+        try:
+            link.open()
+        except BaseException:
+            link.close()
+            raise
+        with self._lock:
+            self._links.append(link)  # only now: those in the list are looked after by the receiving thread
+            closed = self.closed
+        if closed:
+            link.close()
+            raise Closed("the transport is closed")
+        if not self._guarded(link.look, False):  # who came after it was opened, and before it was in the list
+            self._known = -1
+        return link
+
+    def _tick(self) -> float:
+        """Do what is due; seconds until the next time."""
+        version = self.directory.version()
+        links = list(self._links)
+        if version != self._known:
+            self._forget_the_gone()
+            if all([self._guarded(link.look, False) for link in links]):
+                self._known = version
+        waits = [self._guarded(link.tick, None) for link in links]
+        if self._bury_at and time.monotonic() >= self._bury_at:
+            self._bury_at = 0.0
+            self.node.bury()
+        return min([TICK, *(wait for wait in waits if wait is not None)])
+
+    def _forget_the_gone(self) -> None:
+        with self._lock:
+            known = self._ropes.keys() | self._peers.keys() | self.desk.correspondents()
+        for member_id in known:
+            if not self.directory.alive(member_id):
+                with self._lock:
+                    held = [self._ropes.pop(member_id, None), self._peers.pop(member_id, None)]
+                for each in held:
+                    if each:
+                        each.close()
+                self.desk.drop(member_id)
+                self.died()

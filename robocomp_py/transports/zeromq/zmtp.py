@@ -1,0 +1,279 @@
+"""ZMTP, what ZeroMQ speaks on the wire, for sides that connect to a socket in a file: no library, no thread between.
+
+    greeting     64 octets from both sides: signature, version 3.0, mechanism NULL
+    handshake    a command READY from both sides, with the socket's type
+    traffic      frames: flags (1 more follow, 2 long, 4 a command), length (one octet, or eight), body
+
+With the library a message passes through its I/O thread on both sides. That thread sleeps again a few microseconds
+after it had something to do, and waking it takes longer than all that we do in Python. Here the thread that asks
+writes to the kernel itself, and reads from it, large arrays right from and into their own memory.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import socket
+import struct
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ...wire.codec import MAX_BYTES
+from .frames import Frames
+
+SLICE_MS = 50
+"""After so long without progress who waits here is asked whether to go on."""
+
+Wait = Callable[[], object]
+"""Called when there was no progress for a while; raises if there is no point in going on."""
+
+_MORE, _LONG, _COMMAND = 1, 2, 4
+_SHORTEST_LONG = 256
+_HEAD, _LONG_HEAD = struct.Struct(">BB"), struct.Struct(">BQ")
+
+_GREETING = b"\xff\0\0\0\0\0\0\0\1\x7f\3\0NULL".ljust(64, b"\0")
+_TIMEOUT = struct.Struct("@ll").pack(0, SLICE_MS * 1000)
+
+_LONGEST = MAX_BYTES + 65536
+"""Octets of a message, and its frames count for some; whoever announces more is not listened to."""
+
+_CHUNK = 64 * 1024
+_APART = 8 * 1024
+"""A frame of more octets than this that is not all here yet gets memory of its own, and the rest is read into it."""
+
+
+class Gone(ConnectionError):
+    """The other side has closed the connection, or does not speak as we do."""
+
+
+class _Connection:
+    """What both kinds of connections have: the reading of messages. For one thread at a time."""
+
+    def __init__(self, kind: bytes) -> None:
+        self.broken = False
+        """Whether it can only be closed, since the other side has gone, or half a message was sent."""
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        ready = b"\5READY\x0bSocket-Type" + len(kind).to_bytes(4, "big") + kind + b"\x08Identity" + bytes(4)
+        self._begin = _GREETING + _head(_COMMAND, len(ready)) + ready
+        self._greeted = False
+        self._data, self._at = b"", 0
+        """What was received, and how much of that was used."""
+        self._frames: Frames = []
+        self._size = 0
+        """What there is of a message."""
+        self._body: memoryview | None = None
+        self._flags = self._filled = 0
+        """A large frame of which some is missing."""
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def receive(self) -> Frames:
+        """The next message. Raises BlockingIOError if there was no progress for a while: call again, or do not; Gone.
+
+        Large frames are read-only memory that nobody else has.
+        """
+        if self._at == len(self._data) and self._body is None:
+            self._load()
+            data = self._data  # nearly always one short message, and nothing else
+            if data[0] == 0 and len(data) > 1 and len(data) == data[1] + 2 and not self._frames:
+                self._data, self._at = b"", 0
+                return [data[2:]]
+        while True:
+            flags, frame = self._frame()
+            self._size += len(frame) + 64
+            if flags & _COMMAND:
+                self._command(bytes(frame))
+                continue
+            self._frames.append(frame)
+            if not flags & _MORE:
+                frames, self._frames, self._size = self._frames, [], 0
+                return frames
+
+    def _frame(self) -> tuple[int, Any]:
+        while True:
+            if self._body is not None:
+                self._fill(self._body)
+                flags, frame, self._body = self._flags, self._body.toreadonly(), None
+                return flags, frame
+            data, at = self._data, self._at
+            if len(data) >= at + 9 or (len(data) >= at + 2 and not data[at] & _LONG):
+                flags, size = _LONG_HEAD.unpack_from(data, at) if data[at] & _LONG else _HEAD.unpack_from(data, at)
+                at += 9 if flags & _LONG else 2
+                if size > _LONGEST - self._size:
+                    raise self._gone(f"it announced a message of {self._size + size} octets")
+                if len(data) >= at + size:
+                    self._at = at + size
+                    return flags, data[at : at + size]
+                if size > _APART:
+                    self._body = memoryview(np.empty(size, np.uint8))
+                    self._flags, self._filled = flags, len(data) - at
+                    self._body[: self._filled] = data[at:]
+                    self._data, self._at = b"", 0
+                    continue
+            self._load()
+
+    def _load(self) -> None:
+        try:
+            data = self._socket.recv(_CHUNK)
+        except BlockingIOError:
+            raise
+        except OSError as exc:
+            raise self._gone(exc) from exc
+        if not data:
+            raise self._gone("it was closed")
+        self._data, self._at = (self._data[self._at :] + data if self._at < len(self._data) else data), 0
+
+    def _fill(self, body: memoryview) -> None:
+        while self._filled < len(body):
+            try:
+                more = self._socket.recv_into(body[self._filled :], 0, socket.MSG_WAITALL)
+            except BlockingIOError:
+                raise
+            except OSError as exc:
+                raise self._gone(exc) from exc
+            if not more:
+                raise self._gone("it was closed in the middle of a message")
+            self._filled += more
+
+    def _greet(self) -> None:
+        """Read the other side's greeting and READY. What is not all there yet is read again."""
+        while len(self._data) < len(_GREETING):
+            self._load()
+        theirs = self._data
+        if theirs[0] != 0xFF or not theirs[9] & 1 or theirs[10] < 3 or theirs[12:32] != _GREETING[12:32]:
+            raise self._gone("there is no ZMTP 3 without security")
+        self._at = len(_GREETING)
+        flags, ready = self._frame()
+        if not flags & _COMMAND or ready[:6] != b"\5READY":
+            raise self._gone("it was not ready")
+        self._greeted = True
+
+    def _command(self, body: bytes) -> None:
+        name = body[1 : 1 + body[0]] if body else b""
+        if name == b"PING":  # its time to live, in two octets, and what it wants to see again
+            pong = b"\4PONG" + body[7:23]
+            with contextlib.suppress(BlockingIOError):  # then it has other signs of life from us, or none
+                self._socket.send(_head(_COMMAND, len(pong)) + pong)
+        elif name == b"ERROR":
+            raise self._gone(body[7:].decode(errors="replace"))
+
+    def _gone(self, why: object) -> Gone:
+        self.broken = True
+        return Gone(str(why))
+
+
+class Stream(_Connection):
+    """A connection to a socket that answers, as a DEALER has one. Waits in slices.
+
+    Who gives up while it sends leaves half a message behind, and the stream broken.
+    """
+
+    def __init__(self, path: str, wait: Wait) -> None:
+        """Connect. Raises OSError, and what `wait` raises."""
+        super().__init__(b"DEALER")
+        try:
+            for option in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):
+                self._socket.setsockopt(socket.SOL_SOCKET, option, _TIMEOUT)
+            _persist(partial(self._socket.connect, path), wait)  # it may be that too many wait there to be let in
+            self._write([self._begin], wait)
+            _persist(self._greet, wait)
+        except BaseException:
+            self._socket.close()
+            raise
+
+    def readable(self, seconds: float) -> bool:
+        """Wait so long for something to receive."""
+        if self._at < len(self._data):
+            return True
+        poller = select.poll()
+        poller.register(self._socket, select.POLLIN)
+        return bool(poller.poll(seconds * 1000))
+
+    def send(self, frames: Frames, wait: Wait) -> None:
+        """Send a message, of which nothing is copied; when this returns, the kernel has it. Raises Gone."""
+        first = frames[0]
+        if len(frames) > 1:
+            self._write(_pieces(frames), wait)
+            return
+        message = _head(0, len(first)) + first
+        try:
+            sent = self._socket.send(message)
+        except BlockingIOError:
+            sent = 0
+        except OSError as exc:
+            raise self._gone(exc) from exc
+        if sent < len(message):
+            self._write([memoryview(message)[sent:]], wait)
+
+    def _write(self, pieces: Sequence[Any], wait: Wait) -> None:
+        self.broken = True  # until all is written
+        left = [memoryview(piece).cast("B") for piece in pieces]
+        while left:
+            try:
+                sent = self._socket.sendmsg(left)
+            except BlockingIOError:
+                wait()
+                continue
+            except OSError as exc:
+                raise self._gone(exc) from exc
+            while left and sent >= len(left[0]):
+                sent -= len(left.pop(0))
+            if sent:
+                left[0] = left[0][sent:]
+        self.broken = False
+
+
+class Feed(_Connection):
+    """A connection to a publisher, as a SUB has one. Never waits: `receive` raises BlockingIOError at once."""
+
+    def __init__(self, path: str, topics: Sequence[bytes]) -> None:
+        """Connect, and subscribe to what begins so. Raises OSError."""
+        super().__init__(b"SUB")
+        self._topics = topics
+        try:
+            self._socket.setblocking(False)
+            self._socket.connect(path)
+            self._say(self._begin)
+        except BaseException:
+            self._socket.close()
+            raise
+
+    def fileno(self) -> int:
+        return self._socket.fileno()
+
+    def receive(self) -> Frames:
+        if not self._greeted:
+            self._greet()
+            self._say(b"".join(_head(0, len(topic) + 1) + b"\1" + topic for topic in self._topics))
+        return super().receive()
+
+    def _say(self, few: bytes) -> None:
+        """So little that there is room for it in any new connection."""
+        if self._socket.send(few) < len(few):
+            raise self._gone("it takes nothing")
+
+
+def _persist(act: Callable[[], object], wait: Wait) -> None:
+    while True:
+        try:
+            act()
+            return
+        except BlockingIOError:
+            wait()
+
+
+def _head(flags: int, size: int) -> bytes:
+    return _HEAD.pack(flags, size) if size < _SHORTEST_LONG else _LONG_HEAD.pack(flags | _LONG, size)
+
+
+def _pieces(frames: Frames) -> list[Any]:
+    """What is written for a message: its frames, each behind its head."""
+    pieces: list[Any] = []
+    for number, frame in enumerate(frames, 1):
+        size = memoryview(frame).nbytes
+        pieces += [_head(_MORE if number < len(frames) else 0, size), frame]
+    return pieces

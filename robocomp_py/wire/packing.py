@@ -1,0 +1,484 @@
+"""MessagePack written and read by compiled code: numbers in their type's own width, so that they lie where they lie.
+
+    bool false, true · ints int 8 … uint 64 · float 32, float 64 · enumerator int 32 · time int 64
+    string str · struct array of its fields · sequence array, or what `messagepack` makes of numbers
+    dictionary map
+
+So runs of numbers, and lists of structs of numbers, are packed by one `struct` call each. What is read
+back like that must be exactly what is written here; whatever else MessagePack allows is left to a
+library, and so is everything that a loop in Python would read more slowly: `compile_reader` knows which
+messages those are.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterator
+from functools import cache
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from ..contract.types import (
+    STRING,
+    TIME,
+    Dictionary,
+    Enumeration,
+    Field,
+    Primitive,
+    Sequence,
+    Struct,
+    Type,
+)
+from .program import Program, is_loop, is_record
+from .values import RANGES, as_bool, as_dict, as_int, as_list, as_member, as_str
+
+if TYPE_CHECKING:
+    import numpy as np
+
+Frames = list[Any]
+"""Buffers beside the packed message."""
+
+PackArray = Callable[[Any, Callable[[Any], object], Frames], None]
+"""Adds what a message has for an array, by the second; buffers of their own to the third."""
+
+ReadArray = Callable[[Any, int, Frames], "tuple[np.ndarray[Any, Any], int]"]
+"""The array that begins there in a message, and where it ends."""
+
+_FORMS: dict[Primitive, tuple[int, str]] = {
+    Primitive.INT8: (0xD0, "b"),
+    Primitive.UINT8: (0xCC, "B"),
+    Primitive.INT16: (0xD1, "h"),
+    Primitive.UINT16: (0xCD, "H"),
+    Primitive.INT32: (0xD2, "i"),
+    Primitive.UINT32: (0xCE, "I"),
+    Primitive.INT64: (0xD3, "q"),
+    Primitive.UINT64: (0xCF, "Q"),
+    Primitive.FLOAT32: (0xCA, "f"),
+    Primitive.FLOAT64: (0xCB, "d"),
+    TIME: (0xD3, "q"),
+}
+"""The first octet of each number, and how `struct` packs the rest."""
+
+_INT32 = _FORMS[Primitive.INT32]
+_FALSE, _TRUE = 0xC2, 0xC3
+_BOOLS = {_FALSE: False, _TRUE: True}
+_FIXARRAY, _ARRAY16, _ARRAY32 = 0x90, 0xDC, 0xDD
+_FIXMAP, _MAP16, _MAP32 = 0x80, 0xDE, 0xDF
+_FIXSTR, _STR8, _STR16, _STR32 = 0xA0, 0xD9, 0xDA, 0xDB
+_ARRAY_HEADS = tuple(bytes([_FIXARRAY | count]) for count in range(16))
+_MAP_HEADS = tuple(bytes([_FIXMAP | count]) for count in range(16))
+_STRING_HEADS = tuple(bytes([_FIXSTR | count]) for count in range(32))
+
+
+def compile_writer(
+    message: Struct, array: Callable[[np.dtype[Any]], PackArray]
+) -> Callable[[tuple[Any, ...]], list[Any]]:
+    """A function from a message's fields to its payload. What it raises is for `explain` to explain."""
+    return _Writer(message, array).compile()
+
+
+def compile_reader(
+    message: Struct, array: Callable[[np.dtype[Any]], ReadArray]
+) -> Callable[[Frames], tuple[Any, ...]] | None:
+    """A function from a payload to a message's fields, for what `compile_writer` makes; for others it raises something.
+
+    None if the library is as quick with such messages.
+    """
+    return _Reader(message, array).compile() if _suits(message) else None
+
+
+# What has a fixed size is a run of octets: some that say what follows, and some that are that.
+
+
+def _is_fixed(kind: Type) -> bool:
+    match kind:
+        case Primitive():
+            return kind is not STRING
+        case Enumeration():
+            return True
+        case Struct(fields=fields):
+            return kind.python is not None and all(_is_fixed(field.type) for field in fields)
+        case Sequence() | Dictionary():
+            return False
+
+
+def _suits(kind: Type) -> bool:
+    """Whether values are read here: all in it are of fixed size, or few."""
+    match kind:
+        case Primitive() | Enumeration():
+            return True
+        case Struct(fields=fields):
+            return all(_suits(field.type) for field in fields)
+        case Sequence(item):
+            return kind.dtype is not None or (isinstance(item, Struct) and _is_fixed(item))
+        case Dictionary():
+            return False
+
+
+def _struct_head(count: int) -> tuple[str, tuple[int, ...]]:
+    """How the head of an array of so many fields is packed."""
+    if count < 16:
+        return "B", (_FIXARRAY | count,)
+    return ("BH", (_ARRAY16, count)) if count < 1 << 16 else ("BI", (_ARRAY32, count))
+
+
+class _Writer:
+    """Writes `encode(values) -> payload`. In it, `add` appends octets and `frames` are buffers of their own."""
+
+    def __init__(self, message: Struct, array: Callable[[np.dtype[Any]], PackArray]) -> None:
+        self._message = message
+        self._program = Program(message)
+        self._array = cache(array)
+        self._letters = ""
+        self._values: list[str] = []
+
+    def compile(self) -> Callable[[tuple[Any, ...]], list[Any]]:
+        p = self._program
+        names = [p.fresh() for _ in self._message.fields]
+        alone = _is_fixed(Struct("", self._message.fields, object))
+        with p.block("def encode(values)"):
+            p.line(f"[{', '.join(names)}] = values")
+            if alone:
+                self._fields(self._message.fields, names)
+                p.line(f"return [{self._packed()}]")
+            else:
+                p.line("out = []; add = out.append; frames = []")
+                self._fields(self._message.fields, names)
+                self._end_run()
+                p.line("return [b''.join(out), *frames]")
+        p.write_functions(self._write)
+        return p.compile("encode")
+
+    def _write(self, function: str, kind: Type) -> None:
+        p = self._program
+        with p.block(f"def {function}(value, add, frames)"):
+            if isinstance(kind, Struct):
+                self._fields(kind.fields, p.take_apart(kind, "value"))
+            else:
+                self._value(kind, "value")
+            self._end_run()
+
+    def _fields(self, fields: tuple[Field, ...], names: list[str]) -> None:
+        letters, numbers = _struct_head(len(fields))
+        self._run(letters, *map(str, numbers))
+        for field, variable in zip(fields, names, strict=True):
+            self._value(field.type, variable)
+
+    def _run(self, letters: str, *values: str) -> None:
+        self._letters += letters
+        self._values += values
+
+    def _packed(self) -> str:
+        """An expression for the run so far, which ends."""
+        pack = self._program.name(struct.Struct(">" + self._letters).pack, "pack")
+        expression = f"{pack}({', '.join(self._values)})"
+        self._letters, self._values = "", []
+        return expression
+
+    def _end_run(self) -> None:
+        if self._letters:
+            self._program.line(f"add({self._packed()})")
+
+    def _value(self, kind: Type, x: str) -> None:
+        p = self._program
+        match kind:
+            case Primitive() if kind is STRING:
+                self._end_run()
+                text = p.fresh()
+                p.line(f"{text} = ({x} if type({x}) is str else {p.name(as_str)}({x})).encode()")
+                short = f"{p.name(_STRING_HEADS, 'heads')}[len({text})]"
+                p.line(f"add({short} if len({text}) < 32 else {p.name(_string_head)}(len({text}))); add({text})")
+            case Primitive() | Enumeration():
+                self._leaf(kind, x)
+            case Struct() if _is_fixed(kind):
+                self._fixed(kind, x)
+            case Struct():
+                self._call(kind, x)
+            case Sequence() if kind.dtype is not None:
+                self._end_run()
+                p.line(f"{p.name(self._array(kind.dtype), 'array')}({x}, add, frames)")
+            case Sequence(item):
+                self._end_run()
+                items, each = p.fresh(), p.fresh()
+                p.line(f"{items} = {x}.copy() if type({x}) is list else {p.name(as_list)}({x})")
+                self._head(items, _ARRAY_HEADS, _array_head)
+                if isinstance(item, Struct) and _is_fixed(item):
+                    self._rows(item, items)
+                else:
+                    self._loop(f"{each} in {items}", (item, each))
+            case Dictionary(key, item):
+                self._end_run()
+                entries, k, v = p.fresh(), p.fresh(), p.fresh()
+                p.line(f"{entries} = {p.name(as_dict)}({x})")
+                self._head(entries, _MAP_HEADS, _map_head)
+                self._loop(f"{k}, {v} in {entries}.items()", (key, k), (item, v))
+
+    def _head(self, items: str, heads: tuple[bytes, ...], head: Callable[[int], bytes]) -> None:
+        p = self._program
+        short = f"{p.name(heads, 'heads')}[len({items})]"
+        p.line(f"add({short} if len({items}) < 16 else {p.name(head)}(len({items})))")
+
+    def _loop(self, head: str, *parts: tuple[Type, str]) -> None:
+        with self._program.block(f"for {head}"):
+            for kind, x in parts:
+                if is_loop(kind):
+                    self._call(kind, x)
+                else:
+                    self._value(kind, x)
+            self._end_run()
+
+    def _call(self, kind: Type, x: str) -> None:
+        self._end_run()
+        self._program.line(f"{self._program.function_for(kind)}({x}, add, frames)")
+
+    def _rows(self, item: Struct, items: str) -> None:
+        """Emit what packs structs of fixed size, each by one call."""
+        p = self._program
+        each = p.fresh()
+        if _only_numbers(item):
+            self._fixed(item, each)
+            p.line(f"add(b''.join([{self._packed()} for {each} in {items}]))")
+            return
+        with p.block(f"for {each} in {items}"):
+            self._fixed(item, each)
+            self._end_run()
+
+    def _fixed(self, kind: Struct, x: str) -> None:
+        letters, numbers = _struct_head(len(kind.fields))
+        self._run(letters, *map(str, numbers))
+        for field in kind.fields:
+            at = f"{x}.{field.attribute}"
+            if isinstance(field.type, Struct):
+                self._fixed(field.type, at)
+            else:
+                self._leaf(field.type, at)
+
+    def _leaf(self, kind: Type, at: str) -> None:
+        """Numbers are checked by `struct`, and are what it takes."""
+        p = self._program
+        if _is_number(kind):
+            tag, letter = _FORMS[kind]  # type: ignore[index]  # numbers are primitives
+            self._run("B" + letter, str(tag), at)
+            return
+        each = p.fresh()
+        p.line(f"{each} = {at}")
+        match kind:
+            case Enumeration(members=members, python=python):
+                table = p.name({number: number for _, number in members}, "enum")
+                plain = f"type({each}) is {p.name(python or int)}"
+                member = f"{table}[{each}] if {plain} else {p.name(as_member)}({each}, {table})"
+                self._run("B" + _INT32[1], str(_INT32[0]), member)
+            case Primitive.BOOL:
+                plain = f"{_FALSE} + ({each} if {each} is True or {each} is False else {p.name(as_bool)}({each}))"
+                self._run("B", plain)
+            case Primitive.TIME:
+                low, high = RANGES[TIME]
+                self._run("Bq", str(_FORMS[TIME][0]), f"{p.name(as_int)}({each}, {low}, {high})")
+
+
+def _is_number(kind: Type) -> bool:
+    return kind in _FORMS and kind is not TIME if isinstance(kind, Primitive) else False
+
+
+def _only_numbers(kind: Struct) -> bool:
+    return all(
+        _only_numbers(field.type) if isinstance(field.type, Struct) else _is_number(field.type) for field in kind.fields
+    )
+
+
+class _Reader:
+    """Writes `decode(payload) -> values`. In it, `data` is the packed message and `n` how much of it was read."""
+
+    def __init__(self, message: Struct, array: Callable[[np.dtype[Any]], ReadArray]) -> None:
+        self._message = message
+        self._program = Program(message)
+        self._array = cache(array)
+        self._letters = ""
+        self._names: list[str] = []
+        self._expected: list[tuple[str, int]] = []
+
+    def compile(self) -> Callable[[Frames], tuple[Any, ...]]:
+        p = self._program
+        with p.block("def decode(payload)"):
+            p.line("data = payload[0]; n = 0")
+            with p.block("if type(data) is not bytes"):
+                p.line(f"data = {p.name(memoryview)}(data).cast('B')")
+            values = self._fields(self._message.fields)
+            with p.block("if n != len(data)"):
+                p.line(f"{p.name(_otherwise)}()")
+            p.line(f"return ({values})")
+        p.write_functions(self._write)
+        return p.compile("decode")
+
+    def _write(self, function: str, kind: Type) -> None:
+        assert isinstance(kind, Struct)
+        p = self._program
+        with p.block(f"def {function}(data, n, payload)"):
+            p.line(f"return {self._made(kind, self._fields(kind.fields))}, n")
+
+    def _made(self, kind: Struct, values: str) -> str:
+        return f"{self._program.name(kind.python)}({values})" if kind.python else f"({values})"
+
+    def _fields(self, fields: tuple[Field, ...]) -> str:
+        self._expect(*_struct_head(len(fields)))
+        values = [self._value(field.type) for field in fields]
+        self._end_run()
+        return "".join(f"{value}, " for value in values)
+
+    def _expect(self, letters: str, numbers: tuple[int, ...]) -> None:
+        self._expected += [(self._take(letter), number) for letter, number in zip(letters, numbers, strict=True)]
+
+    def _take(self, letter: str) -> str:
+        name = self._program.fresh()
+        self._letters += letter
+        self._names.append(name)
+        return name
+
+    def _end_run(self) -> None:
+        if not self._letters:
+            return
+        p = self._program
+        layout = struct.Struct(">" + self._letters)
+        p.line(f"[{', '.join(self._names)}] = {p.name(layout.unpack_from, 'unpack')}(data, n); n += {layout.size}")
+        if self._expected:
+            names, numbers = zip(*self._expected, strict=True)
+            with p.block(f"if ({', '.join(names)},) != {numbers}"):
+                p.line(f"{p.name(_otherwise)}()")
+        self._letters, self._names, self._expected = "", [], []
+
+    def _value(self, kind: Type) -> str:
+        """Emit what reads a value; return an expression for it, valid once the run has ended."""
+        p = self._program
+        if _is_fixed(kind):
+            return self._fixed(kind)
+        self._end_run()
+        result = p.fresh()
+        match kind:
+            case Struct():
+                p.line(f"{result}, n = {p.function_for(kind)}(data, n, payload)")
+            case Sequence() if kind.dtype is not None:
+                p.line(f"{result}, n = {p.name(self._array(kind.dtype), 'array')}(data, n, payload)")
+            case Sequence(item):
+                assert isinstance(item, Struct)
+                self._rows(item, result)
+            case _:
+                p.line(f"{result}, n = {p.name(_string)}(data, n)")
+        return result
+
+    def _rows(self, item: Struct, result: str) -> None:
+        """Emit what reads structs of fixed size; of a record's, all objects are made before any is filled."""
+        p = self._program
+        count, each = p.fresh(), p.fresh()
+        values = [(f"{each}.{field.attribute}", self._fixed(field.type)) for field in item.fields]
+        made = self._made(item, "".join(f"{value}, " for _, value in values))
+        layout, marks = self._row(len(item.fields))
+        names = ", ".join(name for name in self._names if name not in dict(self._expected))
+        self._letters, self._names, self._expected = "", [], []
+        p.line(f"{count}, n = {p.name(_count)}(data, n)")
+        p.line(f"s, n = {p.name(_rows)}({p.name(layout, 'layout')}, {p.name(marks, 'marks')}, data, n, {count})")
+        if not is_record(item):
+            p.line(f"{result} = [{made} for [{names}] in s]")
+            return
+        p.line(f"{result} = {p.made_without_values(item, count)}")
+        with p.block(f"for {each}, [{names}] in zip({result}, s)"):
+            p.line("; ".join(f"{target} = {value}" for target, value in values))
+
+    def _row(self, fields: int) -> tuple[struct.Struct, tuple[tuple[int, bytes], ...]]:
+        """The run so far, in an array of so many fields: its layout, and which octets have to be where."""
+        letters, numbers = _struct_head(fields)
+        octets = struct.pack(">" + letters, *numbers)
+        marks, text, expected = list(enumerate(octets)), "x" * len(octets), dict(self._expected)
+        for name, letter in zip(self._names, self._letters, strict=True):
+            if name in expected:
+                octets = struct.pack(">" + letter, expected[name])
+                marks += enumerate(octets, struct.calcsize(">" + text))
+                letter = "x" * len(octets)
+            text += letter
+        return struct.Struct(">" + text), tuple((at, bytes([octet])) for at, octet in marks)
+
+    def _fixed(self, kind: Type) -> str:
+        p = self._program
+        match kind:
+            case Struct(fields=fields):
+                self._expect(*_struct_head(len(fields)))
+                return self._made(kind, "".join(f"{self._fixed(field.type)}, " for field in fields))
+            case Enumeration(members=members, python=python):
+                table = {number: python(number) if python else number for _, number in members}
+                self._expect("B", (_INT32[0],))
+                return f"{p.name(table, 'enum')}[{self._take(_INT32[1])}]"
+            case Primitive.BOOL:
+                return f"{p.name(_BOOLS)}[{self._take('B')}]"
+            case Primitive():
+                tag, letter = _FORMS[kind]
+                self._expect("B", (tag,))
+                number = self._take(letter)
+                return f"{p.name(_instant)}({number})" if kind is TIME else number
+            case Sequence() | Dictionary():
+                raise AssertionError("of no fixed size")
+
+
+# What compiled code calls.
+
+
+def _array_head(count: int) -> bytes:
+    return struct.pack(">BH", _ARRAY16, count) if count < 1 << 16 else struct.pack(">BI", _ARRAY32, count)
+
+
+def _map_head(count: int) -> bytes:
+    return struct.pack(">BH", _MAP16, count) if count < 1 << 16 else struct.pack(">BI", _MAP32, count)
+
+
+def _string_head(length: int) -> bytes:
+    if length < 1 << 8:
+        return struct.pack(">BB", _STR8, length)
+    return struct.pack(">BH", _STR16, length) if length < 1 << 16 else struct.pack(">BI", _STR32, length)
+
+
+def _otherwise() -> NoReturn:
+    raise ValueError("packed otherwise")
+
+
+def _instant(value: int) -> int:
+    low, high = RANGES[TIME]
+    return as_int(value, low, high)
+
+
+def _string(data: bytes, n: int) -> tuple[str, int]:
+    tag = data[n]
+    if _FIXSTR <= tag < _FIXSTR + 32:
+        begin, length = n + 1, tag & 31
+    elif tag in _STRING_LENGTHS:
+        layout = _STRING_LENGTHS[tag]
+        begin, (length,) = n + 1 + layout.size, layout.unpack_from(data, n + 1)
+    else:
+        _otherwise()
+    if begin + length > len(data):
+        _otherwise()
+    return str(data[begin : begin + length], "utf-8"), begin + length
+
+
+_STRING_LENGTHS = {_STR8: struct.Struct(">B"), _STR16: struct.Struct(">H"), _STR32: struct.Struct(">I")}
+
+
+def _count(data: bytes, n: int) -> tuple[int, int]:
+    """How many items an array has that begins there, and where the first is."""
+    tag = data[n]
+    if _FIXARRAY <= tag < _FIXARRAY + 16:
+        return tag & 15, n + 1
+    if tag == _ARRAY16:
+        return int.from_bytes(data[n + 1 : n + 3], "big"), n + 3
+    if tag == _ARRAY32:
+        return int.from_bytes(data[n + 1 : n + 5], "big"), n + 5
+    _otherwise()
+
+
+def _rows(
+    layout: struct.Struct, marks: tuple[tuple[int, bytes], ...], data: bytes, n: int, count: int
+) -> tuple[Iterator[tuple[Any, ...]], int]:
+    """The numbers of so many structs; before anything is made of them, it is certain that they are there."""
+    end = n + count * layout.size
+    if end > len(data):
+        _otherwise()
+    for at, octet in marks:
+        if data[n + at : end : layout.size] != octet * count:
+            _otherwise()
+    return layout.iter_unpack(data[n:end]), end

@@ -1,0 +1,117 @@
+"""The QoS of topics is that of DDS, for other programs to see and to match; what does not match is told."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import os
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription
+from cyclonedds.core import Policy, Qos
+from cyclonedds.domain import DomainParticipant
+from cyclonedds.pub import DataWriter
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+
+from robocomp_py.contract.interface import Pattern
+from robocomp_py.contract.qos import Liveliness, QoS, Reliability
+from robocomp_py.runtime.ports import type_of
+from robocomp_py.testing import everything as e
+from robocomp_py.testing.conformance import topic
+from robocomp_py.testing.patience import wait_until
+from robocomp_py.transports.base import Channel, TransportConfig
+from robocomp_py.transports.dds import DDSTransport
+from robocomp_py.transports.dds.types import publication_type
+
+_STRICT = QoS(Reliability.RELIABLE, deadline=0.5, lifespan=2.0, liveliness=Liveliness.MANUAL_BY_TOPIC, lease=3.0)
+_KIND = type_of(e.divide, Pattern.PUBLISH)
+_OURS = Policy.DataRepresentation(use_cdrv0_representation=True)
+_numbers = itertools.count()
+
+
+@pytest.fixture
+def here() -> Iterator[DDSTransport]:
+    transport = DDSTransport(TransportConfig(owner="test"))
+    yield transport
+    transport.close()
+
+
+@pytest.fixture
+def name() -> str:
+    return f"q{os.getpid()}_{next(_numbers)}/Dds/op"
+
+
+@contextlib.contextmanager
+def _stranger() -> Iterator[DomainParticipant]:
+    """Somebody else on the domain, who uses the library as it is. There must be a transport of ours already."""
+    participant = DomainParticipant(0)
+    try:
+        yield participant
+    finally:
+        participant.__del__()
+
+
+def _told(participant: DomainParticipant, name: str, publishes: bool) -> Any:
+    """What the library tells of the endpoint of a topic, once it does."""
+    kind = BuiltinTopicDcpsPublication if publishes else BuiltinTopicDcpsSubscription
+    reader = BuiltinDataReader(participant, kind)
+    found: list[Any] = []
+
+    def there() -> bool:
+        found.extend(each for each in reader.take(1000) if each.topic_name == f"rc/{name}")
+        return bool(found)
+
+    wait_until(there)
+    return found[0].qos
+
+
+@pytest.mark.parametrize("publishes", [True, False])
+def test_policies_are_those_of_dds_on_both_ends(here: DDSTransport, name: str, publishes: bool) -> None:
+    if publishes:
+        here.outlet(topic(name, _STRICT))
+    else:
+        here.inlet(topic(name, _STRICT), lambda _: None)
+    with _stranger() as participant:
+        qos = _told(participant, name, publishes)
+    assert qos[Policy.Deadline] == Policy.Deadline(500_000_000)
+    assert qos[Policy.Liveliness] == Policy.Liveliness.ManualByTopic(3_000_000_000)
+    assert qos[Policy.Durability] == Policy.Durability.Volatile
+    assert isinstance(qos[Policy.Reliability], Policy.Reliability.Reliable)
+    if publishes:  # who reads has none, in DDS
+        assert qos[Policy.Lifespan] == Policy.Lifespan(2_000_000_000)
+
+
+def test_a_publisher_of_another_program_that_offers_less_is_heard_and_what_is_missing_is_told(
+    here: DDSTransport, name: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    inbox: list[Any] = []
+    here.inlet(Channel(name, Pattern.PUBLISH, _KIND, QoS(deadline=1.0)), inbox.append)
+    with _stranger() as participant:
+        kind: Any = publication_type(_KIND.name, _KIND.request)
+        made = Topic(participant, f"rc/{name}", kind)
+        writer = DataWriter(participant, made, Qos(Policy.Reliability.BestEffort, _OURS))
+        numbers = itertools.count(1)
+
+        def heard() -> bool:
+            header = kind.__annotations__["header"](
+                version=1, fingerprint=_KIND.fingerprint, source=5, sequence=next(numbers), stamp=0
+            )
+            writer.write(kind(header=header, dividend=7, divisor=3))
+            return bool(inbox)
+
+        wait_until(heard)
+    assert "offers less reliability than this subscription asks for" in caplog.text
+
+
+def test_a_subscriber_of_another_program_that_asks_for_more_is_told_of(
+    here: DDSTransport, name: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    here.outlet(Channel(name, Pattern.PUBLISH, _KIND))
+    with _stranger() as participant:
+        made = Topic(participant, f"rc/{name}", publication_type(_KIND.name, _KIND.request))
+        reader = DataReader(participant, made, Qos(Policy.Deadline(1000), _OURS))
+        wait_until(lambda: "asks for more deadline than is offered here" in caplog.text)
+        assert reader.get_matched_publications() == []
