@@ -118,7 +118,7 @@ def _messages() -> Iterator[tuple[str, Any]]:
     yield f"laser scan, {BEAMS} floats", Scan(-1.5, 0.004, random.random(BEAMS, dtype=np.float32))
     rows = random.random((POINTS, 3), dtype=np.float32).tolist()
     yield f"cloud of {POINTS} points", Cloud([Point(*row) for row in rows])
-    yield "state of a base", BaseState(*random.random(9, dtype=np.float32).tolist(), True)
+    yield "state of a base", BaseState(*random.random(9, dtype=np.float32).tolist())
 
 
 XCDR1_GOALS = (100.0, 5.0, 20.0, 3.0)

@@ -63,14 +63,16 @@ class _Shortcut:
 
     def ask(self, payload: Any, deadline: float) -> Reply:
         assert self._service
-        reply = self._service(as_received(payload), time.monotonic() + deadline)
+        reply = self._service(as_received(self.codec, payload), time.monotonic() + deadline)
         assert isinstance(reply, Reply)
-        return Reply(reply.status, as_received(reply.payload))
+        return Reply(reply.status, as_received(self.codec, reply.payload))
 
 
-def as_received(payload: Any) -> Any:
-    """A payload with room for a header comes without the tail that it was made with."""
-    return memoryview(payload)[: -len(TAIL)] if type(payload) is bytearray else payload
+def as_received(codec: Codec, payload: Any) -> Any:
+    """As it comes: without the tail that leaves room for a header, and in one piece if it is copied together."""
+    if type(payload) is bytearray:
+        return memoryview(payload)[: -len(TAIL)]
+    return b"".join(payload) if isinstance(codec, Cdr) and isinstance(payload, list) else payload
 
 
 def run(middlewares: Iterable[str], effort: Effort, tell: Tell) -> list[Row]:
@@ -97,6 +99,10 @@ def codec_of(middleware: str) -> Codec:
         return MessagePack()
     if middleware == "zenoh":
         return Cdr()
+    if middleware == "shm":
+        from robocomp_py.transports.shm.codec import ApartCdr
+
+        return ApartCdr()
     from robocomp_py.transports.dds.types import CODEC
 
     return CODEC
@@ -106,7 +112,7 @@ def _our_coding(codec: Codec, data: Array) -> Callable[[], object]:
     """All that a query encodes and decodes."""
     ask, asked = codec.encoder(echo.request, snapshot=False), codec.decoder(echo.request)
     answer, answered = codec.encoder(echo.response), codec.decoder(echo.response)
-    return lambda: answered(as_received(answer(asked(as_received(ask((data,)))))))
+    return lambda: answered(as_received(codec, answer(asked(as_received(codec, ask((data,)))))))
 
 
 def _raw_coding(party: Party, data: Array) -> Callable[[], object]:

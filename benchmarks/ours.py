@@ -54,9 +54,13 @@ class Far:
         if through:
             self._transport = through(self._transport)
         self._links: list[Link] = []
-        for port in (IMPLEMENTS, SUBSCRIBES):
-            router = route(self._transport, place.depth)
-            self._links += ports.bind_handlers(port, Handlers(hear), router, self._monitor)
+        try:
+            for port in (IMPLEMENTS, SUBSCRIBES):
+                router = route(self._transport, place.depth)
+                self._links += ports.bind_handlers(port, Handlers(hear), router, self._monitor)
+        except BaseException:
+            self.close()  # else its threads would keep this process alive, and whoever waits for it would not notice
+            raise
         self._monitor.open()
 
     def close(self) -> None:

@@ -1,10 +1,11 @@
-"""The messages of `codecs` as the cyclonedds package has them. (Its types do not work with annotations as text.)"""
+"""The messages of `codecs` as the cyclonedds package has them. Its types do not work with annotations as text."""
 
 from dataclasses import astuple, dataclass
 from typing import Any
 
-from cyclonedds.idl import IdlStruct
-from cyclonedds.idl import types as idl
+from cyclonedds.idl import IdlStruct, types
+
+idl: Any = types  # its annotations are no types
 
 
 @dataclass

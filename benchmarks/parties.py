@@ -103,6 +103,10 @@ def raw(middleware: str) -> Party | None:
             from . import raw_dds as bare  # type: ignore[no-redef]  # they look alike
         case "zenoh":
             from . import raw_zenoh as bare  # type: ignore[no-redef]
+        case "shm":
+            from . import raw_shm as bare  # type: ignore[no-redef]
+        case "shm":
+            from . import raw_shm as bare  # type: ignore[no-redef]
         case _:
             return None
     return Party(bare.Far, bare.Near, bare.encode, bare.decode)

@@ -163,7 +163,7 @@ def _settle(count: Callable[[], int], wanted: int) -> None:
 def tables(rows: list[Row]) -> list[Table]:
     latency = ("", "array", "ours p50", "p99", "raw p50", "p99", "ratio", "goal")
     rate = ("", "array", "ours", "", "raw", "", "raw ÷ ours", "lost, ours", "raw", "goal")
-    note = "; ".join(f"{row.middleware}, {octets(row.size)}: {row.failure}" for row in rows if row.failure)
+    note = "; ".join(dict.fromkeys(f"{row.middleware} failed: {row.failure}" for row in rows if row.failure))
     return [
         Table("latency", "publish: latency, one way", latency, [_latency_cells(row) for row in rows], note=note),
         Table("throughput", "publish: throughput, what arrived", rate, [_rate_cells(row) for row in rows], note=note),

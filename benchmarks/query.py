@@ -108,7 +108,7 @@ def _row(middleware: str, size: int, nears: list[Near], effort: Effort) -> Row:
 
 def table(rows: list[Row]) -> Table:
     head = ("", "array", "ours p50", "p99", "raw p50", "p99", "ratio", "difference", "goal")
-    note = "; ".join(f"{row.middleware}, {octets(row.size)}: {row.failure}" for row in rows if row.failure)
+    note = "; ".join(dict.fromkeys(f"{row.middleware} failed: {row.failure}" for row in rows if row.failure))
     return Table("query", "query round trip", head, [_cells(row) for row in rows], note=note)
 
 

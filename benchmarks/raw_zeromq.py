@@ -15,7 +15,7 @@ import msgpack
 import numpy as np
 import zmq
 
-from robocomp_py.transports.zeromq.sockets import new_socket, receive_frames, send_frames
+from robocomp_py.transports.zeromq.sockets import new_socket, receive_frames
 from robocomp_py.wire.messagepack import APART
 
 from .parties import PATIENCE, Array, Hear, Place
@@ -33,6 +33,12 @@ def encode(data: Array) -> list[Any]:
 def decode(frames: list[Any]) -> Array:
     (data,) = msgpack.unpackb(frames[0])
     return np.frombuffer(frames[1] if data is None else data, np.uint8)
+
+
+def send_frames(socket: zmq.Socket[bytes], frames: list[Any]) -> None:
+    for frame in frames[:-1]:
+        socket.send(frame, zmq.SNDMORE)
+    socket.send(frames[-1])
 
 
 class Far:

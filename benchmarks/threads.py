@@ -6,11 +6,12 @@ comes in is put into a queue, and a thread of its own takes it from there. Every
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Future
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from queue import SimpleQueue
 from typing import Any
@@ -19,7 +20,7 @@ from robocomp_py.transports.base import Channel, Reply, Service, Sink, Transport
 
 from . import ours
 from .pair import Pair, place
-from .parties import Party
+from .parties import Party, Place
 from .publish import latency_of
 from .query import Tell, some
 from .rounds import Effort, Times, by_turns, difference, how_many, seconds_of, times
@@ -99,13 +100,20 @@ def run(middlewares: Iterable[str], effort: Effort, tell: Tell) -> list[Row]:
             Party(partial(ours.Far, middleware, through=through), partial(ours.Near, middleware))
             for through in (None, HandedOver)
         ]
-        with place() as one, Pair(parties[0], one) as here, place() as other, Pair(parties[1], other) as handed:
+        with place() as one, Pair(parties[0], one) as here, _elsewhere() as other, Pair(parties[1], other) as handed:
             for what, size in CASES:
                 tell(f"threads · {middleware} · {what} · {octets(size)}")
                 measures = [_measure(pair, what, size, effort.seconds) for pair in (here, handed)]
                 first, second = by_turns(measures, effort.rounds)
                 rows.append(Row(middleware, what, size, times(first), times(second), difference(second, first)))
     return rows
+
+
+@contextlib.contextmanager
+def _elsewhere() -> Iterator[Place]:
+    """Where both pairs serve the same operation, and must not meet."""
+    with place() as here:
+        yield replace(here, domain=here.domain + 1)
 
 
 def _measure(pair: Pair, what: str, size: int, seconds: float) -> Any:

@@ -92,6 +92,10 @@ def _described(use: _Use, address: Callable[[_Use, str], Json]) -> Json:
     if use.pattern is Pattern.PUBLISH:
         qos = use.port.qos
         found["qos"] = {"reliability": qos.reliability.value, "durability": qos.durability.value, "depth": qos.depth}
+        times = {"deadline": qos.deadline, "lifespan": qos.lifespan, "lease": qos.lease}
+        found["qos"] |= {name: seconds for name, seconds in times.items() if seconds is not None}
+        if qos.lease is not None:
+            found["qos"]["liveliness"] = qos.liveliness.value
     return found
 
 

@@ -324,9 +324,9 @@ def _spelled(kind: t.Type, module: str, members: set[str], names: set[str]) -> s
         case t.Struct(name=name):
             other, own = module_of(name), short(name)
             path = f"{_escaped(other)}::{_escaped(own)}"
-            if other == module:
-                return f"::{path}" if own.lower() in members else _escaped(own)
-            return f"::{path}" if other.lower() in members | names else path
+            if other == module and own.lower() not in members:
+                return _escaped(own)
+            return f"::{path}" if other.lower() in members | names else path  # fastddsgen knows no `::` in front
         case t.Dictionary():
             raise AssertionError(f"not plain: {kind}")
 

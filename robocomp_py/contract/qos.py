@@ -104,7 +104,7 @@ def shortfalls(asked: QoS, offered: QoS) -> list[Shortfall]:
         found.append(Shortfall("durability", "transient_local", "volatile", 'durability = "volatile"'))
     for name in ("deadline", "lease"):
         most, least = getattr(asked, name), getattr(offered, name)
-        if most is not None and (least is None or least > most * (1 + _NEARLY)):
+        if most is not None and (least is None or least > most + _NEARLY):
             given = (f"{name} {duration(least)}", f"{name} = {least:g}") if least else ("", f"no `{name}`")
             found.append(Shortfall(name, f"{name} {duration(most)}", *given))
     if asked.liveliness is Liveliness.MANUAL_BY_TOPIC and offered.liveliness is not asked.liveliness:
@@ -114,7 +114,7 @@ def shortfalls(asked: QoS, offered: QoS) -> list[Shortfall]:
 
 
 _NEARLY = 1e-9
-"""By such a part two times may differ and be the same, which both ends know in units of their own."""
+"""Seconds by which two times may differ and be the same: what is told of them is told in nanoseconds."""
 
 
 def duration(seconds: float) -> str:

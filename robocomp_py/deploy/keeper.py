@@ -1,12 +1,14 @@
-"""Ends the processes of a deployer that was killed. Run as a script, with the standard library only.
+"""Cleans up behind a deployer that was killed. Run as a script, with the standard library only.
 
 It reads lines from the deployer: `+ID` for a process group that was started, `-ID` for one that
-has ended. When the pipe closes, whatever groups are left get SIGTERM and, after a grace, SIGKILL.
+has ended. When the pipe closes, whatever groups are left get SIGTERM and, after a grace, SIGKILL; then the deployer's
+folder is removed, which is its argument.
 """
 
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import sys
 import time
@@ -28,6 +30,7 @@ def main() -> None:
         groups = {group for group in groups if send(group, 0)}
     for group in groups:
         send(group, signal.SIGKILL)
+    shutil.rmtree(sys.argv[1], ignore_errors=True)
 
 
 def send(group: int, number: int) -> bool:

@@ -32,14 +32,25 @@ from ..spelling import unknown
 from .auto import Choice, Usable, Way, choose, installed_here
 from .configuration import check_text, span_of
 from .qos import unsupported
-from .routes import Configured, check_routes, generated_for, stays_inside, unfit, unmet, unshared, worth_telling
+from .routes import (
+    Configured,
+    check_routes,
+    generated_for,
+    providers,
+    stays_inside,
+    unfit,
+    unmet,
+    unshared,
+    worth_telling,
+)
+from .waiting import Requirement, endless
 
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
 
 
 @dataclass(frozen=True)
 class Member:
-    """A component of a process that has several."""
+    """An instance in a process that has a name of its own."""
 
     name: str
     component: str
@@ -51,7 +62,7 @@ class Process:
 
     name: str
     component: str
-    """Of what it is an instance; of several if it has several members."""
+    """Of what it is an instance; several, if it has several members."""
     command: tuple[str, ...]
     cwd: Path
     env: Mapping[str, str] = field(default_factory=dict)
@@ -60,7 +71,7 @@ class Process:
     notifies: bool = True
     """Whether it says itself when it is ready; else it counts as ready once it runs."""
     members: tuple[Member, ...] = ()
-    """Those that share it, in the order in which they start; none if it is one instance's own."""
+    """Those that are in it, in the order in which they start; none if it is that of the instance it is called like."""
 
     @property
     def instances(self) -> tuple[str, ...]:
@@ -210,6 +221,7 @@ class _Planner:
             if not node.instance.path:
                 self._configure(node)
         self._check_routes(nodes)
+        self._check_waiting()
         self._choice = choose(self._configured, self._usable)
         processes = [self._process(name, together) for name, together in ordered.items()]
         named = self._overrides.middleware or (self._model.middleware.text if self._model.middleware else "")
@@ -404,14 +416,12 @@ class _Planner:
         if len(named) == 1:
             return named[0]
         at = quality.port
+        calls = [port.label for port in node.component.ports if not port.verb.is_topic]
         if named:
             ways = " or ".join(f"`qos {port.verb} {at}(…)`" for port in named)
-            self._error(
-                "ambiguous-port", f"`{node.component.name}` publishes and subscribes to `{at}`", at, f"write {ways}"
-            )
-        elif (
-            any(port.label == at.text and not port.verb.is_topic for port in node.component.ports) and not quality.verb
-        ):
+            message = f"`{node.component.name}` publishes and subscribes to `{at}`"
+            self._error("ambiguous-port", message, at, f"write {ways}")
+        elif at.text in calls and not quality.verb:
             self._error("qos-of-calls", "only what is published or subscribed to has a QoS", at)
         else:
             what = " or ".join(f"`{verb} {at}`" for verb in verbs)
@@ -433,20 +443,19 @@ class _Planner:
         return {name: together[name] for name in order if name in together}
 
     def _process(self, name: str, together: Sequence[Node]) -> Process | None:
-        commands = [self._command(node) for node in together]
-        command = _joined([each for each in commands if each])
-        if None in commands:
+        commands = [command for node in together if (command := self._command(node))]
+        if len(commands) < len(together):
             return None
-        [*others, only] = together
+        *_, only = together
         return Process(
             name,
             ", ".join(node.component.name for node in together),
-            tuple(command),
+            tuple(_joined(commands)),
             self._folder.resolve() if only.instance.path else Path.cwd(),
             self._variables(only),
             tuple(dict.fromkeys(other.text for other in process_dependences(self._model)[name])),
             notifies=only.instance.path is None,
-            members=tuple(Member(node.name, node.component.name) for node in together) if others else (),
+            members=tuple(Member(node.name, node.component.name) for node in together) if only.instance.process else (),
         )
 
     def _variables(self, node: Node) -> dict[str, str]:
@@ -542,6 +551,26 @@ class _Planner:
             at = named[fault.instance].place(fault.port)
             self._error(fault.code, fault.message, at, fault.hint, *blame)
 
+    def _check_waiting(self) -> None:
+        for each in endless(self._model, self._requirements()):
+            what = each.requirement
+            message = (
+                f"`{each.waiting}` would never start: `{each.name}` is not ready before that, "
+                f"since `{what.client}` requires `{what.interface}` of `{what.provider}`"
+            )
+            hint = "components find each other in whatever order they start: leave this out"
+            self._error("dependence-cycle", message, each.name, hint)
+
+    def _requirements(self) -> Iterator[Requirement]:
+        """For whom each instance waits, where it is one that it waits for."""
+        for client in self._configured:
+            for port, operation in client.operations(providing=False):
+                servers = [
+                    server.name for server, offers in providers(client, port, operation, self._configured) if offers
+                ]
+                if port.verb is Verb.REQUIRES and len(servers) == 1:
+                    yield Requirement(client.name, port.interface.short, servers[0])
+
     def _error(self, code: str, message: str, at: Name, hint: str = "", *related: tuple[str, Name]) -> None:
         self._report.error(code, message, at.span, hint, *((text, name.span) for text, name in related))
 
@@ -567,7 +596,5 @@ _RUN = (sys.executable, "-m", "robocomp_py.cli.rc", "run")
 
 def _joined(commands: Sequence[Sequence[str]]) -> list[str]:
     """One command for several instances, from those that would run each of them alone."""
-    joined = list(commands[0]) if commands else []
-    for command in commands[1:]:
-        joined += [BETWEEN, *command[len(_RUN) :]]
-    return joined
+    first, *others = commands
+    return [*first, *(part for command in others for part in (BETWEEN, *command[len(_RUN) :]))]

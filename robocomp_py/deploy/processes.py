@@ -53,7 +53,9 @@ class Launcher:
     async def open(self) -> None:
         """Start the keeper, which ends our processes if we are killed."""
         self._keeper = await asyncio.create_subprocess_exec(
-            sys.executable, "-ISE", str(Path(keeper.__file__)), stdin=asyncio.subprocess.PIPE, start_new_session=True
+            *(sys.executable, "-ISE", str(Path(keeper.__file__)), self._folder.name),
+            stdin=asyncio.subprocess.PIPE,
+            start_new_session=True,
         )
 
     async def close(self) -> None:

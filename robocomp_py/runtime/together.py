@@ -195,7 +195,10 @@ def main(parts: Sequence[Part]) -> int:
         for _, document in prepared:
             tell_notes(document)
         for (worker_class, _), (settings, _), own in zip(parts, prepared, options, strict=True):
-            together.add(worker_class, settings, own.after)
+            try:
+                together.add(worker_class, settings, own.after)
+            except ComponentError as exc:
+                raise ComponentError(f"{settings.instance}: {exc}") from exc
     except (ConfigurationError, ComponentError) as exc:
         print(exc, file=sys.stderr)
         return 1

@@ -73,7 +73,7 @@ class Worker(ABC, Generic[P]):
 
     def _note(self, what: str, port: str, operation: str, instance: str) -> None:
         noted = self.__dict__.setdefault("_noted", set())
-        if (what, port, operation, instance) not in noted:
+        if (what, port, operation, instance) not in noted and len(noted) < _MOST_NOTED:
             noted.add((what, port, operation, instance))
             self.log.warning("%s.%s of %s: %s (further ones are only counted)", port, operation, instance, what)
 
@@ -115,6 +115,7 @@ class Worker(ABC, Generic[P]):
 
 
 HOOKS = ("initialize", "compute", "emergency", "restore", "finish")
+_MOST_NOTED = 1000
 _WATCHING = ("port", "operation", "instance", "total")
 
 

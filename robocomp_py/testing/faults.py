@@ -473,6 +473,7 @@ def _serve(transport: Transport, name: str) -> bool:
 
 def _deaf_to(transport: Transport, word: bytes) -> Callable[[Payload, float], Any]:
     """A service that answers one word too late, and echoes others."""
+
     def service(payload: Payload, expires: float) -> Any:
         data = unblob(transport, payload)
         return Future() if data == word else Reply(Status.OK, blob(transport, data))

@@ -35,9 +35,8 @@ from .parts import A_MOMENT, Inbox, Victim, blob, greet, subscribe, topic, unblo
 from .patience import SCALE, SOON, wait_until
 
 _SHORT = 0.1 * SCALE
-_LEASE = 0.4 * SCALE
-_AUTOMATIC = QoS(lease=_LEASE)
-_MANUAL = QoS(lease=_LEASE, liveliness=Liveliness.MANUAL_BY_TOPIC)
+_AUTOMATIC = QoS(lease=1.0 * SCALE)
+_MANUAL = QoS(lease=0.3 * SCALE, liveliness=Liveliness.MANUAL_BY_TOPIC)
 _MOST = 200_000
 """So many messages nobody has to keep."""
 

@@ -127,7 +127,7 @@ class Statistics:
     received: int = 0
     malformed: int = 0  # dropped: not a message of ours
     mismatched: int = 0  # dropped or refused: another contract under the same name
-    expired: int = 0  # not executed: too late
+    expired: int = 0  # not executed, or not delivered: too late
     repeated: int = 0  # not executed again
     lost: int = 0  # messages of a sender we heard before and after, but not these
     dropped: int = 0  # given up by us: a queue was full

@@ -6,7 +6,7 @@ next look of the lookout, another thread becomes the leader and goes on receivin
 finishes what it runs and then stands by.
 
     leader    receive → run one job → still the leader? → again
-    lookout   while there is traffic, look every 10 ms: does the same job still run? → another leads
+    lookout   while there is traffic, look every 10 to 40 ms: does the same job still run? → another leads
 
 Jobs are begun in the order in which they came in, by whoever leads.
 """
@@ -34,8 +34,11 @@ PATIENCE = 0.010
 STUCK = 5.0
 """Seconds for which closing waits for a handler that is running."""
 
-_QUIET_LOOKS = 50
-"""After so many looks without traffic the lookout sleeps until there is some."""
+_LAZINESS = 4
+"""So many times `PATIENCE` may pass between two looks while all jobs are short: each costs as much as a message."""
+
+_QUIET = 0.5
+"""After so many seconds without traffic the lookout sleeps until there is some."""
 
 _LONGEST_PAUSE = 0.5
 """Seconds between two attempts to receive, when one after the other fails."""
@@ -182,14 +185,15 @@ class Crew:
     def _look_out(self) -> None:
         while True:
             self._traffic.wait()
-            quiet = 0
-            while quiet < _QUIET_LOOKS:
+            quiet, pause = 0.0, PATIENCE
+            while quiet < _QUIET:
                 begun, running = self._begun, self._running
-                if self._closing.wait(PATIENCE):
+                pause = PATIENCE if running is not None else min(pause * 1.2, _LAZINESS * PATIENCE)
+                if self._closing.wait(pause):
                     return
                 if running is not None and self._running is running:
                     self._hand_over(running)
-                quiet = quiet + 1 if self._begun == begun else 0
+                quiet = quiet + pause if self._begun == begun else 0.0
             self._traffic.clear()
             self._watched = False  # in this order: a job begun in between is seen by its count
             if self._begun != begun or self._closing.is_set():

@@ -26,6 +26,7 @@ from pathlib import Path
 
 from ..errors import ConfigurationError, TransportError
 from ..wire.names import matches
+from .exclusive import is_gone
 
 log = logging.getLogger("robocomp.transport")
 
@@ -104,6 +105,12 @@ class Directory:
         self._changed_at = 0.0
 
     def join(self, owner: str) -> Membership:
+        """Become a member. What killed ones left before they were members is removed, too."""
+        with contextlib.suppress(OSError):
+            for lock in self._folder.glob("*.lock"):
+                pid, _, rest = lock.stem.partition("-")
+                if rest and pid.isdecimal() and is_gone(int(pid)):
+                    self.alive(lock.stem)
         return Membership(self._folder, owner)
 
     def version(self) -> int:

@@ -1,7 +1,8 @@
 """What only one on this host may have: a channel that is served, a router that is run.
 
 A claim is a locked file in the run-time folder. The kernel releases it when its process ends,
-however that happens; the file says who holds it, for messages to people.
+however that happens; the file says who holds it, for messages to people. What killed processes left
+in a folder is removed when a process claims its first name there.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import contextlib
 import fcntl
 import hashlib
 import os
+import re
 import threading
 import time
 from pathlib import Path
@@ -45,13 +47,52 @@ class Claim:
 
 def claim(folder: Path, name: str, owner: str) -> Claim:
     """Have `name` to ourselves. Raises AlreadyServed, naming who has it, if somebody does."""
+    if folder not in _swept:
+        _swept.add(folder)
+        sweep(folder)
     end = time.monotonic() + _SIGNING
     while (claimed := try_claim(folder, name, owner)) is None:
         who = _signature(folder, name)
-        if who or time.monotonic() >= end:
+        settled = bool(who) and not is_gone(_pid(who))  # else it has not been signed yet, or is just being removed
+        if settled or time.monotonic() >= end:
             raise AlreadyServed(f"{name}: already served by {who or holder(folder, name)}")
         time.sleep(0.001)
     return claimed
+
+
+_swept: set[Path] = set()
+"""Folders that this process has looked through."""
+
+
+def sweep(folder: Path) -> None:
+    """Remove the files of processes that ended without giving back what they had claimed."""
+    with contextlib.suppress(FileNotFoundError):
+        for path in list(folder.glob("*.lock")):
+            with contextlib.suppress(OSError):  # what cannot be removed now means nothing, and is removed another time
+                _remove_left(path)
+
+
+def _remove_left(path: Path) -> None:
+    if not is_gone(_pid(path.read_text(errors="replace"))):
+        return
+    held = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+    try:
+        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:  # somebody claims it just now, or has an id that we cannot see
+        os.close(held)
+    else:
+        Claim(path, held).close()
+
+
+def is_gone(pid: int) -> bool:
+    """Whether there is no process of this id, as far as we can see. Containers do not see each other's."""
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return pid > 0
+    except PermissionError:
+        return False
+    return False
 
 
 def try_claim(folder: Path, name: str, owner: str) -> Claim | None:
@@ -93,6 +134,12 @@ def _signature(folder: Path, name: str) -> str:
     with contextlib.suppress(OSError):
         return _file(folder, name).read_text(errors="replace")
     return ""
+
+
+def _pid(signature: str) -> int:
+    """Whose signature it is; 0 if it is nobody's."""
+    found = re.search(r"\(pid (\d{1,9})\)$", signature)
+    return int(found[1]) if found else 0
 
 
 def _file(folder: Path, name: str) -> Path:

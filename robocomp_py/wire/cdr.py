@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import operator
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import chain
 from typing import Any, NoReturn
@@ -35,7 +35,8 @@ from ..contract.types import (
     Type,
 )
 from .codec import MAX_BYTES, Decoder, Encoder, check_size, refused, unreadable
-from .program import Program, is_loop, is_record
+from .program import Program, is_loop
+from .rows import Columns, unpacked
 from .values import as_array, as_bool, as_dict, as_list, as_member, as_str, view_of
 
 ENCAPSULATION = b"\x00\x01\x00\x00"
@@ -372,18 +373,16 @@ class _DecodeProgram:
             p.line(store.format(*values))
 
     def _rows(self, count: str, item: Type, letters: str, result: str) -> None:
-        """Emit what reads items of fixed size; of a record's, all objects are made before any is filled."""
+        """Emit what reads items of fixed size."""
         p = self._program
         names = [p.fresh() for _ in letters]
-        p.line(f"s, n = {p.name(_rows)}({p.name(_layouts(letters), 'layouts')}, data, n, {count})")
-        if not (isinstance(item, Struct) and is_record(item)):
-            p.line(f"{result} = [{self._fixed(item, iter(names).__next__)} for [{', '.join(names)}] in s]")
-            return
-        each, take = p.fresh(), iter(names).__next__
-        values = [(f"{each}.{field.attribute}", self._fixed(field.type, take)) for field in item.fields]
-        p.line(f"{result} = {p.made_without_values(item, count)}")
-        with p.block(f"for {each}, [{', '.join(names)}] in zip({result}, s)"):
-            p.line("; ".join(f"{target} = {value}" for target, value in values))
+        take, arguments = iter(names).__next__, f"({p.name(_layouts(letters), 'layouts')}, data, n, {count})"
+        few, many = p.name(_rows) + arguments, p.name(_columns) + arguments
+        if isinstance(item, Struct) and item.fields:
+            p.line(f"count = {count}")
+            p.make_each(item, result, names, [self._fixed(field.type, take) for field in item.fields], few, many)
+        else:
+            p.line(f"s, n = {few}; {result} = [{self._fixed(item, take)} for [{', '.join(names)}] in s]")
 
     def _call(self, kind: Type) -> str:
         self._end_run()
@@ -438,18 +437,35 @@ def _text(data: memoryview, n: int, length: int) -> str:
     return str(data[n : n + length - 1], "utf-8")
 
 
-def _rows(layouts: _Layouts, data: memoryview, n: int, count: int) -> tuple[Iterator[tuple[Any, ...]], int]:
-    """The leaves of `count` items of fixed size: one by one until the padding repeats, then at one go."""
+def _rows(layouts: _Layouts, data: memoryview, n: int, count: int) -> tuple[Iterable[tuple[Any, ...]], int]:
+    """The leaves of `count` items of fixed size."""
+    first, layout, begin, end = _regular(layouts, data, n, count)
+    return chain(first, layout.iter_unpack(data[begin:end])), end
+
+
+def _columns(layouts: _Layouts, data: memoryview, n: int, count: int) -> tuple[Columns, int]:
+    """The same as columns."""
+    first, layout, begin, end = _regular(layouts, data, n, count)
+    columns = unpacked(layout, data, begin, count - len(first))
+    if first:
+        columns = [[*some, *others] for some, others in zip(zip(*first, strict=True), columns, strict=True)]
+    return columns, end
+
+
+def _regular(
+    layouts: _Layouts, data: memoryview, n: int, count: int
+) -> tuple[list[tuple[Any, ...]], struct.Struct, int, int]:
+    """The leaves of the first items, until their padding repeats; and the layout of the others, which are all there."""
     _check_count(data, n, count)
     first: list[tuple[Any, ...]] = []
-    while len(first) < count:
+    while True:
         layout = layouts[n & 7]
+        if len(first) == count:
+            return first, layout, n, n
         if layouts[(n + layout.size) & 7].format == layout.format:
             end = n + (count - len(first)) * layout.size
             if end > data.nbytes:
                 raise ValueError(f"{count} items exceed the payload")
-            rest = layout.iter_unpack(data[n:end])
-            return chain(first, rest) if first else rest, end
+            return first, layout, n, end
         first.append(layout.unpack_from(data, n))
         n += layout.size
-    return iter(first), n

@@ -22,9 +22,9 @@ import numpy as np
 
 from ..contract.types import DTYPES, Struct
 from .codec import Decoder, Encoder, check_size, refused, unreadable
-from .packing import Frames, PackArray, ReadArray, compile_writer
+from .packing import PackArray, ReadArray, compile_writer
 from .packing import compile_reader as compile_own_reader
-from .plain import compile_reader
+from .plain import Frames, compile_reader
 from .values import as_array, read_only, view_of
 from .values import snapshot as frozen
 
@@ -136,6 +136,7 @@ def _array_packer(dtype: np.dtype[Any], keep: Callable[[Any, np.dtype[Any]], np.
 def _array_reader(dtype: np.dtype[Any]) -> ReadArray:
     """What reads such arrays; it raises something if there is another one, or none, or one that others packed."""
     octets, letter, item = dtype == _OCTETS, ord(_LETTERS[dtype]), dtype.itemsize
+    checked = dtype.kind == "b"
 
     def read(data: Any, n: int, payload: Frames) -> tuple[np.ndarray[Any, Any], int]:
         head = _HEADS[data[n]]
@@ -156,10 +157,12 @@ def _array_reader(dtype: np.dtype[Any]) -> ReadArray:
             begin, end = n + head.size, n + head.size + size
             if not octets:
                 raise ValueError("another array")
-        count, rest = divmod(end - begin, item)
-        if rest or end > len(data):
+        if end > len(data):
             raise ValueError("no whole array")
-        return view_of(bytes(data[begin:end]), dtype, count, 0), end  # a copy: nothing is aligned in there
+        inside = bytes(data[begin:end])  # a copy: nothing is aligned in there
+        if checked or begin == end:
+            return view_of(inside, dtype, (end - begin) // item, 0), end
+        return np.frombuffer(inside, dtype), end
 
     return read
 

@@ -4,18 +4,20 @@
     string str · struct array of its fields · sequence array, or what `messagepack` makes of numbers
     dictionary map
 
-So runs of numbers, and lists of structs of numbers, are packed by one `struct` call each. What is read
-back like that must be exactly what is written here; whatever else MessagePack allows is left to a
-library, and so is everything that a loop in Python would read more slowly: `compile_reader` knows which
-messages those are.
+So runs of numbers are packed by one `struct` call, lists of structs of numbers by the column. What is read
+back like that must be exactly what is written here; whatever else MessagePack allows is left to the
+library, and so is what a loop in Python would pack or read more slowly, such as lists of texts.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
+from itertools import groupby, islice
 from typing import TYPE_CHECKING, Any, NoReturn
+
+import msgpack
 
 from ..contract.types import (
     STRING,
@@ -27,15 +29,15 @@ from ..contract.types import (
     Sequence,
     Struct,
     Type,
+    children,
 )
-from .program import Program, is_loop, is_record
+from .plain import Frames, compile_planter
+from .program import Program, is_loop
+from .rows import FEW, Columns, packed, unpacked
 from .values import RANGES, as_bool, as_dict, as_int, as_list, as_member, as_str
 
 if TYPE_CHECKING:
     import numpy as np
-
-Frames = list[Any]
-"""Buffers beside the packed message."""
 
 PackArray = Callable[[Any, Callable[[Any], object], Frames], None]
 """Adds what a message has for an array, by the second; buffers of their own to the third."""
@@ -102,16 +104,43 @@ def _is_fixed(kind: Type) -> bool:
 
 
 def _suits(kind: Type) -> bool:
-    """Whether values are read here: all in it are of fixed size, or few."""
+    """Whether a message is read here at least as quickly as by the library: that gains by texts, this by arrays."""
+    found = list(islice(_read_here(kind), _MOST))
+    return len(found) < _MOST and all(found) and found.count(STRING) <= len(found) / 2
+
+
+_MOST = 64
+"""A message with more parts of varying size is left to the library."""
+
+
+def _read_here(kind: Type) -> Iterator[Type | None]:
+    """What of varying size a message has to be read; None for what the library reads better."""
     match kind:
-        case Primitive() | Enumeration():
-            return True
         case Struct(fields=fields):
-            return all(_suits(field.type) for field in fields)
-        case Sequence(item):
-            return kind.dtype is not None or (isinstance(item, Struct) and _is_fixed(item))
-        case Dictionary():
-            return False
+            for field in fields:
+                yield from _read_here(field.type)
+        case Sequence(item) if kind.dtype is not None or (isinstance(item, Struct) and _is_fixed(item)):
+            yield kind
+        case Sequence() | Dictionary():
+            yield None
+        case Primitive() if kind is STRING:
+            yield kind
+        case Primitive() | Enumeration():
+            return
+
+
+def _is_for_library(kind: Type) -> bool:
+    """Whether the library packs such values more quickly than a loop in Python: neither arrays nor rows."""
+    is_rows = isinstance(kind, Sequence) and isinstance(kind.item, Struct) and _is_fixed(kind.item)
+    return is_loop(kind) and not is_rows and not _has_arrays(kind, set())
+
+
+def _has_arrays(kind: Type, seen: set[int]) -> bool:
+    if id(kind) in seen:
+        return False
+    seen.add(id(kind))
+    is_array = isinstance(kind, Sequence) and kind.dtype is not None
+    return is_array or any(_has_arrays(child, seen) for child in children(kind))
 
 
 def _struct_head(count: int) -> tuple[str, tuple[int, ...]]:
@@ -160,8 +189,21 @@ class _Writer:
     def _fields(self, fields: tuple[Field, ...], names: list[str]) -> None:
         letters, numbers = _struct_head(len(fields))
         self._run(letters, *map(str, numbers))
-        for field, variable in zip(fields, names, strict=True):
-            self._value(field.type, variable)
+        for library, some in groupby(zip(fields, names, strict=True), lambda each: _is_for_library(each[0].type)):
+            if library:
+                self._by_library(list(some))
+                continue
+            for field, variable in some:
+                self._value(field.type, variable)
+
+    def _by_library(self, parts: list[tuple[Field, str]]) -> None:
+        """Emit what packs these at one go: as an array without its head."""
+        self._end_run()
+        p = self._program
+        plant = compile_planter(Struct(self._message.name, tuple(field for field, _ in parts)), _no_array)
+        head = struct.calcsize(">" + _struct_head(len(parts))[0])
+        tree = f"{p.name(plant, 'plant')}(({', '.join(x for _, x in parts)},), frames)"
+        p.line(f"add({p.name(msgpack.packb)}({tree})[{head}:])")
 
     def _run(self, letters: str, *values: str) -> None:
         self._letters += letters
@@ -196,6 +238,8 @@ class _Writer:
             case Sequence() if kind.dtype is not None:
                 self._end_run()
                 p.line(f"{p.name(self._array(kind.dtype), 'array')}({x}, add, frames)")
+            case Sequence() | Dictionary() if _is_for_library(kind):
+                self._by_library([(Field("value", kind), x)])
             case Sequence(item):
                 self._end_run()
                 items, each = p.fresh(), p.fresh()
@@ -234,13 +278,23 @@ class _Writer:
         """Emit what packs structs of fixed size, each by one call."""
         p = self._program
         each = p.fresh()
-        if _only_numbers(item):
-            self._fixed(item, each)
-            p.line(f"add(b''.join([{self._packed()} for {each} in {items}]))")
+        if not _only_numbers(item):
+            with p.block(f"for {each} in {items}"):
+                self._fixed(item, each)
+                self._end_run()
             return
-        with p.block(f"for {each} in {items}"):
-            self._fixed(item, each)
-            self._end_run()
+        self._fixed(item, each)
+        numbers = [value for value in self._values if not value.isdecimal()]
+        if numbers:
+            texts, between = zip(
+                *(_around(*each) for each in zip(self._letters, self._values, strict=True)), strict=True
+            )
+            layout = p.name(struct.Struct(">" + "".join(texts)), "layout")
+            columns = ", ".join(f"[{number} for {each} in {items}]" for number in numbers)
+            with p.block(f"if len({items}) > {FEW}"):
+                p.line(f"add({p.name(packed)}({layout}, {p.name(b''.join(between), 'between')}, {columns}))")
+        with p.block("else" if numbers else "if True"):
+            p.line(f"add(b''.join([{self._packed()} for {each} in {items}]))")
 
     def _fixed(self, kind: Struct, x: str) -> None:
         letters, numbers = _struct_head(len(kind.fields))
@@ -273,6 +327,14 @@ class _Writer:
             case Primitive.TIME:
                 low, high = RANGES[TIME]
                 self._run("Bq", str(_FORMS[TIME][0]), f"{p.name(as_int)}({each}, {low}, {high})")
+
+
+def _around(letter: str, value: str) -> tuple[str, bytes]:
+    """How an item of a run looks in a layout of nothing but numbers, and what is written there."""
+    if not value.isdecimal():
+        return letter, bytes(struct.calcsize(">" + letter))
+    octets = struct.pack(">" + letter, int(value))
+    return "x" * len(octets), octets
 
 
 def _is_number(kind: Type) -> bool:
@@ -365,22 +427,15 @@ class _Reader:
         return result
 
     def _rows(self, item: Struct, result: str) -> None:
-        """Emit what reads structs of fixed size; of a record's, all objects are made before any is filled."""
+        """Emit what reads structs of fixed size."""
         p = self._program
-        count, each = p.fresh(), p.fresh()
-        values = [(f"{each}.{field.attribute}", self._fixed(field.type)) for field in item.fields]
-        made = self._made(item, "".join(f"{value}, " for _, value in values))
+        values = [self._fixed(field.type) for field in item.fields]
         layout, marks = self._row(len(item.fields))
-        names = ", ".join(name for name in self._names if name not in dict(self._expected))
+        names = [name for name in self._names if name not in dict(self._expected)]
         self._letters, self._names, self._expected = "", [], []
-        p.line(f"{count}, n = {p.name(_count)}(data, n)")
-        p.line(f"s, n = {p.name(_rows)}({p.name(layout, 'layout')}, {p.name(marks, 'marks')}, data, n, {count})")
-        if not is_record(item):
-            p.line(f"{result} = [{made} for [{names}] in s]")
-            return
-        p.line(f"{result} = {p.made_without_values(item, count)}")
-        with p.block(f"for {each}, [{names}] in zip({result}, s)"):
-            p.line("; ".join(f"{target} = {value}" for target, value in values))
+        p.line(f"count, n = {p.name(_count)}(data, n)")
+        arguments = f"({p.name(layout, 'layout')}, {p.name(marks, 'marks')}, data, n, count)"
+        p.make_each(item, result, names, values, p.name(_rows) + arguments, p.name(_columns) + arguments)
 
     def _row(self, fields: int) -> tuple[struct.Struct, tuple[tuple[int, bytes], ...]]:
         """The run so far, in an array of so many fields: its layout, and which octets have to be where."""
@@ -433,6 +488,10 @@ def _string_head(length: int) -> bytes:
     return struct.pack(">BH", _STR16, length) if length < 1 << 16 else struct.pack(">BI", _STR32, length)
 
 
+def _no_array(value: Any, dtype: np.dtype[Any], frames: Frames) -> NoReturn:
+    raise AssertionError("these have none")
+
+
 def _otherwise() -> NoReturn:
     raise ValueError("packed otherwise")
 
@@ -471,14 +530,29 @@ def _count(data: bytes, n: int) -> tuple[int, int]:
     _otherwise()
 
 
+_Marks = tuple[tuple[int, bytes], ...]
+
+
 def _rows(
-    layout: struct.Struct, marks: tuple[tuple[int, bytes], ...], data: bytes, n: int, count: int
-) -> tuple[Iterator[tuple[Any, ...]], int]:
-    """The numbers of so many structs; before anything is made of them, it is certain that they are there."""
+    layout: struct.Struct, marks: _Marks, data: bytes, n: int, count: int
+) -> tuple[Iterable[tuple[Any, ...]], int]:
+    """The numbers of so many structs."""
+    end = _end(layout, marks, data, n, count)
+    return layout.iter_unpack(data[n:end]), end
+
+
+def _columns(layout: struct.Struct, marks: _Marks, data: bytes, n: int, count: int) -> tuple[Columns, int]:
+    """The same as columns."""
+    end = _end(layout, marks, data, n, count)
+    return unpacked(layout, data, n, count), end
+
+
+def _end(layout: struct.Struct, marks: _Marks, data: bytes, n: int, count: int) -> int:
+    """Where so many structs end, if they are there, and as they are packed here."""
     end = n + count * layout.size
     if end > len(data):
         _otherwise()
     for at, octet in marks:
         if data[n + at : end : layout.size] != octet * count:
             _otherwise()
-    return layout.iter_unpack(data[n:end]), end
+    return end

@@ -6,6 +6,8 @@ written later (`write_functions`). Loops never nest within one function: Python 
 
 from __future__ import annotations
 
+import gc
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import is_dataclass
@@ -14,6 +16,7 @@ from typing import Any
 
 from ..contract.types import MAX_DEPTH, Dictionary, Sequence, Struct, Type, children
 from ..errors import CodecError
+from .rows import FEW
 from .values import as_tuple
 
 
@@ -73,10 +76,24 @@ class Program:
                 self.line(f"{name} = {value}.{field.attribute}")
         return names
 
-    def made_without_values(self, kind: Struct, count: str) -> str:
-        """An expression for a list of so many objects of a record's class, whose attributes are yet to be set."""
-        make, repeated = self.name(object.__new__, "new"), self.name(repeat)
-        return f"list(map({make}, {repeated}({self.name(kind.python)}, {count})))"
+    def make_each(self, kind: Struct, result: str, names: list[str], values: list[str], few: str, many: str) -> None:
+        """Write what makes a list of `count` structs: of rows, in which these names are numbers and of which the values
+        of the fields are made. `few` is what gives the rows, `many` their columns; `n` is then behind them.
+        """
+        made = f"{self.name(kind.python)}({', '.join(values)})" if kind.python else f"({', '.join([*values, ''])})"
+        by_rows = f"s, n = {few}; {result} = [{made} for [{', '.join(names)}] in s]"
+        if not (names and is_record(kind)):
+            self.line(by_rows)
+            return
+        with self.block(f"if count <= {FEW}"):
+            self.line(by_rows)
+        with self.block("else"):  # all objects are made before any is filled: that takes half the time
+            each = self.fresh()
+            pairs = [(f"{each}.{field.attribute}", value) for field, value in zip(kind.fields, values, strict=True)]
+            plain = {value: target for target, value in pairs if value in names}
+            self.line(f"s, n = {many}; {result} = {self.name(_blanks)}({self.name(kind.python)}, count)")
+            with self.block(f"for {each}, {', '.join(plain.get(name, name) for name in names)} in zip({result}, *s)"):
+                self.line("; ".join(f"{target} = {value}" for target, value in pairs if value not in plain) or "pass")
 
     def function_for(self, kind: Type) -> str:
         """The name of the function that treats values of this type."""
@@ -122,6 +139,24 @@ def is_record(kind: Struct) -> bool:
         and made.__new__ is object.__new__
         and made.__setattr__ is object.__setattr__
     )
+
+
+def _blanks(made: type[Any], count: int) -> list[Any]:
+    pause = _COLLECTS_MEANWHILE and count > _YOUNG and gc.isenabled()
+    if pause:
+        gc.disable()
+    try:
+        return list(map(object.__new__, repeat(made, count)))
+    finally:
+        if pause:
+            gc.enable()
+
+
+_COLLECTS_MEANWHILE = sys.version_info < (3, 12)
+"""Whether Python looks for garbage again and again while nothing but new objects come into being."""
+
+_YOUNG = 700
+"""So many of them have it look, usually."""
 
 
 def _height(kind: Type, known: dict[int, int]) -> int:

@@ -151,10 +151,10 @@ def _check_convertible(array: _Array, dtype: np.dtype[Any]) -> None:
 def snapshot(value: Any, dtype: np.dtype[Any]) -> _Array:
     """`as_array`, read-only, and sharing nothing that anybody could still write to."""
     array = as_array(value, dtype)
-    return array if _is_frozen(array) else read_only(array.copy())
+    return array if is_frozen(array) else read_only(array.copy())
 
 
-def _is_frozen(owner: Any) -> bool:
+def is_frozen(owner: Any) -> bool:
     """Whether nobody can write to this memory: neither through this object, nor through one it is a view of."""
     while isinstance(owner, np.ndarray | memoryview):
         if isinstance(owner, memoryview):

@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 
 from benchmarks import goals, versus
-from benchmarks.check import Probe, compare
 from benchmarks.goals import Finding
+from benchmarks.guard import Probe, compare
 from benchmarks.parties import MIDDLEWARES
 from benchmarks.query import Row
 from benchmarks.rounds import Effort, Times, by_turns, difference, ratio
@@ -223,3 +223,9 @@ def test_a_ratio_that_was_too_large_by_chance_has_not_regressed() -> None:
 def test_what_cannot_be_measured_any_more_has_regressed() -> None:
     (row,) = compare(BEFORE, [probe(None, None, None, None)], Effort(1, 0.0))
     assert row.regressed
+
+
+def test_what_nobody_measured_before_is_told_and_has_not_regressed() -> None:
+    (row,) = compare({}, [probe(9.0)], Effort(1, 0.0))
+    assert row.found == 9.0
+    assert not row.regressed

@@ -305,7 +305,10 @@ def test_what_a_component_started_ends_with_it(folder: Path) -> None:
     wait_until(lambda: not alive(child))
 
 
-def test_nobody_survives_a_killed_deployer(folder: Path) -> None:
+def test_nobody_survives_a_killed_deployer_and_nothing_is_left(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
     path = network_of(
         folder,
         parent="echo parent $$; sleep 600 & echo child $!; exec sleep 600",
@@ -319,6 +322,7 @@ def test_nobody_survives_a_killed_deployer(folder: Path) -> None:
         assert all(map(alive, pids))
         deployer.kill()
     wait_until(lambda: not any(map(alive, pids)), SOON * 2)
+    wait_until(lambda: not list(tmp_path.iterdir()))
 
 
 def test_components_of_a_killed_deployer_still_finish(folder: Path) -> None:

@@ -15,7 +15,7 @@ import pytest
 from . import story
 from .conftest import COMPONENTS
 
-LIBRARIES = {"zeromq": "zmq", "dds": "cyclonedds", "zenoh": "zenoh"}
+LIBRARIES = {"zeromq": "zmq", "dds": "cyclonedds", "zenoh": "zenoh", "shm": "iceoryx2"}
 MIDDLEWARES = tuple(LIBRARIES)
 FAST = ("--set", "*.component.period=0.01", "--set", "world.component.period=0.005")
 

@@ -103,7 +103,7 @@ def test_what_is_told_of_a_qos_is_all_that_others_have_to_know_and_fits_into_nam
     assert re.fullmatch(r"[a-z0-9-]+", text)
     again = from_traits(text)
     assert shortfalls(qos, again) == shortfalls(again, qos) == []
-    assert again.lifespan == pytest.approx(qos.lifespan)
+    assert again.lifespan == pytest.approx(qos.lifespan, abs=1e-9)
 
 
 @given(st.text())

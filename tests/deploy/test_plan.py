@@ -222,6 +222,7 @@ WRONG = {
     "Component sensor { dependences laser; };": ["unknown-instance"],
     "Component a : sensor { dependences b; }; Component b : sensor { dependences a; };": ["dependence-cycle"],
     "Component sensor { dependences sensor; };": ["dependence-cycle"],
+    "Component sensor { dependences driver; }; Component driver { };": ["dependence-cycle"],
     "Component a : sensor { port 7; }; Component b : sensor { port 7; };": ["port-clash"],
     "Component sensor { port 70000; };": ["bad-port"],
     'Component sensor { path "nowhere"; };': ["missing-file"],
@@ -526,6 +527,14 @@ def test_instances_that_name_one_process_are_run_by_one_command(folder: Path) ->
     ]
 
 
+def test_one_may_be_alone_in_a_process_that_has_a_name(folder: Path) -> None:
+    found, _ = plan(folder, "Component sensor { process p; }; Component driver { dependences sensor; };")
+    assert found is not None
+    shown = [(process.name, process.instances, process.after) for process in found.processes]
+    assert shown == [("p", ("sensor",), ()), ("driver", ("driver",), ("p",))]
+    assert " + " not in command(found, "p")
+
+
 def test_those_that_share_a_process_may_talk_inside_of_it(folder: Path) -> None:
     inside = "Component sensor { process p; }; Component driver { process p; };"
     assert errors(folder, f"middleware inproc; {inside}") == []
@@ -554,6 +563,29 @@ def test_who_is_alone_in_a_process_is_named_for_a_middleware_that_stays_there(fo
     _, (found,) = plan(folder, body)
     assert found.message == "`inproc` does not reach other processes, and `filter` shares its own with nobody"
     assert found.span.text == "inproc"
+
+
+ENDLESS = {
+    "in one process": "Component sensor { process p; dependences driver; }; Component driver { process p; };",
+    "of two processes": """
+        Component sensor { process p; dependences filter; };
+        Component filter { process q; };
+        Component driver { process q; };
+    """,
+}
+
+
+@pytest.mark.parametrize("how", ENDLESS)
+def test_who_would_wait_forever_for_who_requires_it_is_told(folder: Path, how: str) -> None:
+    _, (found,) = plan(folder, ENDLESS[how])
+    assert found.code == "dependence-cycle"
+    assert found.span.text == ("driver" if how == "in one process" else "filter")
+    assert found.message == (
+        f"`sensor` would never start: `{found.span.text}` is not ready before that, "
+        "since `driver` requires `Laser` of `sensor`"
+    )
+    _, apart = plan(folder, ENDLESS["of two processes"].replace("process q;", ""))
+    assert apart == []
 
 
 # QoS.

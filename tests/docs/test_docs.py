@@ -89,6 +89,13 @@ def test_the_guide_to_state_machines_works_as_written(tmp_path: Path) -> None:
     assert (DOCS / "patrol.svg").read_text() == (tmp_path / "patrol.svg").read_text(), "draw it again"
 
 
+def test_the_guide_to_shared_processes_works_as_written(tmp_path: Path) -> None:
+    done = list(steps(DOCS / "processes.md"))
+    assert len(done) > 6
+    for step in done:
+        do(step, tmp_path)
+
+
 MIDDLEWARES = DOCS / "middlewares.md"
 
 

@@ -20,7 +20,7 @@ from robocomp_py.transports.base import Channel, Transport, TransportConfig, Tra
 from .components import Calculator, Diary, EverythingProxy, EverythingPublisher
 from .test_run import make, running
 
-MIDDLEWARES = ("inproc", "zeromq", "dds", "zenoh")
+MIDDLEWARES = ("inproc", "zeromq", "dds", "zenoh", "shm")
 RELIABLE = PRESETS["services_default"]
 
 

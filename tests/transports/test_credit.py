@@ -52,12 +52,21 @@ def test_who_left_and_came_back_between_two_looks_counts_from_when_it_came_back(
     assert [credit.wait(now(), still) for _ in range(2)] == [True, False]
 
 
-def test_of_large_messages_fewer_may_be_on_their_way_but_one_always() -> None:
+def test_what_is_on_its_way_is_limited_in_bytes_too_whatever_comes_next() -> None:
     credit = Credit(100, lambda: {1: 0})
-    assert [credit.wait(now(), still, BYTES_AHEAD // 3) for _ in range(4)] == [True, True, True, False]
-    credit.took(1, 3)
-    assert [credit.wait(now(), still, 2 * BYTES_AHEAD) for _ in range(2)] == [True, False]
+    assert [credit.wait(now(), still, size) for size in (BYTES_AHEAD - 1, 2 * BYTES_AHEAD, 1)] == [True, True, False]
+    credit.took(1, 1)
+    assert not credit.wait(now(), still, 1)
+    credit.took(1, 2)
     assert credit.wait(now(), still, 1)
+
+
+def test_what_all_have_taken_is_not_asked_before_it_matters() -> None:
+    looks = list[int]()
+    credit = Credit(4, lambda: looks.append(credit.sent) or {1: 0})  # type: ignore[func-returns-value]
+    assert not credit.claim()
+    assert [credit.wait(now(), still)] + [credit.claim() for _ in range(4)] == [True, True, True, True, False]
+    assert looks == [0]
 
 
 def test_lies_about_what_was_taken_gain_nothing() -> None:

@@ -56,7 +56,7 @@ from robocomp_py.transports.base import (
 )
 from robocomp_py.transports.crew import Crew
 from robocomp_py.transports.dds import DDSTransport
-from robocomp_py.transports.dds.domain import address_of, compose, settings
+from robocomp_py.transports.dds.domain import address_of, compose, note_on_sockets, settings
 from robocomp_py.transports.dds.serving import COMMANDS_WAITING, QUERIES_WAITING
 from robocomp_py.transports.dds.topics import MESSAGES_WAITING
 from robocomp_py.transports.dds.types import (
@@ -277,6 +277,35 @@ def test_the_librarys_tool_shows_topics_and_fields(here: DDSTransport, name: str
         return all(each in text for each in expected)
 
     wait_until(shown, SOON * 3)
+
+
+def test_the_librarys_tool_shows_the_values_of_what_is_published(here: DDSTransport, name: str) -> None:
+    outlet = here.outlet(Channel(name, Pattern.PUBLISH, type_of(e.echo_nested, Pattern.PUBLISH)))
+    value = e.Nested(points=[e.Point(1.5, -2.5)], names=["north", ""], by_number={3: "three"})
+    message = CODEC.encoder(e.echo_nested.request)((value,))
+    expected = (
+        f"fingerprint={e.echo_nested.fingerprint}",
+        "points=[Point(x=1.5, y=-2.5)]",
+        "names=['north', '']",
+        "(key=3, value='three')",
+    )
+    tool = Path(sys.executable).with_name("cyclonedds")
+    call = [tool, "subscribe", "--suppress-progress-bar", "--qos", "scan-random", f"rc/{name}"]
+    environment = os.environ | {"COLUMNS": "200", "NO_COLOR": "1", "PYTHONUNBUFFERED": "1"}
+    lines: list[str] = []
+    with subprocess.Popen(call, env=environment, stdout=subprocess.PIPE, text=True) as process:
+
+        def shown() -> bool:
+            outlet.send(message)
+            return all(any(each in line for line in lines) for each in expected)
+
+        reader = threading.Thread(target=lambda: [lines.append(line) for line in process.stdout or ()])
+        reader.start()
+        try:
+            wait_until(shown, SOON * 3)
+        finally:
+            process.kill()
+            reader.join()
 
 
 def test_octets_travel_where_the_fields_are_not_known(here: DDSTransport, there: DDSTransport, name: str) -> None:
@@ -919,6 +948,13 @@ def test_settings_of_the_user_reach_the_library(monkeypatch: pytest.MonkeyPatch,
     text = trace.read_text()
     assert "SPDPInterval" in text
     assert "65500" in text
+
+
+@pytest.mark.parametrize(("limit", "told"), [("212992", "holds 212 KB"), ("4194304", ""), ("", "")])
+def test_who_has_small_sockets_is_told_how_to_have_larger_ones(limit: str, told: str) -> None:
+    note = note_on_sockets(limit)
+    assert (told in note) if told else not note
+    assert "rmem_max=20000000" in note or not told
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
 from robocomp_py.contract.interface import Pattern
-from robocomp_py.contract.qos import Liveliness, QoS, Reliability
+from robocomp_py.contract.qos import History, Liveliness, QoS, Reliability
 from robocomp_py.runtime.ports import type_of
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.conformance import topic
@@ -82,6 +82,14 @@ def test_policies_are_those_of_dds_on_both_ends(here: DDSTransport, name: str, p
     assert isinstance(qos[Policy.Reliability], Policy.Reliability.Reliable)
     if publishes:  # who reads has none, in DDS
         assert qos[Policy.Lifespan] == Policy.Lifespan(2_000_000_000)
+
+
+def test_what_keeps_all_is_limited_for_dds_as_well(here: DDSTransport, name: str) -> None:
+    here.outlet(topic(name, QoS(Reliability.RELIABLE, history=History.KEEP_ALL)))
+    with _stranger() as participant:
+        qos = _told(participant, name, True)
+    assert qos[Policy.History] == Policy.History.KeepAll
+    assert qos[Policy.ResourceLimits].max_samples == 10_000
 
 
 def test_a_publisher_of_another_program_that_offers_less_is_heard_and_what_is_missing_is_told(

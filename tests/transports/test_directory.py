@@ -71,6 +71,18 @@ time.sleep(600)
     wait_until(lambda: not directory.find("serves", "a/b/c"))
 
 
+def test_what_one_left_who_was_killed_while_it_joined_is_removed_by_the_next_one(
+    directory: Directory, tmp_path: Path
+) -> None:
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    for name in (f"{dead.pid}-aa.lock", f"{dead.pid}-aa.draft", f"{os.getpid()}-bb.lock"):
+        (tmp_path / "transport" / name).touch()
+    member = directory.join("world")
+    member.close()
+    assert [path.name for path in (tmp_path / "transport").iterdir()] == [f"{os.getpid()}-bb.lock"]
+
+
 def test_leaving_removes_everything(directory: Directory, tmp_path: Path) -> None:
     member = directory.join("world")
     member.add(LASER)

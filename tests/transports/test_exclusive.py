@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import shutil
 import subprocess
 import sys
 import threading
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from robocomp_py.errors import AlreadyServed, TransportError
-from robocomp_py.transports.exclusive import claim, holder, is_claimed, try_claim
+from robocomp_py.transports.exclusive import claim, holder, is_claimed, sweep, try_claim
 
 NAME = "robot/world/Laser/getLaserData"
 
@@ -70,25 +73,58 @@ def test_closing_twice_does_not_give_back_what_is_anothers(tmp_path: Path) -> No
     second.close()
 
 
-def test_what_a_killed_process_had_is_free(tmp_path: Path) -> None:
+@contextmanager
+def victim(folder: Path, *names: str) -> Iterator[int]:
+    """A process that has claimed names, and is killed without having given them back; its id."""
     code = f"""
 import time
 from pathlib import Path
 from robocomp_py.transports.exclusive import claim
-mine = claim(Path({str(tmp_path)!r}), {NAME!r}, "victim")
+mine = [claim(Path({str(folder)!r}), name, "victim") for name in {names!r}]
 print("here", flush=True)
 time.sleep(600)
 """
-    victim = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
-    assert victim.stdout is not None
-    assert victim.stdout.readline() == b"here\n"
-    with pytest.raises(AlreadyServed, match=rf"victim \(pid {victim.pid}\)"):
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
+    assert process.stdout is not None
+    try:
+        assert process.stdout.readline() == b"here\n"
+        yield process.pid
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+
+
+def test_what_a_killed_process_had_is_free(tmp_path: Path) -> None:
+    with victim(tmp_path, NAME) as pid, pytest.raises(AlreadyServed, match=rf"victim \(pid {pid}\)"):
         claim(tmp_path, NAME, "heir")
-    victim.kill()
-    victim.wait()
-    victim.stdout.close()
     claim(tmp_path, NAME, "heir").close()
     assert files(tmp_path) == []
+
+
+def test_what_a_killed_process_left_is_removed_when_the_next_one_begins(tmp_path: Path) -> None:
+    with victim(tmp_path, NAME, NAME + "x"):
+        assert len(files(tmp_path)) == 2
+    with victim(tmp_path, NAME + "y"):  # which claims another name
+        assert [path.name for path in files(tmp_path)] == [f"{NAME}y.lock".replace("/", ".")]
+
+
+def test_what_the_living_have_is_not_removed(tmp_path: Path) -> None:
+    mine = claim(tmp_path, NAME, "world")
+    with victim(tmp_path, NAME + "x") as pid:
+        sweep(tmp_path)
+        assert len(files(tmp_path)) == 2
+    [lock] = [path for path in files(tmp_path) if path.stem.endswith("x")]
+    held = os.open(lock, os.O_RDWR)
+    fcntl.flock(held, fcntl.LOCK_EX)  # somebody whose id we do not see
+    sweep(tmp_path)
+    assert len(files(tmp_path)) == 2
+    with pytest.raises(AlreadyServed, match=rf"victim \(pid {pid}\)"):
+        claim(tmp_path, NAME + "x", "heir")
+    os.close(held)
+    sweep(tmp_path)
+    assert len(files(tmp_path)) == 1
+    mine.close()
 
 
 def test_of_many_at_once_one_has_it_also_while_others_give_it_back(tmp_path: Path) -> None:

@@ -19,7 +19,8 @@ class Hearing:
     """A subscription whose messages wait for each other until `deliver`."""
 
     def __init__(self, qos: QoS, heard: Callable[[str], object] | None = None) -> None:
-        self.now, self.stats, self.delivered = 100.0, Statistics(), []
+        self.now, self.stats = 100.0, Statistics()
+        self.delivered: list[object] = []
         self._sink: Sink = self._deliver
         channel = Channel("*/LaserPub/push", Pattern.PUBLISH, TypeRef("x"), qos, heard=heard)
         self.reception = Reception(channel, self.stats, self._through, lambda: self.now, self._stamp)

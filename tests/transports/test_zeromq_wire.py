@@ -44,13 +44,13 @@ class Outsider:
     """A program that knows nothing of us but the protocol."""
 
     def __init__(self) -> None:
-        self._context = zmq.Context()
-        self._sockets: list[zmq.Socket[Any]] = []
+        self.context = zmq.Context()
+        self.sockets: list[zmq.Socket[Any]] = []
 
     def socket(self, kind: int) -> zmq.Socket[Any]:
-        socket = self._context.socket(kind)
+        socket = self.context.socket(kind)
         socket.setsockopt(zmq.RCVTIMEO, int(SOON * 1000))
-        self._sockets.append(socket)
+        self.sockets.append(socket)
         return socket
 
     def dealer(self, address: str) -> zmq.Socket[Any]:
@@ -67,9 +67,9 @@ class Outsider:
         raise AssertionError("no free port")
 
     def close(self) -> None:
-        for socket in self._sockets:
+        for socket in self.sockets:
             socket.close(linger=0)
-        self._context.term()
+        self.context.term()
 
 
 @pytest.fixture
@@ -205,8 +205,7 @@ def test_garbage_on_a_topic_is_dropped_and_counted(
     address = f"ipc://{runtime_dir()}/forger"
     publisher.bind(address)
     outlet = transport.outlet(topic("a/b/c"))  # the true one; then the subscriber is made to hear the forger, too
-    with link._socket.lock:  # type: ignore[attr-defined]
-        link._socket.raw.connect(address)  # type: ignore[attr-defined]
+    link._connect(address, "a/b/c")  # type: ignore[attr-defined]
     publisher.recv()
     for number in range(200):
         publisher.send_multipart([b"a/b/c\0" + secrets.token_bytes(number % 33), b"x"])

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
+
 from robocomp_py.runtime.api import Field, Interface, Operation, Proxy
 
 from . import RoboCompCameraSimple
@@ -34,3 +36,22 @@ class CameraSimplePubPublisher(Proxy):
         IDSL: void pushImage(RoboCompCameraSimple::TImage image)
         """
         self._send(_CameraSimplePub_pushImage, (image,), deadline)
+
+    def loanPushImage(
+        self,
+        image: int | tuple[int, ...],
+        *,
+        deadline: float | None = None,
+    ) -> AbstractContextManager[RoboCompCameraSimple.TImage]:
+        """`pushImage` with an array of this shape to fill, where the message is sent
+        from.
+
+        Leaving the block sends it, unless by an exception. The array is not zeros to
+        begin with, and not ours any more in the end.
+        """
+        return self._loan(
+            _CameraSimplePub_pushImage,
+            RoboCompCameraSimple.TImage,
+            (image,),
+            deadline,
+        )

@@ -49,6 +49,9 @@ def settings(interface: str, domain: int = 0) -> dict[tuple[str, str], str]:
         found["Internal", "NackDelay"] = "10ms"  # what is lost here did not fit the socket's buffer: ask at once
         found["Internal", "MaxQueuedRexmitBytes"] = "16MB"
         found["General", "AllowMulticast"] = "false"
+        # Who starts tells all participants that there might be, and hears from those that there are. To go on telling
+        # the 250 others every second, as the library does for half a minute, takes 0.2 % of a core.
+        found["Discovery", "InitialLocatorPruneDelay"] = "5s"
         found["Discovery", "Peers"] = '<Peer Address="127.0.0.1"/>' + "".join(map(partial(_beacon, domain), _own()))
     return found
 
@@ -82,6 +85,28 @@ def address_of(interface: str) -> str:
 
 
 _SIOCGIFADDR = 0x8915
+
+
+LITTLE = 1_000_000
+"""Octets that a socket should be able to hold, at least."""
+
+
+def note_on_sockets(limit: str) -> str:
+    """What to tell people about this `net.core.rmem_max`, if anything."""
+    if not limit.isdecimal() or int(limit) >= LITTLE:
+        return ""
+    return (
+        f"dds: a socket of this host holds {int(limit) // 1000} KB at most, so parts of large messages may get lost "
+        "while it is busy, and be sent again; for more: sysctl -w net.core.rmem_max=20000000"
+    )
+
+
+def _limit_of_sockets() -> str:
+    try:
+        with open("/proc/sys/net/core/rmem_max", encoding="ascii") as file:
+            return file.read().strip()
+    except OSError:  # not Linux, or hidden from us
+        return ""
 
 
 _WHERE = {("General", "Interfaces"), ("General", "AllowMulticast"), ("Discovery", "Peers")}
@@ -182,6 +207,9 @@ def open_domain(id: int, interface: str) -> None:
         domain, used, users = _domains.get(id, (None, asked, 0))
         if users == 0:
             keep_memory()
+            note = note_on_sockets(_limit_of_sockets())
+            if note:
+                log.info("%s", note)
             domain = _new_domain(id, config, asked)
         elif used != asked:
             log.warning("domain %d is open in this process with other settings; they stay", id)

@@ -72,7 +72,7 @@ def endpoint_qos(history: Any, *more: Any, reliability: Any = _RELIABLE) -> Qos:
 
 def topic_qos(channel: Channel, *more: Any, common: Callable[..., Qos] = endpoint_qos) -> Qos:
     qos = channel.qos
-    more = (*more, *_times(qos))
+    more = (*more, *_policies(qos))
     newest = Policy.History.KeepLast(max(depth_of(channel), 8))  # for a moment: what waits for a sink is the lane's
     if not qos.latched:
         return common(Policy.History.KeepAll if qos.reliable else newest, *more)
@@ -85,8 +85,10 @@ def topic_qos(channel: Channel, *more: Any, common: Callable[..., Qos] = endpoin
     )
 
 
-def _times(qos: QoS) -> Iterator[Any]:
-    """The policies that have to do with time, as DDS has them."""
+def _policies(qos: QoS) -> Iterator[Any]:
+    """Those that mean the same in DDS."""
+    if qos.history is History.KEEP_ALL:
+        yield Policy.ResourceLimits(KEEP_ALL_DEPTH, -1, KEEP_ALL_DEPTH)
     if qos.deadline is not None:
         yield Policy.Deadline(_nanoseconds(qos.deadline))
     if qos.lifespan is not None:

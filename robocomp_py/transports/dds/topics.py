@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from cyclonedds.core import Qos
 
-from ...contract.qos import QoS, from_traits, shortfalls
+from ...contract.qos import Liveliness, QoS, from_traits, shortfalls
 from ...errors import (
     DecodeError,
     Timeout,
@@ -193,7 +193,7 @@ class Publisher(Link):
 
     def _limits_changed(self) -> None:
         """With the lock of `_room`."""
-        self._limit = min(self._limits.values(), default=_NONE)
+        self._limit = min(self._limits.values(), default=_NONE) if self._credits else _NONE
         self._room.notify_all()
 
     def _on_credit(self) -> list[Job]:
@@ -308,7 +308,9 @@ class Subscriber(Link):
         return [_source(each) for each in self.counterparts() if self._lives(each)]
 
     def _lives(self, publisher: Endpoint) -> bool:
-        """Whether a publisher's process is there, and DDS has heard of it in time; asked for a `lease` only."""
+        """Whether DDS has heard of a publisher's process in time. What one does not send is the watch's business."""
+        if from_traits(publisher.traits).liveliness is Liveliness.MANUAL_BY_TOPIC:
+            return True
         heard = self._heard.get(publisher.channel)
         return bool(heard and any(reader.alive() for reader in heard.readers()))
 

@@ -18,14 +18,11 @@ from ..announced import AnnouncedLink
 from ..base import STATUSES, Channel, Reply, Status, TypeRef, answered, mismatch
 from ..directory import Member
 from ..pending import Pending
-from .mail import Line, Post, packed, persist
+from .mail import KNOCK, Line, Post, packed, persist
 from .samples import HEAD_BYTES, size_of
 
 if TYPE_CHECKING:
     from .transport import ShmTransport
-
-_SLICE = 0.05
-"""A call that waits looks this often whether its server lives and its own link is open."""
 
 
 class Peer:
@@ -34,6 +31,8 @@ class Peer:
     def __init__(self, transport: ShmTransport, member: Member) -> None:
         self.id, self.key = member.id, packed(member.id)
         self.closed = False
+        self.unsettled = False
+        """Whether a command was sent that may not have been taken yet."""
         self._transport = transport
         self._idle: list[Line] = []
         self.post = Post(transport.node, packed(transport.member.id), member.id, 0)
@@ -51,6 +50,25 @@ class Peer:
             except IndexError:  # another thread was quicker
                 pass
         return self._transport.new_line()
+
+    def settle(self, end: float) -> None:
+        """Wait until all commands were taken. What is on its way to somebody who has not yet looked goes when we go."""
+        if not self.unsettled or not self.alive():
+            return
+        line = self.take()
+        try:
+            number = random_id()
+            header = pack_request(Flag.NONE, 0, 0, number, max(0.0, end - time.monotonic()))
+            knock = partial(self.post.send, line.number, KNOCK, header, b"", 0)
+            if not persist(knock, end, lambda: None, threading.Event()):
+                return
+            while time.monotonic() < end and self.alive():
+                line.rung(end - time.monotonic())
+                while (message := line.read()) is not None:
+                    if reply_at(message.octets, HEAD_BYTES).sequence == number:
+                        return
+        finally:
+            self.give(line)
 
     def give(self, line: Line) -> None:
         self._idle.append(line)
@@ -155,6 +173,7 @@ class CommandOutlet(AskingLink):
             self.check_open()
             peer, to = self.server(fresh=True)  # nobody would tell that it does not serve this any more
             _, header = self.request(Flag.ONEWAY, deadline)
+            peer.unsettled = True
             send = partial(peer.post.send, 0, to, header, payload, size_of(payload))
             if not persist(send, end, partial(self.still, peer), self.closed):
                 self.still(peer)
@@ -254,7 +273,7 @@ class Caller(AskingLink):
                 left = end - time.monotonic()
                 if left <= 0:
                     raise Timeout(f"{self.channel.name}: no answer in {deadline:g} s")
-                rung = line.wait(left if left < _SLICE else _SLICE)
+                rung = line.rung(left)
                 while (message := line.read()) is not None:
                     try:
                         found = reply_at(message.octets, HEAD_BYTES)

@@ -21,6 +21,11 @@ def bell_of(number: int) -> int:
     return 1 + number % (BELLS - 2)
 
 
+SLICE = 0.05
+"""Seconds after which somebody who waits for one thing looks whether there is still a point in it."""
+
+_SLICE = iceoryx2.Duration.from_micros(int(SLICE * 1e6))
+
 _NUMBERS = [iceoryx2.EventId.new(number) for number in range(BELLS)]
 
 
@@ -32,16 +37,23 @@ class Bell:
 
     def wait(self, seconds: float) -> list[int]:
         """Wait until it rings, at most so long; what was rung since the last time, which may be nothing."""
+        return [each.id.as_value for each in self._wait(iceoryx2.Duration.from_micros(max(1, int(seconds * 1e6))))]
+
+    def rung(self, seconds: float) -> bool:
+        """Wait likewise; whether it rang."""
+        duration = _SLICE if seconds >= SLICE else iceoryx2.Duration.from_micros(max(1, int(seconds * 1e6)))
+        return bool(self._wait(duration))
+
+    def _wait(self, duration: Any) -> Any:
         listener = self._listener
         if listener is None:
-            return []
+            return ()
         try:
-            rung = listener.timed_wait(iceoryx2.Duration.from_micros(max(1, int(seconds * 1e6))))
+            return listener.timed_wait(duration)
         except iceoryx2.ListenerWaitError as exc:
             if str(exc) == "InterruptSignal":
-                return []
+                return ()
             raise TransportError(f"shm: waiting: {exc}") from exc
-        return [each.id.as_value for each in rung]
 
     def close(self) -> None:
         self._listener = None

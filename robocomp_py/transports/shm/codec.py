@@ -11,7 +11,7 @@ import numpy as np
 from ...contract.types import Sequence, Struct, Type, children
 from ...wire.cdr import Cdr
 from ...wire.codec import Encoder, Payload
-from ...wire.values import snapshot as frozen
+from ...wire.values import is_frozen, read_only
 
 APART = 16 * 1024
 """Arrays of so many bytes stay apart."""
@@ -19,8 +19,14 @@ APART = 16 * 1024
 _Array = np.ndarray[Any, np.dtype[Any]]
 
 
+class Parts(list[Any]):
+    """A payload to be sent: octets and arrays, by turns."""
+
+    size: int
+
+
 class ApartCdr(Cdr):
-    """A payload to be sent is octets, or a list of octets and arrays. One that was received is octets, always."""
+    """A payload to be sent is octets, or `Parts`. One that was received is octets, always."""
 
     def encoder(self, message: Struct, *, snapshot: bool = True) -> Encoder:
         if not _has_arrays(message, set()):
@@ -45,16 +51,23 @@ def _encode(pieces: Encoder, kept: Callable[[_Array], _Array], values: tuple[Any
     return b"".join(parts)
 
 
-def _apart(parts: list[Any], kept: Callable[[_Array], _Array]) -> list[Any]:
-    result: list[Any] = []
+def _apart(parts: list[Any], kept: Callable[[_Array], _Array]) -> Parts:
+    result = Parts()
     between: list[Any] = []
+    size = 0
     for part in parts:
         if type(part) is np.ndarray and part.nbytes >= APART:
-            result += [b"".join(between), kept(part)]
+            octets = b"".join(between)
+            result += octets, kept(part)
+            size += len(octets) + part.nbytes
             between = []
         else:
             between.append(part)
-    return [*result, b"".join(between)]
+    if between:
+        result.append(b"".join(between))
+        size += len(result[-1])
+    result.size = size
+    return result
 
 
 def _shared(array: _Array) -> _Array:
@@ -62,4 +75,4 @@ def _shared(array: _Array) -> _Array:
 
 
 def _copied(array: _Array) -> _Array:
-    return frozen(array, array.dtype)
+    return array if is_frozen(array) else read_only(array.copy())

@@ -12,7 +12,7 @@ from ...errors import Closed, DecodeError, TransportError
 from ...wire.header import NO_DEADLINE, Flag, Request, pack_reply, reply_at, request_at
 from ..base import Reply, Status
 from ..crew import Job
-from .mail import Mailbox, Post, packed, persist, unpacked
+from .mail import KNOCK, Mailbox, Post, packed, persist, unpacked
 from .samples import HEAD_BYTES, Message, size_of
 
 if TYPE_CHECKING:
@@ -87,6 +87,8 @@ class Desk:
 
     def _accept(self, message: Message) -> Job | None:
         request = request_at(message.octets, HEAD_BYTES)
+        if message.to == KNOCK:
+            return partial(self.reply, message.member, message.line, request, 0.0, Reply(Status.OK))
         link = self.serving.get(message.to)
         limited = request.remaining_ms != NO_DEADLINE
         expires = time.monotonic() + request.remaining_ms / 1000 if limited else float("inf")
@@ -124,8 +126,9 @@ class Desk:
     def _answer(self, post: Post, member: int, request: Request, expires: float, reply: Reply) -> None:
         payload = b"" if reply.payload is None else reply.payload
         header = pack_reply(reply.status, request.client, request.sequence, self._transport.incarnation)
-        send = partial(post.send, 0, 0, header, payload, size_of(payload))
-        if not send():
+        size = size_of(payload)
+        if not post.send(0, 0, header, payload, size):
+            send = partial(post.send, 0, 0, header, payload, size)
             self._transport.do(partial(self._insist, send, member, min(expires, time.monotonic() + INSISTING)))
 
     def _insist(self, send: partial[bool], member: int, end: float) -> None:

@@ -66,14 +66,15 @@ class Loop:
         """Tick now: something became due earlier."""
         self._own.ring(LOOK)
 
-    def receive(self) -> list[Job]:
-        if time.monotonic() >= self._next_tick:
-            self._next_tick = time.monotonic() + self._tick()
+    def receive(self) -> Iterable[Job]:
+        now = time.monotonic()
+        if now >= self._next_tick:
+            self._next_tick = now + self._tick()
         if self._mail and (job := self._letter()):
-            return [job]
+            return (job,)
         self._sleeping = True  # before looking at what is ready: whoever adds to it later sees this, and rings
         busy = self._mail or self._ready or self._jobs
-        rung = self._bell.wait(0.0 if busy else max(0.0, self._next_tick - time.monotonic()))
+        rung = self._bell.wait(0.0 if busy else max(0.0, self._next_tick - now))
         self._sleeping = False
         for number in rung:
             if number == MAIL:
@@ -82,6 +83,8 @@ class Loop:
                 self._next_tick = 0.0
             else:
                 self._ready.extend(self._attending[number])
+        if self._mail and not self._ready and not self._jobs and (job := self._letter()):
+            return (job,)
         for _ in range(len(self._ready)):
             link = self._ready.popleft()
             try:

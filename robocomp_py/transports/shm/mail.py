@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable
 
+from ...errors import TransportError
 from ...wire.codec import Payload
 from .bells import MAIL, Bell, Rope
 from .node import PORTS, Node
@@ -26,6 +27,12 @@ KEPT = 16
 
 _LOANS = 16
 """Letters to one queue that may be written at the same time."""
+
+KNOCK = 0xFFFFFFFF
+"""Whom a letter is for that wants nothing but an answer, which tells that all before it were taken."""
+
+LINGER = 0.5
+"""Seconds for which closing waits for what was sent last to be taken."""
 
 _LONGEST_PAUSE = 0.005
 """Seconds between two attempts to send, when there is no room."""
@@ -63,7 +70,7 @@ class Line:
         name = queue_of(member_id, number)
         self._reader = Reader(node.new_queue(name, ANSWERS, KEPT + 1, 2, lossy=True), KEPT)
         self._bell = Bell(node, name)
-        self.read, self.wait = self._reader.read, self._bell.wait
+        self.read, self.rung = self._reader.read, self._bell.rung
 
     def close(self) -> None:
         self._reader.close()
@@ -76,18 +83,24 @@ class Post:
     def __init__(self, node: Node, own: int, member_id: str, line: int) -> None:
         name = queue_of(member_id, line)
         self._own = own
+        self._closed = False
         self._rope = Rope(node, name)
         self._writer = Writer(node.queue(name, _LOANS))
 
     def send(self, line: int, to: int, header: bytes, payload: Payload, size: int) -> bool:
         """Whether it was sent; if not, there is no room now, or nobody reads there any more."""
-        room = self._writer.room(size)
-        if room is None or not room.fill_and_send(self._own, line, to, header, payload, size):
-            return False
+        try:
+            if not self._writer.send(self._own, line, to, header, payload, size):
+                return False
+        except TransportError:
+            if self._closed:  # meanwhile, since nobody reads there any more
+                return False
+            raise
         self._rope.ring(MAIL)
         return True
 
     def close(self) -> None:
+        self._closed = True
         self._writer.close()
         self._rope.close()
 

@@ -17,6 +17,7 @@ import fcntl
 import hashlib
 import os
 import shutil
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -42,6 +43,9 @@ SHARED_MEMORY = "/dev/shm"
 _FIRST_BYTES = 4096
 """Size of the samples that a port begins with; it grows by powers of two."""
 
+_PATIENCE = 5.0
+"""Seconds for which we wait for those who enter or leave just now."""
+
 _PATIENCE_MS = 500
 """How long iceoryx2 waits for somebody who is about to create something, and the interpreter with it."""
 
@@ -58,12 +62,17 @@ def as_transport_error(doing: str) -> Iterator[None]:
         raise TransportError(f"shm: {doing}: {exc}") from exc
 
 
+def prefix(folder: Path) -> str:
+    """What the names of all that is in shared memory begin with, for a folder and its user."""
+    return "rc" + hashlib.sha256(f"{os.getuid()}:{folder.resolve()}".encode()).hexdigest()[:8] + "_"
+
+
 class Node:
     """This process, or one of its transports, as iceoryx2 sees it. Names are unique among all nodes of the folder."""
 
     def __init__(self, folder: Path) -> None:
         self._root = folder / "i"
-        self._prefix = "rc" + hashlib.sha256(f"{os.getuid()}:{folder.resolve()}".encode()).hexdigest()[:8] + "_"
+        self._prefix = prefix(folder)
         longest = len(os.fsencode(self._root / f"{self._prefix}{2**128}.event"))
         if longest > 107:
             raise ConfigurationError(
@@ -208,7 +217,15 @@ class _Lock:
         except OSError as exc:
             raise TransportError(f"shm: {self._path}: {exc.strerror}") from exc
         try:
-            fcntl.flock(held, fcntl.LOCK_EX)
+            end = time.monotonic() + _PATIENCE
+            while True:
+                try:
+                    fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    break
+                except BlockingIOError:
+                    if time.monotonic() >= end:
+                        raise TransportError(f"shm: {self._path} is locked, for {_PATIENCE:g} s") from None
+                    time.sleep(0.001)
             yield
         finally:
             os.close(held)

@@ -28,6 +28,8 @@ _NUMBER = struct.Struct("<Q")
 _TAKEN, _CALL = 8, 16
 _SIZE = SLOTS * _SLOT.size
 
+_LONGEST_PAUSE = 0.001
+
 _SLICE = 0.02
 """Seconds between two looks at the receipts by a publisher that waits, though it is woken."""
 
@@ -38,16 +40,16 @@ class Receipts:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._slots: dict[int, int] = {}
+        self._free = list(range(SLOTS))[::-1]
         with _mapping(path, os.O_CREAT | os.O_EXCL | os.O_RDWR) as descriptor:
             os.ftruncate(descriptor, _SIZE)
             self._map = mmap.mmap(descriptor, _SIZE)
 
     def begin(self, source: int) -> None:
         """Before that publisher can be heard. Raises TransportError if there are too many."""
-        free = next((slot for slot in range(SLOTS) if slot not in self._slots.values()), None)
-        if free is None:
+        if not self._free:
             raise TransportError(f"shm: more than {SLOTS} publishers of one reliable topic")
-        self._slots[source] = free
+        self._slots[source] = free = self._free.pop()
         _SLOT.pack_into(self._map, free * _SLOT.size, source, 0, 0)
 
     def took(self, source: int, sequence: int) -> bool:
@@ -64,6 +66,7 @@ class Receipts:
         slot = self._slots.pop(source, None)
         if slot is not None:
             _SLOT.pack_into(self._map, slot * _SLOT.size, 0, 0, 0)
+            self._free.append(slot)
 
     def close(self) -> None:
         with contextlib.suppress(OSError):
@@ -123,6 +126,12 @@ class Credit:
             self._called.wait(min(left, _SLICE))
             still()
         return True
+
+    def settle(self, sent: int, patience: float) -> None:
+        """Wait until all was taken, at most so long."""
+        end = time.monotonic() + patience
+        while self._slowest(sent) < sent and (left := end - time.monotonic()) > 0:
+            time.sleep(min(left, _LONGEST_PAUSE))
 
     def called(self) -> None:
         """A reader has rung."""

@@ -17,6 +17,8 @@ import ctypes
 import mmap
 import operator
 import struct
+from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import iceoryx2
@@ -24,6 +26,7 @@ import numpy as np
 
 from ...errors import TransportError
 from ...wire.codec import MAX_BYTES, Payload
+from .codec import Parts
 from .node import as_transport_error, free, full
 
 HEAD = struct.Struct("<IIQII")
@@ -34,8 +37,14 @@ _BEFORE = HEAD_BYTES + _HEADER_BYTES
 """Octets in front of the earliest payload. Its fields come four octets later, behind the encapsulation."""
 
 _ALIGNED = 64
+
+_FREE = tuple(bytes(_HEADER_BYTES - header) for header in range(_HEADER_BYTES + 1))
+"""What fills up headers."""
 _SHORT = 16 * 1024
 """What has fewer octets is copied sooner than looked at where it lies."""
+
+_LONG = 256 * 1024
+"""While so many octets are copied, other threads may run."""
 
 _PAGE = mmap.PAGESIZE
 _POPULATE_WRITE = 23
@@ -44,11 +53,11 @@ _POPULATE_WRITE = 23
 _library = ctypes.CDLL(None, use_errno=True)
 _madvise = _library.madvise
 _madvise.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int)
-_copy_long = ctypes.CDLL(None).memmove  # lets other threads run meanwhile
-_copy_short = ctypes.PyDLL(None).memmove
-for _copy in (_copy_long, _copy_short):
-    _copy.argtypes = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t)
-    _copy.restype = None
+_copy = ctypes.PyDLL(None).memmove  # keeps other threads from running meanwhile: for what takes no time
+_copy.argtypes = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t)
+_copy.restype = None
+
+_NOTHING = memoryview(b"")
 
 
 class Message(NamedTuple):
@@ -69,41 +78,53 @@ class Writer:
         # Without the checks of the public methods, which take as long as all the rest; with them, should these go away.
         self._loan = getattr(port, "__loan_slice_uninit", port.loan_slice_uninit)
         self._largest = 0
-        self._owned: dict[int, int] = {}
-        """Of each piece of memory that we were given, how much of it we have touched."""
+        self._memory: dict[int, memoryview] = {}
+        """What we were given so far, by its address: as much of each piece as we have touched."""
         self._mapped: dict[int, memoryview] = {}
 
-    def room(self, size: int) -> Room | None:
-        """Memory for a payload; None if all of ours is in use. Raises TransportError if there is no more of it."""
-        if size > MAX_BYTES:
-            raise TransportError(f"shm: {size} bytes; a message may have {MAX_BYTES}")
-        whole = _BEFORE + _ALIGNED + size
-        if whole > self._largest:
-            self._largest = whole
-            self._owned.clear()  # it may lie elsewhere now
-            self._mapped.clear()
-        try:
-            sample = self._loan(whole)
-        except iceoryx2.LoanError as exc:
-            if str(exc) in _ALL_IN_USE:
+    def send(self, member: int, line: int, to: int, header: bytes, payload: Payload, size: int) -> int | None:
+        """How many readers had room for it; None if all of our memory is in use.
+
+        The payload is octets, or parts. Raises TransportError if there is no more memory.
+        """
+        if size < _SHORT:
+            sample, address, _ = self._room(_BEFORE + size)
+            if sample is None:
                 return None
-            raise TransportError(f"shm: {whole} bytes cannot be had: {exc}") from exc
-        address = sample.payload_ptr
-        if self._owned.get(address, 0) < whole:
-            _own(address, whole)
-            self._owned[address] = whole
-        return Room(sample, address, whole)
+            whole = b"".join((HEAD.pack(_BEFORE, size, member, line, to), header, _FREE[len(header)], payload))
+            _copy(address, whole, len(whole))
+            return _send(sample)
+        sample, address, memory = self._room(_BEFORE + _ALIGNED + size)
+        if sample is None:
+            return None
+        begin = _BEFORE + (-address - _BEFORE - 4) % _ALIGNED
+        head = HEAD.pack(begin, size, member, line, to) + header
+        _copy(address, head, len(head))
+        at = begin
+        for part in payload if type(payload) is Parts else (payload,):
+            if type(part) is np.ndarray:
+                end = at + part.nbytes
+                octets: Any = part if part.dtype == np.uint8 else part.view(np.uint8)
+                if part.nbytes < _LONG:
+                    memory[at:end] = octets
+                else:
+                    np.copyto(np.frombuffer(memory[at:end], np.uint8), octets)
+            else:
+                end = at + len(part)
+                memory[at:end] = part
+            at = end
+        return _send(sample)
 
     def lend(self, size: int) -> Loaned | None:
-        """Like `room`, but for somebody who writes there himself."""
-        room = self.room(size)
-        if room is None:
+        """Memory for a payload that somebody writes himself; None if all of ours is in use. Raises as `send` does."""
+        whole = _BEFORE + _ALIGNED + size
+        sample, address, _ = self._room(whole)
+        if sample is None:
             return None
-        address, whole = room.address, room.whole
         if len(self._mapped.get(address, b"")) < whole:
             self._mapped[address] = _mapped(address, whole)
         at = _BEFORE + (-address - _BEFORE) % _ALIGNED
-        return Loaned(room, at, self._mapped[address][at : at + size])
+        return Loaned(sample, address, at, self._mapped[address][at : at + size])
 
     def greet(self) -> None:
         """Give the history to those who have begun to read."""
@@ -114,7 +135,47 @@ class Writer:
 
     def close(self) -> None:
         """Let go of the port; it is gone once nobody uses it any more."""
-        self._port = self._loan = None
+        self._port = None
+        self._loan = _closed
+
+    def _room(self, whole: int) -> tuple[Any, int, memoryview]:
+        """A sample of that size, where it lies, and its memory; or None, if all of ours are in use."""
+        if whole > self._largest:
+            self._grow(whole)
+        try:
+            sample = self._loan(whole)
+        except iceoryx2.LoanError as exc:
+            if str(exc) in _ALL_IN_USE:
+                return None, 0, _NOTHING
+            raise TransportError(f"shm: {whole} bytes cannot be had: {exc}") from exc
+        address = sample.payload_ptr
+        memory = self._memory.get(address, _NOTHING)
+        if len(memory) < whole:
+            _own(address, whole)
+            self._memory[address] = memory = memoryview((ctypes.c_uint8 * whole).from_address(address)).cast("B")
+        return sample, address, memory
+
+    def _grow(self, whole: int) -> None:
+        if whole > MAX_BYTES + _BEFORE + _ALIGNED:
+            raise TransportError(f"shm: {whole} bytes; a message may have {MAX_BYTES}")
+        self._largest = whole
+        self._memory.clear()  # it may lie elsewhere now
+        self._mapped.clear()
+
+
+class Loaned(NamedTuple):
+    """Memory that somebody writes to, ours until it is sent or forgotten."""
+
+    sample: Any
+    address: int
+    at: int
+    data: memoryview
+
+    def send(self, header: bytes, begin: int, end: int) -> int:
+        """Send what was written from `begin` to `end`; how many readers had room for it."""
+        head = HEAD.pack(self.at + begin, end - begin, 0, 0, 0) + header
+        _copy(self.address, head, len(head))
+        return _send(self.sample)
 
 
 _ready = operator.methodcaller("__assume_init" if hasattr(iceoryx2.SampleMutUninit, "__assume_init") else "assume_init")
@@ -122,71 +183,24 @@ _length = operator.attrgetter("__slice_len" if hasattr(iceoryx2.Sample, "__slice
 
 _ALL_IN_USE = ("OutOfMemory", "ExceedsMaxLoanedSamples", "ExceedsMaxLoans")
 
-
-class Room(NamedTuple):
-    """Memory for one message, ours until it is sent or forgotten."""
-
-    sample: Any
-    address: int
-    whole: int
-
-    def send(self, header: bytes, begin: int, size: int) -> int:
-        """Send the payload that was written there; how many readers had room for it."""
-        _copy_short(self.address, HEAD.pack(begin, size, 0, 0, 0) + header, HEAD_BYTES + len(header))
-        return self._send()
-
-    def fill_and_send(self, member: int, line: int, to: int, header: bytes, payload: Payload, size: int) -> int:
-        """The same, after writing the payload: octets, or a list of those and arrays."""
-        address = self.address
-        begin = _BEFORE + (-address - _BEFORE - 4) % _ALIGNED
-        head = HEAD.pack(begin, size, member, line, to) + header
-        if size < _SHORT:
-            data = payload if type(payload) is bytes else b"".join(payload) if type(payload) is list else bytes(payload)
-            octets = head + bytes(begin - len(head)) + data
-            _copy_short(address, octets, len(octets))
-        else:
-            _copy_short(address, head, len(head))
-            at = address + begin
-            for part in payload if type(payload) is list else (payload,):
-                at = _write(at, part)
-        return self._send()
-
-    def _send(self) -> int:
-        sample = self.sample
-        ready = _ready(sample)
-        with as_transport_error("sending"):
-            taken: int = ready.send()
-        return taken
+# What happens with every message is caught where it happens: entering a context takes longer than sending a message.
 
 
-class Loaned(NamedTuple):
-    """Room that somebody writes to."""
+def _send(sample: Any) -> int:
+    try:
+        taken: int = _ready(sample).send()
+    except iceoryx2.SendError as exc:
+        raise TransportError(f"shm: sending: {exc}") from exc
+    return taken
 
-    room: Room
-    at: int
-    data: memoryview
 
-    def send(self, header: bytes, begin: int, end: int) -> int:
-        """Send what was written from `begin` to `end`."""
-        return self.room.send(header, self.at + begin, end - begin)
+def _closed(size: int) -> Any:
+    raise TransportError("shm: this end is closed")
 
 
 def size_of(payload: Payload) -> int:
     """Octets of what a codec made."""
-    if type(payload) is list:
-        return sum(part.nbytes if isinstance(part, np.ndarray) else len(part) for part in payload)
-    return len(payload)
-
-
-def _write(at: int, part: Any) -> int:
-    source: bytes | int
-    if isinstance(part, bytes):
-        size, source = len(part), part
-    else:
-        array = part if isinstance(part, np.ndarray) else np.frombuffer(part, np.uint8)
-        size, source = array.nbytes, array.ctypes.data
-    (_copy_long if size >= _SHORT else _copy_short)(at, source, size)
-    return at + size
+    return payload.size if type(payload) is Parts else len(payload)
 
 
 def _own(address: int, size: int) -> None:
@@ -249,8 +263,10 @@ class Reader:
         port = self._port
         if port is None:
             return None
-        with as_transport_error("receiving"):
+        try:
             return port.receive()
+        except iceoryx2.ReceiveError as exc:
+            raise TransportError(f"shm: receiving: {exc}") from exc
 
     def _message(self, sample: Any) -> Message | None:
         address = sample.payload_ptr
@@ -262,7 +278,7 @@ class Reader:
             begin, size, member, line, to = HEAD.unpack_from(octets)
             if begin + size > whole:
                 return None
-            return Message(to, member, line, octets, memoryview(octets)[begin : begin + size])
+            return _message((to, member, line, octets, memoryview(octets)[begin : begin + size]))
         octets = ctypes.string_at(address, _BEFORE)
         begin, size, member, line, to = HEAD.unpack_from(octets)
         if begin + size > whole:
@@ -275,7 +291,10 @@ class Reader:
             lent = _Lent.from_address(address + begin)
             lent.sample, lent.out = sample, self._out
             payload = memoryview(lent).cast("B")[:size].toreadonly()
-        return Message(to, member, line, octets, payload)
+        return _message((to, member, line, octets, payload))
+
+
+_message: Callable[[tuple[int, int, int, bytes, Payload]], Message] = partial(tuple.__new__, Message)
 
 
 class _Lent(ctypes.c_uint8 * MAX_BYTES):  # type: ignore[misc]  # a class that ctypes makes

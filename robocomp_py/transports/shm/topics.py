@@ -20,9 +20,10 @@ from ..directory import Member
 from ..ledger import Ledger
 from ..reception import Reception
 from .bells import LOOK, Rope, bell_of
+from .mail import LINGER
 from .receipts import Credit, Receipts
 from .receipts import Reader as Receiver
-from .samples import HEAD_BYTES, Loaned, Message, Reader, Room, Writer, size_of
+from .samples import HEAD_BYTES, Loaned, Message, Reader, Writer, size_of
 
 if TYPE_CHECKING:
     from .transport import ShmTransport
@@ -85,11 +86,13 @@ class Publisher(AnnouncedLink["ShmTransport"]):
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
         with self._turn(deadline) as end:
             if self._is_to_be_written(end, deadline):
-                size = size_of(payload)
-                room = self._room(size, end, deadline)
-                if room:
-                    room.fill_and_send(0, 0, 0, self._header(), payload, size)
-                    self._ring()
+                writer, size = self._writer, size_of(payload)
+                assert writer
+                header = self._header()
+                while writer.send(0, 0, 0, header, payload, size) is None:
+                    if not self._await_memory(end, deadline):
+                        return
+                self._ring()
 
     def loan(self, size: int) -> _Loan:
         self.check_open()
@@ -154,6 +157,7 @@ class Publisher(AnnouncedLink["ShmTransport"]):
         self.transport.forget(self._number, self)
         if self._writer:
             self._credit.called()
+            self._credit.settle(self._sent, LINGER)
             with self._looking:
                 self._writer.close()
                 self._service = None
@@ -179,21 +183,17 @@ class Publisher(AnnouncedLink["ShmTransport"]):
                 raise Timeout(f"{self.channel.name}: a subscriber did not keep up for {deadline:g} s")
         return self.heard
 
-    def _room(self, size: int, end: float, deadline: float) -> Room | None:
-        """Memory for a message; None if it is given up, since who does not wait for readers does not wait for this."""
-        while True:
-            assert self._writer
-            room = self._writer.room(size)
-            if room:
-                return room
-            if not self._lossless:
-                self._sent += 1  # so that it is missed
-                self.stats.dropped += 1
-                return None
-            if time.monotonic() >= end:
-                raise Timeout(f"{self.channel.name}: subscribers keep all memory for messages, for {deadline:g} s")
-            self.closed.wait(PAUSE)
-            self.check_open()
+    def _await_memory(self, end: float, deadline: float) -> bool:
+        """All memory for messages is in use: whether to try again, or to give the message up."""
+        if not self._lossless:
+            self.stats.dropped += 1
+            return False
+        if time.monotonic() >= end:
+            self._sent -= 1  # so that it is not missed
+            raise Timeout(f"{self.channel.name}: subscribers kept all memory for messages, for {deadline:g} s")
+        self.closed.wait(PAUSE)
+        self.check_open()
+        return True
 
     def _header(self) -> bytes:
         self._sent += 1

@@ -16,14 +16,14 @@ from ...wire.codec import Codec
 from ...wire.header import random_id
 from ..announced import AnnouncedLink
 from ..base import Capability, Channel, Service, Sink, TransportConfig, options_of
-from ..crew import Crew, Job
+from ..crew import Crew, Job, abandoned
 from ..directory import Directory, Member, runtime_dir
 from .asking import Caller, CommandOutlet, Peer
 from .bells import Bell, Rope, bell_of
 from .codec import ApartCdr
 from .desk import Desk
 from .loop import Attending, Loop
-from .mail import Line, Mailbox
+from .mail import LINGER, Line, Mailbox
 from .node import Node
 from .serving import CommandInlet, Server
 from .topics import Publisher, Subscriber
@@ -112,8 +112,19 @@ class ShmTransport:
             everything.callback(self.desk.close)
             everything.callback(self._crew.close)
             everything.callback(self.member.close)
+            everything.callback(self._settle)
             for link in list(self._links):
                 everything.callback(link.close)
+
+    def _settle(self) -> None:
+        with self._lock:
+            peers = list(self._peers.values())
+        end = time.monotonic() + LINGER
+        for peer in peers:
+            try:
+                peer.settle(end)
+            except TransportError:  # they have what they have
+                log.debug("%s: closing without knowing what was taken", self.owner, exc_info=True)
 
     def _let_go(self) -> None:
         with self._lock:
@@ -236,6 +247,10 @@ class ShmTransport:
 
     def _tick(self) -> float:
         """Do what is due; seconds until the next time."""
+        if abandoned():
+            log.warning("%s: not closed at the end of the program; closing", self.owner or "shm")
+            self.close()
+            return TICK
         version = self.directory.version()
         links = list(self._links)
         if version != self._known:
@@ -246,6 +261,7 @@ class ShmTransport:
         if self._bury_at and time.monotonic() >= self._bury_at:
             self._bury_at = 0.0
             self.node.bury()
+            self._known = -1  # publishers let go of readers that are gone when they look who is there
         return min([TICK, *(wait for wait in waits if wait is not None)])
 
     def _forget_the_gone(self) -> None:

@@ -127,9 +127,9 @@ class Reader:
         with self.lock:
             payload = self._admit(message)
             if payload is not None:
+                if self._drainer and not self._lossy:
+                    self._changed.wait_for(self._has_room)
                 if self._drainer:
-                    if not self._lossy:
-                        self._changed.wait_for(lambda: len(self._waiting) < self._depth or self._closed)
                     self._append(payload)
                     payload = None
                 else:
@@ -143,6 +143,9 @@ class Reader:
             self.owing = False
             self.settle()
 
+    def _has_room(self) -> bool:
+        return len(self._waiting) < self._depth or not self._drainer or self._closed
+
     def _append(self, payload: Any) -> None:
         if self._lossy and len(self._waiting) >= self._depth:
             self._waiting.popleft()
@@ -150,7 +153,8 @@ class Reader:
         self._waiting.append(payload)
 
     def _drain(self, payload: Any) -> None:
-        """Deliver this, and what has come in for the lane meanwhile."""
+        """Deliver this, and what others have read meanwhile."""
+        me = threading.current_thread()
         while not self._closed:
             self._stats.received += 1
             try:
@@ -159,14 +163,12 @@ class Reader:
                 log.exception("%s: a message was not handled", self._name)
             with self.lock:
                 self._delivered += 1
+                if self._turn is not me or self._closed:
+                    self._changed.notify_all()
                 if not self._waiting:
                     self._drainer = 0
-                    if self._closed:
-                        self._changed.notify_all()
                     return
                 payload = self._waiting.popleft()
-                if not self._lossy:
-                    self._changed.notify_all()
         with self._changed:
             self._drainer = 0
             self._changed.notify_all()

@@ -83,6 +83,8 @@ class Peer:
             raise Unreachable(f"{self._address}: its server left")
         try:
             return Stream(self._address.removeprefix("ipc://"), wait)
+        except TransportError:  # by `wait`; some are OSErrors, too
+            raise
         except (ConnectionError, FileNotFoundError) as exc:
             raise Unreachable(f"{self._address}: its server left") from exc
         except OSError as exc:

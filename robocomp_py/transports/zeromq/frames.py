@@ -28,6 +28,9 @@ Frames = list[Any]
 
 OWN_TOPIC_BYTES = 9
 
+_LONGEST_NAME = 4096
+"""The name of a channel, and its NUL, are among the first octets of a message."""
+
 _SHORT = 4096
 """What has fewer bytes is copied sooner than looked at through a view."""
 
@@ -57,7 +60,8 @@ def read_reply_frames(frames: Frames) -> tuple[ReplyHeader, Frames]:
 def read_publication_frames(frames: Frames) -> tuple[Publication, Frames]:
     """The header and the payload of a publication. Raises DecodeError."""
     first = frames[0]
-    at = OWN_TOPIC_BYTES if first[:1] == b"\0" else first.find(b"\0") + 1
+    named = first if type(first) is bytes else bytes(first[:_LONGEST_NAME])
+    at = OWN_TOPIC_BYTES if named[:1] == b"\0" else named.find(b"\0") + 1
     return publication_at(first, at), _payload(frames, at + PUBLICATION_BYTES)
 
 

@@ -7,7 +7,7 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -35,6 +35,7 @@ from ..base import (
 from ..crew import Crew, Job, Lane, Servant
 from ..exclusive import Claim, claim
 from ..ledger import Ledger
+from .curve import WATCHED, Secure
 from .frames import Frames, joined, read_request_frames, topic
 from .link import Link
 from .sockets import as_transport_error, new_socket, receive_frames, send_frames
@@ -63,7 +64,10 @@ class Router:
     waits there, who is called out by a bell: an empty message from within this process.
     """
 
-    def __init__(self, transport: ZeroMQTransport, bind: str) -> None:
+    def __init__(
+        self, transport: ZeroMQTransport, addresses: Sequence[str], secure: Secure | None = None, watched: str = ""
+    ) -> None:
+        """`watched` is the address at which a monitor tells who was not let in, and why."""
         self._transport = transport
         self._routes: dict[bytes, ServingLink] = {}
         self._inside = threading.Lock()
@@ -73,18 +77,22 @@ class Router:
         self._closed = False
         self._told = False
         """Whether it was said that there are malformed requests."""
-        self.address = f"ipc://{transport.member.address('router')}"
+        self.address = addresses[0]
+        bell = f"inproc://bell of {self.address}"
         with contextlib.ExitStack() as undo:
             options = {"ROUTER_MANDATORY": 1, "ROUTER_HANDOVER": 1, "RCVTIMEO": _LOOK_MS}
-            self._socket = new_socket(transport.context, zmq.ROUTER, **options)
+            self._socket = new_socket(transport.context, zmq.ROUTER, secure, **options)
             undo.callback(self._socket.close)
-            for address in filter(None, (self.address, bind, _BELL)):
+            if watched:
+                with as_transport_error("watching a socket"):
+                    self._socket.monitor(watched, WATCHED)
+            for address in (*addresses, bell):
                 with as_transport_error(f"binding {address}"):
                     self._socket.bind(address)
             self._bell = new_socket(transport.context, zmq.DEALER, LINGER=0)
             undo.callback(self._bell.close)
             with as_transport_error("opening a socket"):
-                self._bell.connect(_BELL)
+                self._bell.connect(bell)
             undo.pop_all()
         self._crew = Crew("zeromq-serving", self._receive, self._ring)
         self._crew.start()
@@ -185,12 +193,9 @@ class Router:
             log.warning("dropped a malformed request (further ones are dropped silently): %s", why)
 
 
-_BELL = "inproc://bell"
-
-
 class ServingLink(Link):
     ordered: bool
-    _router: Router | None = None
+    _routers: Sequence[Router] = ()
     _claim: Claim | None = None
 
     def __init__(self, transport: ZeroMQTransport, channel: Channel) -> None:
@@ -203,9 +208,10 @@ class ServingLink(Link):
             if other and self.transport.directory.alive(member.id):
                 raise AlreadyServed(f"{self.channel.name}: already served by {member.owner} (pid {member.pid})")
         self._claim = claim(self.transport.folder / "served", self.channel.name, self.transport.owner)
-        self._router = self.transport.router()
-        self._router.add(self)
-        self.announce(self._router.address)
+        self._routers = self.transport.routers()
+        for router in self._routers:
+            router.add(self)
+        self.announce(self._routers[0].address)
 
     def accept(self, payload: Payload, expires: float, answer: Callable[[Reply], None]) -> Job | None:
         """Take a request; what is left to do about it."""
@@ -224,8 +230,8 @@ class ServingLink(Link):
             if self._claim:
                 everything.callback(self._claim.close)
             everything.callback(self.finish)
-            if self._router:
-                everything.callback(self._router.remove, self)
+            for router in self._routers:
+                everything.callback(router.remove, self)
 
     def finish(self) -> None:
         """Let nothing begin any more, and wait for what runs."""

@@ -19,6 +19,7 @@ from ...errors import (
 )
 from ...wire.codec import MAX_BYTES
 from ..crew import Job
+from .curve import Secure
 from .frames import Frames
 from .zmtp import Feed
 
@@ -27,6 +28,9 @@ log = logging.getLogger("robocomp.transport.zeromq")
 LINGER_MS = 500
 """How long closing may wait for what was sent last to leave."""
 
+_SHORT = 16 * 1024
+"""A frame of fewer bytes is copied sooner than looked at; a longer one lives as long as somebody looks at it."""
+
 LONGEST_PAUSE = 0.005
 """Seconds between two attempts to send, when there is no room."""
 
@@ -34,12 +38,15 @@ LONGEST_PAUSE = 0.005
 _NOBLOCK, _SNDMORE, _POLLIN, _EVENTS = int(zmq.NOBLOCK), int(zmq.SNDMORE), int(zmq.POLLIN), int(zmq.EVENTS)
 
 
-def new_socket(context: zmq.Context[Any], kind: int, **options: int) -> zmq.Socket[Any]:
+def new_socket(context: zmq.Context[Any], kind: int, secure: Secure | None = None, **options: int) -> zmq.Socket[Any]:
+    """All of our sockets are made here; `secure` is for those that others than our own user can reach."""
     with as_transport_error("opening a socket"):
         socket: zmq.Socket[Any] = context.socket(kind)
         settings = {"LINGER": LINGER_MS, "MAXMSGSIZE": MAX_BYTES + 65536, "HANDSHAKE_IVL": 2000} | options
         for name, value in settings.items():
             socket.setsockopt(getattr(zmq, name), value)
+        if secure:
+            secure(socket)
         return socket
 
 
@@ -51,12 +58,17 @@ def as_transport_error(doing: str) -> Iterator[None]:
         raise TransportError(f"zeromq: {doing}: {exc}") from exc
 
 
+_send: Callable[[zmq.Socket[Any], Any, int], object] = zmq.backend.Socket.send
+"""What `Socket.send` calls after some questions about kinds of sockets that we do not have."""
+
+
 def send_frames(socket: zmq.Socket[Any], frames: Frames, flags: int = 0) -> None:
-    """What `send_multipart` does, in half the time."""
-    more = flags | _SNDMORE
-    for frame in frames[:-1]:
-        socket.send(frame, more)
-    socket.send(frames[-1], flags)
+    """What `send_multipart` does, in a third of the time."""
+    if len(frames) > 1:
+        more = flags | _SNDMORE
+        for frame in frames[:-1]:
+            _send(socket, frame, more)
+    _send(socket, frames[-1], flags)
 
 
 def receive_frames(socket: zmq.Socket[Any], flags: int = 0) -> Frames:
@@ -65,7 +77,7 @@ def receive_frames(socket: zmq.Socket[Any], flags: int = 0) -> Frames:
     frames: Frames = [frame.bytes]
     while frame.more:
         frame = socket.recv(flags, copy=False)
-        frames.append(frame.bytes)
+        frames.append(frame.bytes if len(frame) < _SHORT else frame.buffer.toreadonly())
     return frames
 
 
@@ -92,15 +104,21 @@ class Socket:
     def send(self, frames: Frames) -> bool:
         """Whether it was sent; if not, there is no room now, or nobody is connected."""
         with self.lock:
+            sent = self.send_only(frames)
+            if not self.closed:
+                self._look()
+            return sent
+
+    def send_only(self, frames: Frames) -> bool:
+        """The same in half the time, for who looks for input himself when he wants to know."""
+        with self.lock:
             if self.closed:
                 return False
             try:
                 send_frames(self.raw, frames, _NOBLOCK)
-                sent = True
             except zmq.Again:
-                sent = False
-            self._look()
-            return sent
+                return False
+            return True
 
     def receive(self) -> Frames | None:
         with self.lock:
@@ -166,6 +184,11 @@ class Subscription:
             except BlockingIOError:
                 return None
 
+    @property
+    def more(self) -> bool:
+        """Whether there may be a next message right now. If not, the loop will tell."""
+        return self._feed.more
+
     def look(self) -> None:
         """Nothing is missed: its descriptor tells of input as long as there is some."""
 
@@ -214,9 +237,7 @@ class Loop:
         self.attend(socket)
 
     def remove(self, socket: Attended) -> None:
-        if self._sockets.get(socket.fileno) is socket:
-            del self._sockets[socket.fileno]
-            self._poller.unregister(socket.fileno)
+        self.mute(socket)
         self.wake()
 
     def sockets(self) -> list[Attended]:
@@ -224,7 +245,8 @@ class Loop:
 
     def mute(self, socket: Attended) -> None:
         """Wait for its input no more, until it is added again."""
-        if self._sockets.pop(socket.fileno, None) is socket:
+        if self._sockets.get(socket.fileno) is socket:
+            del self._sockets[socket.fileno]
             self._poller.unregister(socket.fileno)
 
     def attend(self, socket: Attended) -> None:

@@ -16,6 +16,7 @@ from ...contract.qos import History, from_traits
 from ...errors import (
     DecodeError,
     Timeout,
+    TransportError,
 )
 from ...wire.codec import Payload
 from ...wire.header import (
@@ -33,7 +34,8 @@ from ..ledger import Ledger
 from ..reception import Reception
 from .frames import OWN_TOPIC_BYTES, Frames, joined, read_publication_frames, topic
 from .link import Link
-from .sockets import Socket, as_transport_error, persist
+from .sockets import Socket, Subscription, as_transport_error, persist
+from .zmtp import Feed, Garbled, Gone
 
 if TYPE_CHECKING:
     from .transport import ZeroMQTransport
@@ -73,20 +75,24 @@ class Publisher(Link):
             self.check_open()
             header = pack_publication(self.channel.type.fingerprint, self._source, next(self._sequence), time.time_ns())
             frames = joined(self._topic + header, payload)
-            with as_transport_error(f"publishing {self.channel.name}"):
-                sent = self._send(frames) or persist(partial(self._send, frames), end, self.check_open, self.closed)
+            sent = self._send(frames) or persist(partial(self._send, frames), end, self.check_open, self.closed)
             if not sent:
                 self.check_open()
                 raise Timeout(f"{self.channel.name}: a subscriber did not keep up for {deadline:g} s")
+        except zmq.ZMQError as exc:
+            raise TransportError(f"zeromq: publishing {self.channel.name}: {exc}") from exc
         finally:
             self._order.release()
 
     def visible(self) -> bool:
         self.counterparts(strict=True)
+        self._count()
         return self._subscribers > 0
 
     @property
     def heard(self) -> bool:
+        if not self._subscribers:
+            self._count()
         return self._subscribers > 0 or bool(self._history.maxlen)
 
     def release(self) -> None:
@@ -96,7 +102,7 @@ class Publisher(Link):
     def _send(self, frames: Frames) -> bool:
         assert self._socket
         if not self._history.maxlen:
-            return self._socket.send(frames)
+            return self._socket.send_only(frames)  # which may swallow the news of a subscription: see `_count`
         with self._socket.lock:  # in one go: a subscriber that comes now gets this one as news or as history
             self._on_subscription(self._socket)
             sent = self._socket.send(frames)
@@ -104,6 +110,11 @@ class Publisher(Link):
                 first, *arrays = frames
                 self._history.append([first[len(self._topic) :], *map(bytes, arrays)])
             return sent
+
+    def _count(self) -> None:
+        """Take note of subscriptions now, whether or not we were told that there are some."""
+        if self._socket:
+            self._on_subscription(self._socket)
 
     def _on_subscription(self, socket: Socket) -> list[Job]:
         with socket.lock:
@@ -119,7 +130,6 @@ class Publisher(Link):
 
 class Subscriber(Link):
     role, facing = "subscribes", "publishes"
-    _socket: Socket | None = None
 
     def __init__(self, transport: ZeroMQTransport, channel: Channel, sink: Sink) -> None:
         super().__init__(transport, channel)
@@ -128,40 +138,41 @@ class Subscriber(Link):
         self._lane = Lane(channel.name, sink, self._depth, lossy=not qos.reliable, stats=self.stats)
         self._reception = Reception(channel, self.stats, self._lane.through)
         self._ledger = Ledger(self.stats, ordered=True)
-        self._connected: dict[str, str] = {}
+        self._looking = threading.RLock()
+        self._feeds: dict[str, Subscription] = {}
+        """By the address of their publisher."""
+        self._incomplete = False
+        """Whether there may be publishers that could not be connected to yet."""
+        self._garbled: set[str] = set()
+        """Addresses at which nobody speaks as we do."""
         self._channels: dict[str, str] = {}
         """By what the address of a publisher ends with."""
-        self._paused = False
+        self._muted: deque[Subscription] = deque()
 
     def open(self) -> None:
-        self._socket = self.transport.socket(
-            zmq.SUB, self._on_message, RCVHWM=max(self._depth, 8), RECONNECT_IVL=-1, LINGER=0
-        )
         self.look()
         self.announce()
 
     def look(self) -> bool:
-        assert self._socket
-        with self._socket.lock:  # also while looking: of two who look, the later one must not connect the earlier
+        with self._looking:  # of two who look, the later one must not connect the earlier
             found = self.counterparts()
             there = {entry.address: entry.channel for _, entry in found}
             self._channels = {address[-6:]: channel for address, channel in there.items()}
             self._reception.meet(Source(entry.channel, from_traits(entry.traits)) for _, entry in found)
-            if self._socket.closed:
+            self._garbled &= there.keys()
+            if self.closed.is_set():
                 return True
-            for address in self._connected.keys() - there.keys():
-                del self._connected[address]
-                with contextlib.suppress(zmq.ZMQError):  # it has gone, and its endpoint with it
-                    self._socket.raw.disconnect(address)
-            for address in there.keys() - self._connected.keys():
-                with as_transport_error(f"connecting to {address}"):
-                    self._socket.raw.subscribe(topic(there[address]))
-                    if self.channel.qos.latched:
-                        self._socket.raw.subscribe(b"\0" + random_id().to_bytes(8, "little"))
-                    self._socket.raw.connect(address)
-                self._connected[address] = there[address]
-        self.transport.attend(self._socket)
+            for address in self._feeds.keys() - there.keys():
+                self._leave(address)
+            for address in there.keys() - self._feeds.keys() - self._garbled:
+                self._connect(address, there[address])
         return True
+
+    def tick(self) -> float | None:
+        if self._incomplete:
+            self._incomplete = False
+            self.look()
+        return super().tick()
 
     def sources(self) -> list[Source]:
         alive = self.transport.directory.alive
@@ -169,27 +180,69 @@ class Subscriber(Link):
 
     def visible(self) -> bool:
         publishers = self.counterparts(strict=True)
-        return any(e.address in self._connected and self.transport.directory.alive(m.id) for m, e in publishers)
+        return any(e.address in self._feeds and self.transport.directory.alive(m.id) for m, e in publishers)
 
     def release(self) -> None:
         try:
             self._lane.close()
         finally:
-            if self._socket:
-                self.transport.forget(self._socket)
+            with self._looking:
+                for address in list(self._feeds):
+                    self._leave(address)
 
-    def _on_message(self, socket: Socket) -> list[Job]:
-        taken = 0
-        for _ in range(BATCH):
-            self._paused = True  # before looking: whoever makes room later sees this, and has us go on
-            self._paused = self._lane.full
-            frames = None if self._paused else socket.receive()
-            if frames is None:
-                break
-            taken += self._take(frames)
+    def _connect(self, address: str, channel: str) -> None:
+        topics = [topic(channel)]
+        if self.channel.qos.latched:
+            topics.append(b"\0" + random_id().to_bytes(8, "little"))
+        try:
+            feed = Feed(address.removeprefix("ipc://"), topics)
+        except (ConnectionError, FileNotFoundError, BlockingIOError):
+            self._incomplete = True  # it has gone, or lets nobody in just now
+        except OSError as exc:
+            raise TransportError(f"zeromq: connecting to {address}: {exc.strerror}") from exc
         else:
-            self.transport.attend(socket)
+            self._feeds[address] = self.transport.subscription(feed, partial(self._on_message, address))
+
+    def _leave(self, address: str) -> None:
+        with self._looking:
+            if feed := self._feeds.pop(address, None):
+                self.transport.forget(feed)
+
+    def _on_message(self, address: str, feed: Subscription) -> list[Job]:
+        taken = 0
+        try:
+            for _ in range(BATCH):
+                if self._lane.full and self._pause(feed):
+                    break
+                frames = feed.receive()
+                if frames is None:
+                    break
+                taken += self._take(frames)
+                if not feed.more:
+                    break
+            else:
+                self.transport.attend(feed)
+        except Gone as exc:
+            if isinstance(exc, Garbled):
+                self.malformed(exc)
+                self._garbled.add(address)
+            self._leave(address)
+            self._incomplete = True  # it may be there all the same
         return [self._drain] if taken else []
+
+    def _pause(self, feed: Subscription) -> bool:
+        """Listen no more until there is room; whether there is none."""
+        self._muted.append(feed)
+        self.transport.mute(feed)
+        if self._lane.full:  # still: whoever makes room later sees whom it has to let speak again
+            return True
+        self._hear_all()
+        return False
+
+    def _hear_all(self) -> None:
+        with contextlib.suppress(IndexError):
+            while True:
+                self.transport.hear(self._muted.popleft())
 
     def _take(self, frames: Frames) -> bool:
         try:
@@ -209,8 +262,8 @@ class Subscriber(Link):
 
     def _drain(self) -> None:
         self._lane.drain()
-        if self._paused and self._socket:
-            self.transport.attend(self._socket)
+        if self._muted:
+            self._hear_all()
 
 
 def _ending(source: int) -> str:

@@ -6,7 +6,9 @@ import contextlib
 import logging
 import os
 import threading
+import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -36,10 +38,12 @@ from ..crew import Crew, Job
 from ..directory import Directory, Member, runtime_dir
 from ..memory import keep_memory
 from .asking import Caller, CommandOutlet, Peer
+from .curve import ZAP, Curve, configured, why_not
 from .link import Link
 from .serving import CommandInlet, Router, Server
-from .sockets import Loop, Socket, new_socket
+from .sockets import Attended, Loop, Socket, Subscription, as_transport_error, new_socket
 from .topics import Publisher, Subscriber
+from .zmtp import Feed
 
 log = logging.getLogger("robocomp.transport.zeromq")
 
@@ -51,12 +55,17 @@ T = TypeVar("T")
 
 
 class ZeroMQTransport:
-    """Option `bind`: TCP address at which operations are served as well, `tcp://127.0.0.1:5555`."""
+    """Option `bind`: TCP address at which operations are served as well, `tcp://127.0.0.1:5555`; `curve_key` and
+    `curve_admitted`: see `curve`."""
 
     capabilities = ANY_QOS | Capability.CROSS_PROCESS
 
     def __init__(self, config: TransportConfig) -> None:
-        self._bind = options_of(config, bind="")["bind"]
+        options = options_of(config, bind="", curve_key="", curve_admitted="")
+        self._bind, self._curve = options["bind"], configured(options)
+        if self._curve and not self._bind:
+            raise ConfigurationError("zeromq: `curve_key` is for the address that `bind` names, and there is none")
+        self._told_at = 0.0
         self.codec: Codec = MessagePack()
         self.incarnation = random_id()
         self.owner, self.folder = config.owner, _short_enough(runtime_dir() / "zeromq")
@@ -64,7 +73,7 @@ class ZeroMQTransport:
         self._lock = threading.RLock()
         self._links: list[Link] = []
         self._peers: dict[str, Peer] = {}
-        self._router: Router | None = None
+        self._routers: list[Router] = []
         self._known = -1
         """The version of the directory that all links have seen."""
         self._last: dict[object, str] = {}
@@ -105,14 +114,14 @@ class ZeroMQTransport:
             everything.callback(self.context.term)
             everything.callback(self._close_sockets)
             everything.callback(self._crew.close)
-            everything.callback(self._close_router)
+            everything.callback(self._close_routers)
             everything.callback(self.member.close)
             for link in list(self._links):
                 everything.callback(link.close)
 
-    def _close_router(self) -> None:
-        if self._router:
-            self._router.close()
+    def _close_routers(self) -> None:
+        for router in self._routers:
+            router.close()
 
     def _close_sockets(self) -> None:
         with self._lock:
@@ -131,12 +140,28 @@ class ZeroMQTransport:
         self._loop.add(socket)
         return socket
 
-    def forget(self, socket: Socket) -> None:
-        self._loop.remove(socket)
-        socket.close()
+    def subscription(self, feed: Feed, on_input: Callable[[Subscription], list[Job]]) -> Subscription:
+        """A feed, whose input the crew attends to from now on."""
+        subscription = Subscription(feed, on_input)
+        self._loop.add(subscription)
+        return subscription
 
-    def attend(self, socket: Socket) -> None:
+    def forget(self, socket: Socket | Subscription) -> None:
+        with socket.lock:
+            self._loop.remove(socket)
+            socket.close()
+
+    def attend(self, socket: Attended) -> None:
         self._loop.attend(socket)
+
+    def mute(self, subscription: Subscription) -> None:
+        """Nobody attends to it, until it is heard again."""
+        self._loop.mute(subscription)
+
+    def hear(self, subscription: Subscription) -> None:
+        with subscription.lock:
+            if not subscription.closed:
+                self._loop.add(subscription)
 
     def wake(self) -> None:
         self._loop.wake()
@@ -145,11 +170,48 @@ class ZeroMQTransport:
         """Have the crew run this."""
         self._loop.do(job)
 
-    def router(self) -> Router:
+    def routers(self) -> list[Router]:
+        """The one for this host, and a guarded one for others."""
         with self._lock:
-            if self._router is None:
-                self._router = Router(self, self._bind)
-            return self._router
+            if not self._routers:
+                here = f"ipc://{self.member.address('router')}"
+                if self._curve is None:
+                    self._routers = [Router(self, [here, *filter(None, [self._bind])])]
+                else:
+                    guarded = self._guarded_router(self._curve)
+                    self._routers = [guarded]  # to be closed whatever happens to the other one
+                    self._routers = [Router(self, [here]), guarded]
+            return self._routers
+
+    def _guarded_router(self, curve: Curve) -> Router:
+        monitor = "inproc://monitor"
+        asked, told = self.socket(zmq.REP, partial(self._judge, curve)), self.socket(zmq.PAIR, self._tell)
+        try:
+            with as_transport_error(f"guarding {self._bind}"), asked.lock:
+                asked.raw.bind(ZAP)
+                asked.look()  # what is done with a socket may swallow that there is input
+            router = Router(self, [self._bind], curve.serve, monitor)
+            with as_transport_error(f"guarding {self._bind}"), told.lock:
+                told.raw.connect(monitor)
+                told.look()
+        except BaseException:
+            self.forget(asked)
+            self.forget(told)
+            raise
+        return router
+
+    def _judge(self, curve: Curve, socket: Socket) -> list[Job]:
+        while (frames := socket.receive()) is not None:
+            socket.send(curve.judge(frames))
+        return []
+
+    def _tell(self, socket: Socket) -> list[Job]:
+        """Who is not let in, and why; at most once in a second."""
+        while (event := socket.receive()) is not None:
+            if time.monotonic() >= self._told_at + 1:
+                self._told_at = time.monotonic()
+                log.warning("%s: somebody was not let in: %s", self._bind, why_not(event))
+        return []
 
     def peer(self, member: Member, address: str) -> Peer:
         with self._lock:

@@ -37,8 +37,9 @@ _HEAD, _LONG_HEAD = struct.Struct(">BB"), struct.Struct(">BQ")
 _GREETING = b"\xff\0\0\0\0\0\0\0\1\x7f\3\0NULL".ljust(64, b"\0")
 _TIMEOUT = struct.Struct("@ll").pack(0, SLICE_MS * 1000)
 
-_LONGEST = MAX_BYTES + 65536
-"""Octets of a message, and its frames count for some; whoever announces more is not listened to."""
+_FRAME = 4096
+_LONGEST = MAX_BYTES + 4096 * _FRAME
+"""Octets that a frame counts for besides its own, and those of a message; who announces more is not listened to."""
 
 _CHUNK = 64 * 1024
 _APART = 8 * 1024
@@ -46,7 +47,11 @@ _APART = 8 * 1024
 
 
 class Gone(ConnectionError):
-    """The other side has closed the connection, or does not speak as we do."""
+    """The other side has closed the connection."""
+
+
+class Garbled(Gone):
+    """The other side does not speak as we do, so that we listen to it no longer."""
 
 
 class _Connection:
@@ -68,6 +73,11 @@ class _Connection:
         self._flags = self._filled = 0
         """A large frame of which some is missing."""
 
+    @property
+    def more(self) -> bool:
+        """Whether more was received than was used."""
+        return self._at < len(self._data)
+
     def close(self) -> None:
         self._socket.close()
 
@@ -76,15 +86,22 @@ class _Connection:
 
         Large frames are read-only memory that nobody else has.
         """
-        if self._at == len(self._data) and self._body is None:
-            self._load()
-            data = self._data  # nearly always one short message, and nothing else
-            if data[0] == 0 and len(data) > 1 and len(data) == data[1] + 2 and not self._frames:
-                self._data, self._at = b"", 0
-                return [data[2:]]
+        if self._body is None and not self._frames:  # mostly the next message is one frame, and all there
+            if self._at == len(self._data):
+                self._load()
+            data, at = self._data, self._at
+            if data[at] == 0 and len(data) >= at + 2:
+                begin, end = at + 2, at + 2 + data[at + 1]
+            elif data[at] == _LONG and len(data) >= at + 9:
+                begin, end = at + 9, at + 9 + int.from_bytes(data[at + 1 : at + 9], "big")
+            else:
+                begin, end = at, len(data) + 1
+            if len(data) >= end:
+                self._at = end
+                return [data[begin:end]]
         while True:
             flags, frame = self._frame()
-            self._size += len(frame) + 64
+            self._size += len(frame) + _FRAME
             if flags & _COMMAND:
                 self._command(bytes(frame))
                 continue
@@ -104,12 +121,12 @@ class _Connection:
                 flags, size = _LONG_HEAD.unpack_from(data, at) if data[at] & _LONG else _HEAD.unpack_from(data, at)
                 at += 9 if flags & _LONG else 2
                 if size > _LONGEST - self._size:
-                    raise self._gone(f"it announced a message of {self._size + size} octets")
+                    raise self._garbled(f"it announced a message of {self._size + size} octets")
                 if len(data) >= at + size:
                     self._at = at + size
                     return flags, data[at : at + size]
                 if size > _APART:
-                    self._body = memoryview(np.empty(size, np.uint8))
+                    self._body = np.empty(size, np.uint8).data
                     self._flags, self._filled = flags, len(data) - at
                     self._body[: self._filled] = data[at:]
                     self._data, self._at = b"", 0
@@ -145,11 +162,11 @@ class _Connection:
             self._load()
         theirs = self._data
         if theirs[0] != 0xFF or not theirs[9] & 1 or theirs[10] < 3 or theirs[12:32] != _GREETING[12:32]:
-            raise self._gone("there is no ZMTP 3 without security")
+            raise self._garbled("there is no ZMTP 3 without security")
         self._at = len(_GREETING)
         flags, ready = self._frame()
         if not flags & _COMMAND or ready[:6] != b"\5READY":
-            raise self._gone("it was not ready")
+            raise self._garbled("it was not ready")
         self._greeted = True
 
     def _command(self, body: bytes) -> None:
@@ -159,11 +176,15 @@ class _Connection:
             with contextlib.suppress(BlockingIOError):  # then it has other signs of life from us, or none
                 self._socket.send(_head(_COMMAND, len(pong)) + pong)
         elif name == b"ERROR":
-            raise self._gone(body[7:].decode(errors="replace"))
+            raise self._garbled(body[7:].decode(errors="replace"))
 
     def _gone(self, why: object) -> Gone:
         self.broken = True
         return Gone(str(why))
+
+    def _garbled(self, why: str) -> Garbled:
+        self.broken = True
+        return Garbled(why)
 
 
 class Stream(_Connection):

@@ -1,0 +1,270 @@
+"""How fast it is, beside the raw libraries and other frameworks, measured here and now.
+
+  start      a component, from its process to `ready`, and its memory then
+  query      a question and its answer, between two processes: ours and the bare library by turns
+  peers      the same, beside other frameworks, of those that are installed (`make bench-peers`)
+  publish    a reliable topic: latency one way, and what gets through
+  loans      latency of messages that are filled where they are sent from
+  cpu        what components compute while nothing much happens
+  threads    handlers run by the thread that received their message, and by another one
+  layers     where the time of a query goes; the codec of the cyclonedds package
+  memory     queries with large arrays, when glibc keeps freed memory
+  languages  files read and checked; `rc lint` and `rcgen` as processes
+  lsp        from a change in an editor to its diagnostics
+
+Bare means: the same library, settings, socket kinds or QoS, router and encoded bytes, coded by the
+fastest way a user of it would take, without our header. Ratios count, not absolute figures: they are
+medians over short rounds taken by turns. A quiet machine still gives better ones.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from . import (
+    codecs,
+    cpu,
+    goals,
+    languages,
+    layers,
+    loans,
+    lsp,
+    machine,
+    memory,
+    publish,
+    query,
+    start,
+    threads,
+    versus,
+)
+from .goals import Finding
+from .options import some_of, tell
+from .parties import MIDDLEWARES
+from .rounds import FULL, QUICK, Effort
+from .tables import Table, as_markdown, as_text, fill, octets
+
+SIZES = (64, 1024, 65536, 1_000_000, 6_000_000)
+
+
+@dataclass
+class Found:
+    """By one measurement."""
+
+    rows: list[Any]
+    tables: list[Table]
+    findings: list[Finding] = field(default_factory=list)
+
+
+Run = Callable[[argparse.Namespace, Effort], Found]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    options = _parser().parse_args(arguments)
+    signal.signal(signal.SIGTERM, _terminated)
+    base = QUICK if options.quick else FULL
+    effort = Effort(options.rounds or base.rounds, options.seconds or base.seconds)
+    tables, found, failures = [machine.describe()], dict[str, Found](), []
+    if options.page:
+        page = Path(options.page)
+        text = fill(page.read_text(encoding="utf-8"), tables)  # now: who named a wrong page should not wait to hear
+    _print(tables[0], options)
+    begun = time.monotonic()
+    try:
+        for what in options.what:
+            try:
+                found[what] = MEASUREMENTS[what](options, effort)
+            except Exception as exc:  # said at once and at the end; the others are worth measuring all the same
+                tell("")
+                traceback.print_exc()
+                failures.append(f"failed: {what}: {exc}")
+                continue
+            tell("")
+            for table in found[what].tables:
+                _print(table, options)
+    except KeyboardInterrupt:
+        tell("")
+        print("interrupted; what was started has been closed", file=sys.stderr)
+        return 130
+    tables += [table for one in found.values() for table in one.tables]
+    findings = [each for one in found.values() for each in one.findings]
+    if set(options.what) == set(MEASUREMENTS):
+        tables.append(goals.table(findings))  # a page shows all of one run, or what it showed
+    if findings:
+        _print(goals.table(findings), options)
+    if options.json:
+        about = {label: value for label, value in tables[0].rows}
+        rows = {what: [asdict(row) for row in one.rows] for what, one in found.items()}
+        Path(options.json).write_text(json.dumps({"machine": about, **rows}, indent=1), encoding="utf-8")
+    if options.page:
+        page.write_text(fill(text, tables), encoding="utf-8")
+    minutes, seconds = divmod(round(time.monotonic() - begun), 60)
+    print(f"\n{minutes} min {seconds} s", *failures, sep="\n", file=sys.stderr)
+    return 1 if failures else 0
+
+
+# What can be measured.
+
+
+def _start(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = start.run(options.only, effort, tell)
+    return Found(rows, [start.table(rows)], start.findings(rows))
+
+
+def _query(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = query.run(options.only, options.sizes, effort, tell)
+    return Found(rows, [query.table(rows)], query.findings(rows))
+
+
+def _peers(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = versus.run(options.path, [versus.PEERS[name] for name in options.peers], options.sizes, effort, tell)
+    return Found(rows, [versus.table(rows)], versus.findings(rows))
+
+
+def _publish(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = publish.run(options.only, options.sizes, effort, tell)
+    return Found(rows, publish.tables(rows), publish.findings(rows))
+
+
+def _loans(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = loans.run([each for each in ("shm", "inproc") if each in options.only], effort, tell)
+    return Found(rows, [loans.table(rows)], loans.findings(rows))
+
+
+def _cpu(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = cpu.run(options.only, effort, tell)
+    return Found(rows, [cpu.table(rows)], cpu.findings(rows))
+
+
+def _threads(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = threads.run(options.only, effort.halved, tell)
+    return Found(rows, [threads.table(rows)])
+
+
+def _layers(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = layers.run(options.only, effort.halved, tell)
+    more = [layers.package_codec(effort.halved)] if "dds" in options.only else []
+    return Found(rows, [layers.table(rows), *more])
+
+
+def _codecs(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = codecs.run(effort.halved, tell)
+    return Found(rows, [codecs.table(rows)], codecs.findings(rows))
+
+
+def _memory(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = memory.run(options.only, effort.halved, tell)
+    return Found(rows, [memory.table(rows)])
+
+
+def _languages(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = languages.run(effort.halved, tell)
+    return Found(rows, [languages.table(rows)])
+
+
+def _lsp(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = lsp.run(effort.halved, tell)
+    return Found(rows, [lsp.table(rows)])
+
+
+MEASUREMENTS: dict[str, Run] = {
+    "start": _start,
+    "query": _query,
+    "peers": _peers,
+    "publish": _publish,
+    "loans": _loans,
+    "cpu": _cpu,
+    "threads": _threads,
+    "layers": _layers,
+    "codecs": _codecs,
+    "memory": _memory,
+    "languages": _languages,
+    "lsp": _lsp,
+}
+
+
+# The command line.
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog="examples:\n"
+        "  python -m benchmarks --quick                              everything, roughly, in a minute or two\n"
+        "  python -m benchmarks --what query --only dds,zenoh\n"
+        "  python -m benchmarks --page docs/performance.md           everything, and into that page",
+    )
+    parser.add_argument(
+        "--only",
+        type=some_of(MIDDLEWARES),
+        default=MIDDLEWARES,
+        metavar="NAMES",
+        help=f"middlewares, with commas between them: {', '.join(MIDDLEWARES)} (default: all)",
+    )
+    parser.add_argument(
+        "--what",
+        type=some_of(tuple(MEASUREMENTS)),
+        default=tuple(MEASUREMENTS),
+        metavar="WHAT",
+        help=f"measurements: {', '.join(MEASUREMENTS)} (default: all)",
+    )
+    parser.add_argument(
+        "--sizes",
+        type=_sizes,
+        default=SIZES,
+        metavar="BYTES",
+        help=f"of the array, from 8 (default: {','.join(map(str, SIZES))})",
+    )
+    parser.add_argument(
+        "--peers",
+        type=some_of(tuple(versus.PEERS)),
+        default=tuple(versus.PEERS),
+        metavar="NAMES",
+        help=f"other frameworks: {', '.join(versus.PEERS)} (default: all)",
+    )
+    parser.add_argument(
+        "--path",
+        choices=MIDDLEWARES,
+        default="shm",
+        help="what ours uses beside other frameworks (default: shm, which `auto` takes on one host)",
+    )
+    parser.add_argument("--quick", action="store_true", help="few and short rounds: a first impression")
+    parser.add_argument("--rounds", type=int, metavar="N", help=f"rounds per figure (default: {FULL.rounds})")
+    parser.add_argument(
+        "--seconds", type=float, metavar="S", help=f"per round and party, about (default: {FULL.seconds:g})"
+    )
+    parser.add_argument("--markdown", action="store_true", help="print Markdown")
+    parser.add_argument("--page", metavar="FILE", help="write the tables into this page, between its marks")
+    parser.add_argument(
+        "--json", metavar="FILE", help="write all figures there, times in µs (of `start`, `languages` and `lsp`: in s)"
+    )
+    return parser
+
+
+def _sizes(text: str) -> tuple[int, ...]:
+    try:
+        sizes = tuple(map(int, text.split(",")))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"`{text}`: write numbers of bytes, as in 64,1000000") from None
+    if min(sizes) < 8:
+        raise argparse.ArgumentTypeError(f"{octets(min(sizes))}: a message has at least 8 bytes, for a time")
+    return sizes
+
+
+def _print(table: Table, options: argparse.Namespace) -> None:
+    shown = f"**{table.title}**\n\n{as_markdown(table)}" if options.markdown else as_text(table)
+    print(f"\n{shown}", flush=True)
+
+
+def _terminated(number: int, frame: object) -> None:
+    raise SystemExit(128 + number)  # so that everything is closed on the way out

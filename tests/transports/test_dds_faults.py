@@ -1,0 +1,10 @@
+"""What DDS survives: the faults that every transport must."""
+
+from robocomp_py.testing.faults import TransportFaults
+from robocomp_py.transports.base import Transport, TransportConfig
+from robocomp_py.transports.dds import DDSTransport
+
+
+class TestDDS(TransportFaults):
+    def open_transport(self) -> Transport:
+        return DDSTransport(TransportConfig(owner="test"))

@@ -1,0 +1,545 @@
+"""Shared memory keeps the contract. What is special about it: nothing is copied that need not be, and nothing stays."""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import stat
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robocomp_py.contract.qos import Durability, QoS, Reliability
+from robocomp_py.errors import Closed, Timeout, TransportError
+from robocomp_py.testing.conformance import TransportConformance
+from robocomp_py.testing.faults import TransportFaults
+from robocomp_py.testing.parts import BLOB, Inbox, blob, command, drain, greet, put, query, subscribe, topic, unblob
+from robocomp_py.testing.patience import SOON, wait_until
+from robocomp_py.transports.base import Reply, Status, Transport, TransportConfig
+from robocomp_py.transports.directory import runtime_dir
+from robocomp_py.transports.shm import ShmTransport, node, samples
+from robocomp_py.transports.shm.mail import Post, packed, unpacked
+from robocomp_py.transports.shm.receipts import SLOTS, Credit, Reader, Receipts
+from robocomp_py.transports.shm.topics import SHARE
+
+LARGE = 1_000_000
+NAME = "shm/Conformance/op"
+RELIABLE = QoS(Reliability.RELIABLE, depth=4)
+LATCHED = QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=2)
+
+
+def opened(owner: str = "test") -> ShmTransport:
+    return ShmTransport(TransportConfig(owner=owner))
+
+
+def segments(folder: Path | None = None) -> set[str]:
+    """What transports of a run-time folder have in shared memory; by default, of the one for tests."""
+    return {path.name for path in Path("/dev/shm").glob(node.prefix((folder or runtime_dir()) / "shm") + "*")}
+
+
+def files() -> set[str]:
+    found = (path for path in (runtime_dir() / "shm").rglob("*") if not path.is_dir())
+    return {str(path) for path in found if path.suffix != ".lock"}
+
+
+class TestShm(TransportConformance):
+    def open_transport(self) -> Transport:
+        return opened()
+
+
+class TestShmFaults(TransportFaults):
+    def open_transport(self) -> Transport:
+        return opened()
+
+    def leftovers(self) -> set[str]:
+        return super().leftovers() | segments()
+
+
+@pytest.fixture
+def here() -> Iterator[ShmTransport]:
+    transport = opened("here")
+    yield transport
+    transport.close()
+
+
+@pytest.fixture
+def there() -> Iterator[ShmTransport]:
+    transport = opened("there")
+    yield transport
+    transport.close()
+
+
+class Kept:
+    """A subscriber that keeps every array it gets."""
+
+    def __init__(self, transport: ShmTransport, name: str = NAME, qos: QoS = QoS(depth=50)) -> None:  # noqa: B008
+        self.arrays: list[Any] = []
+        self._decode = transport.codec.decoder(BLOB)
+        self.link = transport.inlet(topic(name, qos), self._keep)
+
+    def _keep(self, payload: Any) -> None:
+        self.arrays.append(self._decode(payload)[0])
+
+    def wait(self, count: int) -> None:
+        wait_until(lambda: len(self.arrays) >= count)
+
+
+def mapped(array: Any) -> str:
+    """The file of which this array's memory is a part; empty if it is none's."""
+    address = array.ctypes.data
+    for line in Path("/proc/self/maps").read_text().splitlines():
+        first, last = (int(number, 16) for number in line.split()[0].split("-"))
+        if first <= address < last:
+            return "".join(line.split(maxsplit=5)[5:])
+    return ""
+
+
+def is_shared(array: Any) -> bool:
+    return mapped(array).startswith("/dev/shm/rc")
+
+
+# Nothing is copied.
+
+
+def test_what_is_received_lies_where_it_was_written(here: ShmTransport, there: ShmTransport) -> None:
+    kept, outlet = Kept(there), here.outlet(topic(NAME))
+    assert outlet.wait_peer(SOON)
+    outlet.send(blob(here, bytes(range(250)) * 4000))
+    kept.wait(1)
+    (array,) = kept.arrays
+    assert is_shared(array)
+    assert array.tobytes() == bytes(range(250)) * 4000
+    assert not array.flags.writeable
+    with pytest.raises(ValueError, match="WRITEABLE"):
+        array.flags.writeable = True
+    with pytest.raises(TypeError, match="read-only"):
+        memoryview(array)[0] = 1
+
+
+def test_fields_are_aligned_whether_they_are_copied_or_not(here: ShmTransport, there: ShmTransport) -> None:
+    inbox: list[int] = []
+    there.inlet(topic(NAME), lambda payload: inbox.append(np.frombuffer(payload, np.uint8).ctypes.data))
+    outlet = here.outlet(topic(NAME))
+    assert outlet.wait_peer(SOON)
+    sizes = (100, 10_000, 20_000, LARGE)
+    for number, size in enumerate(sizes, 1):
+        outlet.send(blob(here, bytes(size)))
+        wait_until(lambda n=number: len(inbox) == n)  # type: ignore[misc]
+    assert [(address + 4) % 8 for address in inbox] == [0] * len(sizes)
+
+
+def test_answers_are_not_copied_either(here: ShmTransport, there: ShmTransport) -> None:
+    seen: list[Any] = []
+    decode, encode = here.codec.decoder(BLOB), here.codec.encoder(BLOB)
+
+    def service(payload: Any, expires: float) -> Reply:
+        seen.append(decode(payload)[0])
+        return Reply(Status.OK, encode((seen[-1],)))
+
+    here.server(query(NAME), service)
+    caller = there.caller(query(NAME))
+    assert caller.wait_peer(SOON)
+    (answer,) = decode(caller.ask(blob(there, b"x" * LARGE), SOON).payload)
+    assert is_shared(seen[0])
+    assert is_shared(answer)
+    assert answer.tobytes() == b"x" * LARGE
+
+
+def test_arrays_outlive_larger_messages_their_publisher_and_their_transport() -> None:
+    here, there = opened(), opened()
+    kept, outlet = Kept(there), here.outlet(topic(NAME))
+    assert outlet.wait_peer(SOON)
+    for number, size in enumerate((LARGE, 2 * LARGE, 9 * LARGE)):
+        outlet.send(blob(here, bytes([number]) * size))
+        kept.wait(number + 1)
+    here.close()
+    there.close()
+    assert all(map(is_shared, kept.arrays))
+    assert [(int(array[0]), int(array[-1]), array.size) for array in kept.arrays] == [
+        (0, 0, LARGE),
+        (1, 1, 2 * LARGE),
+        (2, 2, 9 * LARGE),
+    ]
+    kept.arrays.clear()
+    opened().close()
+    assert not segments()
+
+
+def test_who_keeps_more_than_there_is_gets_copies_and_all_goes_on(here: ShmTransport, there: ShmTransport) -> None:
+    kept, inbox = Kept(there), subscribe(there, topic(NAME))
+    outlet = here.outlet(topic(NAME))
+    greet(here, outlet, inbox)
+    begun = len(kept.arrays)
+    for number in range(3 * SHARE):
+        outlet.send(blob(here, bytes([number]) * 100_000))
+        kept.wait(begun + number + 1)
+        assert inbox.get(timeout=SOON)[:1] == bytes([number])
+    arrays = kept.arrays[begun:]
+    assert [int(array[0]) for array in arrays] == list(range(3 * SHARE))
+    assert sum(map(is_shared, arrays)) == SHARE
+    assert outlet.stats.dropped == 0
+    del arrays
+    kept.arrays.clear()
+    outlet.send(blob(here, b"z" * 100_000))
+    kept.wait(1)
+    assert is_shared(kept.arrays[0])
+
+
+def test_who_keeps_requests_and_answers_gets_copies_too(here: ShmTransport, there: ShmTransport) -> None:
+    kept: list[Any] = []
+    decode = here.codec.decoder(BLOB)
+
+    def service(payload: Any, expires: float) -> Reply:
+        kept.append(decode(payload)[0])
+        return Reply(Status.OK, blob(here, bytes(kept[-1][:1]) * 50_000))
+
+    here.server(query(NAME), service)
+    caller = there.caller(query(NAME))
+    assert caller.wait_peer(SOON)
+    answers = [decode(caller.ask(blob(there, bytes([n]) * 50_000), SOON).payload)[0] for n in range(40)]
+    assert [(int(request[0]), int(answer[-1])) for request, answer in zip(kept, answers, strict=True)] == [
+        (n, n) for n in range(40)
+    ]
+    assert 0 < sum(map(is_shared, kept)) < 40
+    assert 0 < sum(map(is_shared, answers)) < 40
+
+
+# Loans.
+
+
+def fill(data: memoryview, begin: int, content: bytes) -> int:
+    """Write a blob as the codec would; where it ends."""
+    payload = b"\0\1\0\0" + len(content).to_bytes(4, "little") + content
+    data[begin : begin + len(payload)] = payload
+    return begin + len(payload)
+
+
+@pytest.mark.parametrize(("size", "begin"), [(0, 4), (1000, 4), (1000, 61), (LARGE, 4), (LARGE, 20)])
+def test_a_loaned_message_begins_wherever_it_was_written(
+    here: ShmTransport, there: ShmTransport, size: int, begin: int
+) -> None:
+    inbox, outlet = subscribe(there, topic(NAME)), here.outlet(topic(NAME))
+    assert outlet.wait_peer(SOON)
+    loan = outlet.loan(size + 100)  # type: ignore[union-attr]
+    assert np.frombuffer(loan.data, np.uint8).ctypes.data % 8 == 0
+    loan.send(begin, fill(loan.data, begin, b"\7" * size))
+    assert inbox.get(timeout=SOON) == b"\7" * size
+    loan.close()
+    with pytest.raises(ValueError, match="ended"):
+        loan.send(0, 8)
+
+
+def test_a_loan_is_written_where_it_is_read(here: ShmTransport, there: ShmTransport) -> None:
+    kept, outlet = Kept(there), here.outlet(topic(NAME))
+    assert outlet.wait_peer(SOON)
+    loan = outlet.loan(LARGE)  # type: ignore[union-attr]
+    lent = np.frombuffer(loan.data, np.uint8)
+    loan.send(4, fill(loan.data, 4, b"\1" * 500_000))
+    kept.wait(1)
+    assert mapped(lent) == mapped(kept.arrays[0])
+    lent[100] = 9
+    assert kept.arrays[0][100 - 12] == 9  # the same memory, so this shows; who sends a loan has given it away
+
+
+def test_loans_that_are_not_sent_give_their_memory_back(here: ShmTransport, there: ShmTransport) -> None:
+    inbox, outlet = subscribe(there, topic(NAME)), here.outlet(topic(NAME))
+    assert outlet.wait_peer(SOON)
+    for _ in range(1000):
+        outlet.loan(LARGE).close()  # type: ignore[union-attr]
+    outlet.send(blob(here, b"after"))
+    assert inbox.get(timeout=SOON) == b"after"
+
+
+def test_memory_of_a_loan_can_be_read_when_all_is_closed() -> None:
+    here = opened()
+    outlet = here.outlet(topic(NAME))
+    loan = outlet.loan(LARGE)  # type: ignore[union-attr]
+    lent = np.frombuffer(loan.data, np.uint8)
+    lent[:] = 5
+    here.close()
+    assert int(lent.sum()) == 5 * lent.size
+    with pytest.raises(Closed):
+        outlet.loan(1)  # type: ignore[union-attr]
+
+
+def test_loans_are_latched_and_numbered_like_others(here: ShmTransport, there: ShmTransport) -> None:
+    outlet = here.outlet(topic(NAME, LATCHED))
+    for number in (b"1", b"2", b"3"):
+        loan = outlet.loan(100)  # type: ignore[union-attr]
+        loan.send(4, fill(loan.data, 4, number))
+    inbox = Inbox()
+    link = there.inlet(topic(NAME, LATCHED), put(there, inbox))
+    assert [inbox.get(timeout=SOON), inbox.get(timeout=SOON)] == [b"2", b"3"]
+    outlet.send(blob(here, b"4"))
+    assert inbox.get(timeout=SOON) == b"4"
+    assert (link.stats.lost, link.stats.repeated) == (0, 0)
+
+
+# Slow readers.
+
+
+def send_until_it_waits(transport: ShmTransport, outlet: Any) -> int:
+    """How many messages were sent, 0, 1, 2 and so on, before one found no room."""
+    for number in range(10_000):
+        try:
+            outlet.send(blob(transport, b"%d" % number), 0.05)
+        except Timeout:
+            return number
+    raise AssertionError("nobody waits")
+
+
+def test_a_reliable_publisher_goes_on_when_its_reader_leaves(here: ShmTransport, there: ShmTransport) -> None:
+    release = threading.Event()
+    link = there.inlet(topic(NAME, RELIABLE), lambda _: release.wait(SOON * 3))
+    outlet = here.outlet(topic(NAME, RELIABLE))
+    assert outlet.wait_peer(SOON)
+    assert send_until_it_waits(here, outlet) > 0
+    release.set()
+    link.close()
+    for _ in range(1000):
+        outlet.send(blob(here, b"x"), SOON)
+
+
+def test_numbers_are_without_gaps_after_a_timeout(here: ShmTransport, there: ShmTransport) -> None:
+    release, inbox = threading.Event(), Inbox()
+
+    def sink(payload: Any) -> None:
+        release.wait(SOON * 3)
+        inbox.put(unblob(there, payload))
+
+    link, outlet = there.inlet(topic(NAME, RELIABLE), sink), here.outlet(topic(NAME, RELIABLE))
+    assert outlet.wait_peer(SOON)
+    sent = send_until_it_waits(here, outlet)
+    release.set()
+    outlet.send(blob(here, b"last"), SOON)
+    wait_until(lambda: inbox.qsize() == sent + 1)
+    assert drain(inbox) == [*(b"%d" % number for number in range(sent)), b"last"]
+    assert (link.stats.lost, link.stats.repeated) == (0, 0)
+
+
+def test_the_slowest_reader_decides_how_far_a_publisher_goes(tmp_path: Path) -> None:
+    quick, slow = Receipts(tmp_path / "quick"), Receipts(tmp_path / "slow")
+    credit = Credit(2)
+    credit.readers = [Reader(tmp_path / name, 7, 10) for name in ("quick", "slow")]
+    assert credit.wait(11, time.monotonic(), lambda: None)
+    assert not credit.wait(12, time.monotonic(), lambda: None)  # two are on their way to both, who begin at 10
+    for receipts in (quick, slow):
+        receipts.begin(7)
+    quick.took(7, 12)
+    assert not credit.wait(12, time.monotonic(), lambda: None)
+    slow.took(7, 11)
+    assert credit.wait(12, time.monotonic(), lambda: None)
+
+
+def test_a_publisher_that_waits_is_called_once_there_is_room(tmp_path: Path) -> None:
+    receipts, credit = Receipts(tmp_path / "reader"), Credit(4)
+    receipts.begin(7)
+    credit.readers = [Reader(tmp_path / "reader", 7, 0)]
+    assert not receipts.took(7, 1)  # nobody waits
+    assert not credit.wait(5, time.monotonic(), lambda: None)
+    assert [receipts.took(7, number) for number in (2, 3, 4)] == [False, True, False]
+
+
+def test_a_slot_belongs_to_one_publisher_after_the_other(tmp_path: Path) -> None:
+    receipts = Receipts(tmp_path / "reader")
+    for source in range(1, SLOTS + 1):
+        receipts.begin(source)
+    with pytest.raises(TransportError, match="more than"):
+        receipts.begin(SLOTS + 1)
+    former = Reader(tmp_path / "reader", 7, 0)
+    receipts.took(7, 100)
+    assert former.taken() == 100
+    receipts.end(7)
+    receipts.begin(SLOTS + 1)
+    receipts.took(SLOTS + 1, 5)
+    assert former.taken() == 0  # what stands there is not its own
+
+
+@pytest.mark.parametrize("size", [1, 3 * LARGE])
+def test_what_is_sent_right_before_closing_arrives(there: ShmTransport, size: int) -> None:
+    news, orders = subscribe(there, topic(NAME, RELIABLE)), Inbox()
+    there.inlet(command(NAME), put(there, orders))
+    for _ in range(5):
+        here = opened()
+        outlet, order = here.outlet(topic(NAME, RELIABLE)), here.outlet(command(NAME))
+        assert outlet.wait_peer(SOON)
+        outlet.send(blob(here, bytes(size)))
+        order.send(blob(here, bytes(size)))
+        here.close()
+        assert [len(news.get(timeout=SOON)), len(orders.get(timeout=SOON))] == [size, size]
+
+
+# Nothing stays, and nobody else sees it.
+
+
+def test_closing_leaves_nothing() -> None:
+    before = segments(), files()
+    here, there = opened(), opened()
+    inbox = subscribe(there, topic(NAME, RELIABLE))
+    there.inlet(command(NAME + "x"), lambda _: None)
+    here.server(query(NAME), lambda payload, _: Reply(Status.OK, payload))
+    outlet, caller, order = (
+        here.outlet(topic(NAME, RELIABLE)),
+        there.caller(query(NAME)),
+        here.outlet(command(NAME + "x")),
+    )
+    for link in (outlet, caller, order):
+        assert link.wait_peer(SOON)
+    outlet.send(blob(here, bytes(LARGE)))
+    order.send(blob(here, bytes(LARGE)))
+    caller.ask(blob(there, bytes(LARGE)), SOON)
+    assert len(inbox.get(timeout=SOON)) == LARGE
+    assert segments() > before[0]
+    del outlet, caller, order
+    here.close()
+    there.close()
+    assert (segments(), files()) == before
+
+
+KILLED = """
+import sys
+from robocomp_py.testing.parts import blob, query, topic
+from robocomp_py.transports.base import Reply, Status, TransportConfig
+from robocomp_py.transports.shm import ShmTransport
+
+transport = ShmTransport(TransportConfig())
+transport.server(query("shm/Conformance/op"), lambda payload, _: Reply(Status.OK, payload))
+transport.inlet(topic("shm/Conformance/op"), lambda _: None)
+outlet = transport.outlet(topic("shm/Conformance/other"))
+loan = outlet.loan(1_000_000)
+print("ready", flush=True)
+sys.stdin.read()
+"""
+
+
+def test_what_a_killed_process_left_is_removed_at_the_next_start() -> None:
+    before = segments(), files()
+    process = subprocess.Popen([sys.executable, "-c", KILLED], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"ready\n"
+        assert segments() > before[0]
+    finally:
+        process.kill()
+        process.communicate()
+    assert segments() > before[0]
+    opened().close()
+    assert (segments(), files()) == before
+
+
+def test_who_lives_removes_what_the_dead_have_left(here: ShmTransport) -> None:
+    outlet = here.outlet(topic(NAME))
+    outlet.send(blob(here, b"x"))
+    before = segments()
+    process = subprocess.Popen([sys.executable, "-c", KILLED], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    try:
+        assert outlet.wait_peer(SOON * 3)
+        outlet.send(blob(here, b"x"))
+    finally:
+        process.kill()
+        process.communicate()
+    wait_until(lambda: segments() == before)
+
+
+def test_run_time_folders_do_not_meet_and_are_for_their_owner_alone(
+    here: ShmTransport, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = runtime_dir()
+    with tempfile.TemporaryDirectory(prefix="rc-", dir="/tmp") as second:
+        monkeypatch.setenv("ROBOCOMP_RUNTIME_DIR", second)
+        elsewhere = opened()
+        try:
+            inbox, outlet = subscribe(elsewhere, topic(NAME)), here.outlet(topic(NAME))
+            greet(here, outlet, subscribe(here, topic(NAME)))
+            assert inbox.empty()
+            found = segments(first), segments(Path(second))
+            assert all(found)
+            modes = {stat.S_IMODE((Path("/dev/shm") / name).stat().st_mode) for name in found[0] | found[1]}
+            assert modes == {0o600}
+        finally:
+            elsewhere.close()
+    assert not segments(Path(second))
+
+
+# Shared memory is limited.
+
+
+def test_opening_says_what_to_do_when_there_is_too_little(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = segments()
+    monkeypatch.setattr(node, "free", lambda: 1_000_000)
+    with pytest.raises(TransportError, match=r"1000000 are left in /dev/shm; make it larger .*--shm-size"):
+        opened()
+    monkeypatch.undo()
+    assert segments() == before
+    opened().close()
+
+
+def test_sending_raises_when_there_is_no_more_and_goes_on_when_there_is(
+    here: ShmTransport, there: ShmTransport, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    inbox, outlet = subscribe(there, topic(NAME)), here.outlet(topic(NAME))
+    greet(here, outlet, inbox)
+
+    def no_more(address: int, size: int, what: int) -> int:
+        ctypes.set_errno(errno.EFAULT)
+        return -1
+
+    monkeypatch.setattr(samples, "_madvise", no_more)
+    with pytest.raises(TransportError, match="shared memory are needed"):
+        outlet.send(blob(here, bytes(LARGE)))
+    with pytest.raises(TransportError, match="shared memory are needed"):
+        outlet.loan(LARGE)  # type: ignore[union-attr]
+    monkeypatch.undo()
+    outlet.send(blob(here, bytes(LARGE)))
+    assert len(inbox.get(timeout=SOON)) == LARGE
+
+
+def test_an_answer_for_which_there_is_no_memory_fails_its_call(
+    here: ShmTransport, there: ShmTransport, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    here.server(query(NAME), lambda payload, _: Reply(Status.OK, blob(here, bytes(LARGE))))
+    caller = there.caller(query(NAME))
+    assert caller.wait_peer(SOON)
+
+    def little(address: int, size: int, what: int) -> int:
+        ctypes.set_errno(errno.EFAULT)
+        return 0 if size < LARGE else -1
+
+    monkeypatch.setattr(samples, "_madvise", little)
+    assert caller.ask(blob(there, b""), SOON).status is Status.FAILED
+    assert "shared memory are needed" in caplog.text
+
+
+# What is not ours.
+
+
+def test_malformed_letters_are_counted(
+    here: ShmTransport, there: ShmTransport, caplog: pytest.LogCaptureFixture
+) -> None:
+    inbox = Inbox()
+    link = here.inlet(command(NAME), put(here, inbox))
+    outlet = there.outlet(command(NAME))
+    assert outlet.wait_peer(SOON)
+    post = Post(there.node, packed(there.member.id), here.member.id, 0)
+    for header in (b"", b"\x63" * 30):
+        assert post.send(0, link.number, header, b"rubbish", 7)  # type: ignore[union-attr]
+        assert post.send(0, 0, header, b"rubbish", 7)
+        assert post.send(0, 12345, header, b"rubbish", 7)
+    outlet.send(blob(there, b"fine"))
+    assert inbox.get(timeout=SOON) == b"fine"
+    wait_until(lambda: link.stats.malformed == 2)
+    assert sum("malformed" in record.message for record in caplog.records) == 2  # of the link, and of nobody's
+    post.close()
+
+
+def test_names_of_members_are_numbers_too() -> None:
+    for name in ("1-00000000", "4194304-deadbeef", "77-0000000a"):
+        assert unpacked(packed(name)) == name

@@ -1,0 +1,194 @@
+"""Our side of ZMTP, against the library's, and against one that sends it octet by octet."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket as plain
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zmq
+
+from robocomp_py.contract.types import FLOAT64, UINT8, Field, Sequence, Struct
+from robocomp_py.testing.conformance import query, topic
+from robocomp_py.testing.patience import SOON, wait_until
+from robocomp_py.transports.base import Reply, Status, TransportConfig
+from robocomp_py.transports.zeromq import ZeroMQTransport
+from robocomp_py.transports.zeromq.frames import Frames
+from robocomp_py.transports.zeromq.zmtp import Feed, Garbled, Gone, Stream
+
+from .test_zeromq_faults import GREETING, ready
+
+SIZES = (0, 1, 253, 254, 255, 256, 257, 8191, 8193, 16_384, 65_535, 65_536, 70_000, 3_000_000)
+ARRAYS = Struct("Arrays", (Field("octets", Sequence(UINT8)), Field("numbers", Sequence(FLOAT64))))
+
+
+def patience() -> Callable[[], None]:
+    """To be called when nothing happened for a while; does not let that happen for ever."""
+    left = iter(range(int(SOON * 20)))
+    return lambda: None if next(left, None) is not None else pytest.fail("nothing came")
+
+
+def received(stream: Stream | Feed) -> Frames:
+    wait = patience()
+    while True:
+        try:
+            return stream.receive()
+        except BlockingIOError:
+            wait()
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "socket"
+
+
+@pytest.fixture
+def router(path: Path) -> Iterator[zmq.Socket[bytes]]:
+    with zmq.Context() as context, context.socket(zmq.ROUTER) as socket:
+        socket.setsockopt(zmq.LINGER, 0)
+        socket.setsockopt(zmq.RCVTIMEO, int(SOON * 1000))
+        socket.bind(f"ipc://{path}")
+        yield socket
+
+
+@pytest.fixture
+def raw(path: Path) -> Iterator[Callable[[], plain.socket]]:
+    """The other side of the next connection, in octets."""
+    with contextlib.ExitStack() as opened:
+        listener = opened.enter_context(plain.socket(plain.AF_UNIX))
+        listener.bind(str(path))
+        listener.listen()
+        yield lambda: opened.enter_context(listener.accept()[0])
+
+
+def test_messages_of_any_size_and_number_of_frames_pass(path: Path, router: zmq.Socket[bytes]) -> None:
+    stream = Stream(str(path), patience())
+    for size in SIZES:
+        data = os.urandom(size)
+        for sent in ([data], [b"first", data], [data, b"", data], [b"a", np.arange(size // 8, dtype=np.float64).data]):
+            echo = threading.Thread(target=lambda: router.send_multipart(router.recv_multipart()))
+            echo.start()
+            stream.send(sent, patience())
+            assert [bytes(frame) for frame in received(stream)] == [bytes(frame) for frame in sent]
+            echo.join()
+    stream.close()
+
+
+def test_a_message_may_come_octet_by_octet(path: Path, raw: Callable[[], plain.socket]) -> None:
+    done = threading.Event()
+
+    def serve() -> None:
+        other = raw()
+        message = b"\1\5first\2" + (300).to_bytes(8, "big") + bytes(300)
+        for octet in GREETING + ready(b"ROUTER") + message:
+            other.sendall(bytes([octet]))
+        done.wait(SOON)
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    stream = Stream(str(path), patience())
+    assert received(stream) == [b"first", bytes(300)]
+    done.set()
+    thread.join()
+    stream.close()
+
+
+def test_a_ping_is_answered(path: Path, raw: Callable[[], plain.socket]) -> None:
+    answered: list[bytes] = []
+
+    def serve() -> None:
+        other = raw()
+        other.sendall(GREETING + ready(b"ROUTER") + b"\4\x0b\4PING\0\x0aseen" + b"\0\4news")
+        left = len(GREETING + ready(b"DEALER"))
+        while left:
+            left -= len(other.recv(left))
+        answered.append(other.recv(100))
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    stream = Stream(str(path), patience())
+    assert received(stream) == [b"news"]
+    thread.join()
+    assert answered == [b"\4\x09\4PONGseen"]
+    stream.close()
+
+
+@pytest.mark.parametrize(
+    ("words", "kind"),
+    [
+        (b"\0\4ha", Gone),
+        (b"\2" + (2**40).to_bytes(8, "big"), Garbled),
+        (b"\4\x0a\5ERROR\3bad", Garbled),
+        (b"", Gone),
+    ],
+)
+def test_what_ends_a_connection_is_told(
+    path: Path, raw: Callable[[], plain.socket], words: bytes, kind: type[Gone]
+) -> None:
+    def serve() -> None:
+        with raw() as other:
+            other.sendall(GREETING + ready(b"ROUTER") + words)
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    stream = Stream(str(path), patience())
+    with pytest.raises(Gone) as caught:
+        received(stream)
+    assert (caught.type, stream.broken) == (kind, True)
+    thread.join()
+    stream.close()
+
+
+def test_many_small_frames_without_an_end_are_not_collected(path: Path, raw: Callable[[], plain.socket]) -> None:
+    def serve() -> None:
+        other = raw()
+        with contextlib.suppress(OSError):
+            other.sendall(GREETING + ready(b"ROUTER"))
+            while True:
+                other.sendall(b"\1\0" * 100_000)
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    stream = Stream(str(path), patience())
+    with pytest.raises(Garbled):
+        received(stream)
+    stream.close()
+    thread.join()
+
+
+@pytest.fixture
+def transports() -> Iterator[tuple[ZeroMQTransport, ZeroMQTransport]]:
+    both = ZeroMQTransport(TransportConfig()), ZeroMQTransport(TransportConfig())
+    yield both
+    for each in both:
+        each.close()
+
+
+def test_large_arrays_are_received_without_being_copied(transports: tuple[ZeroMQTransport, ZeroMQTransport]) -> None:
+    here, there = transports
+    seen: list[Frames] = []
+    values = np.arange(1_000_000, dtype=np.uint8), np.linspace(0, 1, 100_000)
+    encode, decode = here.codec.encoder(ARRAYS), here.codec.decoder(ARRAYS)
+
+    def service(payload: Frames, expires: float) -> Reply:
+        seen.append(payload)
+        return Reply(Status.OK, encode(decode(payload)))
+
+    here.server(query("a/b/c"), service)
+    caller, outlet = there.caller(query("a/b/c")), there.outlet(topic("a/b/t"))
+    here.inlet(topic("a/b/t"), seen.append)
+    assert caller.wait_peer(SOON)
+    assert outlet.wait_peer(SOON)
+    seen.append(caller.ask(encode(values), SOON).payload)
+    outlet.send(encode(values))
+    wait_until(lambda: len(seen) == 3)
+    for payload in seen:
+        for frame, array, value in zip(payload[1:], decode(payload), values, strict=True):
+            assert np.shares_memory(array, np.frombuffer(frame, np.uint8))
+            assert np.array_equal(array, value)
+            assert not array.flags.writeable
