@@ -20,12 +20,13 @@ medians over short rounds taken by turns. A quiet machine still gives better one
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -48,9 +49,12 @@ from . import (
 )
 from .goals import Finding
 from .options import some_of, tell
-from .parties import MIDDLEWARES
+from .parties import FAILURES, MIDDLEWARES
 from .rounds import FULL, QUICK, Effort
 from .tables import Table, as_markdown, as_text, fill, octets
+
+MOST = 400.0
+"""Seconds for one measurement, or more if more is demanded; the longest takes three minutes."""
 
 SIZES = (64, 1024, 65536, 1_000_000, 6_000_000)
 
@@ -62,6 +66,7 @@ class Found:
     rows: list[Any]
     tables: list[Table]
     findings: list[Finding] = field(default_factory=list)
+    failures: list[str] = field(default_factory=list)
 
 
 Run = Callable[[argparse.Namespace, Effort], Found]
@@ -75,19 +80,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     tables, found, failures = [machine.describe()], dict[str, Found](), []
     if options.page:
         page = Path(options.page)
-        text = fill(page.read_text(encoding="utf-8"), tables)  # now: who named a wrong page should not wait to hear
+        fill(page.read_text(encoding="utf-8"), tables)  # now: who named a wrong page should not wait to hear
     _print(tables[0], options)
     begun = time.monotonic()
     try:
         for what in options.what:
             try:
-                found[what] = MEASUREMENTS[what](options, effort)
+                with _limited(MOST * max(1.0, effort.rounds * effort.seconds / FULL.rounds / FULL.seconds)):
+                    found[what] = MEASUREMENTS[what](options, effort)
             except Exception as exc:  # said at once and at the end; the others are worth measuring all the same
                 tell("")
                 traceback.print_exc()
                 failures.append(f"failed: {what}: {exc}")
                 continue
             tell("")
+            failures += [f"failed: {what}: {each}" for each in found[what].failures]
             for table in found[what].tables:
                 _print(table, options)
     except KeyboardInterrupt:
@@ -105,7 +112,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         rows = {what: [asdict(row) for row in one.rows] for what, one in found.items()}
         Path(options.json).write_text(json.dumps({"machine": about, **rows}, indent=1), encoding="utf-8")
     if options.page:
-        page.write_text(fill(text, tables), encoding="utf-8")
+        page.write_text(fill(page.read_text(encoding="utf-8"), tables), encoding="utf-8")
     minutes, seconds = divmod(round(time.monotonic() - begun), 60)
     print(f"\n{minutes} min {seconds} s", *failures, sep="\n", file=sys.stderr)
     return 1 if failures else 0
@@ -114,9 +121,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
 # What can be measured.
 
 
+def _each(measure: Callable[..., list[Any]], middlewares: Sequence[str], effort: Effort) -> tuple[list[Any], list[str]]:
+    """Of one middleware after the other: what one of them fails in does not keep the others from being measured."""
+    rows, failures = [], []
+    for middleware in middlewares:
+        try:
+            rows += measure([middleware], effort, tell)
+        except FAILURES as exc:
+            failures.append(f"{middleware}: {exc}")
+    return rows, failures
+
+
 def _start(options: argparse.Namespace, effort: Effort) -> Found:
-    rows = start.run(options.only, effort, tell)
-    return Found(rows, [start.table(rows)], start.findings(rows))
+    rows, failures = _each(start.run, options.only, effort)
+    return Found(rows, [start.table(rows)], start.findings(rows), failures)
 
 
 def _query(options: argparse.Namespace, effort: Effort) -> Found:
@@ -135,8 +153,8 @@ def _publish(options: argparse.Namespace, effort: Effort) -> Found:
 
 
 def _loans(options: argparse.Namespace, effort: Effort) -> Found:
-    rows = loans.run([each for each in ("shm", "inproc") if each in options.only], effort, tell)
-    return Found(rows, [loans.table(rows)], loans.findings(rows))
+    rows, failures = _each(loans.run, [each for each in ("shm", "inproc") if each in options.only], effort)
+    return Found(rows, [loans.table(rows)], loans.findings(rows), failures)
 
 
 def _cpu(options: argparse.Namespace, effort: Effort) -> Found:
@@ -145,14 +163,14 @@ def _cpu(options: argparse.Namespace, effort: Effort) -> Found:
 
 
 def _threads(options: argparse.Namespace, effort: Effort) -> Found:
-    rows = threads.run(options.only, effort.halved, tell)
-    return Found(rows, [threads.table(rows)])
+    rows, failures = _each(threads.run, options.only, effort.halved)
+    return Found(rows, [threads.table(rows)], failures=failures)
 
 
 def _layers(options: argparse.Namespace, effort: Effort) -> Found:
-    rows = layers.run(options.only, effort.halved, tell)
+    rows, failures = _each(layers.run, options.only, effort.halved)
     more = [layers.package_codec(effort.halved)] if "dds" in options.only else []
-    return Found(rows, [layers.table(rows), *more])
+    return Found(rows, [layers.table(rows), *more], failures=failures)
 
 
 def _codecs(options: argparse.Namespace, effort: Effort) -> Found:
@@ -161,8 +179,8 @@ def _codecs(options: argparse.Namespace, effort: Effort) -> Found:
 
 
 def _memory(options: argparse.Namespace, effort: Effort) -> Found:
-    rows = memory.run(options.only, effort.halved, tell)
-    return Found(rows, [memory.table(rows)])
+    rows, failures = _each(memory.run, options.only, effort.halved)
+    return Found(rows, [memory.table(rows)], failures=failures)
 
 
 def _languages(options: argparse.Namespace, effort: Effort) -> Found:
@@ -264,6 +282,22 @@ def _sizes(text: str) -> tuple[int, ...]:
 def _print(table: Table, options: argparse.Namespace) -> None:
     shown = f"**{table.title}**\n\n{as_markdown(table)}" if options.markdown else as_text(table)
     print(f"\n{shown}", flush=True)
+
+
+@contextlib.contextmanager
+def _limited(seconds: float) -> Iterator[None]:
+    """Raise TimeoutError in what takes longer: nobody may be there who would end it."""
+
+    def ended(number: int, frame: object) -> None:
+        raise TimeoutError(f"not done after {seconds:g} s")
+
+    before = signal.signal(signal.SIGALRM, ended)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def _terminated(number: int, frame: object) -> None:

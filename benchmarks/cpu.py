@@ -17,8 +17,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .components import COMPONENTS, Ready, component
-from .goals import Finding
+from .goals import Finding, failed
 from .pair import place
+from .parties import FAILURES
 from .process import ROOT, cpu_seconds
 from .query import Tell
 from .rounds import Effort
@@ -83,6 +84,7 @@ class Row:
     idle: float
     publisher: float | None = None
     subscriber: float | None = None
+    failure: str = ""
 
     @property
     def both(self) -> float | None:
@@ -101,7 +103,10 @@ def run(middlewares: Iterable[str], effort: Effort, tell: Tell) -> list[Row]:
                 rows.append(Row(middleware, idle[middleware]))
                 continue
             tell(f"cpu · {middleware}")
-            rows.append(Row(middleware, idle[middleware], *_busy(middleware, Path(folder), effort.watched)))
+            try:
+                rows.append(Row(middleware, idle[middleware], *_busy(middleware, Path(folder), effort.watched)))
+            except FAILURES as exc:
+                rows.append(Row(middleware, idle[middleware], failure=f"{exc}"))
     return rows
 
 
@@ -112,7 +117,7 @@ def _idle(middlewares: tuple[str, ...], seconds: float) -> dict[str, float]:
         return dict(zip(middlewares, _shares(ready, seconds), strict=True))
 
 
-def _busy(middleware: str, folder: Path, seconds: float) -> list[float]:
+def _busy(middleware: str, folder: Path, seconds: float) -> tuple[float, float]:
     count = folder / "heard"
     with contextlib.ExitStack() as undo:
         here = undo.enter_context(place())
@@ -120,11 +125,11 @@ def _busy(middleware: str, folder: Path, seconds: float) -> list[float]:
             undo.enter_context(component(name, folder, middleware, *more, runtime=here.folder, HEARD=str(count)))
             for name, more in (("listener", ()), ("talker", (f"component.period={1 / HERTZ}",)))
         ]
-        shares = _shares(both, seconds)
+        listener, talker = _shares(both, seconds)
     heard, expected = int(count.read_text()), seconds * HERTZ
     if heard < expected / 2:
         raise RuntimeError(f"{middleware}: {heard} messages were heard in {seconds:g} s, not {expected:g}")
-    return shares[::-1]
+    return talker, listener
 
 
 def _shares(ready: list[Ready], seconds: float) -> list[float]:
@@ -159,13 +164,16 @@ def table(rows: list[Row]) -> Table:
         )
         for row in rows
     ]
-    return Table("cpu", f"share of one core: idle, and {SIZE} B at {HERTZ} Hz", head, cells, labels=1)
+    note = "; ".join(f"{row.middleware} failed: {row.failure}" for row in rows if row.failure)
+    return Table("cpu", f"share of one core: idle, and {SIZE} B at {HERTZ} Hz", head, cells, labels=1, note=note)
 
 
 def findings(rows: list[Row]) -> list[Finding]:
     found = [Finding("idle", row.middleware, "", _percent(row.idle), row.idle <= IDLE) for row in rows]
     for row in rows:
-        if row.both is not None:
+        if row.failure:
+            found.append(failed("busy", row.middleware))
+        elif row.both is not None:
             found.append(Finding("busy", row.middleware, "", _percent(row.both), row.both <= BUSY))
     return found
 

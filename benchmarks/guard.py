@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import json
 import statistics
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -35,10 +36,13 @@ TOLERANCES = {
     "rate": 1.4,
     "loan": 1.5,
     "start": 1.3,
-    "xcdr1": 1.5,
-    "messagepack": 1.5,
+    "xcdr1": 2.0,
+    "messagepack": 2.0,
 }
 """By goal: how much a ratio may grow before that is no longer chance."""
+
+TO_RAW = ("small", "large", "latency", "rate")
+"""Of these, what is below 1 was luck, of which nobody is deprived."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +64,10 @@ class Row:
 
     @property
     def allowed(self) -> float | None:
-        return self.before and self.before * TOLERANCES[self.name.partition(" · ")[0]]
+        if self.before is None:
+            return None
+        goal = self.name.partition(" · ")[0]
+        return (max(1.0, self.before) if goal in TO_RAW else self.before) * TOLERANCES[goal]
 
     @property
     def regressed(self) -> bool:
@@ -76,7 +83,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         found = _medians([_ratios(chosen, effort) for _ in range(AGAIN)])
         earlier = json.loads(baseline.read_text(encoding="utf-8")) if baseline.exists() else {}
         text = json.dumps(
-            earlier | {name: round(value, 3) for name, value in found.items()},
+            earlier | {name: float(f"{value:.3g}") for name, value in found.items()},
             indent=1,
             sort_keys=True,
             ensure_ascii=False,
@@ -87,7 +94,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     rows = compare(before, chosen, effort)
     tell("")
     print(as_text(table(rows)))
-    return 1 if any(row.regressed for row in rows) else 0
+    if any(row.regressed for row in rows):
+        print("\nslower than it was, in each of several attempts; if that is meant: --write", file=sys.stderr)
+        return 1
+    return 0
 
 
 def compare(before: dict[str, float], chosen: Sequence[Probe], effort: Effort) -> list[Row]:
@@ -186,9 +196,7 @@ def table(rows: Sequence[Row]) -> Table:
     cells = [
         (
             row.name,
-            times_as_much(row.before),
-            times_as_much(row.allowed),
-            times_as_much(row.found),
+            *("–" if each is None else f"{each:.3g} ×" for each in (row.before, row.allowed, row.found)),
             "new" if row.before is None else "regressed" if row.regressed else "",
         )
         for row in rows

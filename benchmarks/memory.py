@@ -39,9 +39,9 @@ def run(middlewares: Iterable[str], effort: Effort, tell: Tell) -> list[Row]:
     chosen = [each for each in middlewares if each != "inproc"]  # which has no raw peer
     if not chosen:
         return []
-    tell("memory · as it is")
+    tell(f"memory · {', '.join(chosen)} · as it is")
     as_it_is = _queries(chosen, effort, {})
-    tell("memory · kept")
+    tell(f"memory · {', '.join(chosen)} · kept")
     kept = _queries(chosen, effort, SETTINGS)
     return [
         Row(before["middleware"], before["size"], *_figures(before), *_figures(after))
@@ -64,6 +64,8 @@ def _queries(middlewares: list[str], effort: Effort, settings: dict[str, str]) -
 
 
 def _figures(row: dict[str, Any]) -> tuple[float, float, float]:
+    if row["failure"]:
+        raise RuntimeError(row["failure"])
     return row["ours"]["p50"], row["raw"]["p50"], row["ratio"]
 
 

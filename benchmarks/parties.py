@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from subprocess import SubprocessError
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -22,7 +23,7 @@ Hear = Callable[[Array], object]
 
 MIDDLEWARES = ("zeromq", "dds", "zenoh", "shm", "inproc")
 
-FAILURES = (RobocompError, OSError, RuntimeError, ValueError)
+FAILURES = (RobocompError, OSError, RuntimeError, ValueError, SubprocessError)
 """What keeps one party from being measured, and no reason to keep the figures of others from anybody."""
 
 PATIENCE = 10.0

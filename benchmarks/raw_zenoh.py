@@ -1,4 +1,4 @@
-"""Bare Zenoh: our session settings, and a router in the process that serves, as with ours.
+"""Bare Zenoh: our session settings, and a router that is the session of the process that serves, as with ours.
 
 Payloads are one array in CDR, without attachment. Callbacks are plain functions, as a user passes them:
 measured, that is as quick as Zenoh's other ways to hand over what came in, or quicker.
@@ -31,14 +31,12 @@ def decode(payload: bytes) -> Array:
 class Far:
     def __init__(self, place: Place, hear: Hear) -> None:
         self._hear = hear
-        self._router = open_router(_endpoint(place))
-        self._session = open_client(_endpoint(place))
+        self._session = open_router(_endpoint(place))
         self._session.declare_queryable(_ECHO, self._answer, complete=True)
         self._session.declare_subscriber(_TOPIC, self._heard)
 
     def close(self) -> None:
         self._session.close()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
-        self._router.close()  # type: ignore[no-untyped-call]
 
     def _answer(self, query: Any) -> None:
         query.reply(query.key_expr, encode(decode(query.payload.to_bytes())))

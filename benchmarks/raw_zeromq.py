@@ -86,10 +86,10 @@ class Near:
     def __init__(self, place: Place) -> None:
         patience = {"RCVTIMEO": int(PATIENCE * 1000), "SNDTIMEO": int(PATIENCE * 1000)}
         self._context = zmq.Context()
-        self._asking = new_socket(self._context, zmq.DEALER, **patience)
+        self._asking = new_socket(self._context, zmq.DEALER, None, **patience)
         self._asking.connect(f"ipc://{place.folder}/raw-echo")
         self._publishing = new_socket(
-            self._context, zmq.XPUB, SNDHWM=place.depth, XPUB_VERBOSER=1, XPUB_NODROP=1, **patience
+            self._context, zmq.XPUB, None, SNDHWM=place.depth, XPUB_VERBOSER=1, XPUB_NODROP=1, **patience
         )
         self._publishing.bind(f"ipc://{place.folder}/raw-topic")
         self._publishing.recv()  # the subscription

@@ -233,13 +233,22 @@ def _rospy() -> str:
 
 def _ros(by: str) -> Callable[[str], list[Command]]:
     def programs(folder: str) -> list[Command]:
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            port = str(free.getsockname()[1])
+        port = _free_port()
         ends = (("far", folder, port), ("near", folder, port, by))
         return [_program("ros", *end, python=SYSTEM_PYTHON) for end in ends]
 
     return programs
+
+
+def _grpc(folder: str) -> list[Command]:
+    port = _free_port()
+    return [_program("grpc", end, folder, port) for end in ("far", "near")]
+
+
+def _free_port() -> str:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return str(free.getsockname()[1])
 
 
 _APT = "apt-get install python3-rospy python3-rosmaster python3-std-msgs python3-numpy"
@@ -247,7 +256,7 @@ _APT = "apt-get install python3-rospy python3-rosmaster python3-std-msgs python3
 PEERS = {
     "dora": Peer("dora-rs, two topics", _dora, "make bench-peers", _dataflow),
     "pyro5": Peer("Pyro5", partial(_of_pip, "Pyro5"), "make bench-peers", _two("pyro5")),
-    "grpc": Peer("gRPC", partial(_of_pip, "grpcio"), "make bench-peers", _two("grpc")),
+    "grpc": Peer("gRPC", partial(_of_pip, "grpcio"), "make bench-peers", _grpc),
     "rospy-service": Peer("rospy, service", _rospy, _APT, _ros("service")),
     "rospy-topics": Peer("rospy, two topics", _rospy, _APT, _ros("topics")),
 }

@@ -266,8 +266,9 @@ def contract(kind: t.Type | t.ExceptionType, here: str) -> str:
             return f"{reference(name, here)}.__contract__"
         case t.Sequence(item):
             return f"Sequence({contract(item, here)})"
-        case t.Dictionary(key, value):
-            return f"Dictionary({contract(key, here)}, {contract(value, here)})"
+        case t.Dictionary(key, value, name):
+            named = f', "{name}"' if name else ""  # DDS shows it
+            return f"Dictionary({contract(key, here)}, {contract(value, here)}{named})"
 
 
 def field_literals(fields: Sequence[t.Field], here: str, indent: int = 8) -> list[str]:

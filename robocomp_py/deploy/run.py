@@ -31,7 +31,7 @@ from .policy import (
 from .processes import Launcher
 
 GRACE = 5.0
-"""Seconds a process has to end by itself, once told to."""
+"""Seconds a process has to end by itself, once told to, for each component in it: they end one after the other."""
 
 REMIND = 5.0
 """Seconds between two messages that say who is not ready yet."""
@@ -126,7 +126,7 @@ class _Run:
                 await self._start(name)
             case Stop(name):
                 self._launcher.stop(name)
-                self._after(self._options.grace, GraceOver(name))
+                self._after(self._grace(name), GraceOver(name))
             case Kill(name):
                 self._launcher.kill(name)
             case Finish():
@@ -144,7 +144,8 @@ class _Run:
                     whose = self._options.until in (name, *self._processes[name].instances)
                     self._tell_end(self._options.until if whose else name)
             case Left(instance):
-                self._display.ended(instance, "has ended")
+                if instance != self._options.until:
+                    self._display.ended(instance, "has ended")
                 if supervisor.stopping and not was_stopping:
                     self._tell_end(instance)
             case StopRequested(code):
@@ -156,7 +157,7 @@ class _Run:
                 pass
         for action in actions:
             if isinstance(action, Kill):
-                late = f"did not stop within {self._options.grace:g} s; killed"
+                late = f"did not stop within {self._grace(action.name):g} s; killed"
                 self._killed[action.name] = late if isinstance(event, GraceOver) else "was killed"
         return actions
 
@@ -173,6 +174,9 @@ class _Run:
             was is not State.STOPPING and self._options.until not in (name, *self._processes[name].instances)
         ):
             self._display.ended(name, killed or _how(code))
+
+    def _grace(self, name: str) -> float:
+        return self._options.grace * len(self._processes[name].instances)
 
     async def _start(self, name: str) -> None:
         try:

@@ -327,7 +327,7 @@ def _uses_of_instance(instance: Instance, within: str) -> Iterator[Use]:
     yield Use(instance.component, (Kind.COMPONENT,), "", implied=instance.kind is None)
     for name in instance.dependences:
         yield Use(name, (Kind.INSTANCE,), within)
-    for port in (each.port for each in (*instance.wirings, *instance.qos)):
+    for port in (*(each.port for each in instance.wirings), *(each.port for each in instance.qos)):
         yield Use(_without_number(port), (Kind.INTERFACE,))
         if re.search(r"\d$", port.text):
             yield Use(port, (Kind.INTERFACE,))

@@ -89,12 +89,22 @@ _CommonBehavior_killYourSelf: Operation[None] = Operation(
 _CommonBehavior_getParameterList: Operation[ParameterList] = Operation(
     "RoboCompCommonBehavior::CommonBehavior",
     "getParameterList",
-    outputs=(Field("ret", Dictionary(STRING, Parameter.__contract__)),),
+    outputs=(
+        Field(
+            "ret",
+            Dictionary(STRING, Parameter.__contract__, "RoboCompCommonBehavior::ParameterList"),  # noqa: E501
+        ),
+    ),
 )
 _CommonBehavior_setParameterList: Operation[None] = Operation(
     "RoboCompCommonBehavior::CommonBehavior",
     "setParameterList",
-    inputs=(Field("l", Dictionary(STRING, Parameter.__contract__)),),
+    inputs=(
+        Field(
+            "l",
+            Dictionary(STRING, Parameter.__contract__, "RoboCompCommonBehavior::ParameterList"),  # noqa: E501
+        ),
+    ),
 )
 _CommonBehavior_reloadConfig: Operation[None] = Operation(
     "RoboCompCommonBehavior::CommonBehavior",

@@ -101,11 +101,13 @@ class Together:
 
     def speaking(self, record: logging.LogRecord) -> Member | None:
         """Whose message that is, asked on the thread it comes from; None if nobody can tell."""
-        mine = threading.current_thread()
-        for member in self._members:
-            if record.name == member.name or member.thread is mine or member.running.speaks:
-                return member
-        return None
+        here = threading.current_thread()
+        ways: tuple[Callable[[Member], bool], ...] = (
+            lambda member: record.name == member.name,
+            lambda member: member.running.speaks,  # perhaps on the thread of another one, which waits for its answer
+            lambda member: member.thread is here,
+        )
+        return next((member for is_it in ways for member in self._members if is_it(member)), None)
 
     # On the thread of a component.
 

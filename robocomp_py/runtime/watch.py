@@ -34,7 +34,7 @@ Sources = Callable[[], Mapping[str, QoS]]
 
 @dataclass(frozen=True, slots=True)
 class Missed:
-    """`more` deadlines were missed on a channel since it was last told, `total` on all of the subscription."""
+    """`more` deadlines were missed on a channel since that was last told, `total` since it is watched."""
 
     channel: str
     more: int
@@ -68,7 +68,9 @@ class _Watched:
     manual: bool = False
     """Whether it lives by what it sends."""
     losses: int = 0
-    """Those that nobody has been told of."""
+    """Those that nobody has been told of; as `untold` of deadlines."""
+    missed: int = 0
+    lost: int = 0
 
 
 class Watch:
@@ -79,7 +81,14 @@ class Watch:
         self._manual = qos.liveliness is Liveliness.MANUAL_BY_TOPIC
         self._channels: dict[str, _Watched] = {}
         self._next = -math.inf
-        self.missed = self.lost = 0
+
+    @property
+    def missed(self) -> int:
+        return sum(each.missed for each in self._channels.values())
+
+    @property
+    def lost(self) -> int:
+        return sum(each.lost for each in self._channels.values())
 
     def heard(self, channel: str, now: float) -> bool:
         """A message came; whether `due` may be earlier now."""
@@ -125,9 +134,9 @@ class Watch:
     def _news(self) -> Iterator[Missed | Lost]:
         for name, each in self._channels.items():
             if each.untold:
-                yield Missed(name, each.untold, self.missed)
+                yield Missed(name, each.untold, each.missed)
             if each.losses:
-                yield Lost(name, each.losses, self.lost)
+                yield Lost(name, each.losses, each.lost)
             each.untold = each.losses = 0
 
     def _count_misses(self, each: _Watched, now: float, *, there: bool = True) -> None:
@@ -142,7 +151,7 @@ class Watch:
             more = 0 if each.counted else 1
         each.counted += more
         each.untold += more
-        self.missed += more
+        each.missed += more
 
     def _look_who_lives(self, asked: float, now: float, there: Mapping[str, QoS]) -> None:
         for name, offered in there.items():
@@ -168,7 +177,7 @@ class Watch:
     def _lose(self, each: _Watched) -> None:
         each.alive = False
         each.losses += 1
-        self.lost += 1
+        each.lost += 1
 
     def _known(self, channel: str) -> _Watched | None:
         if channel not in self._channels and len(self._channels) < CHANNELS:

@@ -14,7 +14,6 @@ from collections.abc import Callable, Mapping
 from ..contract.component import Port
 from ..contract.interface import Pattern
 from ..contract.qos import Liveliness, QoS
-from ..errors import RobocompError
 from ..transports.base import Link, Source
 from .watch import Lost, Missed, Watch
 
@@ -68,6 +67,7 @@ class Watched:
             return self._watch.alive()
 
     def totals(self) -> tuple[int, int]:
+        """So many deadlines were missed, and so often was a publisher lost."""
         return self._watch.missed, self._watch.lost
 
     def _sources(self) -> Mapping[str, QoS]:
@@ -135,9 +135,9 @@ class Watching:
             return
         try:
             found = each.look()
-        except RobocompError as exc:
+        except Exception:
             if not self._closed:
-                log.warning("%s.%s: who publishes cannot be told now: %s", each.port.label, each.operation, exc)
+                log.exception("%s.%s: who publishes cannot be told now", each.port.label, each.operation)
                 self._news.clear()
                 self._news.wait(1.0)  # rather than again at once
             return

@@ -60,7 +60,7 @@ class Worker(ABC, Generic[P]):
         """Called, as a handler is, when no message of a topic has come for as long as the `deadline` of its QoS.
 
         `port` is as the CDSL has it (`LaserPub`), `instance` whose messages they are: that of this
-        component if it is we who have sent none. So often this was the case, on this port: `total`.
+        component if it is we who have sent none. `total` counts all that were missed of that instance.
         """
         self._note("deadline missed", port, operation, instance)
 

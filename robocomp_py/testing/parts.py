@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import queue
+import signal
 import threading
 import time
 from collections.abc import Callable
@@ -115,6 +117,15 @@ class Victim:
 
     def wait_until_stuck(self) -> None:
         assert self._stuck.wait(SOON)
+
+    def hang(self) -> bool:
+        """Stop, as if it hung, until `go_on`; whether it could."""
+        if self._process is not None:
+            os.kill(self._process.pid, signal.SIGSTOP)
+        return self._process is not None
+
+    def go_on(self) -> None:
+        os.kill(self._process.pid, signal.SIGCONT)
 
     def kill(self) -> None:
         if self._process is None:

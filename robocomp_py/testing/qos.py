@@ -5,8 +5,8 @@ name, when somebody asks for it; then nothing else is demanded. Else:
 
     deadline      a missed one is told, and counted; none is while messages come
     lifespan      older messages are not delivered, whichever end says how old: not to a slow sink, nor to latecomers
-    liveliness    a publisher whose process is killed is lost, and so is one that has to send something and does not;
-                  who comes back may be lost again
+    liveliness    a publisher whose process is killed, or hangs, is lost, and so is one that has to send something and
+                  does not; who comes back may be lost again
     offered less  than asked for: that is told, naming both, and what there is passes
     slow readers  a healthy one beside one that hangs gets everything · `keep_all` is bounded
 """
@@ -35,6 +35,7 @@ from .parts import A_MOMENT, Inbox, Victim, blob, greet, subscribe, topic, unblo
 from .patience import SCALE, SOON, wait_until
 
 _SHORT = 0.1 * SCALE
+_LIFESPAN = 0.15 * SCALE
 _AUTOMATIC = QoS(lease=1.0 * SCALE)
 _MANUAL = QoS(lease=0.3 * SCALE, liveliness=Liveliness.MANUAL_BY_TOPIC)
 _MOST = 200_000
@@ -71,7 +72,7 @@ class QoSConformance:
     def test_what_waits_for_a_slow_sink_beyond_its_lifespan_is_not_delivered(
         self, here: Transport, there: Transport, name: str, who: str
     ) -> None:
-        qos = QoS(lifespan=A_MOMENT)
+        qos = QoS(lifespan=_LIFESPAN)
         if _refused(here, qos):
             return
         inbox, blocked, release = Inbox(), threading.Event(), threading.Event()
@@ -87,7 +88,7 @@ class QoSConformance:
         assert link.wait_peer(SOON)
         _until(blocked.is_set, outlet, here, b"first")
         outlet.send(blob(here, b"old"))
-        _let_pass(2 * A_MOMENT)
+        _let_pass(2 * _LIFESPAN)
         release.set()
         _until(lambda: b"fresh" in inbox.queue, outlet, here, b"fresh")
         assert b"old" not in inbox.queue
@@ -96,33 +97,42 @@ class QoSConformance:
     def test_latecomers_do_not_get_what_is_older_than_its_lifespan(
         self, here: Transport, there: Transport, name: str
     ) -> None:
-        qos = QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=5, lifespan=A_MOMENT)
+        qos = QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=5, lifespan=_LIFESPAN)
         if _refused(here, qos):
             return
         outlet = here.outlet(topic(name, qos))
         outlet.send(blob(here, b"old"))
-        _let_pass(2 * A_MOMENT)
+        _let_pass(2 * _LIFESPAN)
         inbox = subscribe(there, topic(name, qos))
         _until(lambda: not inbox.empty(), outlet, here, b"fresh")
         assert inbox.get_nowait() == b"fresh"
 
-    def test_a_publisher_whose_process_is_killed_is_lost(self, there: Transport, name: str) -> None:
+    def test_a_publisher_whose_process_hangs_is_lost_and_so_is_one_that_is_killed(
+        self, there: Transport, name: str
+    ) -> None:
         if _refused(there, _AUTOMATIC):
             return
         with _Subscribed(there, name, _AUTOMATIC) as subscribed:
             victim = Victim(self, there, name, _publish_news)
             wait_until(lambda: subscribed.alive() == [_channel(name)])
+            losses = 0
+            if victim.hang():
+                losses = 1
+                wait_until(lambda: subscribed.told)
+                victim.go_on()
+                wait_until(subscribed.alive)
             victim.kill()
-            wait_until(lambda: subscribed.told)
-            assert subscribed.told == [Lost(_channel(name), 1, 1)]
+            wait_until(lambda: len(subscribed.told) > losses)
+            assert subscribed.told == [Lost(_channel(name), 1, total) for total in range(1, losses + 2)]
 
     def test_who_came_back_may_be_lost_again(self, there: Transport, name: str) -> None:
-        if _refused(there, _AUTOMATIC):
+        qos = QoS(lease=4 * _SHORT)
+        if _refused(there, qos):
             return
-        with _Subscribed(there, name, _AUTOMATIC) as subscribed:
+        with _Subscribed(there, name, qos) as subscribed:
             for _ in range(2):
                 transport = self.open_transport()
-                _publish(transport, name, _AUTOMATIC)
+                _publish(transport, name, qos)
                 wait_until(lambda: subscribed.alive() == [_channel(name)])
                 transport.close()
                 wait_until(lambda: not subscribed.alive())

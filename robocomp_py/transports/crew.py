@@ -210,21 +210,26 @@ class Gate:
     def __init__(self, name: str) -> None:
         self._name = name
         self._left = threading.Condition()
-        self._inside: list[int] = []
+        self.inside: list[int] = []
+        """The threads that are."""
         self.closed = False
 
     def enter(self) -> bool:
-        self._inside.append(threading.get_ident())
+        self.inside.append(threading.get_ident())
         if self.closed:
             self.leave()
             return False
         return True
 
     def leave(self) -> None:
-        self._inside.remove(threading.get_ident())
+        self.inside.remove(threading.get_ident())
         if self.closed:
-            with self._left:
-                self._left.notify_all()
+            self.left()
+
+    def left(self) -> None:
+        """Tell who closes it that somebody has left."""
+        with self._left:
+            self._left.notify_all()
 
     def close(self) -> None:
         """Let nobody in any more, and wait for those inside, except the calling thread.
@@ -234,7 +239,7 @@ class Gate:
         with self._left:
             self.closed = True
             me = threading.get_ident()
-            if not self._left.wait_for(lambda: all(thread == me for thread in self._inside), STUCK):
+            if not self._left.wait_for(lambda: all(thread == me for thread in self.inside), STUCK):
                 log.warning("%s: still in a handler after %g s; not waiting any longer", self._name, STUCK)
 
 
@@ -247,18 +252,22 @@ class Servant:
 
     def serve(self, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> bool:
         """Have a request answered, now or later; False if it was closed before, and nothing is answered."""
-        if not self._gate.enter():
-            return False
+        gate, me = self._gate, threading.get_ident()
+        gate.inside.append(me)  # `enter` and `leave`, but quicker
         try:
+            if gate.closed:
+                return False
             if time.monotonic() >= expires:
                 self._stats.expired += 1
                 answer(Reply(Status.EXPIRED))
             else:
                 self._stats.received += 1
                 serve(self._service, payload, expires, answer)
+            return True
         finally:
-            self._gate.leave()
-        return True
+            gate.inside.remove(me)
+            if gate.closed:
+                gate.left()
 
     def close(self) -> None:
         """Let nothing begin any more, and wait for what runs."""
@@ -357,8 +366,13 @@ class Lane:
                 if self._wanted:
                     with self._lock:
                         self._changed.notify_all()
-                if not gate.closed:
-                    self._deliver(payload)
+                if gate.closed:
+                    continue
+                self._stats.received += 1
+                try:
+                    self._sink(payload)
+                except BaseException:  # also SystemExit: the messages that follow are to be delivered all the same
+                    log.exception("%s: a message was not handled", self._name)
         finally:
             if inside:
                 gate.leave()
@@ -377,10 +391,3 @@ class Lane:
             return self._changed.wait_for(lambda: not self.full or self._gate.closed, patience)
         finally:
             self._wanted -= 1
-
-    def _deliver(self, payload: Payload) -> None:
-        self._stats.received += 1
-        try:
-            self._sink(payload)
-        except BaseException:  # also SystemExit: the messages that follow are to be delivered all the same
-            log.exception("%s: a message was not handled", self._name)

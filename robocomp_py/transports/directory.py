@@ -98,6 +98,8 @@ class Directory:
         self._folder = folder
         self._lock = threading.Lock()
         self._members: dict[str, tuple[tuple[int, int, int], Member]] = {}
+        self._stopped: dict[str, float] = {}
+        """By member: since when its process is known to be stopped."""
         self._unreadable = False
         self._index: dict[tuple[str, str], list[tuple[Member, Entry]]] = {}
         self._version = 0
@@ -146,6 +148,14 @@ class Directory:
                 leftover.unlink(missing_ok=True)
         return False
 
+    def responds(self, member: Member, within: float) -> bool:
+        """Whether a member's process lives, and has not been stopped (by SIGSTOP, say) for so many seconds."""
+        if self.alive(member.id) and state_of(member.pid) != "T":
+            self._stopped.pop(member.id, None)
+            return True
+        now = time.monotonic()
+        return self.alive(member.id) and now - self._stopped.setdefault(member.id, now) < within
+
     def _refresh(self) -> None:
         try:
             stamp = self._folder.stat().st_mtime_ns
@@ -179,6 +189,7 @@ class Directory:
         alive = {name: known for name, known in found.items() if self.alive(name)}
         if alive != self._members:
             self._members = alive
+            self._stopped = {name: since for name, since in self._stopped.items() if name in alive}
             self._version += 1
             self._index = {}
             for _, (_, member) in sorted(alive.items()):
@@ -283,3 +294,12 @@ def _locked(path: Path) -> bool:
     finally:
         os.close(probe)
     return False
+
+
+def state_of(pid: int) -> str:
+    """The letter by which Linux tells the state of a process (`T`: stopped, `Z`: ended); "" if nothing is told."""
+    try:
+        status = Path(f"/proc/{pid}/stat").read_text()
+    except OSError:
+        return ""
+    return status.rpartition(")")[2].strip()[:1]

@@ -42,7 +42,8 @@ class Ledger:
         highest, skipped = known
         if sequence > highest:
             if self._ordered:
-                self._stats.lost += sequence - highest - 1
+                if sequence != highest + 1:
+                    self._stats.lost += sequence - highest - 1
             elif sequence > highest + 1:
                 skipped |= _between(highest, sequence)
                 while len(skipped) > WINDOW:

@@ -11,19 +11,33 @@ hosts, lifespans are worth as much as these agree. From then on the monotonic cl
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 from ..contract.interface import Pattern
-from ..contract.qos import QoS, Shortfall, duration, shortfalls
+from ..contract.qos import QoS, Shortfall, duration, from_traits, shortfalls
 from ..wire.codec import Payload
 from .base import Channel, Sink, Source, Statistics
+from .directory import Directory, Entry, Member
 
 log = logging.getLogger("robocomp.transport")
 
 _MOST = 1000
 """What so many publishers offer is looked at; further ones pass for such that offer what is asked for."""
+
+
+def living(directory: Directory, found: Iterable[tuple[Member, Entry]], asked: QoS) -> list[Source]:
+    """Those of a directory that publish, and whose processes live.
+
+    One that is stopped is given half of its lease, so that it is missed within the whole of it.
+    """
+    sources = [(member, Source(entry.channel, from_traits(entry.traits))) for member, entry in found]
+    leases = (min(filter(None, (asked.lease, source.qos.lease)), default=math.inf) for _, source in sources)
+    return [
+        source for (member, source), lease in zip(sources, leases, strict=True) if directory.responds(member, lease / 2)
+    ]
 
 
 class _Ageing(NamedTuple):

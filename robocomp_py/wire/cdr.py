@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import operator
 import struct
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import chain
 from typing import Any, NoReturn
@@ -24,7 +24,6 @@ from ..contract.types import (
     BOOL,
     FLOATS,
     INTEGERS,
-    STRING,
     TIME,
     Dictionary,
     Enumeration,
@@ -35,7 +34,7 @@ from ..contract.types import (
     Type,
 )
 from .codec import MAX_BYTES, Decoder, Encoder, check_size, refused, unreadable
-from .program import Program, is_loop
+from .program import Program, is_fixed, is_loop
 from .rows import Columns, unpacked
 from .values import as_array, as_bool, as_dict, as_list, as_member, as_str, view_of
 
@@ -91,22 +90,24 @@ class _Leaf:
     kind: Type
 
 
-def _leaves(kind: Type, path: str = "") -> list[_Leaf] | None:
+def _leaves(kind: Type) -> list[_Leaf] | None:
     """The leaves of a type, in order; None if its size varies, or if its parts have no names in Python."""
+    return list(_leaves_under(kind, "")) if is_fixed(kind) else None
+
+
+def _leaves_under(kind: Type, path: str) -> Iterator[_Leaf]:
     match kind:
         case Primitive():
-            return None if kind is STRING else [_Leaf(_LETTERS.get(kind, "iI"), path, kind)]
+            yield _Leaf(_LETTERS.get(kind, "iI"), path, kind)
         case Enumeration():
-            return [_Leaf("i", path, kind)]
-        case Struct(python=None):
-            return None
+            yield _Leaf("i", path, kind)
         case Struct(fields=()):
-            return [_Leaf("B", path, kind)]
+            yield _Leaf("B", path, kind)
         case Struct(fields=fields):
-            found = [_leaves(field.type, f"{path}.{field.attribute}") for field in fields]
-            return None if None in found else [leaf for inner in found for leaf in inner or ()]
+            for field in fields:
+                yield from _leaves_under(field.type, f"{path}.{field.attribute}")
         case Sequence() | Dictionary():
-            return None
+            raise AssertionError("of no fixed size")
 
 
 def _layouts(letters: str) -> _Layouts:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import msgpack
@@ -71,9 +71,11 @@ class MessagePack:
         return encode
 
     def decoder(self, message: Struct, *, prefix: bool = False) -> Decoder:
-        read = compile_reader(message, _read_array, prefix=prefix)
+        read = cache(partial(compile_reader, message, _read_array, prefix=prefix))  # made when it is first needed
         read_ours = None if prefix else compile_own_reader(message, _array_reader)
         unpackb = msgpack.unpackb
+        if not read_ours:
+            read()
 
         def decode(payload: list[Any]) -> tuple[Any, ...]:
             try:
@@ -85,7 +87,7 @@ class MessagePack:
                         pass  # it may be packed as others do, or be wrong: then it is said below what is
                 if len(payload[0]) > _SHORT:
                     _check_whole(payload[0])
-                return read(unpackb(payload[0], strict_map_key=False), payload)
+                return read()(unpackb(payload[0], strict_map_key=False), payload)
             except Exception as exc:
                 raise unreadable(message, exc) from exc
 

@@ -1,4 +1,4 @@
-"""MessagePack written and read by compiled code: numbers in their type's own width, so that they lie where they lie.
+"""MessagePack written and read by compiled code: numbers in their type's own width, so that it is known where they lie.
 
     bool false, true · ints int 8 … uint 64 · float 32, float 64 · enumerator int 32 · time int 64
     string str · struct array of its fields · sequence array, or what `messagepack` makes of numbers
@@ -32,7 +32,7 @@ from ..contract.types import (
     children,
 )
 from .plain import Frames, compile_planter
-from .program import Program, is_loop
+from .program import Program, is_fixed, is_loop
 from .rows import FEW, Columns, packed, unpacked
 from .values import RANGES, as_bool, as_dict, as_int, as_list, as_member, as_str
 
@@ -88,21 +88,6 @@ def compile_reader(
     return _Reader(message, array).compile() if _suits(message) else None
 
 
-# What has a fixed size is a run of octets: some that say what follows, and some that are that.
-
-
-def _is_fixed(kind: Type) -> bool:
-    match kind:
-        case Primitive():
-            return kind is not STRING
-        case Enumeration():
-            return True
-        case Struct(fields=fields):
-            return kind.python is not None and all(_is_fixed(field.type) for field in fields)
-        case Sequence() | Dictionary():
-            return False
-
-
 def _suits(kind: Type) -> bool:
     """Whether a message is read here at least as quickly as by the library: that gains by texts, this by arrays."""
     found = list(islice(_read_here(kind), _MOST))
@@ -119,7 +104,7 @@ def _read_here(kind: Type) -> Iterator[Type | None]:
         case Struct(fields=fields):
             for field in fields:
                 yield from _read_here(field.type)
-        case Sequence(item) if kind.dtype is not None or (isinstance(item, Struct) and _is_fixed(item)):
+        case Sequence(item) if kind.dtype is not None or (isinstance(item, Struct) and is_fixed(item)):
             yield kind
         case Sequence() | Dictionary():
             yield None
@@ -131,7 +116,7 @@ def _read_here(kind: Type) -> Iterator[Type | None]:
 
 def _is_for_library(kind: Type) -> bool:
     """Whether the library packs such values more quickly than a loop in Python: neither arrays nor rows."""
-    is_rows = isinstance(kind, Sequence) and isinstance(kind.item, Struct) and _is_fixed(kind.item)
+    is_rows = isinstance(kind, Sequence) and isinstance(kind.item, Struct) and is_fixed(kind.item)
     return is_loop(kind) and not is_rows and not _has_arrays(kind, set())
 
 
@@ -163,7 +148,7 @@ class _Writer:
     def compile(self) -> Callable[[tuple[Any, ...]], list[Any]]:
         p = self._program
         names = [p.fresh() for _ in self._message.fields]
-        alone = _is_fixed(Struct("", self._message.fields, object))
+        alone = is_fixed(Struct("", self._message.fields, object))
         with p.block("def encode(values)"):
             p.line(f"[{', '.join(names)}] = values")
             if alone:
@@ -231,7 +216,7 @@ class _Writer:
                 p.line(f"add({short} if len({text}) < 32 else {p.name(_string_head)}(len({text}))); add({text})")
             case Primitive() | Enumeration():
                 self._leaf(kind, x)
-            case Struct() if _is_fixed(kind):
+            case Struct() if is_fixed(kind):
                 self._fixed(kind, x)
             case Struct():
                 self._call(kind, x)
@@ -245,7 +230,7 @@ class _Writer:
                 items, each = p.fresh(), p.fresh()
                 p.line(f"{items} = {x}.copy() if type({x}) is list else {p.name(as_list)}({x})")
                 self._head(items, _ARRAY_HEADS, _array_head)
-                if isinstance(item, Struct) and _is_fixed(item):
+                if isinstance(item, Struct) and is_fixed(item):
                     self._rows(item, items)
                 else:
                     self._loop(f"{each} in {items}", (item, each))
@@ -275,7 +260,7 @@ class _Writer:
         self._program.line(f"{self._program.function_for(kind)}({x}, add, frames)")
 
     def _rows(self, item: Struct, items: str) -> None:
-        """Emit what packs structs of fixed size, each by one call."""
+        """Emit what packs structs of fixed size: each by one call, or many, if of numbers, by the column."""
         p = self._program
         each = p.fresh()
         if not _only_numbers(item):
@@ -410,7 +395,7 @@ class _Reader:
     def _value(self, kind: Type) -> str:
         """Emit what reads a value; return an expression for it, valid once the run has ended."""
         p = self._program
-        if _is_fixed(kind):
+        if is_fixed(kind):
             return self._fixed(kind)
         self._end_run()
         result = p.fresh()

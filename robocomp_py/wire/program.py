@@ -14,7 +14,7 @@ from dataclasses import is_dataclass
 from itertools import repeat
 from typing import Any
 
-from ..contract.types import MAX_DEPTH, Dictionary, Sequence, Struct, Type, children
+from ..contract.types import MAX_DEPTH, STRING, Dictionary, Enumeration, Primitive, Sequence, Struct, Type, children
 from ..errors import CodecError
 from .rows import FEW
 from .values import as_tuple
@@ -121,6 +121,19 @@ class Program:
 def is_loop(kind: Type) -> bool:
     """Whether values of this type are treated by a loop in Python."""
     return isinstance(kind, Dictionary) or (isinstance(kind, Sequence) and kind.dtype is None)
+
+
+def is_fixed(kind: Type) -> bool:
+    """Whether all values of a type have the same size, and its parts names in Python."""
+    match kind:
+        case Primitive():
+            return kind is not STRING
+        case Enumeration():
+            return True
+        case Struct(fields=fields):
+            return kind.python is not None and all(is_fixed(field.type) for field in fields)
+        case Sequence() | Dictionary():
+            return False
 
 
 def is_record(kind: Struct) -> bool:

@@ -29,9 +29,9 @@ def packed(layout: struct.Struct, between: bytes, *columns: Sequence[Any]) -> An
     kind = _row(layout.format)
     rows = np.empty(len(columns[0]), kind)
     rows.view(np.uint8).reshape(-1, kind.itemsize)[:] = np.frombuffer(between, np.uint8)
-    for name, column in zip(kind.names or (), columns, strict=True):
-        number = kind[name]
-        rows[name] = np.frombuffer(struct.pack(f">{len(column)}{number.char}", *column), number.newbyteorder(">"))
+    letters = layout.format[1:].replace("x", "")
+    for name, letter, column in zip(kind.names or (), letters, columns, strict=True):
+        rows[name] = np.frombuffer(struct.pack(f"<{len(column)}{letter}", *column), f"<{letter}")
     return rows
 
 

@@ -135,6 +135,11 @@ def test_the_idl_for_dds_describes_the_types_of_the_topics(component: Component)
     assert said.keys() - there.keys() <= parts.keys() | ours
 
 
+def test_a_generated_component_registers_the_types_that_its_idl_describes() -> None:
+    component = loaded(GOLDEN / "everything").component
+    assert topic_types(component) == topic_types(component_called("everything", component))
+
+
 def test_a_header_is_the_first_member_and_an_error_the_last_one_of_a_reply(awkward: Component) -> None:
     said = of_idl(types_in(written(awkward, "dds")))
     assert said["Native::OddOctetRequest"] == (

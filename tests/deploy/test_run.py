@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from robocomp_py.contract.interface import Verb
-from robocomp_py.deploy.plan import Link, OpenedTransport, Plan, Process
+from robocomp_py.deploy.plan import Link, Member, OpenedTransport, Plan, Process
 from robocomp_py.deploy.policy import State
 from robocomp_py.deploy.run import Display, Options, run
 from robocomp_py.testing.patience import SOON
@@ -118,10 +118,41 @@ def test_who_is_required_must_not_end_while_those_that_require_it_start() -> Non
     ]
 
 
+SHARED = f"{NOTIFY}\nnotify('READY=1'); notify('X_ROBOCOMP_ENDED=lidar'); notify('X_ROBOCOMP_ENDED=nobody')\n{FOREVER}"
+
+
+def sharing(plan: Plan, *instances: str) -> Plan:
+    """A network of one process, with these in it."""
+    members = tuple(Member(name, name) for name in instances)
+    return replace(plan, processes=(replace(plan.processes[0], members=members),))
+
+
+def shared(until: str) -> list[tuple[str, ...]]:
+    """What is told of a process in which one of two ends, until the network does."""
+    told = Told(ended=interrupt)
+    plan = sharing(network(body=SHARED), "lidar", "camera")
+    assert run(plan, Options(until=until), told) == (0 if until == "lidar" else 130)
+    return [words for words in told.said if words[0] in ("ended", "stopping", "failed")]
+
+
+def test_one_that_leaves_a_process_is_told_and_the_process_goes_on() -> None:
+    assert shared(until="camera") == [("ended", "lidar", "has ended"), ("stopping", "asked to")]
+
+
+def test_the_mission_may_end_before_its_process_does() -> None:
+    assert shared(until="lidar") == [("stopping", "lidar has ended")]
+
+
 def test_who_does_not_stop_in_time_is_said_to_be_killed() -> None:
     told = Told(line=interrupt)
     assert run(network(deaf=DEAF), Options(grace=0.01), told) == 1
     assert told.said[-1] == ("failed", "deaf", "did not stop within 0.01 s; killed", "deaf")
+
+
+def test_a_process_has_time_for_each_component_in_it() -> None:
+    told = Told(line=interrupt)
+    assert run(sharing(network(deaf=DEAF), "one", "two"), Options(grace=0.01), told) == 1
+    assert told.said[-1] == ("failed", "deaf", "did not stop within 0.02 s; killed", "deaf")
 
 
 def test_who_is_killed_out_of_patience_is_not_blamed() -> None:

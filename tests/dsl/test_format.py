@@ -154,7 +154,7 @@ def test_a_deployment_in_our_style() -> None:
         "ddsl",
         """
         import "a.cdsl"; Deployment net{middleware zenoh;namespace a / b;
-        Component x:a{ip ::1;args "a","b";requires Laser from y;}
+        Component x:a{ip ::1;args "a","b";requires Laser from y;process p;qos publishes X( reliable,deadline 5 ms,) ;}
         Component y:a{};Component z:a{};}
         """,
         """
@@ -170,6 +170,8 @@ def test_a_deployment_in_our_style() -> None:
                 ip ::1;
                 args "a", "b";
                 requires Laser from y;
+                process p;
+                qos publishes X(reliable, deadline 5 ms);
             };
             Component y : a { };
             Component z : a { };

@@ -62,7 +62,7 @@ WORDS = {
     " deadline reliable language python gui Qt options statemachine params period s worker concurrent",
     ".pdsl": "ComponentParams List int float double string bool true enum mandatory T",
     ".ddsl": "Deployment Component path ip port config dependences middleware namespace env args requires from host"
-    " System restart ::1 10.0.0.1",
+    " System restart ::1 10.0.0.1 process qos publishes ( ) depth 5",
     ".smdsl": "game states initial_state end_state transitions transition parallel => : begin loop over",
 }
 MODELS = {
@@ -79,6 +79,7 @@ MODELS = {
     ".ddsl": [
         'import "a.cdsl"; Deployment net { middleware zeromq; namespace a/b; Component x : a { path "x"; ip ::1;'
         ' port 5; config "c"; dependences y, z; env A "b"; args "c", "d"; requires Laser from y;'
+        " process p; qos LaserPub(reliable, depth 3,); qos publishes X(deadline 0.5 s, liveliness automatic);"
         ' host h { user "r"; }; }; };'
     ],
     ".smdsl": [

@@ -12,7 +12,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -140,7 +140,7 @@ class Feed:
 # What is sent.
 
 
-@patiently
+@settings(patiently, max_examples=50)
 @given(data=st.data(), room=st.sampled_from([0, ROOM]))
 def test_a_filled_message_is_the_one_that_send_would_send(data: st.DataObject, room: int) -> None:
     fields = (t.Field("first", t.STRING), *data.draw(message_types()).fields)

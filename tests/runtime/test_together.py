@@ -216,8 +216,8 @@ def test_whose_message_it_is_can_be_told_from_where_it_comes(told: Told) -> None
             threading.Thread(target=logging.getLogger("a library").info, args=("from nowhere",)).start()
             return task
 
-    together.add(Talking, settings("talking", middleware="inproc"))
     pupil = together.add(Pupil, settings("pupil", middleware="inproc"))
+    together.add(Talking, settings("talking", middleware="inproc"))
     listening, root = Listening(), logging.getLogger()
     before = root.level
     root.addHandler(listening)

@@ -86,6 +86,8 @@ def test_each_publisher_has_its_own_deadline() -> None:
     looking.watch.heard(REAR, 0.0)
     looking.watch.heard(FRONT, 0.09)
     assert looking.look(0.11) == [Missed(REAR, 1, 1)]
+    assert looking.look(0.21) == [Missed(FRONT, 1, 1), Missed(REAR, 1, 2)]
+    assert looking.watch.missed == 3
 
 
 def test_a_publisher_that_has_gone_misses_one_deadline_and_then_counts_when_it_is_back() -> None:

@@ -22,7 +22,7 @@ from robocomp_py.runtime.ports import type_of
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.conformance import topic
 from robocomp_py.testing.patience import wait_until
-from robocomp_py.transports.base import Channel, TransportConfig
+from robocomp_py.transports.base import Channel, Source, TransportConfig
 from robocomp_py.transports.dds import DDSTransport
 from robocomp_py.transports.dds.types import publication_type
 
@@ -112,6 +112,18 @@ def test_a_publisher_of_another_program_that_offers_less_is_heard_and_what_is_mi
 
         wait_until(heard)
     assert "offers less reliability than this subscription asks for" in caplog.text
+
+
+def test_a_publisher_of_another_program_is_there_as_long_as_dds_says_so(here: DDSTransport, name: str) -> None:
+    link: Any = here.inlet(Channel(name, Pattern.PUBLISH, _KIND, QoS(lease=1.0)), lambda _: None)
+    assert link.sources() == []
+    with _stranger() as participant:
+        made = Topic(participant, f"rc/{name}", publication_type(_KIND.name, _KIND.request))
+        lives = Policy.Liveliness.Automatic(500_000_000)
+        writer = DataWriter(participant, made, Qos(Policy.Reliability.Reliable(0), lives, _OURS))
+        wait_until(lambda: link.sources() == [Source(name, QoS())])
+        writer.__del__()
+        wait_until(lambda: link.sources() == [])
 
 
 def test_a_subscriber_of_another_program_that_asks_for_more_is_told_of(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import stat
 import subprocess
 import sys
@@ -63,10 +64,17 @@ time.sleep(600)
     wait_until(lambda: directory.find("serves", "a/b/c"))
     ((member, _),) = directory.find("serves", "a/b/c")
     assert directory.alive(member.id)
+    victim.send_signal(signal.SIGSTOP)
+    wait_until(lambda: not directory.responds(member, within=0.01))
+    assert directory.alive(member.id)
+    assert directory.responds(member, within=1000.0)
+    victim.send_signal(signal.SIGCONT)
+    wait_until(lambda: directory.responds(member, within=0.0))
     victim.kill()
     victim.wait()
     victim.stdout.close()
     assert not directory.alive(member.id)
+    assert not directory.responds(member, within=1000.0)
     assert list((tmp_path / "transport").iterdir()) == []
     wait_until(lambda: not directory.find("serves", "a/b/c"))
 

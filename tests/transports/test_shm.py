@@ -327,24 +327,24 @@ def test_numbers_are_without_gaps_after_a_timeout(here: ShmTransport, there: Shm
 
 def test_the_slowest_reader_decides_how_far_a_publisher_goes(tmp_path: Path) -> None:
     quick, slow = Receipts(tmp_path / "quick"), Receipts(tmp_path / "slow")
-    credit = Credit(2)
-    credit.readers = [Reader(tmp_path / name, 7, 10) for name in ("quick", "slow")]
-    assert credit.wait(11, time.monotonic(), lambda: None)
-    assert not credit.wait(12, time.monotonic(), lambda: None)  # two are on their way to both, who begin at 10
+    credit = Credit()
+    credit.meet([Reader(tmp_path / name, 7, 10) for name in ("quick", "slow")])
+    assert credit.wait(11, 2, time.monotonic(), lambda: None)
+    assert not credit.wait(12, 2, time.monotonic(), lambda: None)  # two are on their way to both, who begin at 10
     for receipts in (quick, slow):
         receipts.begin(7)
     quick.took(7, 12)
-    assert not credit.wait(12, time.monotonic(), lambda: None)
+    assert not credit.wait(12, 2, time.monotonic(), lambda: None)
     slow.took(7, 11)
-    assert credit.wait(12, time.monotonic(), lambda: None)
+    assert credit.wait(12, 2, time.monotonic(), lambda: None)
 
 
 def test_a_publisher_that_waits_is_called_once_there_is_room(tmp_path: Path) -> None:
-    receipts, credit = Receipts(tmp_path / "reader"), Credit(4)
+    receipts, credit = Receipts(tmp_path / "reader"), Credit()
     receipts.begin(7)
-    credit.readers = [Reader(tmp_path / "reader", 7, 0)]
+    credit.meet([Reader(tmp_path / "reader", 7, 0)])
     assert not receipts.took(7, 1)  # nobody waits
-    assert not credit.wait(5, time.monotonic(), lambda: None)
+    assert not credit.wait(5, 4, time.monotonic(), lambda: None)
     assert [receipts.took(7, number) for number in (2, 3, 4)] == [False, True, False]
 
 

@@ -66,6 +66,13 @@ def raw(path: Path) -> Iterator[Callable[[], plain.socket]]:
         yield lambda: opened.enter_context(listener.accept()[0])
 
 
+def hear_out(other: plain.socket) -> None:
+    """Read what everybody says at first."""
+    left = len(GREETING + ready(b"DEALER"))
+    while left:
+        left -= len(other.recv(left))
+
+
 def test_messages_of_any_size_and_number_of_frames_pass(path: Path, router: zmq.Socket[bytes]) -> None:
     stream = Stream(str(path), patience())
     for size in SIZES:
@@ -104,9 +111,7 @@ def test_a_ping_is_answered(path: Path, raw: Callable[[], plain.socket]) -> None
     def serve() -> None:
         other = raw()
         other.sendall(GREETING + ready(b"ROUTER") + b"\4\x0b\4PING\0\x0aseen" + b"\0\4news")
-        left = len(GREETING + ready(b"DEALER"))
-        while left:
-            left -= len(other.recv(left))
+        hear_out(other)
         answered.append(other.recv(100))
 
     thread = threading.Thread(target=serve)
@@ -132,6 +137,7 @@ def test_what_ends_a_connection_is_told(
 ) -> None:
     def serve() -> None:
         with raw() as other:
+            hear_out(other)
             other.sendall(GREETING + ready(b"ROUTER") + words)
 
     thread = threading.Thread(target=serve)

@@ -10,13 +10,15 @@ from typing import Any
 import msgpack
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from robocomp_py.contract.types import (
     BOOL,
     DTYPES,
     FLOAT32,
     FLOAT64,
+    INT16,
     INT32,
     TIME,
     UINT8,
@@ -168,10 +170,27 @@ def test_damage_anywhere_is_a_decode_error_or_a_message(codec: Codec, count: int
     assert refused >= count  # every bool, at least
 
 
-@patiently
+@settings(patiently, max_examples=50)
 @given(messages())
 def test_packed_by_a_library_in_its_own_widths_it_is_the_same_message(sent: tuple[Struct, tuple[Any, ...]]) -> None:
     message, values = sent
     packed, *frames = MessagePack().encoder(message)(values)
     again = msgpack.packb(msgpack.unpackb(packed, strict_map_key=False))
     assert_same(list(MessagePack().decoder(message)([again, *frames])), list(values))
+
+
+@settings(patiently, max_examples=50)
+@given(kind=st.sampled_from(sorted(KINDS)), count=st.sampled_from([2, 40]), data=st.data())
+def test_what_can_be_read_means_the_same_to_a_library(kind: str, count: int, data: st.DataObject) -> None:
+    fields = (Field("rows", Sequence(KINDS[kind])), Field("scale", FLOAT32), Field("numbers", Sequence(INT16)))
+    message = Struct("Test::Message", fields)
+    decode = MessagePack().decoder(message)
+    (packed,) = MessagePack().encoder(message)((rows(KINDS[kind], count), 0.5, [1, 2]))
+    damaged = bytearray(packed)
+    damaged[data.draw(st.integers(0, len(packed) - 1))] = data.draw(st.integers(0, 255))
+    try:
+        found = decode([bytes(damaged)])
+    except DecodeError:
+        return
+    again = msgpack.packb(msgpack.unpackb(bytes(damaged), strict_map_key=False))
+    assert_same(list(decode([again])), list(found))

@@ -75,6 +75,7 @@ class _Builder:
 
 def setting_of(source: Source, tree: Tree[Any]) -> m.Setting:
     """One word of a QoS, which other languages write in the same way."""
+    name: Any
     name, *value = tree.children
     words = [name_of(source, each) for each in value if isinstance(each, Token)]
     amounts = [_amount_of(source, each) for each in value if isinstance(each, Tree)]
@@ -84,5 +85,7 @@ def setting_of(source: Source, tree: Tree[Any]) -> m.Setting:
 
 
 def _amount_of(source: Source, tree: Tree[Any]) -> m.Amount:
+    number: Any
+    unit: list[Any]
     number, *unit = tree.children
     return m.Amount(real(str(number)), name_of(source, unit[0]) if unit else None, tree_span(source, tree))

@@ -317,24 +317,17 @@ class Loop:
         patience = self._next_tick - now
         ready = self._waiting.wait(0.0 if added or patience < 0.0 else patience)
         self._sleeping = False
-        if len(ready) == 1 and not added:
-            return self._input(ready[0])
         jobs: list[Job] = []
         for condition in ready:
-            jobs += self._input(condition)
+            on_input = self._inputs.get(condition)
+            if on_input:
+                try:
+                    jobs += on_input()
+                except Exception:
+                    log.exception("taking input")  # of one reader; the others have theirs taken
         while added:
             jobs.append(added.popleft())
         return jobs
-
-    def _input(self, condition: int) -> Iterable[Job]:
-        """What is to be done about what came in."""
-        on_input = self._inputs.get(condition)
-        if on_input:
-            try:
-                return on_input()
-            except Exception:
-                log.exception("taking input")  # of one reader; the others have theirs taken
-        return ()
 
     def close(self) -> None:
         self._waiting.close()

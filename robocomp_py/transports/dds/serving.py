@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Iterable
 from functools import partial
 from time import monotonic, time_ns
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ...errors import (
     AlreadyServed,
@@ -92,9 +92,9 @@ class ServingLink(Link):
             raise AlreadyServed(f"{name}: already served by {endpoint.owner} (pid {endpoint.pid})")
         made = request_type(kind.name, kind.request)
         self._requests = self.bus.reader(f"rc/{name}Request", made, endpoint_qos(KEEP_ALL, self.about()))
-        self.bus.loop.attach(self._requests.condition, self._on_request)
+        self.bus.loop.attach(self._requests.condition, partial(self.accept, self._requests))
 
-    def accept(self, samples: list[tuple[bytes, Any]]) -> Iterable[Job]:
+    def accept(self, requests: Reader) -> Iterable[Job]:
         """Have requests wait for their turn, or turn them away; what is to be done about those that wait."""
         raise NotImplementedError
 
@@ -107,10 +107,6 @@ class ServingLink(Link):
             self._requests.close()
         if self.claimed:
             self.claimed.close()
-
-    def _on_request(self) -> Iterable[Job]:
-        assert self._requests
-        return self.accept(self._requests.take(INTAKE))
 
     def read(self, sample: bytes) -> _Asked | None:
         """A request that means what we mean, and is new."""
@@ -147,8 +143,8 @@ class CommandInlet(ServingLink):
         self._sink = sink
         self._lane = Lane(channel.name, self._execute, COMMANDS_WAITING, lossy=False, stats=self.stats)
 
-    def accept(self, samples: list[tuple[bytes, Any]]) -> Iterable[Job]:
-        for sample, info in samples:
+    def accept(self, requests: Reader) -> Iterable[Job]:
+        for sample, info in requests.take(INTAKE):
             asked = self.read(sample) if info.valid_data else None
             if asked is None or self._lane.put((asked[2], asked[1])):
                 continue
@@ -230,17 +226,18 @@ class Server(ServingLink):
             self._deferred = [each for each in self._deferred if each[0] > now]
             return min((expires for expires, _, _ in self._deferred), default=float("inf"))
 
-    def accept(self, samples: list[tuple[bytes, Any]]) -> Iterable[Job]:
+    def accept(self, requests: Reader) -> Iterable[Job]:
+        samples, under_way = requests.take(INTAKE), self._under_way
         for sample, info in samples:
             asked = self.read(sample) if info.valid_data else None
             if asked is None:
                 continue
             call, _, expires = asked
-            if len(self._under_way) >= QUERIES_WAITING and not self._forget_expired():
+            if len(under_way) >= QUERIES_WAITING and not self._forget_expired():
                 self.stats.dropped += 1
                 self._turned_away.append((call, expires, Reply(Status.BUSY)))
                 continue
-            self._under_way[call] = expires
+            under_way[call] = expires
             if len(samples) == 1 and not self._waiting:
                 return (partial(self._serve, asked),)  # as it is nearly always
             self._waiting.append(asked)

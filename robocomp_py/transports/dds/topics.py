@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from cyclonedds.core import Qos
 
-from ...contract.qos import Liveliness, QoS, from_traits, shortfalls
+from ...contract.qos import DEFAULT_QOS, Liveliness, QoS, from_traits, shortfalls
 from ...errors import (
     DecodeError,
     Timeout,
@@ -30,6 +30,7 @@ from ..base import (
     step_aside,
 )
 from ..crew import Job, Lane
+from ..directory import state_of
 from ..ledger import Ledger
 from ..reception import Reception
 from .bus import Reader, Writer
@@ -246,6 +247,10 @@ class _Heard:
                 each.close()
 
 
+_Message = tuple[_Heard, int, int, Payload]
+"""What was heard by what, from which source, its number, and the payload."""
+
+
 class Subscriber(Link):
     """A reliable one takes all that comes in, for its publishers know how much it takes (`Credit`).
 
@@ -261,7 +266,8 @@ class Subscriber(Link):
         self._window = depth_of(channel)
         self._intake = INTAKE if self._reliable else BATCH  # the reader of the others keeps the newest ones only
         depth = MOST_WAITING if self._reliable else self._window
-        self._lane = Lane(channel.name, self._consume, depth, lossy=not self._reliable, stats=self.stats)
+        consume: Sink = self._consume if self._reliable else sink
+        self._lane = Lane(channel.name, consume, depth, lossy=not self._reliable, stats=self.stats)
         self._message = Message(channel.type.request)
         self._fingerprint = channel.type.fingerprint
         self._reception = Reception(channel, self.stats, self._through)
@@ -305,14 +311,24 @@ class Subscriber(Link):
         return self._due
 
     def sources(self) -> list[Source]:
-        return [_source(each) for each in self.counterparts() if self._lives(each)]
+        there = self.counterparts()
+        ours = {each.channel for each in there}
+        others = [
+            Source(name, DEFAULT_QOS)
+            for name, heard in list(self._heard.items())
+            if name not in ours and any(reader.alive() for reader in heard.readers())
+        ]
+        return [*(_source(each) for each in there if self._lives(each)), *others]
 
     def _lives(self, publisher: Endpoint) -> bool:
         """Whether DDS has heard of a publisher's process in time. What one does not send is the watch's business."""
         if from_traits(publisher.traits).liveliness is Liveliness.MANUAL_BY_TOPIC:
             return True
         heard = self._heard.get(publisher.channel)
-        return bool(heard and any(reader.alive() for reader in heard.readers()))
+        if heard and any(reader.alive() for reader in heard.readers()):
+            return True
+        # Of one that was late, DDS learns by its next sample only that it lives.
+        return self.transport.local and state_of(publisher.pid) not in ("", "T", "Z", "X")
 
     def visible(self) -> bool:
         self.counterparts(strict=True)
@@ -325,6 +341,8 @@ class Subscriber(Link):
 
     def _through(self, wrap: Callable[[Sink], Sink]) -> None:
         self._sink = wrap(self._sink)
+        if not self._reliable:
+            self._lane.through(wrap)
 
     def _hear(self, name: str) -> None:
         credits = None
@@ -388,18 +406,17 @@ class Subscriber(Link):
         messages = []
         for sample, info in samples:
             message = self._take(heard, sample) if info.valid_data else None
-            if message:
+            if message is not None:
                 messages.append(message)
         if not messages:
             return []
         dropped = len(messages) - self._lane.put_all(messages)
-        if dropped:
-            self._put -= dropped
-            self.stats.dropped += dropped
+        self._put -= dropped
+        self.stats.dropped += dropped
         return [self._lane.drain] if self._lane.summon() else []
 
-    def _take(self, heard: _Heard, sample: bytes) -> tuple[_Heard, int, int, Payload] | None:
-        """A message that means what we mean, is new, and has room here."""
+    def _take(self, heard: _Heard, sample: bytes) -> Payload | _Message | None:
+        """A message that means what we mean, is new, and has room here; if we count, with what is to be told of it."""
         try:
             start, fingerprint, source, sequence, stamp = publication_fields(sample)
             if start != START:
@@ -418,10 +435,12 @@ class Subscriber(Link):
             return None
         if self._reception.on:
             payload = self._reception.admit(heard.name, stamp, payload)
+        if not self._reliable:
+            return payload
         self._put += 1
         return heard, source, sequence, payload
 
-    def _consume(self, message: tuple[_Heard, int, int, Payload]) -> None:
+    def _consume(self, message: _Message) -> None:
         heard, source, sequence, payload = message
         self._consumed += 1
         try:

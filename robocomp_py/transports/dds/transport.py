@@ -57,7 +57,9 @@ class DDSTransport:
             raise ConfigurationError(f"transport option `domain` is a number from 0 to 230, not {domain!r}")
         if type(interface) is not str:
             raise ConfigurationError(f"transport option `interface` is a name like 'lo', not {interface!r}")
-        if interface != "lo":
+        self.local = interface == "lo"
+        """Whether all are on this host."""
+        if not self.local:
             self.capabilities |= Capability.CROSS_HOST
         self.codec: Codec = CODEC
         self.owner = config.owner

@@ -29,7 +29,7 @@ from ...errors import ConfigurationError, TransportError
 PORTS = 512
 """So many may write to one queue, or ring one bell: other transports of this host, and threads of theirs."""
 
-READERS = 64
+READERS = 128
 """So many may read one topic."""
 
 BELLS = 64

@@ -13,9 +13,10 @@ import contextlib
 import mmap
 import os
 import struct
+import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from ...errors import TransportError
@@ -107,19 +108,25 @@ class Reader:
 class Credit:
     """How far a publisher may go ahead of its slowest reader."""
 
-    def __init__(self, ahead: int) -> None:
-        self._ahead = ahead
+    def __init__(self) -> None:
         self._called = threading.Event()
-        self.readers: Iterable[Reader] = ()
+        self._readers: list[Reader] = []
+        self.slowest = sys.maxsize
+        """Up to which message all have read, when it was last looked at."""
 
-    def wait(self, sent: int, end: float, still: Callable[[], object]) -> bool:
-        """Wait until one more may be sent; `still` is called meanwhile, and may raise."""
-        while sent - self._slowest(sent) >= self._ahead:
+    def meet(self, readers: list[Reader]) -> None:
+        """These read, from now on."""
+        self._readers = readers
+        self._slowest()
+
+    def wait(self, sent: int, ahead: int, end: float, still: Callable[[], object]) -> bool:
+        """Wait until one more may be sent, which may be so far ahead; `still` is called meanwhile, and may raise."""
+        while sent - self._slowest() >= ahead:
             self._called.clear()
-            for reader in self.readers:
-                reader.call_at(max(1, sent - self._ahead // 2))  # not at once: it is woken less often so
+            for reader in self._readers:
+                reader.call_at(max(1, sent - ahead // 2))  # not at once: it is woken less often so
             left = end - time.monotonic()
-            if sent - self._slowest(sent) < self._ahead:  # meanwhile, and so perhaps without ringing
+            if sent - self._slowest() < ahead:  # meanwhile, and so perhaps without ringing
                 break
             if left <= 0:
                 return False
@@ -127,18 +134,18 @@ class Credit:
             still()
         return True
 
-    def settle(self, sent: int, patience: float) -> None:
-        """Wait until all was taken, at most so long."""
-        end = time.monotonic() + patience
-        while self._slowest(sent) < sent and (left := end - time.monotonic()) > 0:
+    def settle(self, sent: int, end: float) -> None:
+        """Wait until all was taken, or until then."""
+        while self._slowest() < sent and (left := end - time.monotonic()) > 0:
             time.sleep(min(left, _LONGEST_PAUSE))
 
     def called(self) -> None:
         """A reader has rung."""
         self._called.set()
 
-    def _slowest(self, sent: int) -> int:
-        return min((reader.taken() for reader in self.readers), default=sent)
+    def _slowest(self) -> int:
+        self.slowest = min((reader.taken() for reader in self._readers), default=sys.maxsize)
+        return self.slowest
 
 
 @contextlib.contextmanager

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from collections.abc import Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -18,9 +17,9 @@ from ..base import Channel, Sink, Source, TypeRef, depth_of
 from ..crew import Job, Lane
 from ..directory import Member
 from ..ledger import Ledger
-from ..reception import Reception
+from ..reception import Reception, living
 from .bells import LOOK, Rope, bell_of
-from .mail import LINGER
+from .node import READERS
 from .receipts import Credit, Receipts
 from .receipts import Reader as Receiver
 from .samples import HEAD_BYTES, Loaned, Message, Reader, Writer, size_of
@@ -34,6 +33,11 @@ BATCH = 32
 LEAST_AHEAD, MOST_AHEAD = 32, 256
 """So many messages, at least and at most, may be on their way to a reader; the depth, if it is between them."""
 
+FEW_AHEAD, BYTES_AHEAD = 4, 8 * 1024 * 1024
+"""Of large messages fewer, but so many: about so many bytes. More would not stay in the processor's caches."""
+
+_SMALL = BYTES_AHEAD // MOST_AHEAD
+
 SPARE = 8
 """Further ones for which there is room, since a reader may begin to read before it is counted."""
 
@@ -46,6 +50,9 @@ SHARES = 16
 LOANS = 16
 """So many messages may be written at the same time."""
 
+LOANING = 5.0
+"""Seconds for which a loan waits for memory, when all of it is in use."""
+
 PAUSE = 0.001
 """Seconds between two attempts to have memory, when all of it is in use."""
 
@@ -54,13 +61,14 @@ class Publisher(AnnouncedLink["ShmTransport"]):
     role, facing = "publishes", "subscribes"
     _number = 0
     _writer: Writer | None = None
+    _dynamic: Any = None
 
     def open(self) -> None:
         qos = self.channel.qos
         self._lossless = qos.reliable or qos.history is History.KEEP_ALL
         self._history = qos.depth if qos.latched else 0
-        ahead = min(max(depth_of(qos), LEAST_AHEAD), MOST_AHEAD)
-        self._credit = Credit(ahead)
+        self._ahead = min(max(depth_of(qos), LEAST_AHEAD), MOST_AHEAD)
+        self._credit = Credit()
         self._source, self._sent = random_id(), 0
         self._order, self._looking = threading.Lock(), threading.Lock()
         self._readers: dict[tuple[str, str], _Known] = {}
@@ -68,14 +76,15 @@ class Publisher(AnnouncedLink["ShmTransport"]):
         self._seen = 0
         """Of how many readers iceoryx2 knew when we last looked."""
         self._number = self.transport.number()
-        self._service, port = self.transport.node.new_topic(
+        service, port = self.transport.node.new_topic(
             f"{self.transport.member.id}.{self._number}",
-            ahead + SPARE + self._history,
+            self._ahead + SPARE + self._history,
             self._history,
             SHARE + 1,
-            SHARE * SHARES + 64,
+            SHARE * SHARES + READERS,
             LOANS,
         )
+        self._dynamic = service.dynamic_config
         self._writer = Writer(port)
         self.transport.attend_to(self._number, self)
         self.announce(f"{self._number}/{self._source:016x}")
@@ -84,40 +93,45 @@ class Publisher(AnnouncedLink["ShmTransport"]):
             rope.ring(LOOK)  # they need not wait for their next look into the directory
 
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
-        with self._turn(deadline) as end:
-            if self._is_to_be_written(end, deadline):
-                writer, size = self._writer, size_of(payload)
-                assert writer
-                header = self._header()
-                while writer.send(0, 0, 0, header, payload, size) is None:
+        end = self._take_turn(deadline)
+        try:
+            size = size_of(payload)
+            if self._is_to_be_written(size, end, deadline):
+                assert self._writer
+                while self._writer.send(0, 0, 0, self._header(), payload, size) is None:
                     if not self._await_memory(end, deadline):
-                        return
-                self._ring()
+                        break
+                else:
+                    self._was_sent()
+        finally:
+            self._order.release()
 
     def loan(self, size: int) -> _Loan:
-        self.check_open()
-        with self._turn(5.0) as end:
+        end = self._take_turn(LOANING)
+        try:
             assert self._writer
-            loaned = self._writer.lend(size)
-            while loaned is None and time.monotonic() < end:
-                self.closed.wait(PAUSE)
-                self.check_open()
-                loaned = self._writer.lend(size)
-            if loaned is None:
-                raise TransportError(f"{self.channel.name}: all memory for messages is in use")
+            while (loaned := self._writer.lend(size)) is None:
+                if time.monotonic() >= end:
+                    raise TransportError(f"{self.channel.name}: all memory for messages is in use")
+                self._pause()
             return _Loan(self, loaned)
+        finally:
+            self._order.release()
 
     def send_loaned(self, loaned: Loaned, begin: int, end: int, deadline: float) -> None:
-        with self._turn(deadline) as until:
-            if self._is_to_be_written(until, deadline):
+        until = self._take_turn(deadline)
+        try:
+            if self._is_to_be_written(end - begin, until, deadline):
                 loaned.send(self._header(), begin, end)
-                self._ring()
+                self._was_sent()
+        finally:
+            self._order.release()
 
     def look(self) -> bool:
         with self._looking:
             if self._writer is None or self.closed.is_set():
                 return True
-            self._seen = self._service.dynamic_config.number_of_subscribers
+            self._seen = self._present()
             there = {(member.id, entry.address): (member, entry) for member, entry in self.counterparts()}
             for gone in self._readers.keys() - there.keys():
                 del self._readers[gone]
@@ -130,16 +144,17 @@ class Publisher(AnnouncedLink["ShmTransport"]):
                     receiver = Receiver(path, self._source, self._sent) if path and self._lossless else None
                     self._readers[key] = _Known(rope, bell_of(number), receiver)
             known = list(self._readers.values())
-            self._credit.readers = [each.receiver for each in known if each.receiver]
+            self._credit.meet([each.receiver for each in known if each.receiver])
             self._ropes = [(each.rope, each.bell) for each in known]
             self._writer.greet()  # who is new gets the history now
-        self._ring()
+        for rope, number in self._ropes:
+            rope.ring(number)
         return all(key in self._readers for key in there)
 
     def on_input(self) -> tuple[Job, ...]:
         """A subscriber has rung: it begins to read, or it has read as much as was waited for."""
         self._credit.called()
-        if self._writer and self._seen != self._service.dynamic_config.number_of_subscribers:
+        if self._seen != self._present():
             self.look()
         return ()
 
@@ -153,55 +168,71 @@ class Publisher(AnnouncedLink["ShmTransport"]):
     def heard(self) -> bool:
         return bool(self._ropes) or self._history > 0
 
+    def close(self) -> None:
+        if self._writer and not self.closed.is_set():  # while our readers still hear us
+            self._credit.settle(self._sent, self.transport.settling())
+        super().close()
+
     def release(self) -> None:
         self.transport.forget(self._number, self)
         if self._writer:
             self._credit.called()
-            self._credit.settle(self._sent, LINGER)
             with self._looking:
                 self._writer.close()
-                self._service = None
+                self._dynamic = None
 
-    @contextlib.contextmanager
-    def _turn(self, deadline: float) -> Iterator[float]:
-        """One message after the other. When there is no more time."""
+    # With every message. Whoever sends has the turn.
+
+    def _take_turn(self, deadline: float) -> float:
+        """One message after the other. When there is no more time; the turn has to be given back."""
         end = time.monotonic() + deadline
         if not self._order.acquire(timeout=max(0.0, deadline)):
             raise Timeout(f"{self.channel.name}: another thread was still sending after {deadline:g} s")
-        try:
-            self.check_open()
-            yield end
-        finally:
+        if self.closed.is_set() or self.transport.closed:
             self._order.release()
+            self.check_open()
+        return end
 
-    def _is_to_be_written(self, end: float, deadline: float) -> bool:
+    def _is_to_be_written(self, size: int, end: float, deadline: float) -> bool:
         """Whether there is anybody to read it, once all who are to read it have room for it."""
         if self._lossless:
-            if self._seen != self._service.dynamic_config.number_of_subscribers:
+            if self._seen != self._present():
                 self.look()  # who reads from now on is counted from now on
-            if not self._credit.wait(self._sent, end, self._still):
+            ahead = self._ahead if size < _SMALL else max(FEW_AHEAD, min(self._ahead, BYTES_AHEAD // size))
+            if self._sent >= self._credit.slowest + ahead and not self._credit.wait(
+                self._sent, ahead, end, self._still
+            ):
                 raise Timeout(f"{self.channel.name}: a subscriber did not keep up for {deadline:g} s")
-        return self.heard
+        return bool(self._ropes) or self._history > 0
+
+    def _header(self) -> bytes:
+        return pack_publication(self.channel.type.fingerprint, self._source, self._sent + 1, time.time_ns())
+
+    def _was_sent(self) -> None:
+        self._sent += 1
+        for rope, number in self._ropes:
+            rope.ring(number)
 
     def _await_memory(self, end: float, deadline: float) -> bool:
         """All memory for messages is in use: whether to try again, or to give the message up."""
         if not self._lossless:
+            self._sent += 1  # so that it is missed
             self.stats.dropped += 1
             return False
         if time.monotonic() >= end:
-            self._sent -= 1  # so that it is not missed
             raise Timeout(f"{self.channel.name}: subscribers kept all memory for messages, for {deadline:g} s")
-        self.closed.wait(PAUSE)
-        self.check_open()
+        self._pause()
         return True
 
-    def _header(self) -> bytes:
-        self._sent += 1
-        return pack_publication(self.channel.type.fingerprint, self._source, self._sent, time.time_ns())
+    def _pause(self) -> None:
+        self.closed.wait(PAUSE)
+        self.check_open()
 
-    def _ring(self) -> None:
-        for rope, number in self._ropes:
-            rope.ring(number)
+    def _present(self) -> int:
+        """How many read, or are about to, as iceoryx2 knows."""
+        present = self._dynamic
+        number: int = present.number_of_subscribers if present is not None else self._seen
+        return number
 
     def _still(self) -> None:
         """While we wait for readers: those that were killed are not waited for."""
@@ -281,8 +312,7 @@ class Subscriber(AnnouncedLink["ShmTransport"]):
         return self._heard.keys() >= there.keys()
 
     def sources(self) -> list[Source]:
-        alive = self.transport.directory.alive
-        return [Source(e.channel, from_traits(e.traits)) for m, e in self.counterparts() if alive(m.id)]
+        return living(self.transport.directory, self.counterparts(), self.channel.qos)
 
     def visible(self) -> bool:
         publishers = self.counterparts(strict=True)
@@ -312,6 +342,10 @@ class Subscriber(AnnouncedLink["ShmTransport"]):
                 taken += self._take(heard, message)
             else:
                 self.transport.attend(self)
+            if self._receipts and heard.last != heard.noted:
+                heard.noted = heard.last
+                if self._receipts.took(heard.source, heard.last):
+                    heard.call()
         return (self._drain,) if taken else ()
 
     def _begin(self, key: tuple[str, str], member: Member, channel: str) -> None:
@@ -325,11 +359,11 @@ class Subscriber(AnnouncedLink["ShmTransport"]):
             self._receipts.begin(int(source, 16))
         try:
             service, port = self.transport.node.topic(f"{member.id}.{number}", missed)
-        except TransportError:
+        except TransportError as exc:
             if self._receipts:
                 self._receipts.end(int(source, 16))
             if self.transport.directory.alive(member.id):
-                raise
+                raise TransportError(f"{channel}: {exc}") from exc
             return
         reader = Reader(port, _share(service))
         self._heard[key] = _Heard(service, reader, channel, int(source, 16), partial(rope.ring, bell_of(int(number))))
@@ -356,8 +390,7 @@ class Subscriber(AnnouncedLink["ShmTransport"]):
         if header.fingerprint != self.channel.type.fingerprint:
             self.report_mismatch(header.source, TypeRef("", header.fingerprint))
             return False
-        if self._receipts and self._receipts.took(heard.source, header.sequence):
-            heard.call()
+        heard.last = header.sequence
         if not self._ledger.admit(header.source, header.sequence):
             return False
         payload = message.payload
@@ -376,6 +409,8 @@ class _Heard:
 
     def __init__(self, service: Any, reader: Reader, channel: str, source: int, call: partial[bool]) -> None:
         self.service, self.reader, self.channel, self.source, self.call = service, reader, channel, source, call
+        self.last = self.noted = 0
+        """The number of its last message, and of the last one that it knows to be taken."""
 
 
 def _share(service: Any) -> int:

@@ -30,7 +30,7 @@ from .topics import Publisher, Subscriber
 
 log = logging.getLogger("robocomp.transport.shm")
 
-TICK = 0.05
+TICK = 0.1
 """Seconds between two looks into the directory, and at those we wait for."""
 
 BURYING = 1.0
@@ -69,6 +69,7 @@ class ShmTransport:
         self._last: dict[object, str] = {}
         """What last went wrong on the receiving thread, so that it is not told at every tick."""
         self._bury_at = 0.0
+        self._settled = float("inf")
         self.directory = Directory(self.folder)
         with contextlib.ExitStack() as undo:
             self.member = self.directory.join(config.owner)
@@ -106,6 +107,7 @@ class ShmTransport:
             if self.closed:
                 return
             self.closed = True
+            self._settled = time.monotonic() + LINGER
         with contextlib.ExitStack() as everything:  # from the last line to the first, and all of it whatever fails
             everything.callback(self.node.close)
             everything.callback(self._let_go)
@@ -119,10 +121,9 @@ class ShmTransport:
     def _settle(self) -> None:
         with self._lock:
             peers = list(self._peers.values())
-        end = time.monotonic() + LINGER
         for peer in peers:
             try:
-                peer.settle(end)
+                peer.settle(self.settling())
             except TransportError:  # they have what they have
                 log.debug("%s: closing without knowing what was taken", self.owner, exc_info=True)
 
@@ -165,6 +166,10 @@ class ShmTransport:
                         raise
                     return None
             return self._ropes[member.id]
+
+    def settling(self) -> float:
+        """Until when somebody who closes may wait for what was sent last to be taken."""
+        return min(self._settled, time.monotonic() + LINGER)
 
     def peer(self, member: Member) -> Peer | None:
         """Somebody who serves; None if he has just left."""

@@ -84,7 +84,7 @@ class CommandOutlet(Asking):
             fingerprint, left = self.channel.type.fingerprint, end - time.monotonic()
             header = pack_request(Flag.ONEWAY, fingerprint, self.id, self._credit.sent, left)
             with self.using_the_session():
-                self.transport.put(self.server()[1], header, payload)
+                self.transport.put(self.server()[1], header, payload, in_order=True)
 
     def acknowledged(self, by: int, sequence: int) -> None:
         self._credit.took(by, sequence)

@@ -7,10 +7,10 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 
-BYTES_AHEAD = 512 * 1024
+BYTES_AHEAD = 2 * 1024 * 1024
 """While so many bytes are on their way to a reader, nothing more is sent; the last message may be of any size.
 
-It is what the queues on the way hold without any waiting in them: 1 MB, shared by a few senders.
+It is what the queues on the way hold, those of the sender and of the router.
 """
 
 

@@ -21,6 +21,7 @@ QUERIES_WAITING = 1000
 
 
 BLOCK, DROP = zenoh.CongestionControl.BLOCK, zenoh.CongestionControl.DROP
+DATA, URGENT = zenoh.Priority.DATA, zenoh.Priority.INTERACTIVE_HIGH
 NO_CONSOLIDATION = zenoh.ConsolidationMode.NONE
 
 

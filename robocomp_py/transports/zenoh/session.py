@@ -2,10 +2,12 @@
 
 Every component is a client of one router. Told an address (`connect`), it uses the router there.
 Otherwise the components of a run-time folder find or host one behind a socket in that folder:
-whoever claims it runs the router in a session of its own; when that process ends, another one
-claims it, and Zenoh's clients reconnect by themselves. Whoever starts components may run it for
-them beforehand (`shared_router`), in a process that does nothing else: it then outlives them, and
-no debugger stops it.
+whoever claims it runs the router; when that process ends, another one claims it, and Zenoh's
+clients reconnect by themselves. Who ran it from the beginning uses it as its own session: a client
+beside it in the same process would have to be read by threads that the router may keep waiting,
+for that client among others, and then nothing moves until the connection is given up. Whoever
+starts components may run it for them beforehand (`shared_router`), in a process that does nothing
+else: it then outlives them, and no debugger stops it.
 """
 
 from __future__ import annotations
@@ -48,6 +50,7 @@ _COMMON: dict[str, Any] = {
     "transport/link/tx/lease": 2000,  # ms after which a hung process counts as gone
     "transport/link/tx/keep_alive": 4,
     "transport/link/tx/queue/size/data": 16,  # batches of 64 KiB; a burst of small messages finds room
+    "transport/link/tx/queue/size/interactive_high": 16,  # calls, answers, commands
     "transport/link/tx/queue/congestion_control/block/wait_before_close": 2_000_000,  # µs; as the lease: it hangs
     "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 1_000_000,  # µs; of large ones
     "transport/unicast/open_timeout": 2000,
@@ -118,12 +121,13 @@ class Network:
 
     def tick(self) -> None:
         """Run the router if nobody does any more, and tell if the one there is does not answer."""
-        self._run_router()
-        if self.session.info.routers_zid():
+        if (self._router and self._router.session is self.session) or self.session.info.routers_zid():
             if self._told:
                 log.info("%s: the Zenoh router answers again", self._owner or "zenoh")
             self._connected_at, self._told = time.monotonic(), False
-        elif not self._told and time.monotonic() - self._connected_at >= LOST:
+            return
+        self._run_router()
+        if not self._told and time.monotonic() - self._connected_at >= LOST:
             self._told = True
             log.warning(
                 "%s: no Zenoh router answers at %s; until it does, nobody is reached",
@@ -132,14 +136,17 @@ class Network:
             )
 
     def close(self) -> None:
-        with contextlib.suppress(zenoh.ZError):
-            self.session.close()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
+        if not (self._router and self._router.session is self.session):
+            with contextlib.suppress(zenoh.ZError):
+                self.session.close()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
         self._close_router()
 
     def _open(self) -> zenoh.Session:
         end = time.monotonic() + OPEN_PATIENCE
         while True:
             self._run_router()
+            if self._router and self._router.session:
+                return self._router.session
             try:
                 return open_client(self.endpoint)
             except zenoh.ZError as exc:
@@ -164,7 +171,7 @@ class _SharedRouter:
     def __init__(self, owner: str) -> None:
         self._folder, self._owner = _folder(), owner
         self._claim: Claim | None = None
-        self._session: zenoh.Session | None = None
+        self.session: zenoh.Session | None = None
         self._lock = threading.Lock()
         self._closed = False
 
@@ -174,12 +181,12 @@ class _SharedRouter:
 
     def run_if_nobody_does(self) -> None:
         with self._lock:
-            if self._session or self._closed:
+            if self.session or self._closed:
                 return
             self._claim = self._claim or try_claim(self._folder, "router", self._owner)
             if self._claim:
                 (self._folder / "router.sock").unlink(missing_ok=True)  # left by one that was killed
-                self._session = open_router(self.endpoint())
+                self.session = open_router(self.endpoint())
 
     def holder(self) -> str:
         return holder(self._folder, "router")
@@ -187,8 +194,8 @@ class _SharedRouter:
     def close(self) -> None:
         with self._lock:
             self._closed = True
-            if self._session:
-                self._session.close()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
+            if self.session:
+                self.session.close()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
                 (self._folder / "router.sock").unlink(missing_ok=True)
             if self._claim:
                 self._claim.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import threading
 import time
 from collections import deque
@@ -13,11 +14,12 @@ from typing import TYPE_CHECKING, Any
 import zenoh
 
 from ...contract.qos import History, QoS, Reliability, from_traits, traits
-from ...errors import DecodeError, Timeout
+from ...errors import Timeout
 from ...wire.codec import Payload
 from ...wire.header import (
+    VERSION,
     pack_publication,
-    read_publication,
+    publication_fields,
 )
 from ...wire.names import ANY
 from ..base import (
@@ -29,7 +31,7 @@ from ..ledger import Ledger
 from ..reception import Reception
 from .credit import BYTES_AHEAD, Credit
 from .link import INBOX, Link, depth_of
-from .messages import BLOCK, DROP, Message, octets
+from .messages import BLOCK, DROP, Message
 from .reader import Reader
 from .table import Token
 
@@ -182,9 +184,12 @@ class Subscriber(Link):
 
     def _admit(self, message: zenoh.Sample | Message) -> Any:
         try:
-            _, fingerprint, source, sequence, stamp = read_publication(octets(message.attachment))
-        except DecodeError as exc:
+            version, fingerprint, source, sequence, stamp = publication_fields(message.attachment.to_bytes())
+        except (struct.error, AttributeError) as exc:  # too long or short, or none at all
             self.malformed(exc)
+            return None
+        if version != VERSION:
+            self.malformed(f"its header has version {version}")
             return None
         if fingerprint != self._fingerprint:
             self.meet_stranger(source, fingerprint)
@@ -196,9 +201,9 @@ class Subscriber(Link):
             self._note(source, sequence, len(payload))
         if not self._ledger.admit(source, sequence):
             return None
-        if self._reception.on:
-            return self._reception.admit(self._channels.get(source, self.channel.name), stamp, payload)
-        return payload
+        if not self._reception.on:
+            return payload
+        return self._reception.admit(self._channels.get(source, self.channel.name), stamp, payload)
 
     def _note(self, source: int, sequence: int, size: int) -> None:
         """Have it told to its sender that a message was taken, when it is worth telling."""

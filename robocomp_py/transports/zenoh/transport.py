@@ -40,7 +40,7 @@ from ..exclusive import is_claimed
 from ..memory import keep_memory
 from .asking import Caller, CommandOutlet
 from .link import TICK, Link
-from .messages import BLOCK, NO_CONSOLIDATION, QUERIES_WAITING, Inbox, Message, Query, direct, halves
+from .messages import BLOCK, DATA, NO_CONSOLIDATION, QUERIES_WAITING, URGENT, Inbox, Message, Query, direct, halves
 from .serving import CommandInlet, Server
 from .session import Network, as_transport_error, shared_router
 from .table import Table
@@ -50,6 +50,9 @@ log = logging.getLogger("robocomp.transport.zenoh")
 
 INQUIRY = 2.0
 """Seconds for which a link is asked for its contract or its history."""
+
+SMALL = 32 * 1024
+"""Up to so many bytes, calls and answers overtake what is larger, and publications: half a batch of Zenoh's."""
 
 L = TypeVar("L", bound=Link)
 _ACK = struct.Struct("<QQ")  # who took it · sequence
@@ -161,9 +164,10 @@ class ZenohTransport:
             return [Message(reply.ok.attachment, reply.ok.payload) for reply in replies if reply.ok]
         return []
 
-    def put(self, key: zenoh.KeyExpr | str, header: bytes | None, payload: Payload) -> None:
-        """Send what must arrive. Raises ZError."""
-        self.session.put(key, payload, attachment=header, congestion_control=BLOCK, express=True)
+    def put(self, key: zenoh.KeyExpr | str, header: bytes | None, payload: Payload, *, in_order: bool = False) -> None:
+        """Send what must arrive: what is small before what is large, unless it has to stay in order. Raises ZError."""
+        priority = URGENT if in_order or len(payload) <= SMALL else DATA
+        self.session.put(key, payload, attachment=header, congestion_control=BLOCK, priority=priority, express=True)
 
     def acknowledge(self, taken: dict[int, int], by: int) -> None:
         """Tell senders that their messages up to a number were taken."""

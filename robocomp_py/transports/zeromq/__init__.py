@@ -4,16 +4,14 @@
     a request, a command   DEALER → ROUTER
     a reply                ROUTER → DEALER
 
-How these look is in `frames`. Who serves what, and where, stands in the directory of the run-time
-folder, beside the sockets' `ipc://` files. A late subscriber of a latched topic also subscribes to a
-name of its own, and gets under it what it missed.
+How these look is in `frames`, and on the page docs/protocol-zeromq.md. Who serves what, and where, stands in the
+directory of the run-time folder, beside the sockets' `ipc://` files. A late subscriber of a latched topic also
+subscribes to a name of its own, and gets under it what it missed.
 
-Threads. A ZeroMQ socket may be used by several threads only under a lock, and nobody must sleep
-holding it. So one thread (the leader of a `Crew`) sleeps on the file descriptors of all sockets,
-and everybody reads and writes under the socket's lock without waiting (`sockets.Socket`). There are two
-exceptions, which are quicker. A synchronous call: its thread takes a socket out of a pool, has it to
-itself, and receives the answer itself. And what is served: a crew of its own waits inside that socket
-(`serving.Router`).
+Threads. Who asks and waits has a connection to itself, taken out of a pool, and speaks ZMTP on it (`zmtp.Stream`).
+What is served has a crew of its own, which waits inside that socket (`serving.Router`). For all else one thread (the
+leader of a `Crew`) sleeps on many descriptors: of subscriptions (`zmtp.Feed`), and of those ZeroMQ sockets that several
+threads use, which they may only under a lock, and nobody must sleep holding it (`sockets.Socket`).
 """
 
 from .transport import ZeroMQTransport

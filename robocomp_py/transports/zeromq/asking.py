@@ -41,7 +41,7 @@ from ..base import (
 from ..crew import Job
 from ..pending import Pending
 from .frames import Frames, joined, read_reply_frames, topic
-from .link import Link
+from .link import TICK, Link
 from .sockets import Socket, as_transport_error, persist
 from .zmtp import SLICE_MS, Gone, Stream, Wait
 
@@ -281,6 +281,7 @@ class Caller(AskingLink):
     def tick(self) -> float | None:
         wait = self._pending.expire(self.transport.do)
         if len(self._pending):
+            wait = TICK if wait is None else min(wait, TICK)
             left = Unreachable(f"{self.channel.name}: its server left")
             for peer in [peer for peer in list(self._met.values()) if not peer.alive()]:
                 self.transport.drop(peer)

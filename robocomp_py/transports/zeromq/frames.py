@@ -60,9 +60,14 @@ def read_reply_frames(frames: Frames) -> tuple[ReplyHeader, Frames]:
 def read_publication_frames(frames: Frames) -> tuple[Publication, Frames]:
     """The header and the payload of a publication. Raises DecodeError."""
     first = frames[0]
-    named = first if type(first) is bytes else bytes(first[:_LONGEST_NAME])
-    at = OWN_TOPIC_BYTES if named[:1] == b"\0" else named.find(b"\0") + 1
-    return publication_at(first, at), _payload(frames, at + PUBLICATION_BYTES)
+    at = (first if type(first) is bytes else bytes(first[:_LONGEST_NAME])).find(b"\0") + 1
+    if at == 1:
+        at = OWN_TOPIC_BYTES
+    header = publication_at(first, at)
+    at += PUBLICATION_BYTES
+    if at < len(first) < _SHORT and len(frames) == 1:
+        return header, [first[at:]]
+    return header, _payload(frames, at)
 
 
 def _payload(frames: Frames, at: int) -> Frames:

@@ -27,6 +27,10 @@ if TYPE_CHECKING:
 log = logging.getLogger("robocomp.transport.zeromq")
 
 
+TICK = 0.05
+"""Seconds between two looks at those we wait for, and into the directory if nobody tells when it changes."""
+
+
 class Link:
     """One end of a channel: announced in the directory, and looking there for those it faces."""
 
@@ -45,7 +49,7 @@ class Link:
         self.announce()
 
     def tick(self) -> float | None:
-        """Do what is due; seconds until the next time, if not a tick."""
+        """Do what is due; seconds until the next time, if something will be."""
         return None
 
     def look(self) -> bool:

@@ -38,7 +38,7 @@ from ..ledger import Ledger
 from .curve import WATCHED, Secure
 from .frames import Frames, joined, read_request_frames, topic
 from .link import Link
-from .sockets import as_transport_error, new_socket, receive_frames, send_frames
+from .sockets import as_transport_error, lend_frames, new_socket, receive_frames
 
 if TYPE_CHECKING:
     from .transport import ZeroMQTransport
@@ -138,7 +138,7 @@ class Router:
         if self._closed:
             return
         try:
-            send_frames(self._socket, frames, _NOBLOCK)
+            lend_frames(self._socket, frames, _NOBLOCK)  # replies are snapshots
         except zmq.Again:
             log.warning("a reply was dropped: who asked does not take it")
         except zmq.ZMQError:

@@ -31,6 +31,9 @@ LINGER_MS = 500
 _SHORT = 16 * 1024
 """A frame of fewer bytes is copied sooner than looked at; a longer one lives as long as somebody looks at it."""
 
+_LARGE = 2 * 1024 * 1024
+"""A frame of so many items is not copied if it need not be."""
+
 LONGEST_PAUSE = 0.005
 """Seconds between two attempts to send, when there is no room."""
 
@@ -69,6 +72,20 @@ def send_frames(socket: zmq.Socket[Any], frames: Frames, flags: int = 0) -> None
         for frame in frames[:-1]:
             _send(socket, frame, more)
     _send(socket, frames[-1], flags)
+
+
+def lend_frames(socket: zmq.Socket[Any], frames: Frames, flags: int = 0) -> None:
+    """The same without copying large frames: nobody may change them any more.
+
+    Below some size it takes longer to find out when ZeroMQ needs a frame no more, for which pyzmq has a thread.
+    """
+    last = len(frames) - 1
+    for number, frame in enumerate(frames):
+        how = flags if number == last else flags | _SNDMORE
+        if len(frame) < _LARGE:
+            _send(socket, frame, how)
+        else:
+            socket.send(frame, how, copy=False)
 
 
 def receive_frames(socket: zmq.Socket[Any], flags: int = 0) -> Frames:
@@ -115,7 +132,10 @@ class Socket:
             if self.closed:
                 return False
             try:
-                send_frames(self.raw, frames, _NOBLOCK)
+                if len(frames) == 1:
+                    _send(self.raw, frames[0], _NOBLOCK)
+                else:
+                    send_frames(self.raw, frames, _NOBLOCK)
             except zmq.Again:
                 return False
             return True
@@ -172,7 +192,7 @@ class Subscription:
         self.closed = False
         self.awaited = False
         self.on_input: Callable[[Any], list[Job]] = on_input
-        self._feed = feed
+        self._feed, self._receive = feed, feed.receive
 
     def receive(self) -> Frames | None:
         """The next message, if there is one. Raises Gone."""
@@ -180,7 +200,7 @@ class Subscription:
             if self.closed:
                 return None
             try:
-                return self._feed.receive()
+                return self._receive()
             except BlockingIOError:
                 return None
 
@@ -222,7 +242,8 @@ class Loop:
         self._sockets: dict[int, Attended] = {}
         self._ready: deque[Attended] = deque()
         self._jobs: deque[Job] = deque()
-        self._next_tick = 0.0
+        self._next_tick = self._ticked = 0.0
+        self._due = False
         self._sleeping = False
         self._closed = False
         self._pipe = threading.Lock()
@@ -264,14 +285,21 @@ class Loop:
 
     def wake(self) -> None:
         """Tick now: something became due earlier, or a socket came or went."""
-        self._next_tick = 0.0
+        self._due = True
         self._interrupt()
 
+    def within(self, seconds: float) -> None:
+        """Tick so long after the last tick: of what happens often, several are seen at once. From `on_input` only."""
+        self._next_tick = min(self._next_tick, self._ticked + seconds)
+
     def receive(self) -> list[Job]:
-        if time.monotonic() >= self._next_tick:
+        if self._due or time.monotonic() >= self._next_tick:
+            self._due = False  # first: what becomes due from now on may not be seen by this tick
             self._next_tick = time.monotonic() + self._tick()
+            self._ticked = time.monotonic()
         self._sleeping = True  # before looking at what is ready: whoever adds to it later sees this, and interrupts
-        timeout = 0.0 if self._ready or self._jobs else max(0.0, self._next_tick - time.monotonic())
+        busy = self._ready or self._jobs or self._due
+        timeout = 0.0 if busy else max(0.0, self._next_tick - time.monotonic())
         events = self._poller.poll(timeout * 1000)
         self._sleeping = False
         for descriptor, _ in events:

@@ -31,9 +31,9 @@ from ..base import (
 )
 from ..crew import Job, Lane
 from ..ledger import Ledger
-from ..reception import Reception
+from ..reception import Reception, living
 from .frames import OWN_TOPIC_BYTES, Frames, joined, read_publication_frames, topic
-from .link import Link
+from .link import TICK, Link
 from .sockets import Socket, Subscription, as_transport_error, persist
 from .zmtp import Feed, Garbled, Gone
 
@@ -68,17 +68,20 @@ class Publisher(Link):
         self.announce(f"ipc://{path}")
 
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
-        end = time.monotonic() + deadline
-        if not self._order.acquire(timeout=max(0.0, deadline)):
-            raise Timeout(f"{self.channel.name}: another thread was still sending after {deadline:g} s")
+        end = 0.0
+        if not self._order.acquire(blocking=False):  # which is quicker than with a timeout
+            end = time.monotonic() + deadline
+            if not self._order.acquire(timeout=max(0.0, deadline)):
+                raise Timeout(f"{self.channel.name}: another thread was still sending after {deadline:g} s")
         try:
             self.check_open()
             header = pack_publication(self.channel.type.fingerprint, self._source, next(self._sequence), time.time_ns())
             frames = joined(self._topic + header, payload)
-            sent = self._send(frames) or persist(partial(self._send, frames), end, self.check_open, self.closed)
-            if not sent:
-                self.check_open()
-                raise Timeout(f"{self.channel.name}: a subscriber did not keep up for {deadline:g} s")
+            if not self._send(frames):
+                end = end or time.monotonic() + deadline
+                if not persist(partial(self._send, frames), end, self.check_open, self.closed):
+                    self.check_open()
+                    raise Timeout(f"{self.channel.name}: a subscriber did not keep up for {deadline:g} s")
         except zmq.ZMQError as exc:
             raise TransportError(f"zeromq: publishing {self.channel.name}: {exc}") from exc
         finally:
@@ -169,14 +172,14 @@ class Subscriber(Link):
         return True
 
     def tick(self) -> float | None:
-        if self._incomplete:
-            self._incomplete = False
-            self.look()
-        return super().tick()
+        if not self._incomplete:
+            return super().tick()
+        self._incomplete = False
+        self.look()
+        return TICK
 
     def sources(self) -> list[Source]:
-        alive = self.transport.directory.alive
-        return [Source(e.channel, from_traits(e.traits)) for m, e in self.counterparts() if alive(m.id)]
+        return living(self.transport.directory, self.counterparts(), self.channel.qos)
 
     def visible(self) -> bool:
         publishers = self.counterparts(strict=True)
@@ -228,6 +231,7 @@ class Subscriber(Link):
                 self._garbled.add(address)
             self._leave(address)
             self._incomplete = True  # it may be there all the same
+            self.transport.within(TICK)
         return [self._drain] if taken else []
 
     def _pause(self, feed: Subscription) -> bool:

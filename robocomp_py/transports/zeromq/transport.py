@@ -37,9 +37,10 @@ from ..base import (
 from ..crew import Crew, Job
 from ..directory import Directory, Member, runtime_dir
 from ..memory import keep_memory
+from ..watch import Watch
 from .asking import Caller, CommandOutlet, Peer
 from .curve import ZAP, Curve, configured, why_not
-from .link import Link
+from .link import TICK, Link
 from .serving import CommandInlet, Router, Server
 from .sockets import Attended, Loop, Socket, Subscription, as_transport_error, new_socket
 from .topics import Publisher, Subscriber
@@ -47,8 +48,11 @@ from .zmtp import Feed
 
 log = logging.getLogger("robocomp.transport.zeromq")
 
-TICK = 0.05
-"""Seconds between two looks into the directory, and at those we wait for."""
+IDLE_TICK = 0.5
+"""Seconds between two looks at what should be as it was."""
+
+_MOMENT = 0.01
+"""Seconds between two looks into a directory that keeps changing."""
 
 L = TypeVar("L", bound=Link)
 T = TypeVar("T")
@@ -81,12 +85,19 @@ class ZeroMQTransport:
         self.directory = Directory(self.folder)
         self.member = self.directory.join(config.owner)
         try:
-            self._loop = Loop(self._tick)
+            self._watch = Watch(self.folder)
+            try:
+                self._loop = Loop(self._tick)
+            except OSError:
+                self._watch.close()
+                raise
         except OSError as exc:
             self.member.close()
             raise TransportError(f"zeromq: cannot be opened: {exc.strerror}") from exc
         keep_memory()
         self.context = zmq.Context()
+        if self._watch.fileno >= 0:
+            self._loop.add(_Changes(self._watch, self._loop))
         self._crew = Crew("zeromq", self._loop.receive, self._loop.wake)
         self._crew.start()
 
@@ -110,6 +121,7 @@ class ZeroMQTransport:
                 return
             self.closed = True
         with contextlib.ExitStack() as everything:  # from the last line to the first, and all of it whatever fails
+            everything.callback(self._watch.close)
             everything.callback(self._loop.close)
             everything.callback(self.context.term)
             everything.callback(self._close_sockets)
@@ -136,7 +148,7 @@ class ZeroMQTransport:
 
     def socket(self, kind: int, on_input: Callable[[Socket], list[Job]], **options: int) -> Socket:
         """A shared socket, whose input the crew attends to from now on."""
-        socket = Socket(new_socket(self.context, kind, **options), on_input, self._loop.attend)
+        socket = Socket(new_socket(self.context, kind, None, **options), on_input, self._loop.attend)
         self._loop.add(socket)
         return socket
 
@@ -165,6 +177,10 @@ class ZeroMQTransport:
 
     def wake(self) -> None:
         self._loop.wake()
+
+    def within(self, seconds: float) -> None:
+        """Have links tick soon; for what is called when there is input."""
+        self._loop.within(seconds)
 
     def do(self, job: Job) -> None:
         """Have the crew run this."""
@@ -262,16 +278,40 @@ class ZeroMQTransport:
             raise Closed("the transport is closed")
         if not self._guarded(link.look, False):  # who came after it was opened, and before it was in the list
             self._known = -1
+        self._loop.wake()
         return link
 
     def _tick(self) -> float:
         """Do what is due; seconds until the next time."""
+        if not self._watch.working:
+            self._watch.renew()
         version = self.directory.version()
         links = list(self._links)
         if version != self._known and all([self._guarded(link.look, False) for link in links]):
             self._known = version
         waits = [self._guarded(link.tick, None) for link in links]
-        return min([TICK, *(wait for wait in waits if wait is not None)])
+        usual = IDLE_TICK if self._watch.working and self._known == version else TICK
+        return min([usual, *(wait for wait in waits if wait is not None)])
+
+
+class _Changes:
+    """What the loop attends to when the directory changes."""
+
+    awaited = False
+
+    def __init__(self, watch: Watch, loop: Loop) -> None:
+        self.fileno, self._watch, self._loop = watch.fileno, watch, loop
+
+    def on_input(self, _: object) -> list[Job]:
+        self._watch.read()
+        self._loop.within(_MOMENT)
+        return []
+
+    def look(self) -> None:
+        """Nothing is missed."""
+
+    def close(self) -> None:
+        self._watch.close()
 
 
 def _short_enough(folder: Path) -> Path:

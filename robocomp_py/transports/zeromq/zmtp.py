@@ -37,6 +37,9 @@ _HEAD, _LONG_HEAD = struct.Struct(">BB"), struct.Struct(">BQ")
 _GREETING = b"\xff\0\0\0\0\0\0\0\1\x7f\3\0NULL".ljust(64, b"\0")
 _TIMEOUT = struct.Struct("@ll").pack(0, SLICE_MS * 1000)
 
+_ROOM = 1024 * 1024
+"""Octets that may be on their way to who answers, if the kernel allows: the more, the fewer changes of threads."""
+
 _FRAME = 4096
 _LONGEST = MAX_BYTES + 4096 * _FRAME
 """Octets that a frame counts for besides its own, and those of a message; who announces more is not listened to."""
@@ -197,6 +200,7 @@ class Stream(_Connection):
         """Connect. Raises OSError, and what `wait` raises."""
         super().__init__(b"DEALER")
         try:
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _ROOM)
             for option in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):
                 self._socket.setsockopt(socket.SOL_SOCKET, option, _TIMEOUT)
             _persist(partial(self._socket.connect, path), wait)  # it may be that too many wait there to be let in

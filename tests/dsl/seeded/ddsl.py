@@ -130,6 +130,19 @@ SEEDS = [
         {'"no";\n    };': '"no";\n    };\n    Component recorder { subscribesTo LaserPub from «front»; };'},
     ),
     Seed(
+        "a QoS for a port misspelt",
+        "unknown-port",
+        _FILE,
+        {"{ port 10004; }": "{ port 10004; qos «LaserPup»(depth 1); }"},
+    ),
+    Seed("a QoS misspelt", "bad-qos", _FILE, {"{ port 10004; }": "{ port 10004; qos LaserPub(«relible»); }"}),
+    Seed(
+        "two environments of one process",
+        "env-clash",
+        _FILE,
+        {"{ port 10004; }": '{ port 10004; process p; env LOG "yes"; }', 'env LOG "no";': '«env LOG "no";» process p;'},
+    ),
+    Seed(
         "an address without a port",
         "ineffective-ip",
         _FILE,

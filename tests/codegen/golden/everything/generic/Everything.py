@@ -203,9 +203,15 @@ Containers.__contract__ = Struct(
         Field("slices", Sequence(Slice.__contract__)),
         Field("cube", Sequence(Sequence(Sequence(FLOAT32)))),
         Field("levels", Sequence(Level.__contract__)),
-        Field("byName", Dictionary(STRING, Widths.__contract__)),
-        Field("byLevel", Dictionary(Level.__contract__, Sequence(FLOAT32))),
-        Field("nothings", Dictionary(INT32, Nothing.__contract__)),
+        Field("byName", Dictionary(STRING, Widths.__contract__, "Everything::ByName")),
+        Field(
+            "byLevel",
+            Dictionary(Level.__contract__, Sequence(FLOAT32), "Everything::ByLevel"),
+        ),
+        Field(
+            "nothings",
+            Dictionary(INT32, Nothing.__contract__, "Everything::Nothings"),
+        ),
         Field("flags", Sequence(BOOL)),
         Field("raw", Sequence(UINT8)),
         Field("words", Sequence(STRING)),
@@ -328,8 +334,18 @@ _Store_cube: Operation[Cube] = Operation(
 _Store_levels: Operation[ByLevel] = Operation(
     "Everything::Store",
     "levels",
-    inputs=(Field("what", Dictionary(Level.__contract__, Sequence(FLOAT32))),),
-    outputs=(Field("ret", Dictionary(Level.__contract__, Sequence(FLOAT32))),),
+    inputs=(
+        Field(
+            "what",
+            Dictionary(Level.__contract__, Sequence(FLOAT32), "Everything::ByLevel"),
+        ),
+    ),
+    outputs=(
+        Field(
+            "ret",
+            Dictionary(Level.__contract__, Sequence(FLOAT32), "Everything::ByLevel"),
+        ),
+    ),
 )
 _Store_acknowledge: Operation[None] = Operation(
     "Everything::Store",

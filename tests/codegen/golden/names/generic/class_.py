@@ -189,7 +189,7 @@ list_.__contract__ = Struct(
     (
         Field("field", Sequence(INT32)),
         Field("list", Sequence(STRING)),
-        Field("dict", Dictionary(STRING, Point.__contract__)),
+        Field("dict", Dictionary(STRING, Point.__contract__, "class::dict")),
         Field("others", Sequence(list2.__contract__)),
         Field("int", FLOAT32),
         Field("float", INT32),
@@ -416,7 +416,7 @@ _Odd_list: Operation[tuple[list_, Mode, dict_]] = Operation(
     outputs=(
         Field("ret", list_.__contract__),
         Field("int", Mode.__contract__),
-        Field("dict", Dictionary(STRING, Point.__contract__)),
+        Field("dict", Dictionary(STRING, Point.__contract__, "class::dict")),
     ),
 )
 _Odd_Point: Operation[tuple[Point, Point]] = Operation(

@@ -1,0 +1,120 @@
+"""A program with nothing but Zenoh's library hears, asks, publishes and serves, as docs/protocol-zenoh.md says."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robocomp_py.contract.interface import Operation, Pattern
+from robocomp_py.contract.qos import QoS, Reliability
+from robocomp_py.contract.types import FLOAT32, INT32, TIME, Field, Sequence, Struct
+from robocomp_py.runtime.ports import type_of
+from robocomp_py.testing import everything
+from robocomp_py.testing.patience import SOON, wait_until
+from robocomp_py.transports.base import Channel, Reply, Status, TransportConfig
+from robocomp_py.transports.directory import runtime_dir
+from robocomp_py.transports.zenoh import ZenohTransport
+from robocomp_py.wire.cdr import Cdr
+from robocomp_py.wire.header import read_reply, read_request
+from tests.docs.pages import ROOT, blocks
+from tests.docs.test_native import PAGE as NATIVE
+
+HERE = Path(__file__).parent
+PAGE = ROOT / "docs" / "protocol-zenoh.md"
+NONE_OF_OURS = "modules of ours:"
+
+divide, news = everything.divide, everything.news
+
+
+@pytest.fixture
+def transport() -> Iterator[ZenohTransport]:
+    opened = ZenohTransport(TransportConfig(owner="component"))
+    yield opened
+    opened.close()
+
+
+def channel(operation: Operation[Any], pattern: Pattern, qos: QoS | None = None) -> Channel:
+    name = f"plain/Everything/{operation.name}"
+    return Channel(name, pattern, type_of(operation, pattern), qos or QoS(), operation.idempotent)
+
+
+def plain(*arguments: str) -> subprocess.Popen[str]:
+    """The program, in an interpreter in which an import of ours is an error."""
+    guarded = "import runpy, sys; sys.modules['robocomp_py'] = None; del sys.argv[0]; runpy.run_path(sys.argv[0])"
+    endpoint = f"unixsock-stream/{runtime_dir()}/zenoh/router.sock"
+    command = [sys.executable, "-I", "-c", guarded, str(HERE / "plain.py"), endpoint, *arguments]
+    return subprocess.Popen(command, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+
+
+def told(program: subprocess.Popen[str]) -> list[str]:
+    output, _ = program.communicate(timeout=SOON * 3)
+    assert program.returncode == 0
+    return output.splitlines()
+
+
+def test_a_plain_program_hears_a_topic(transport: ZenohTransport) -> None:
+    outlet = transport.outlet(channel(news, Pattern.PUBLISH))
+    program = plain("hear", "*/Everything/news")
+    wait_until(lambda: outlet.heard)  # type: ignore[union-attr]  # a publisher
+    outlet.send(transport.codec.encoder(news.request)((7, "hello")))
+    assert told(program) == ["heard message 1: 7, hello", NONE_OF_OURS]
+
+
+def test_a_plain_program_asks_a_query(transport: ZenohTransport) -> None:
+    decode, encode = transport.codec.decoder(divide.request), transport.codec.encoder(divide.response)
+    serving = channel(divide, Pattern.QUERY)
+    transport.server(serving, lambda payload, _: Reply(Status.OK, encode(divmod(*decode(payload)))))
+    fingerprint = f"{divide.fingerprint:016x}"
+    assert told(plain("ask", serving.name, fingerprint, "17", "5")) == ["status 0 3 2", NONE_OF_OURS]
+    assert told(plain("ask", "nobody/Everything/divide", fingerprint, "1", "1")) == ["no answer", NONE_OF_OURS]
+
+
+def test_a_plain_program_publishes_to_a_component_which_acknowledges(transport: ZenohTransport) -> None:
+    decode, heard = transport.codec.decoder(news.request), list[Any]()
+    reliable = QoS(Reliability.RELIABLE)
+    link = transport.inlet(channel(news, Pattern.PUBLISH, reliable), lambda payload: heard.append(decode(payload)))
+    program = plain("publish", "plain/Everything/news", f"{news.fingerprint:016x}", "8", "goodbye")
+    assert told(program) == [f"message 1 was taken by {link.id:016x}", NONE_OF_OURS]  # type: ignore[attr-defined]
+    assert heard == [(8, "goodbye")]
+
+
+def test_a_plain_program_serves_a_component(transport: ZenohTransport) -> None:
+    asking = channel(divide, Pattern.QUERY)
+    program = plain("serve", asking.name, f"{divide.fingerprint:016x}")
+    caller = transport.caller(asking)
+    assert caller.wait_peer(SOON * 3)
+    reply = caller.ask(transport.codec.encoder(divide.request)((17, 5)), SOON)
+    assert transport.codec.decoder(divide.response)(reply.payload) == (3, 2)
+    assert told(program) == ["answered 17 / 5", NONE_OF_OURS]
+
+
+# What the page shows.
+
+
+def octets(heading: str) -> bytes:
+    """Those that the page shows under a heading: hexadecimal, with a comment on each line."""
+    [text] = [block for block in blocks(PAGE, "text") if block.startswith(heading)]
+    return b"".join(bytes.fromhex(line.split("  ")[0]) for line in text.splitlines()[1:])
+
+
+def test_the_request_that_the_page_shows_is_one() -> None:
+    request = read_request(octets("attachment of the request"))
+    [scan] = [json.loads(block) for block in blocks(NATIVE, "json")]
+    assert request.fingerprint == int(scan["fingerprint"], 16)
+    assert (request.flags, request.client, request.sequence, request.remaining_ms) == (0, 0x0123456789ABCDEF, 1, 5000)
+    asked = Struct("Asked", (Field("angles", Sequence(FLOAT32)),))
+    assert octets("payload of the request") == bytes(Cdr().encoder(asked)(([0.0, 0.5],)))
+
+
+def test_the_reply_that_the_page_shows_is_one() -> None:
+    reply = read_reply(octets("attachment of the reply"))
+    assert (reply.status, reply.client, reply.sequence) == (Status.OK, 0x0123456789ABCDEF, 1)
+    echo = Struct("Echo", (Field("distance", FLOAT32), Field("quality", INT32), Field("heard", TIME)))
+    answered = Struct("Answered", (Field("ret", Sequence(echo)),))
+    assert octets("payload of the reply") == bytes(Cdr().encoder(answered)(([(2.0, 1, 1_700_000_000_000_000_000)],)))
