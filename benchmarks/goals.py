@@ -64,14 +64,16 @@ def table(findings: Sequence[Finding]) -> Table:
     cells = []
     for name, goal in GOALS.items():
         found = [each for each in findings if each.goal == name]
-        missed = [f"{each.subject} {each.case}".strip() for each in found if not each.met]
-        verdict = "not measured" if not found else f"missed: {', '.join(missed)}" if missed else "met"
-        cells.append((goal.what, goal.demand, verdict, _shown(found)))
+        missed = _by_subject([(each.subject, each.case) for each in found if not each.met], ", ")
+        verdict = "not measured" if not found else f"missed: {missed}" if missed else "met"
+        cells.append(
+            (goal.what, goal.demand, verdict, _by_subject([(each.subject, each.shown) for each in found], " · "))
+        )
     return Table("summary", "what was aimed at", ("what", "goal", "", "found"), cells, labels=4)
 
 
-def _shown(findings: Iterable[Finding]) -> str:
+def _by_subject(pairs: Iterable[tuple[str, str]], separator: str) -> str:
     subjects: dict[str, list[str]] = {}
-    for each in findings:
-        subjects.setdefault(each.subject, []).append(each.shown)
-    return "; ".join(f"{subject} {' · '.join(shown)}".strip() for subject, shown in subjects.items())
+    for subject, said in pairs:
+        subjects.setdefault(subject, []).append(said)
+    return "; ".join(f"{subject} {separator.join(said)}".strip() for subject, said in subjects.items())

@@ -21,7 +21,7 @@ from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from .goals import Finding
+from .goals import Finding, failed
 from .parties import PATIENCE
 from .peers.driver import MEETING
 from .process import ROOT, folder, running
@@ -280,6 +280,8 @@ def table(rows: list[Row]) -> Table:
 
 def findings(rows: list[Row]) -> list[Finding]:
     """Ratios of other frameworks say nothing about a regression of ours that the others do not."""
+    if rows[0].failure:
+        return [failed("peers", rows[0].name)]
     return [
         Finding("peers", row.name, octets(size), f"{each:.1f} ×", each > 1)
         for row in rows[1:]

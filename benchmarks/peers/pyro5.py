@@ -48,10 +48,12 @@ def near(folder: str) -> None:
             raise TimeoutError("the far end did not come")
         time.sleep(0.05)
     with Proxy(f"PYRO:echo@./u:{_socket(folder)}") as proxy:
+        proxy._pyroBind()
+        echo = proxy.echo  # looked up once, which is a little quicker
 
         def ask(data: Array) -> Array:
             current_context.annotations = {_KEY: data.data}
-            proxy.echo()
+            echo()
             return np.frombuffer(current_context.response_annotations[_KEY], np.uint8)
 
         drive(ask, folder)

@@ -8,7 +8,8 @@ name, when somebody asks for it; then nothing else is demanded. Else:
     liveliness    a publisher whose process is killed, or hangs, is lost, and so is one that has to send something and
                   does not; who comes back may be lost again
     offered less  than asked for: that is told, naming both, and what there is passes
-    slow readers  a healthy one beside one that hangs gets everything · `keep_all` is bounded
+    slow readers  a healthy one beside one that hangs gets everything · no more wait than `depth`, and the statistics
+                  account for the others · `keep_all` is bounded
 """
 
 from __future__ import annotations
@@ -192,6 +193,34 @@ class QoSConformance:
         finally:
             release.set()
             healthy.close()
+
+    def test_of_a_flood_no_more_waits_for_a_slow_sink_than_its_depth_and_the_statistics_say_so(
+        self, here: Transport, there: Transport, name: str
+    ) -> None:
+        release, stuck = threading.Event(), threading.Event()
+
+        def hang(payload: Payload) -> None:
+            stuck.set()
+            release.wait(SOON * 3)
+
+        channel = topic(name, QoS(depth=4))
+        link, outlet = there.inlet(channel, hang), here.outlet(channel)
+        assert outlet.wait_peer(SOON)
+        sent = 0
+
+        def waiting() -> int:
+            nonlocal sent
+            outlet.send(blob(here, b"x"))
+            sent += 1
+            return sent - link.stats.received - link.stats.dropped - link.stats.lost
+
+        try:
+            wait_until(lambda: waiting() >= 0 and stuck.is_set())
+            for _ in range(2000):
+                waiting()
+            wait_until(lambda: waiting() <= 4 + 1)  # the one that was just sent may be on its way
+        finally:
+            release.set()
 
     def test_to_keep_all_is_bounded(self, here: Transport, there: Transport, name: str) -> None:
         qos = QoS(Reliability.RELIABLE, history=History.KEEP_ALL)

@@ -56,9 +56,11 @@ from robocomp_py.transports.base import (
 )
 from robocomp_py.transports.crew import Crew
 from robocomp_py.transports.dds import DDSTransport
+from robocomp_py.transports.dds import transport as transport_module
 from robocomp_py.transports.dds.domain import address_of, compose, note_on_sockets, settings
 from robocomp_py.transports.dds.serving import COMMANDS_WAITING, QUERIES_WAITING
 from robocomp_py.transports.dds.topics import MESSAGES_WAITING
+from robocomp_py.transports.dds.transport import FIRST_USER, domain_of_user
 from robocomp_py.transports.dds.types import (
     BEFORE_TAIL,
     CODEC,
@@ -738,6 +740,17 @@ def test_a_second_server_in_another_process_is_refused_until_that_is_killed(ther
         wait_until(served)
 
 
+def test_who_follows_a_killed_server_need_not_try_twice(there: DDSTransport, name: str) -> None:
+    with _Elsewhere(_echo_elsewhere, name) as other:
+        wait_until(lambda: there.bus.endpoints.find("serves", name))
+        other.process.kill()
+        other.process.join()
+        there.server(query(name), answering(there, bytes.upper))
+    caller = there.caller(query(name))
+    assert caller.wait_peer(SOON)
+    assert unblob(there, caller.ask(blob(there, b"next"), SOON).payload) == b"NEXT"
+
+
 @pytest.mark.parametrize("ask", ["ask", "call"])
 def test_a_server_that_is_killed_ends_the_calls_under_way(there: DDSTransport, name: str, ask: str) -> None:
     """By the library's lease, of 2 s: whoever waits longer than that hears `Unreachable` and not `Timeout`."""
@@ -1042,3 +1055,19 @@ def test_domains_do_not_hear_each_other(here: DDSTransport, name: str) -> None:
     wait_until(lambda: inbox == [b"x"])
     other.close()
     assert strange == []
+
+
+def test_each_user_of_a_host_has_a_domain_and_the_first_one_that_of_the_tools() -> None:
+    assert [domain_of_user(number) for number in (0, 33, 1000, 1001, 1002, 1231)] == [0, 0, 0, 1, 2, 0]
+
+
+def test_users_of_one_host_do_not_meet_unless_they_name_a_domain(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second one serves what the first one serves, in a run-time folder of another name."""
+    with _opened() as first:
+        first.server(query("a/b/ask"), lambda payload, expires: Reply(Status.OK, payload))
+        monkeypatch.setattr(transport_module, "domain_of_user", lambda _: domain_of_user(FIRST_USER + 7))
+        second = DDSTransport(TransportConfig())
+        try:
+            assert not second.caller(query("a/b/ask")).wait_peer(0.5)
+        finally:
+            second.close()

@@ -19,7 +19,7 @@ import zenoh
 
 from robocomp_py.contract.interface import Pattern
 from robocomp_py.contract.qos import Durability, QoS, Reliability
-from robocomp_py.errors import ConfigurationError, Timeout, TransportError, Unreachable
+from robocomp_py.errors import Closed, ConfigurationError, Timeout, TransportError, Unreachable
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.conformance import TransportConformance, answering, blob, command, query, topic, unblob
 from robocomp_py.testing.patience import SOON, wait_until
@@ -312,6 +312,59 @@ def test_what_is_asked_right_after_a_server_became_visible_reaches_it(
         assert caller.ask(blob(transport, b"x"), SOON).status is Status.OK
         server.close()
         caller.close()
+
+
+def test_large_messages_of_many_all_reach_the_process_that_runs_the_router(transport: ZenohTransport) -> None:
+    heard = list[int]()
+    link = transport.inlet(topic("a/b/c", RELIABLE), lambda payload: heard.append(len(payload)))
+    senders = [ZenohTransport(TransportConfig()) for _ in range(4)]
+    outlets = [each.outlet(topic("a/b/c", QoS(Reliability.RELIABLE, depth=100))) for each in senders]
+    for outlet in outlets:
+        assert outlet.wait_peer(SOON)
+    large = blob(transport, bytes(100_000))
+
+    def flood(outlet: Any) -> None:
+        for _ in range(200):
+            outlet.send(large, SOON)
+
+    flooding = [threading.Thread(target=flood, args=(outlet,)) for outlet in outlets]
+    for each in flooding:
+        each.start()
+    for each in flooding:
+        each.join()
+    wait_until(lambda: len(heard) == 800)
+    assert (link.stats.lost, link.stats.repeated) == (0, 0)
+    for sender in senders:
+        sender.close()
+
+
+def test_a_reader_tells_what_it_took_no_more_often_than_its_sender_needs(
+    transport: ZenohTransport, other: ZenohTransport, outsider: Any
+) -> None:
+    told, heard = outsider.declare_subscriber("rc_ack/**", zenoh.handlers.FifoChannel(1000)), list[Any]()
+    transport.inlet(topic("a/b/c", RELIABLE), heard.append)
+    outlet = other.outlet(topic("a/b/c", QoS(Reliability.RELIABLE, depth=40)))
+    assert outlet.wait_peer(SOON)
+    send_many(other, outlet, 80)
+    wait_until(lambda: len(heard) == 80)
+    answered = [int.from_bytes(told.recv().payload.to_bytes()[8:], "little") for _ in range(8)]
+    assert answered == list(range(10, 90, 10))
+    assert told.try_recv() is None
+
+
+@pytest.mark.parametrize("end", ["the call", "the caller"])
+def test_who_waits_for_an_answer_that_does_not_come_is_woken(
+    transport: ZenohTransport, other: ZenohTransport, end: str
+) -> None:
+    begun, release = threading.Event(), threading.Event()
+    transport.server(query("a/b/c"), lambda payload, _: (begun.set(), release.wait(SOON * 3), Reply(Status.OK))[2])
+    caller = other.caller(query("a/b/c"))
+    assert caller.wait_peer(SOON)
+    if end == "the caller":
+        threading.Thread(target=lambda: begun.wait(SOON) and caller.close()).start()
+    with pytest.raises(Timeout if end == "the call" else Closed):
+        caller.ask(blob(other, b"x"), 0.2 if end == "the call" else SOON * 3)
+    release.set()
 
 
 # Who serves, and who meets.

@@ -67,6 +67,9 @@ _FOREVER = float("inf")
 _FINE = Status.OK
 """Finding it in its class takes longer."""
 
+LEAVING = 2.5
+"""Seconds until we have heard that who served before us is gone, even if it was killed: its lease lasts for two."""
+
 _Call = tuple[int, int]
 """Which client's request, and its number."""
 
@@ -88,8 +91,11 @@ class ServingLink(Link):
     def open(self) -> None:
         name, kind = self.channel.name, self.channel.type
         self.claimed = claim(self.transport.folder, name, self.transport.owner or "a component")
-        for endpoint in self.bus.endpoints.find(self.role, name):  # on another host
-            raise AlreadyServed(f"{name}: already served by {endpoint.owner} (pid {endpoint.pid})")
+        end = monotonic() + LEAVING
+        while others := self.bus.endpoints.find(self.role, name):  # on another host, or of another user
+            if monotonic() >= end:
+                raise AlreadyServed(f"{name}: already served by {others[0].owner} (pid {others[0].pid})")
+            self.closed.wait(0.005)
         made = request_type(kind.name, kind.request)
         self._requests = self.bus.reader(f"rc/{name}Request", made, endpoint_qos(KEEP_ALL, self.about()))
         self.bus.loop.attach(self._requests.condition, partial(self.accept, self._requests))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import os
 import threading
 import time
 from collections.abc import Callable
@@ -39,22 +40,36 @@ from .types import (
 
 log = logging.getLogger("robocomp.transport.dds")
 
+LAST_DOMAIN = 230
+"""Of higher ones the ports would be none."""
+
+FIRST_USER = 1000
+"""The number that Linux gives to the first user of a machine who is neither root nor a service."""
+
 TICK = 0.5
 """Seconds between two looks whether somebody forgot to close us."""
 
 L = TypeVar("L", bound=Link)
 
 
+def domain_of_user(number: int) -> int:
+    """Where those of a user meet on a host that others use, too: 0, as every tool has it, but for the second one on."""
+    return max(0, number - FIRST_USER) % (LAST_DOMAIN + 1)
+
+
 class DDSTransport:
-    """Options `domain` (0) and `interface` ("lo", this host alone; "" lets Cyclone DDS choose)."""
+    """Options `domain` (of the user, on this host alone; else 0) and `interface` ("lo": this host alone; "" lets
+    Cyclone DDS choose)."""
 
     capabilities = ANY_QOS | Capability.CROSS_PROCESS
 
     def __init__(self, config: TransportConfig) -> None:
-        options = options_of(config, domain=0, interface="lo")
+        options = options_of(config, domain=None, interface="lo")
         domain, interface = options["domain"], options["interface"]
-        if type(domain) is not int or not 0 <= domain <= 230:
-            raise ConfigurationError(f"transport option `domain` is a number from 0 to 230, not {domain!r}")
+        if domain is None:
+            domain = domain_of_user(os.getuid()) if interface == "lo" else 0
+        if type(domain) is not int or not 0 <= domain <= LAST_DOMAIN:
+            raise ConfigurationError(f"transport option `domain` is a number from 0 to {LAST_DOMAIN}, not {domain!r}")
         if type(interface) is not str:
             raise ConfigurationError(f"transport option `interface` is a name like 'lo', not {interface!r}")
         self.local = interface == "lo"

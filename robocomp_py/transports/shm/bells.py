@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import iceoryx2
@@ -33,7 +34,7 @@ class Bell:
     """Ours."""
 
     def __init__(self, node: Node, name: str) -> None:
-        self._listener: Any = node.new_bell(name)
+        self._timed_wait: Callable[[Any], Any] = node.new_bell(name).timed_wait
 
     def wait(self, seconds: float) -> list[int]:
         """Wait until it rings, at most so long; what was rung since the last time, which may be nothing."""
@@ -41,39 +42,51 @@ class Bell:
 
     def rung(self, seconds: float) -> bool:
         """Wait likewise; whether it rang."""
-        duration = _SLICE if seconds >= SLICE else iceoryx2.Duration.from_micros(max(1, int(seconds * 1e6)))
-        return bool(self._wait(duration))
+        if seconds < SLICE:
+            return bool(self._wait(iceoryx2.Duration.from_micros(max(1, int(seconds * 1e6)))))
+        try:
+            return bool(self._timed_wait(_SLICE))
+        except iceoryx2.ListenerWaitError as exc:
+            return _interrupted(exc)
 
     def _wait(self, duration: Any) -> Any:
-        listener = self._listener
-        if listener is None:
-            return ()
         try:
-            return listener.timed_wait(duration)
+            return self._timed_wait(duration)
         except iceoryx2.ListenerWaitError as exc:
-            if str(exc) == "InterruptSignal":
-                return ()
-            raise TransportError(f"shm: waiting: {exc}") from exc
+            _interrupted(exc)
+            return ()
 
     def close(self) -> None:
-        self._listener = None
+        self._timed_wait = _silence
+
+
+def _silence(duration: Any) -> tuple[()]:
+    return ()
+
+
+def _interrupted(exc: Exception) -> bool:
+    """False, if it was nothing but a signal; that is Python's business."""
+    if str(exc) == "InterruptSignal":
+        return False
+    raise TransportError(f"shm: waiting: {exc}") from exc
 
 
 class Rope:
     """By which another's bell is rung, from any thread."""
 
     def __init__(self, node: Node, name: str) -> None:
-        self._notifier: Any = node.bell(name)
+        self._notify: Callable[[Any], int] = node.bell(name).notify_with_custom_event_id
 
     def ring(self, number: int) -> bool:
         """Whether there is somebody to hear it."""
-        notifier = self._notifier
-        if notifier is None:
-            return False
         try:
-            return bool(notifier.notify_with_custom_event_id(_NUMBERS[number]))
+            return bool(self._notify(_NUMBERS[number]))
         except iceoryx2.NotifierNotifyError:
             return False
 
     def close(self) -> None:
-        self._notifier = None
+        self._notify = _nobody
+
+
+def _nobody(number: Any) -> int:
+    return 0

@@ -31,7 +31,7 @@ class Desk:
 
     def __init__(self, transport: ShmTransport, mailbox: Mailbox) -> None:
         self._transport, self._mailbox = transport, mailbox
-        self._own = packed(transport.member.id)
+        self._own, self._incarnation = packed(transport.member.id), transport.incarnation
         self.serving: dict[int, ServingLink] = {}
         """By the number that letters to them bear."""
         self.callers: dict[int, Caller] = {}
@@ -55,10 +55,15 @@ class Desk:
 
     def reply(self, member: int, line: int, request: Request, expires: float, reply: Reply) -> None:
         try:
-            post = self._post(member, line)
+            post = self._posts.get((member, line)) or self._new_post(member, line)
             if post is None:
                 return  # who asked has gone
-            self._answer(post, member, request, expires, reply)
+            payload = b"" if reply.payload is None else reply.payload
+            header = pack_reply(reply.status, request.client, request.sequence, self._incarnation)
+            size = size_of(payload)
+            if not post.send(0, 0, header, payload, size):
+                send = partial(post.send, 0, 0, header, payload, size)
+                self._transport.do(partial(self._insist, send, member, min(expires, time.monotonic() + INSISTING)))
         except TransportError:
             log.exception("a reply could not be sent")
             if reply.status is not Status.FAILED and not self._closed.is_set():
@@ -107,10 +112,8 @@ class Desk:
         caller = self.callers.get(header.client)
         return partial(caller.answered, message.member, header, message.payload) if caller else None
 
-    def _post(self, member: int, line: int) -> Post | None:
-        post = self._posts.get((member, line))
-        if post:
-            return post
+    def _new_post(self, member: int, line: int) -> Post | None:
+        """None if nobody reads there any more."""
         with self._lock:
             if self._closed.is_set():
                 return None
@@ -122,14 +125,6 @@ class Desk:
                         raise
                     return None
             return self._posts[member, line]
-
-    def _answer(self, post: Post, member: int, request: Request, expires: float, reply: Reply) -> None:
-        payload = b"" if reply.payload is None else reply.payload
-        header = pack_reply(reply.status, request.client, request.sequence, self._transport.incarnation)
-        size = size_of(payload)
-        if not post.send(0, 0, header, payload, size):
-            send = partial(post.send, 0, 0, header, payload, size)
-            self._transport.do(partial(self._insist, send, member, min(expires, time.monotonic() + INSISTING)))
 
     def _insist(self, send: partial[bool], member: int, end: float) -> None:
         """Send a reply to somebody who has no room for it now."""

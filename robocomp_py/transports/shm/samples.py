@@ -243,55 +243,45 @@ class Reader:
     """A port to read from. `share` is how many samples may be out at once."""
 
     def __init__(self, port: Any, share: int) -> None:
-        self._port, self.share = port, share
+        self._receive: Callable[[], Any] = port.receive
+        self.share = share
         self._out: list[None] = []
         """One for each sample that somebody still looks at. Appending and removing are one step each."""
 
     def read(self) -> Message | None:
         """The next message that is one of ours; None if there is none now."""
-        while (sample := self._receive()) is not None:
-            message = self._message(sample)
-            if message:
-                return message
-        return None
+        while True:
+            try:
+                sample = self._receive()
+            except iceoryx2.ReceiveError as exc:
+                raise TransportError(f"shm: receiving: {exc}") from exc
+            if sample is None:
+                return None
+            address, whole = sample.payload_ptr, _length(sample)
+            octets = ctypes.string_at(address, whole if whole < _SHORT else _BEFORE)
+            if whole < _BEFORE:
+                continue
+            begin, size, member, line, to = HEAD.unpack_from(octets)
+            if begin + size > whole:
+                continue
+            if whole < _SHORT:
+                payload = memoryview(octets)[begin : begin + size]
+            elif size < _SHORT or len(self._out) >= self.share:
+                before = begin % 8  # so that what was aligned stays so
+                payload = memoryview(ctypes.string_at(address + begin - before, before + size))[before:]
+            else:
+                self._out.append(None)
+                lent = _Lent.from_address(address + begin)
+                lent.sample, lent.out = sample, self._out
+                payload = memoryview(lent).cast("B")[:size].toreadonly()
+            return _message((to, member, line, octets, payload))
 
     def close(self) -> None:
         """Let go of the port; what was read stays where it is."""
-        self._port = None
+        self._receive = _no_sample
 
-    def _receive(self) -> Any:
-        port = self._port
-        if port is None:
-            return None
-        try:
-            return port.receive()
-        except iceoryx2.ReceiveError as exc:
-            raise TransportError(f"shm: receiving: {exc}") from exc
 
-    def _message(self, sample: Any) -> Message | None:
-        address = sample.payload_ptr
-        whole = _length(sample)
-        if whole < _BEFORE:
-            return None
-        if whole < _SHORT:
-            octets = ctypes.string_at(address, whole)
-            begin, size, member, line, to = HEAD.unpack_from(octets)
-            if begin + size > whole:
-                return None
-            return _message((to, member, line, octets, memoryview(octets)[begin : begin + size]))
-        octets = ctypes.string_at(address, _BEFORE)
-        begin, size, member, line, to = HEAD.unpack_from(octets)
-        if begin + size > whole:
-            return None
-        if size < _SHORT or len(self._out) >= self.share:
-            before = begin % 8  # so that what was aligned stays so
-            payload = memoryview(ctypes.string_at(address + begin - before, before + size))[before:]
-        else:
-            self._out.append(None)
-            lent = _Lent.from_address(address + begin)
-            lent.sample, lent.out = sample, self._out
-            payload = memoryview(lent).cast("B")[:size].toreadonly()
-        return _message((to, member, line, octets, payload))
+def _no_sample() -> None: ...
 
 
 _message: Callable[[tuple[int, int, int, bytes, Payload]], Message] = partial(tuple.__new__, Message)

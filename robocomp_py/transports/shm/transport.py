@@ -33,7 +33,10 @@ log = logging.getLogger("robocomp.transport.shm")
 TICK = 0.1
 """Seconds between two looks into the directory, and at those we wait for."""
 
-BURYING = 1.0
+ROLL_CALL = 1.0
+"""Seconds between two looks whether those we deal with still live; who is killed does not take leave."""
+
+BURYING = 0.5
 """Seconds after which what the dead have left is removed."""
 
 L = TypeVar("L", bound=AnnouncedLink[Any])
@@ -69,6 +72,7 @@ class ShmTransport:
         self._last: dict[object, str] = {}
         """What last went wrong on the receiving thread, so that it is not told at every tick."""
         self._bury_at = 0.0
+        self._call_at = 0.0
         self._settled = float("inf")
         self.directory = Directory(self.folder)
         with contextlib.ExitStack() as undo:
@@ -258,10 +262,11 @@ class ShmTransport:
             return TICK
         version = self.directory.version()
         links = list(self._links)
-        if version != self._known:
+        if version != self._known or time.monotonic() >= self._call_at:
+            self._call_at = time.monotonic() + ROLL_CALL
             self._forget_the_gone()
-            if all([self._guarded(link.look, False) for link in links]):
-                self._known = version
+        if version != self._known and all([self._guarded(link.look, False) for link in links]):
+            self._known = version
         waits = [self._guarded(link.tick, None) for link in links]
         if self._bury_at and time.monotonic() >= self._bury_at:
             self._bury_at = 0.0

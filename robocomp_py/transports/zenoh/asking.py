@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
-import queue
 import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from math import inf
+from typing import TYPE_CHECKING, Any
 
 import zenoh
 
@@ -21,16 +22,18 @@ from ...wire.header import (
     read_reply,
 )
 from ..base import (
+    STATUSES,
     Channel,
     Reply,
     Status,
     TypeRef,
+    answered,
     mismatch,
 )
 from ..pending import Pending
 from .credit import Credit
 from .link import TICK, Link, within
-from .messages import direct, halves, octets
+from .messages import direct, octets
 from .table import Token
 
 if TYPE_CHECKING:
@@ -40,8 +43,10 @@ if TYPE_CHECKING:
 COMMANDS_AHEAD = 64
 """Commands that one sender may have on their way."""
 
-_LONGEST_WAIT = 3600.0
-"""Seconds that one wait may take; Python refuses to wait for ever so long."""
+_KEPT = 8
+"""Messages for one line that nobody has read yet: an answer, late ones to earlier questions, and words of our own."""
+
+_WAKE = b"wake"
 
 
 class Asking(Link):
@@ -102,51 +107,59 @@ class CommandOutlet(Asking):
 class Line:
     """Questions numbered on their own, and where their answers come in."""
 
-    def __init__(self, link: Link, heard: Callable[[zenoh.Sample], object]) -> None:
-        """`heard` is called on a thread of Zenoh."""
+    def __init__(self, link: Link, handler: Any) -> None:
+        """`handler` is what Zenoh gives the answers to."""
         self.id = link.transport.new_id()
         self.numbers = itertools.count(1)
         link.transport.lines[self.id] = link
-        key = link.transport.key("rc_to", *halves(self.id))
-        link.declare(link.transport.session.declare_subscriber(key, direct(heard)))
+        self.key = zenoh.KeyExpr(link.transport.address("rc_to", self.id))
+        self.subscription = link.declare(link.transport.session.declare_subscriber(self.key, handler))
 
     def over(self, number: int, error: TransportError) -> None:
         """There will be no answer to that question."""
         raise NotImplementedError
 
 
-class _Over(NamedTuple):
-    number: int
-    error: TransportError
-
-
 class _OwnLine(Line):
-    """Has one question at a time, and the thread that asked waits here itself."""
+    """Has one question at a time, and the thread that asked waits here itself, in a channel of Zenoh's.
+
+    That has no patience of its own: who waits is woken when its time is over, by a message to itself.
+    """
 
     def __init__(self, link: Link) -> None:
-        self._box: queue.SimpleQueue[zenoh.Sample | _Over] = queue.SimpleQueue()
-        super().__init__(link, self._box.put)
+        super().__init__(link, zenoh.handlers.RingChannel(_KEPT))
+        self._session = link.transport.session
+        self._handler = self.subscription.handler
+        self._over: tuple[int, TransportError] | None = None
+        self.end = inf
+        """Until when somebody waits here."""
 
     def over(self, number: int, error: TransportError) -> None:
-        self._box.put(_Over(number, error))
+        self._over = number, error
+        self.wake()
 
-    def receive(self, number: int, end: float) -> zenoh.Sample | None:
-        """What came in, or None if nothing did until `end`. Raises what the question is `over` by."""
-        while (left := end - time.monotonic()) > 0:
-            try:
-                got = self._box.get(timeout=min(left, _LONGEST_WAIT))
-            except queue.Empty:
-                continue
-            if not isinstance(got, _Over):
+    def wake(self) -> None:
+        """Have who waits here look why it does."""
+        with contextlib.suppress(zenoh.ZError):  # closed, which wakes it as well
+            self._session.put(self.key, b"", attachment=_WAKE, allowed_destination=zenoh.Locality.SESSION_LOCAL)
+
+    def receive(self, number: int) -> zenoh.Sample | None:
+        """What came in, or None if nothing did until `end`. Raises what the question is `over` by; ZError if closed."""
+        while True:
+            got: zenoh.Sample = self._handler.recv()
+            if got.payload or got.attachment is None or got.attachment.to_bytes() != _WAKE:
                 return got
-            if got.number == number:
-                raise got.error
-        return None
+            over = self._over
+            if over and over[0] == number:
+                raise over[1]
+            if time.monotonic() >= self.end:
+                return None
 
     def empty(self) -> None:
         """Forget what nobody waits for."""
-        while not self._box.empty():
-            self._box.get()
+        with contextlib.suppress(zenoh.ZError):
+            while self._handler.try_recv() is not None:
+                pass
 
 
 class _SharedLine(Line):
@@ -154,7 +167,7 @@ class _SharedLine(Line):
 
     def __init__(self, link: Link, pending: Pending, settle: Callable[[Line, zenoh.Sample], None]) -> None:
         self._do, self._pending = link.transport.do, pending
-        super().__init__(link, lambda answer: self._do(partial(settle, self, answer)))
+        super().__init__(link, direct(lambda answer: self._do(partial(settle, self, answer))))
 
     def over(self, number: int, error: TransportError) -> None:
         self._do(partial(self._pending.fail, number, error))
@@ -174,19 +187,25 @@ class Caller(Asking):
         """Of each question the link that it was put to."""
 
     def address(self, server: Token) -> str:
-        return self.transport.key("rc_to", *halves(server.link))
+        return self.transport.address("rc_to", server.link)
 
     def ask(self, payload: Payload, deadline: float) -> Reply:
         end = time.monotonic() + deadline
         self.check_open()
         line = self._take()
         number = next(line.numbers)
+        line.end = end
         try:
             self._put(line, number, payload, end)
-            while (answer := line.receive(number, end)) is not None:
+            if deadline < TICK:
+                self.transport.tick_soon()
+            while (answer := line.receive(number)) is not None:
                 found = self._understood(line, answer)
                 if found and found[0] == number:
-                    return self._accepted(found[1])
+                    reply = found[1]
+                    return reply if reply.status is not Status.MISMATCH else self._accepted(reply)
+        except zenoh.ZError as exc:
+            raise self.failed(exc) from exc
         finally:
             self._under_way.pop((line, number), None)
             self._idle.append(line)
@@ -221,7 +240,13 @@ class Caller(Asking):
         with self._lock:
             for line in self._idle:
                 line.empty()
-        return self._pending.expire(self.transport.do)
+        now, waits = time.monotonic(), [self._pending.expire(self.transport.do)]
+        for line in {line for line, _ in list(self._under_way) if isinstance(line, _OwnLine)}:
+            if line.end <= now:
+                line.wake()
+            else:
+                waits.append(line.end - now)
+        return min((wait for wait in waits if wait is not None), default=None)
 
     def release(self) -> None:
         closed = Closed(f"{self.channel.name}: the link is closed")
@@ -243,22 +268,25 @@ class Caller(Asking):
             return self._shared
 
     def _put(self, line: Line, number: int, payload: Payload, end: float) -> None:
+        under_way, question = self._under_way, (line, number)
         server, key = self.server()
-        while self._under_way.get((line, number)) != server.link:
-            self._under_way[line, number] = server.link  # from now on its end is told if that server leaves
+        while under_way.get(question) != server.link:
+            under_way[question] = server.link  # from now on its end is told if that server leaves
             server, key = self.server()  # unless it has left
         self.check_open()
         left = end - time.monotonic()
         header = pack_request(self._flags, self.channel.type.fingerprint, line.id, number, left)
-        with self.using_the_session():
+        try:
             self.transport.put(key, header, payload)
+        except zenoh.ZError as exc:
+            raise self.failed(exc) from exc
 
     def _understood(self, line: Line, answer: zenoh.Sample) -> tuple[int, Reply] | None:
         """The number of a question, and what was answered to it; None if that was nothing of ours."""
         try:
             header = read_reply(octets(answer.attachment))
-            reply = Reply(Status(header.status), answer.payload.to_bytes())
-        except ValueError as exc:
+            reply = answered((STATUSES[header.status], answer.payload.to_bytes()))
+        except (ValueError, KeyError) as exc:
             self.malformed(exc)
             return None
         if header.client != line.id:

@@ -41,10 +41,6 @@ _thread_state = threading.local()
 mapping and unmapping memory: 25 µs. Entered once more than left, a thread keeps the one it has."""
 
 
-def halves(link: int) -> tuple[str, str]:
-    return f"{link >> 24:010x}", f"{link & 0xFFFFFF:06x}"
-
-
 class Message(NamedTuple):
     attachment: Any
     payload: Any
@@ -97,7 +93,7 @@ class Sender:
         self._transport, self._line = transport, line
 
     def reply(self, header: bytes, payload: Payload) -> None:
-        self._transport.put(self._transport.key("rc_to", *halves(self._line)), header, payload or b"")
+        self._transport.put(self._transport.address("rc_to", self._line), header, payload or b"")
 
     def close(self) -> None: ...
 

@@ -28,7 +28,7 @@ from ..crew import Lane, Servant
 from ..exclusive import Claim, claim
 from ..ledger import Ledger
 from .link import INBOX, Link, Receiving
-from .messages import QUERIES_WAITING, Inbox, Message, Query, Sender, direct, halves, octets
+from .messages import QUERIES_WAITING, Inbox, Message, Query, Sender, direct, octets
 
 if TYPE_CHECKING:
     from .transport import ZenohTransport
@@ -89,7 +89,7 @@ class Server(Link):
 
     def open(self) -> None:
         self._claim = _claim(self)
-        session, mine = self.transport.session, self.transport.key("rc_to", *halves(self.id))
+        session, mine = self.transport.session, self.transport.address("rc_to", self.id)
         self.declare(session.declare_subscriber(mine, direct(self._hear)))
         self.declare(session.declare_queryable(self.key, direct(self._hear), complete=True))
 

@@ -184,8 +184,9 @@ class Subscriber(Link):
 
     def _admit(self, message: zenoh.Sample | Message) -> Any:
         try:
-            version, fingerprint, source, sequence, stamp = publication_fields(message.attachment.to_bytes())
-        except (struct.error, AttributeError) as exc:  # too long or short, or none at all
+            header = message.attachment
+            version, fingerprint, source, sequence, stamp = publication_fields(header.to_bytes() if header else b"")
+        except struct.error as exc:
             self.malformed(exc)
             return None
         if version != VERSION:

@@ -40,7 +40,7 @@ from ..exclusive import is_claimed
 from ..memory import keep_memory
 from .asking import Caller, CommandOutlet
 from .link import TICK, Link
-from .messages import BLOCK, DATA, NO_CONSOLIDATION, QUERIES_WAITING, URGENT, Inbox, Message, Query, direct, halves
+from .messages import BLOCK, DATA, NO_CONSOLIDATION, QUERIES_WAITING, URGENT, Inbox, Message, Query, direct
 from .serving import CommandInlet, Server
 from .session import Network, as_transport_error, shared_router
 from .table import Table
@@ -154,9 +154,13 @@ class ZenohTransport:
     def key(self, kind: str, *parts: object) -> str:
         return "/".join(map(str, (kind, self.domain, *parts)))
 
+    def address(self, kind: str, link: int) -> str:
+        """The key of that kind at which a link is reached."""
+        return f"{kind}/{self.domain}/{link >> 24:010x}/{link & 0xFFFFFF:06x}"
+
     def inquire(self, link: int, what: str) -> list[Message]:
         """What another link answers; nothing, if it has gone or is too busy."""
-        key = self.key("rc_ask", *halves(link), what)
+        key = f"{self.address('rc_ask', link)}/{what}"
         with contextlib.suppress(zenoh.ZError):
             replies = self.session.get(
                 key, timeout=INQUIRY, cancellation_token=self._giving_up, consolidation=NO_CONSOLIDATION
@@ -173,7 +177,7 @@ class ZenohTransport:
         """Tell senders that their messages up to a number were taken."""
         for sender, sequence in taken.items():
             with contextlib.suppress(zenoh.ZError):  # closed meanwhile: nobody waits for it
-                self.put(self.key("rc_ack", *halves(sender)), None, _ACK.pack(by, sequence))
+                self.put(self.address("rc_ack", sender), None, _ACK.pack(by, sequence))
 
     def tick_soon(self) -> None:
         """Something is due earlier than the next tick may be."""

@@ -65,7 +65,7 @@ class Peer:
         self.id, self._address, self._transport = member_id, address, transport
         self.closed = False
         self.callers: dict[int, Caller] = {}
-        self.idle: list[Stream] = []
+        self._idle: list[Stream] = []
         self.line = transport.socket(zmq.DEALER, self._on_reply, **_TO_SERVER)
         with as_transport_error(f"connecting to {address}"), self.line.lock:
             self.line.raw.connect(address)
@@ -74,9 +74,9 @@ class Peer:
         return not self.closed and self._transport.directory.alive(self.id)
 
     def take(self, wait: Wait) -> Stream:
-        """A stream for the calling thread alone; it must `give` it back."""
+        """A stream for the calling thread alone; it must `give` it back, or close it."""
         try:
-            return self.idle.pop()
+            return self._idle.pop()
         except IndexError:
             pass
         if self.closed:
@@ -91,10 +91,7 @@ class Peer:
             raise TransportError(f"zeromq: connecting to {self._address}: {exc.strerror}") from exc
 
     def give(self, stream: Stream) -> None:
-        if stream.broken:
-            stream.close()
-            return
-        self.idle.append(stream)
+        self._idle.append(stream)
         if self.closed:
             self._close_idle()
 
@@ -107,7 +104,7 @@ class Peer:
         """By whoever gets hold of each: more may be given back meanwhile."""
         with contextlib.suppress(IndexError):
             while True:
-                self.idle.pop().close()
+                self._idle.pop().close()
 
     def _on_reply(self, socket: Socket) -> list[Job]:
         jobs: list[Job] = []  # since the callbacks of a Future may take long, or ask again
@@ -306,21 +303,24 @@ class Caller(AskingLink):
         try:
             number, frames = self.request(channel, self._flags, max(0.0, end - time.monotonic()), payload)
             stream.send(frames, wait)
-            while True:
-                frames = self._receive(peer, stream, end, deadline)
-                try:
-                    header, values = read_reply_frames(frames)
-                    if header.sequence != number or header.client != self.client:
-                        continue
-                    reply = answered((STATUSES[header.status], values))
-                except DecodeError as exc:
-                    self.malformed(exc)
-                except KeyError as exc:
-                    self.malformed(f"status {exc}")
-                else:
-                    return reply if reply.status is Status.OK else self._understood(reply)
-        finally:
-            peer.give(stream)
+            reply = self._reply(peer, stream, number, end, deadline)
+        except BaseException:  # what comes there later is nobody's, and may have begun
+            stream.close()
+            raise
+        peer.give(stream)
+        return reply if reply.status is Status.OK else self._understood(reply)
+
+    def _reply(self, peer: Peer, stream: Stream, number: int, end: float, deadline: float) -> Reply:
+        while True:
+            frames = self._receive(peer, stream, end, deadline)
+            try:
+                header, payload = read_reply_frames(frames)
+                if header.sequence == number and header.client == self.client:
+                    return answered((STATUSES[header.status], payload))
+            except DecodeError as exc:
+                self.malformed(exc)
+            except KeyError as exc:
+                self.malformed(f"status {exc}")
 
     def _receive(self, peer: Peer, stream: Stream, end: float, deadline: float) -> Frames:
         while True:

@@ -37,6 +37,9 @@ _LARGE = 2 * 1024 * 1024
 LONGEST_PAUSE = 0.005
 """Seconds between two attempts to send, when there is no room."""
 
+_SHORT_PAUSE, _SHORTLY = 0.0005, 0.1
+"""The same at first, since who keeps up makes room within milliseconds; and for how long, in seconds."""
+
 # Plain numbers: calculating with the library's enumerations takes as long as sending a frame.
 _NOBLOCK, _SNDMORE, _POLLIN, _EVENTS = int(zmq.NOBLOCK), int(zmq.SNDMORE), int(zmq.POLLIN), int(zmq.EVENTS)
 
@@ -172,14 +175,14 @@ def persist(send: Callable[[], bool], end: float, still: Callable[[], None], clo
     A socket cannot be asked when there will be room: others use it, and a publisher's always claims to
     have some.
     """
-    pause = 0.0001
+    pause, patient = 0.0001, time.monotonic() + _SHORTLY
     while not send():
         left = end - time.monotonic()
         if left <= 0:
             return False
         still()
         closed.wait(min(pause, left))
-        pause = min(2 * pause, LONGEST_PAUSE)
+        pause = min(2 * pause, _SHORT_PAUSE if time.monotonic() < patient else LONGEST_PAUSE)
     return True
 
 

@@ -61,12 +61,11 @@ class _Connection:
     """What both kinds of connections have: the reading of messages. For one thread at a time."""
 
     def __init__(self, kind: bytes) -> None:
-        self.broken = False
-        """Whether it can only be closed, since the other side has gone, or half a message was sent."""
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         ready = b"\5READY\x0bSocket-Type" + len(kind).to_bytes(4, "big") + kind + b"\x08Identity" + bytes(4)
         self._begin = _GREETING + _head(_COMMAND, len(ready)) + ready
-        self._greeted = False
+        self._recognized = self._greeted = False
+        """Whether its greeting was read, and then its READY."""
         self._data, self._at = b"", 0
         """What was received, and how much of that was used."""
         self._frames: Frames = []
@@ -124,7 +123,7 @@ class _Connection:
                 flags, size = _LONG_HEAD.unpack_from(data, at) if data[at] & _LONG else _HEAD.unpack_from(data, at)
                 at += 9 if flags & _LONG else 2
                 if size > _LONGEST - self._size:
-                    raise self._garbled(f"it announced a message of {self._size + size} octets")
+                    raise Garbled(f"it announced a message of {self._size + size} octets")
                 if len(data) >= at + size:
                     self._at = at + size
                     return flags, data[at : at + size]
@@ -142,9 +141,9 @@ class _Connection:
         except BlockingIOError:
             raise
         except OSError as exc:
-            raise self._gone(exc) from exc
+            raise Gone(str(exc)) from exc
         if not data:
-            raise self._gone("it was closed")
+            raise Gone("it was closed")
         self._data, self._at = (self._data[self._at :] + data if self._at < len(self._data) else data), 0
 
     def _fill(self, body: memoryview) -> None:
@@ -154,22 +153,23 @@ class _Connection:
             except BlockingIOError:
                 raise
             except OSError as exc:
-                raise self._gone(exc) from exc
+                raise Gone(str(exc)) from exc
             if not more:
-                raise self._gone("it was closed in the middle of a message")
+                raise Gone("it was closed in the middle of a message")
             self._filled += more
 
     def _greet(self) -> None:
         """Read the other side's greeting and READY. What is not all there yet is read again."""
-        while len(self._data) < len(_GREETING):
-            self._load()
-        theirs = self._data
-        if theirs[0] != 0xFF or not theirs[9] & 1 or theirs[10] < 3 or theirs[12:32] != _GREETING[12:32]:
-            raise self._garbled("there is no ZMTP 3 without security")
-        self._at = len(_GREETING)
+        if not self._recognized:
+            while len(self._data) < len(_GREETING):
+                self._load()
+            theirs = self._data
+            if theirs[0] != 0xFF or not theirs[9] & 1 or theirs[10] < 3 or theirs[12:32] != _GREETING[12:32]:
+                raise Garbled("there is no ZMTP 3 without security")
+            self._at, self._recognized = len(_GREETING), True
         flags, ready = self._frame()
         if not flags & _COMMAND or ready[:6] != b"\5READY":
-            raise self._garbled("it was not ready")
+            raise Garbled("it was not ready")
         self._greeted = True
 
     def _command(self, body: bytes) -> None:
@@ -179,21 +179,13 @@ class _Connection:
             with contextlib.suppress(BlockingIOError):  # then it has other signs of life from us, or none
                 self._socket.send(_head(_COMMAND, len(pong)) + pong)
         elif name == b"ERROR":
-            raise self._garbled(body[7:].decode(errors="replace"))
-
-    def _gone(self, why: object) -> Gone:
-        self.broken = True
-        return Gone(str(why))
-
-    def _garbled(self, why: str) -> Garbled:
-        self.broken = True
-        return Garbled(why)
+            raise Garbled(body[7:].decode(errors="replace"))
 
 
 class Stream(_Connection):
     """A connection to a socket that answers, as a DEALER has one. Waits in slices.
 
-    Who gives up while it sends leaves half a message behind, and the stream broken.
+    Who gives up in the middle of something closes it: half a message may have been sent.
     """
 
     def __init__(self, path: str, wait: Wait) -> None:
@@ -230,12 +222,11 @@ class Stream(_Connection):
         except BlockingIOError:
             sent = 0
         except OSError as exc:
-            raise self._gone(exc) from exc
+            raise Gone(str(exc)) from exc
         if sent < len(message):
             self._write([memoryview(message)[sent:]], wait)
 
     def _write(self, pieces: Sequence[Any], wait: Wait) -> None:
-        self.broken = True  # until all is written
         left = [memoryview(piece).cast("B") for piece in pieces]
         while left:
             try:
@@ -244,12 +235,11 @@ class Stream(_Connection):
                 wait()
                 continue
             except OSError as exc:
-                raise self._gone(exc) from exc
+                raise Gone(str(exc)) from exc
             while left and sent >= len(left[0]):
                 sent -= len(left.pop(0))
             if sent:
                 left[0] = left[0][sent:]
-        self.broken = False
 
 
 class Feed(_Connection):
@@ -279,7 +269,7 @@ class Feed(_Connection):
     def _say(self, few: bytes) -> None:
         """So little that there is room for it in any new connection."""
         if self._socket.send(few) < len(few):
-            raise self._gone("it takes nothing")
+            raise Gone("it takes nothing")
 
 
 def _persist(act: Callable[[], object], wait: Wait) -> None:

@@ -107,13 +107,14 @@ def test_a_qos_is_that_of_a_port_whatever_its_component_says() -> None:
 
 
 def test_instances_that_name_a_process_share_it() -> None:
-    clauses = "process p; dependences c;"
-    model = deployment(f"Deployment net {{ Component a {{ {clauses} }}; Component c {{}}; Component b {{ process p; }}; }};")
+    first, second = "Component a { process p; dependences c; };", "Component b { process p; };"
+    model = deployment(f"Deployment net {{ {first} Component c {{}}; {second} }};")
     assert {name: [str(each.name) for each in together] for name, together in processes_of(model).items()} == {
         "p": ["a", "b"],
         "c": ["c"],
     }
-    assert {name: list(map(str, others)) for name, others in process_dependences(model).items()} == {"p": ["c"], "c": []}
+    waits = {name: list(map(str, others)) for name, others in process_dependences(model).items()}
+    assert waits == {"p": ["c"], "c": []}
 
 
 def test_a_model_knows_where_everything_stands() -> None:
@@ -121,7 +122,10 @@ def test_a_model_knows_where_everything_stands() -> None:
     second = model.instances[1]
     assert model.span.text.startswith("Deployment house")
     assert second.span.text.startswith("Component cam2 : camera")
-    assert [each.span.text for each in (*second.wirings, *second.env, *second.qos)] == [
+    spans = [each.span for each in second.wirings]
+    spans += [each.span for each in second.env]
+    spans += [each.span for each in second.qos]
+    assert [span.text for span in spans] == [
         "requires Laser1 from base;",
         "subscribesTo LaserPub from base;",
         'env DISPLAY ":0";',
