@@ -265,16 +265,17 @@ class _SentByAll:
     def __init__(self, ways: Sequence[_Sent], deadline: float) -> None:
         self._ways, self._deadline = ways, deadline
 
-    @cached_property
+    @property
     def loans(self) -> Loans:
-        """Of the way that lends memory, if one does. The others copy from it before it is sent."""
-        return next((way.loans for way in self._ways if way.loans.in_place), self._ways[0].loans)
+        """Of a way that lends memory, if one is needed that does. The others copy from it before it is sent."""
+        ways = self._needed()
+        return next((way.loans for way in ways if way.loans.in_place), ways[0].loans)
 
     def send(self, arguments: tuple[Any, ...], deadline: float | None, memory: Memory | None = None) -> None:
         """A way that fails does not keep the others from it; the first error is raised in the end."""
         end = time.monotonic() + (self._deadline if deadline is None else _positive(deadline))
         failed: TransportError | None = None
-        ways = [way for way in self._ways if way.heard] or list(self._ways[:1])
+        ways = self._needed()
         if memory:
             ways.sort(key=lambda way: way.lent(memory))
         for way in ways:
@@ -284,6 +285,10 @@ class _SentByAll:
                 failed = failed or exc
         if failed:
             raise failed
+
+    def _needed(self) -> list[_Sent]:
+        """The ways by which somebody hears, or one of those by which nobody does."""
+        return [way for way in self._ways if way.heard] or list(self._ways[:1])
 
 
 class _SentWatched:

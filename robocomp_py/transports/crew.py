@@ -296,6 +296,11 @@ class Lane:
         """Whether `put` would refuse; a lossy lane never is."""
         return not self._lossy and len(self._waiting) >= self._depth
 
+    @property
+    def room(self) -> int:
+        """How many messages `put` would take; a lossy lane takes any number, and is said to have its depth."""
+        return self._depth if self._lossy else self._depth - len(self._waiting)
+
     def put(self, payload: Payload, patience: float = 0.0) -> bool:
         """Append a message, after waiting for room at most `patience` seconds; whether it was taken.
 

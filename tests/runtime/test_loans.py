@@ -413,10 +413,20 @@ def test_of_several_ways_the_lending_one_is_sent_last_and_the_others_have_copies
 
 def test_a_lending_way_that_nobody_hears_gets_its_memory_back() -> None:
     lending, plain = Lending(), Plain()
-    lending.heard = False
     with publisher((MessagePack(), plain), (Cdr(ROOM), lending)).loan_push(10) as filled:
         filled.pixels[:] = 3
+        lending.heard = False
     assert (len(plain.sent), lending.sent, lending.given_back) == (1, [], 1)
+
+
+def test_nothing_is_borrowed_of_a_way_that_nobody_hears() -> None:
+    lending, within = Lending(), Plain()
+    lending.heard = False
+    with publisher((Cdr(ROOM), lending), (Identity(), within)).loan_push(10) as filled:
+        filled.pixels[:] = 3
+    _, pixels = Identity().decoder(FRAME.request)(within.sent[0])
+    assert lending.octets.size == 0
+    assert np.shares_memory(pixels, filled.pixels)
 
 
 def test_the_deadline_is_the_one_given_and_must_be_one() -> None:

@@ -13,7 +13,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -680,6 +680,34 @@ def test_questions_of_any_size_cross_processes(there: DDSTransport, name: str, s
         assert caller.wait_peer(SOON)
         sent = np.arange(size, dtype=np.uint8).tobytes()
         assert unblob(there, caller.ask(blob(there, sent), SOON * 3).payload) == sent
+
+
+@pytest.mark.parametrize("beside", ["nobody", "a future"])
+def test_who_gives_up_waiting_leaves_the_replies_of_others_to_them(
+    here: DDSTransport, there: DDSTransport, name: str, beside: str
+) -> None:
+    """Who asks first receives for all; when that one has left, the others get theirs nevertheless."""
+    asked: dict[bytes, Future[Reply]] = {}
+
+    def service(payload: Any, expires: float) -> Future[Reply]:
+        return asked.setdefault(unblob(here, payload), Future())
+
+    here.server(query(name), service)
+    caller = there.caller(query(name))
+    assert caller.wait_peer(SOON)
+    with ThreadPoolExecutor() as pool:
+        hasty = pool.submit(caller.ask, blob(there, b"hasty"), 0.2)
+        wait_until(lambda: b"hasty" in asked)
+        patient = [pool.submit(caller.ask, blob(there, b"patient %d" % number), SOON * 2) for number in range(3)]
+        future = caller.call(blob(there, b"later"), SOON * 2) if beside == "a future" else None
+        wait_until(lambda: len(asked) == 4 + bool(future))
+        assert isinstance(hasty.exception(SOON), Timeout)
+        for question, answer in asked.items():
+            answer.set_result(Reply(Status.OK, blob(here, question)))
+        for number, each in enumerate(patient):
+            assert unblob(there, each.result(SOON).payload) == b"patient %d" % number
+        if future:
+            assert unblob(there, future.result(SOON).payload) == b"later"
 
 
 def test_a_question_right_after_the_server_was_seen_is_answered(there: DDSTransport, name: str) -> None:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robocomp_py.contract.qos import Durability, QoS, Reliability
+from robocomp_py.contract.qos import Durability, History, QoS, Reliability
 from robocomp_py.errors import Closed, Timeout, TransportError
 from robocomp_py.testing.conformance import TransportConformance
 from robocomp_py.testing.faults import TransportFaults
@@ -306,6 +306,16 @@ def test_a_reliable_publisher_goes_on_when_its_reader_leaves(here: ShmTransport,
     link.close()
     for _ in range(1000):
         outlet.send(blob(here, b"x"), SOON)
+
+
+def test_who_keeps_all_is_waited_for_by_who_keeps_all(here: ShmTransport, there: ShmTransport) -> None:
+    inbox, channel = Inbox(), topic(NAME, QoS(history=History.KEEP_ALL))
+    link, outlet = there.inlet(channel, put(there, inbox)), here.outlet(channel)
+    assert outlet.wait_peer(SOON)
+    for number in range(3000):
+        outlet.send(blob(here, b"%d" % number), SOON)
+    wait_until(lambda: inbox.qsize() == 3000)
+    assert (link.stats.lost, link.stats.dropped) == (0, 0)
 
 
 def test_numbers_are_without_gaps_after_a_timeout(here: ShmTransport, there: ShmTransport) -> None:

@@ -352,6 +352,27 @@ def test_a_reader_tells_what_it_took_no_more_often_than_its_sender_needs(
     assert told.try_recv() is None
 
 
+def test_that_messages_of_a_reliable_publisher_were_lost_is_told_once(
+    transport: ZenohTransport, outsider: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    heard = list[Any]()
+    channel = topic("a/b/c", RELIABLE)
+    link = transport.inlet(channel, heard.append)
+    fingerprint = channel.type.fingerprint
+    token = outsider.liveliness().declare_token(f"rc_lv/0/publishes/rw9/{fingerprint:016x}/1/{7:016x}/a/b/c")
+    wait_until(lambda: transport.table.find("publishes", "a/b/c"))
+    wait_until(lambda: 7 in link._lost)  # type: ignore[attr-defined]
+    for number in (1, 2, 5, 9, 10):
+        head = header.pack_publication(fingerprint, 7, number, 0)
+        outsider.put("rc/0/a/b/c", b"x", attachment=head, congestion_control=BLOCK)
+    wait_until(lambda: len(heard) == 5)
+    assert link.stats.lost == 5
+    told = [record.message for record in caplog.records if "were lost" in record.message]
+    assert len(told) == 1
+    assert told[0].startswith("a/b/c: 2 messages of its reliable publisher were lost")
+    token.undeclare()
+
+
 @pytest.mark.parametrize("end", ["the call", "the caller"])
 def test_who_waits_for_an_answer_that_does_not_come_is_woken(
     transport: ZenohTransport, other: ZenohTransport, end: str

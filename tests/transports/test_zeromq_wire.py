@@ -23,7 +23,7 @@ from robocomp_py.testing import everything as e
 from robocomp_py.testing.conformance import answering, blob, command, query, topic
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, Reply, Status, TransportConfig, TypeRef
-from robocomp_py.transports.directory import runtime_dir
+from robocomp_py.transports.directory import Entry, runtime_dir
 from robocomp_py.transports.zeromq import ZeroMQTransport
 from robocomp_py.transports.zeromq.topics import Subscriber
 from robocomp_py.wire import header
@@ -200,12 +200,13 @@ def test_garbage_on_a_topic_is_dropped_and_counted(
     transport: ZeroMQTransport, outsider: Outsider, tmp_path: Path
 ) -> None:
     heard: list[Any] = []
-    link = transport.inlet(topic("a/b/c"), heard.append)
+    channel = topic("a/b/c")
     publisher = outsider.socket(zmq.XPUB)
     address = f"ipc://{runtime_dir()}/forger"
     publisher.bind(address)
-    outlet = transport.outlet(topic("a/b/c"))  # the true one; then the subscriber is made to hear the forger, too
-    link._connect(address, "a/b/c")  # type: ignore[attr-defined]
+    forger = transport.directory.join("forger")
+    forger.add(Entry("publishes", channel.name, channel.type.fingerprint, channel.type.text, address))
+    link, outlet = transport.inlet(channel, heard.append), transport.outlet(channel)
     publisher.recv()
     for number in range(200):
         publisher.send_multipart([b"a/b/c\0" + secrets.token_bytes(number % 33), b"x"])
@@ -214,6 +215,7 @@ def test_garbage_on_a_topic_is_dropped_and_counted(
     assert outlet.wait_peer(SOON)
     outlet.send(blob(transport, b"good"))
     wait_until(lambda: len(heard) == 1)
+    forger.close()
 
 
 def test_a_hostile_stream_of_bytes_does_not_stop_the_server(outsider: Outsider) -> None:

@@ -139,10 +139,10 @@ class Publisher(AnnouncedLink["ShmTransport"]):
                 member, entry = there[key]
                 rope = self.transport.rope(member)
                 if rope:
-                    number = int(entry.address)
-                    path = self.transport.receipts(member.id, number) if from_traits(entry.traits).reliable else None
-                    receiver = Receiver(path, self._source, self._sent) if path and self._lossless else None
-                    self._readers[key] = _Known(rope, bell_of(number), receiver)
+                    text, _, counted = entry.address.partition("/")
+                    path = self.transport.receipts(member.id, int(text)) if counted and self._lossless else None
+                    receiver = Receiver(path, self._source, self._sent) if path else None
+                    self._readers[key] = _Known(rope, bell_of(int(text)), receiver)
             known = list(self._readers.values())
             self._credit.meet([each.receiver for each in known if each.receiver])
             self._ropes = [(each.rope, each.bell) for each in known]
@@ -289,9 +289,9 @@ class Subscriber(AnnouncedLink["ShmTransport"]):
 
     def open(self) -> None:
         self._number = self.transport.number()
-        if self.channel.qos.reliable:
+        if self._lossless:
             self._receipts = Receipts(self.transport.receipts(self.transport.member.id, self._number))
-        self.announce(str(self._number))
+        self.announce(f"{self._number}/counted" if self._lossless else str(self._number))
         self.look()
         self.transport.attend_to(self._number, self)
 

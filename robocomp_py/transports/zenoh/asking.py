@@ -33,7 +33,7 @@ from ..base import (
 from ..pending import Pending
 from .credit import Credit
 from .link import TICK, Link, within
-from .messages import direct, octets
+from .messages import Way, direct, octets
 from .table import Token
 
 if TYPE_CHECKING:
@@ -54,10 +54,10 @@ class Asking(Link):
 
     def __init__(self, transport: ZenohTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
-        self._found: tuple[int, Token, zenoh.KeyExpr] | None = None
+        self._found: tuple[int, Token, Way] | None = None
 
-    def server(self) -> tuple[Token, zenoh.KeyExpr]:
-        """Who serves this channel, and the key to reach it. Raises Unreachable."""
+    def server(self) -> tuple[Token, Way]:
+        """Who serves this channel, and the way to it. Raises Unreachable."""
         found, version = self._found, self.transport.table.version
         if found is None or found[0] != version:
             serving = self.counterparts(strict=True)
@@ -65,8 +65,10 @@ class Asking(Link):
                 raise Unreachable(f"{self.channel.name}: nobody serves it")
             before = [token for token in serving if found and token.channel == found[1].channel]
             token = (before or serving)[-1]  # the one that came last: the other may be leaving
-            found = self._found = version, token, zenoh.KeyExpr(self.address(token))
-        return found[1:]
+            key = self.address(token)
+            way = found[2] if found and found[2].key == key else Way(self.transport, key)
+            found = self._found = version, token, way
+        return found[1], found[2]
 
     def address(self, server: Token) -> str:
         return self.transport.key("rc", server.channel)
@@ -89,7 +91,7 @@ class CommandOutlet(Asking):
             fingerprint, left = self.channel.type.fingerprint, end - time.monotonic()
             header = pack_request(Flag.ONEWAY, fingerprint, self.id, self._credit.sent, left)
             with self.using_the_session():
-                self.transport.put(self.server()[1], header, payload, in_order=True)
+                self.server()[1].put(header, payload, in_order=True)
 
     def acknowledged(self, by: int, sequence: int) -> None:
         self._credit.took(by, sequence)
@@ -269,15 +271,15 @@ class Caller(Asking):
 
     def _put(self, line: Line, number: int, payload: Payload, end: float) -> None:
         under_way, question = self._under_way, (line, number)
-        server, key = self.server()
+        server, way = self.server()
         while under_way.get(question) != server.link:
             under_way[question] = server.link  # from now on its end is told if that server leaves
-            server, key = self.server()  # unless it has left
+            server, way = self.server()  # unless it has left
         self.check_open()
         left = end - time.monotonic()
         header = pack_request(self._flags, self.channel.type.fingerprint, line.id, number, left)
         try:
-            self.transport.put(key, header, payload)
+            way.put(header, payload)
         except zenoh.ZError as exc:
             raise self.failed(exc) from exc
 

@@ -21,6 +21,9 @@ QUERIES_WAITING = 1000
 
 
 BLOCK, DROP = zenoh.CongestionControl.BLOCK, zenoh.CongestionControl.DROP
+SMALL = 32 * 1024
+"""Up to so many bytes, calls and answers overtake what is larger, and publications: half a batch of Zenoh's."""
+
 DATA, URGENT = zenoh.Priority.DATA, zenoh.Priority.INTERACTIVE_HIGH
 NO_CONSOLIDATION = zenoh.ConsolidationMode.NONE
 
@@ -45,6 +48,22 @@ class Message(NamedTuple):
     attachment: Any
     payload: Any
     arrived: float = 0.0
+
+
+class Way:
+    """To one that is sent many messages, which must arrive: what is the same in all of them is declared once."""
+
+    def __init__(self, transport: ZenohTransport, key: str) -> None:
+        self._transport, self.key = transport, key
+        declare = transport.session.declare_publisher
+        self._publisher = declare(key, congestion_control=BLOCK, priority=URGENT, express=True)
+
+    def put(self, header: bytes, payload: Payload, *, in_order: bool = False) -> None:
+        """What is small before what is large, unless it has to stay in order. Raises ZError."""
+        if in_order or len(payload) <= SMALL:
+            self._publisher.put(payload, attachment=header)
+        else:
+            self._transport.put(self.key, header, payload)
 
 
 class Inbox:

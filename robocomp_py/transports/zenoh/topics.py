@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import struct
 import threading
 import time
@@ -38,6 +39,8 @@ from .table import Token
 if TYPE_CHECKING:
     from .transport import ZenohTransport
 
+
+log = logging.getLogger("robocomp.transport.zenoh")
 
 _PARTS = 4
 """Readers tell what they took when that is such a part of what their sender may be ahead."""
@@ -146,6 +149,8 @@ class Subscriber(Link):
         """Of each sender the last number that was taken, and how many messages and bytes it has not been told of."""
         self._ahead: dict[int, int] = {}
         """How many messages each sender may be ahead."""
+        self._lost: dict[int, int] = {}
+        """Of each reliable publisher, how many of its messages did not come."""
         self._catching_up: dict[int, deque[Any]] = {}
         self._caught_up: set[int] = set()
         self._heard: dict[int, int] = {}
@@ -161,6 +166,8 @@ class Subscriber(Link):
         there = {token.link for token in tokens}
         self._channels = {token.link: token.channel for token in tokens}
         self._ahead = {token.link: token.ahead for token in tokens}
+        reliable = [token.link for token in tokens if "w" in token.traits] if self._lossless else []
+        self._lost = {link: self._lost.get(link, 0) for link in reliable}
         self._reception.meet(self.sources())
         with self._reader.lock:
             self._untold = {source: untold for source, untold in self._untold.items() if source in there}
@@ -200,11 +207,24 @@ class Subscriber(Link):
         payload = message.payload
         if self._lossless:
             self._note(source, sequence, len(payload))
+        lost = self.stats.lost
         if not self._ledger.admit(source, sequence):
             return None
+        if self.stats.lost != lost and source in self._lost:
+            self._miss(source, self.stats.lost - lost)
         if not self._reception.on:
             return payload
         return self._reception.admit(self._channels.get(source, self.channel.name), stamp, payload)
+
+    def _miss(self, source: int, count: int) -> None:
+        """What should not be lost was: neither side could prevent it, and this one is the first to know."""
+        if self._lost[source] == 0:
+            log.error(
+                "%s: %d messages of its reliable publisher were lost, as the connection was (more are only counted)",
+                self._channels.get(source, self.channel.name),
+                count,
+            )
+        self._lost[source] += count
 
     def _note(self, source: int, sequence: int, size: int) -> None:
         """Have it told to its sender that a message was taken, when it is worth telling."""

@@ -40,7 +40,7 @@ from ..exclusive import is_claimed
 from ..memory import keep_memory
 from .asking import Caller, CommandOutlet
 from .link import TICK, Link
-from .messages import BLOCK, DATA, NO_CONSOLIDATION, QUERIES_WAITING, URGENT, Inbox, Message, Query, direct
+from .messages import BLOCK, DATA, NO_CONSOLIDATION, QUERIES_WAITING, SMALL, URGENT, Inbox, Message, Query, direct
 from .serving import CommandInlet, Server
 from .session import Network, as_transport_error, shared_router
 from .table import Table
@@ -50,9 +50,6 @@ log = logging.getLogger("robocomp.transport.zenoh")
 
 INQUIRY = 2.0
 """Seconds for which a link is asked for its contract or its history."""
-
-SMALL = 32 * 1024
-"""Up to so many bytes, calls and answers overtake what is larger, and publications: half a batch of Zenoh's."""
 
 L = TypeVar("L", bound=Link)
 _ACK = struct.Struct("<QQ")  # who took it · sequence
@@ -168,9 +165,9 @@ class ZenohTransport:
             return [Message(reply.ok.attachment, reply.ok.payload) for reply in replies if reply.ok]
         return []
 
-    def put(self, key: zenoh.KeyExpr | str, header: bytes | None, payload: Payload, *, in_order: bool = False) -> None:
-        """Send what must arrive: what is small before what is large, unless it has to stay in order. Raises ZError."""
-        priority = URGENT if in_order or len(payload) <= SMALL else DATA
+    def put(self, key: str, header: bytes | None, payload: Payload) -> None:
+        """Send what must arrive, what is small before what is large. Raises ZError."""
+        priority = URGENT if len(payload) <= SMALL else DATA
         self.session.put(key, payload, attachment=header, congestion_control=BLOCK, priority=priority, express=True)
 
     def acknowledge(self, taken: dict[int, int], by: int) -> None:

@@ -21,7 +21,7 @@ from ...wire.codec import MAX_BYTES
 from ..crew import Job
 from .curve import Secure
 from .frames import Frames
-from .zmtp import Feed
+from .zmtp import Feed, Gone
 
 log = logging.getLogger("robocomp.transport.zeromq")
 
@@ -197,15 +197,21 @@ class Subscription:
         self.on_input: Callable[[Any], list[Job]] = on_input
         self._feed, self._receive = feed, feed.receive
 
-    def receive(self) -> Frames | None:
-        """The next message, if there is one. Raises Gone."""
+    def receive(self, most: int) -> list[Frames]:
+        """Messages that are there, at most so many; there may be `more`. Raises Gone when there will be none."""
+        messages: list[Frames] = []
         with self.lock:
-            if self.closed:
-                return None
             try:
-                return self._receive()
+                while not self.closed and len(messages) < most:
+                    messages.append(self._receive())
+                    if not self._feed.more:
+                        break
             except BlockingIOError:
-                return None
+                pass
+            except Gone:
+                if not messages:
+                    raise
+        return messages
 
     @property
     def more(self) -> bool:

@@ -212,19 +212,11 @@ class Subscriber(Link):
                 self.transport.forget(feed)
 
     def _on_message(self, address: str, feed: Subscription) -> list[Job]:
-        taken = 0
+        room = min(self._lane.room, BATCH)
+        if room <= 0 and self._pause(feed):
+            return []
         try:
-            for _ in range(BATCH):
-                if self._lane.full and self._pause(feed):
-                    break
-                frames = feed.receive()
-                if frames is None:
-                    break
-                taken += self._take(frames)
-                if not feed.more:
-                    break
-            else:
-                self.transport.attend(feed)
+            messages = feed.receive(max(1, room))
         except Gone as exc:
             if isinstance(exc, Garbled):
                 self.malformed(exc)
@@ -232,7 +224,11 @@ class Subscriber(Link):
             self._leave(address)
             self._incomplete = True  # it may be there all the same
             self.transport.within(TICK)
-        return [self._drain] if taken else []
+            return []
+        if feed.more:
+            self.transport.attend(feed)
+        admitted = [payload for frames in messages if (payload := self._admitted(frames)) is not None]
+        return [self._drain] if self._lane.put_all(admitted) else []
 
     def _pause(self, feed: Subscription) -> bool:
         """Listen no more until there is room; whether there is none."""
@@ -248,21 +244,22 @@ class Subscriber(Link):
             while True:
                 self.transport.hear(self._muted.popleft())
 
-    def _take(self, frames: Frames) -> bool:
+    def _admitted(self, frames: Frames) -> Payload | None:
+        """What is to be delivered of a message, if anything is."""
         try:
             header, payload = read_publication_frames(frames)
         except DecodeError as exc:
             self.malformed(exc)
-            return False
+            return None
         if header.fingerprint != self.channel.type.fingerprint:
             self.report_mismatch(header.source, TypeRef("", header.fingerprint))
-            return False
+            return None
         if not self._ledger.admit(header.source, header.sequence):
-            return False
+            return None
         if self._reception.on:
             name = self._channels.get(_ending(header.source), self.channel.name)
             payload = self._reception.admit(name, header.stamp, payload)
-        return self._lane.put(payload)
+        return payload
 
     def _drain(self) -> None:
         self._lane.drain()

@@ -71,6 +71,7 @@ DomainParticipantQos on_loopback() {
     DomainParticipantQos qos;
     auto udp = std::make_shared<UDPv4TransportDescriptor>();
     udp->interfaceWhiteList.push_back("127.0.0.1");
+    udp->maxInitialPeersRange = 250;  // as many participants of a host are told of us; else four
     udp->sendBufferSize = udp->receiveBufferSize = 1 << 20;
     qos.transport().use_builtin_transports = false;
     qos.transport().user_transports.push_back(udp);
