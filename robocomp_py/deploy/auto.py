@@ -22,7 +22,7 @@ from ..contract.component import Port
 from ..contract.interface import Pattern, Verb
 from ..errors import ConfigurationError, TransportError
 from ..transports.base import Capability, Channel, TransportConfig, TypeRef, find_transport, needs
-from .routes import Configured, providers, unfit
+from .routes import Aim, Configured, providers, unfit
 
 INPROC, SHM = "inproc", "shm"
 
@@ -79,13 +79,24 @@ def choose(configured: Sequence[Configured], usable: Usable = installed_here) ->
     """The best ways between instances. What is wrong with their wiring is not our business: see `check_routes`."""
     chooser = _Chooser(usable)
     for client in configured:
-        for port, operation, pattern in _operations(client, providing=False):
-            for server, offers in providers(client, port, operation, configured):
-                for theirs in offers:
-                    chooser.link(_Link(client, port, operation, pattern, server, theirs))
-    settings = {each.name: tuple(chooser.settings(each)) for each in configured}
+        for link in _links(client, configured):
+            chooser.link(link)
+    settings = {each.name: tuple(chooser.settings(each)) for each in configured if not each.is_program}
     ways = tuple(each.way for each in chooser.links)
     return Choice(ways, {name: assignments for name, assignments in settings.items() if assignments}, chooser.notes())
+
+
+def _links(client: Configured, configured: Sequence[Configured]) -> Iterator[_Link]:
+    """What an instance uses of others: each provider once, by the first aim that meets it."""
+    for port, operation, pattern in _operations(client, providing=False):
+        met: set[tuple[str, str]] = set()
+        for aim in client.aims(port, operation):
+            found = providers(client, port, aim, configured)
+            for server, theirs in ((server, theirs) for server, offers in found for theirs in offers):
+                is_new = (server.name, theirs.name) not in met
+                met.add((server.name, theirs.name))
+                if is_new and not (client.is_program and server.is_program):  # what those do is theirs to know
+                    yield _Link(client, port, aim, operation, pattern, server, theirs)
 
 
 def _operations(each: Configured, *, providing: bool) -> Iterator[tuple[Port, str, Pattern]]:
@@ -98,6 +109,7 @@ def _operations(each: Configured, *, providing: bool) -> Iterator[tuple[Port, st
 class _Link:
     client: Configured
     port: Port
+    aim: Aim
     operation: str
     pattern: Pattern
     server: Configured
@@ -105,10 +117,19 @@ class _Link:
 
     def named(self) -> tuple[str, str]:
         """The middleware that an end names, and where; "" if both leave it open."""
-        for end, port in ((self.client, self.port), (self.server, self.theirs)):
-            if name := end.named(port, self.operation):
-                return name, f"{end.name}: {end.origin(port, self.operation)}"
+        if name := self.aim.middleware:
+            return name, f"{self.client.name}: {self.client.aim_origin(self.port, self.operation, self.aim)}"
+        if name := self.server.named(self.theirs, self.operation):
+            return name, f"{self.server.name}: {self.server.origin(self.theirs, self.operation)}"
         return "", ""
+
+    def spoken(self) -> str:
+        """What a program at one end speaks: what its component was generated for, or else the other end; "" if none."""
+        ends = [(self.client, self.port), (self.server, self.theirs)]
+        if not any(end.is_program for end, _ in ends):
+            return ""
+        ends.sort(key=lambda each: not each[0].is_program)
+        return next((name for end, port in ends if (name := end.middleware(port, self.operation))), "")
 
     def lacks(self, middleware: str) -> str:
         """What a middleware does not offer of the QoS of either end."""
@@ -147,6 +168,8 @@ class _Chooser:
         middleware, origin = link.named()
         if middleware:
             return middleware, f"named ({origin})"
+        if spoken := link.spoken():
+            return spoken, "a program of your own"
         network = link.server.middleware(link.theirs, link.operation)
         hindered: list[tuple[str, str]] = []
         for better, here, why in (
@@ -165,7 +188,7 @@ class _Chooser:
 
     def _hindrance(self, middleware: str, link: _Link) -> str:
         if reason := self._usable(middleware):
-            return reason
+            return reason.removeprefix(f"{middleware}: ")
         lacking = link.lacks(middleware)
         return f"it does not offer {lacking}" if lacking else ""
 
@@ -187,7 +210,8 @@ class _Chooser:
                 else self._used(each, port, operation.name)
                 for operation, _ in port.interface.under(port.verb)
             }
-            if len(set(wanted.values())) == 1:
+            apart = any((port.name, name) in each.settings.ports for name in wanted)  # which counts more than the port
+            if len(set(wanted.values())) == 1 and not apart:
                 wanted = {"": next(iter(wanted.values()))}
             for operation, keys in wanted.items():
                 at = f"ports.{port.name}.{operation}" if operation else f"ports.{port.name}"
@@ -197,32 +221,54 @@ class _Chooser:
         """What a provider needs beside what it offers anyway."""
         if server.named(port, operation):
             return ()
-        always = server.middleware(port, operation)
+        always, *own = server.settings.middlewares(port, operation, server.generated_for)
         used = {
             each.way.middleware
             for each in self.links
             if each.link.server is server and each.link.theirs is port and each.link.operation == operation
         }
-        also = sorted(used - {always, ""}, key=lambda name: (name != INPROC, name != SHM, name))
-        return (f"also={_toml(also)}",) if also else ()
+        if used <= {always, *own, ""}:
+            return ()
+        also = sorted({*own, *used} - {always, ""}, key=lambda name: (name != INPROC, name != SHM, name))
+        return (f"also={_toml(also)}",)
 
     def _used(self, client: Configured, port: Port, operation: str) -> tuple[str, ...]:
-        """The way of a client to each of its providers."""
+        """The ways of a client to its providers, if they are not what they are anyway."""
+        aims = client.aims(port, operation)
+        carriers = client.settings.middlewares(port, operation, client.generated_for)
+        before = [(aim.source, name) for aim, name in zip(aims, carriers, strict=True)]
+        ways = [
+            way for given in zip(aims, carriers, strict=True) for way in self._apart(client, port, operation, *given)
+        ]
+        if ways == before:
+            return ()
+        (source, middleware), *others = ways
+        found = [] if aims[0].middleware == middleware else [f"middleware={middleware}"]
+        found += [f"from={source}"] if source != aims[0].source else []
+        also = [{"from": source, "middleware": name} for source, name in others]
+        return (*found, f"also={_toml(also)}") if also else tuple(found)
+
+    def _apart(
+        self, client: Configured, port: Port, operation: str, aim: Aim, carrier: str
+    ) -> Iterator[tuple[str, str]]:
+        """One aim of a client as `from` and middleware; several if its providers are reached in several ways."""
         links = [
             each
             for each in self.links
-            if each.link.client is client and each.link.port is port and each.link.operation == operation
+            if each.link.client is client
+            and each.link.port is port
+            and each.link.operation == operation
+            and each.link.aim == aim
         ]
-        used = list(dict.fromkeys(each.way.middleware for each in links))
-        if client.named(port, operation) or not links or used == [client.middleware(port, operation)]:
-            return ()
-        if len(used) == 1:
-            return (f"middleware={used[0]}",)
-        if port.verb is Verb.REQUIRES:
-            return ()  # of several providers nobody knows which is meant
-        first, *others = links
-        also = [{"from": each.link.source, "middleware": each.way.middleware} for each in others]
-        return f"middleware={first.way.middleware}", f"from={first.link.source}", f"also={_toml(also)}"
+        used = {each.way.middleware for each in links}
+        if aim.middleware or not used:
+            yield aim.source, carrier
+        elif len(used) == 1:
+            yield aim.source, used.pop()
+        elif port.verb is Verb.REQUIRES:
+            yield aim.source, carrier  # of several providers nobody knows which is meant
+        else:
+            yield from ((each.link.source, each.way.middleware) for each in links)
 
 
 def _toml(value: Sequence[str] | Sequence[Mapping[str, str]]) -> str:

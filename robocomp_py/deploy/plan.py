@@ -206,6 +206,7 @@ class _Planner:
         self._together = processes_of(model)
         self._links: list[Link] = []
         self._configured: list[Configured] = []
+        self._programs: list[Configured] = []
         self._choice = Choice()
         self._unfit: set[str] = set()
         """Middlewares that were complained about where the network names them."""
@@ -218,11 +219,13 @@ class _Planner:
             self._read_qos(node)
         ordered = self._in_order(nodes)
         for node in (node for together in ordered.values() for node in together):
-            if not node.instance.path:
+            if node.instance.path:
+                self._note_program(node)
+            else:
                 self._configure(node)
         self._check_routes(nodes)
         self._check_waiting()
-        self._choice = choose(self._configured, self._usable)
+        self._choice = choose([*self._configured, *self._programs], self._usable)
         processes = [self._process(name, together) for name, together in ordered.items()]
         named = self._overrides.middleware or (self._model.middleware.text if self._model.middleware else "")
         return Plan(
@@ -504,8 +507,17 @@ class _Planner:
         for port, quality in node.qos.items():
             line, _ = self._model.source.position(quality.span.start)
             yield f"ports.{port}.qos={toml(read_qos(quality.settings, Report()))}", f"{network}:{line}"
-        for assignment in self._overrides.of(node.name):
+        for assignment in self._overrides.of(node.name) if not node.instance.path else ():
             yield assignment, f"--set {assignment}"
+
+    def _note_program(self, node: Node) -> None:
+        """What is known of a program of somebody's own: what the network says of it."""
+        document = Document()
+        for assignment, origin in self._assignments(node):
+            settings.override(document, assignment, origin)
+        known, _ = settings.examine(node.component, document, node.name)
+        middleware = generated_for(node.linked.path.parent)
+        self._programs.append(Configured(node.name, node.component, known, document, middleware, is_program=True))
 
     def _configure(self, node: Node) -> None:
         at = node.place()
@@ -565,9 +577,8 @@ class _Planner:
         """For whom each instance waits, where it is one that it waits for."""
         for client in self._configured:
             for port, operation in client.operations(providing=False):
-                servers = [
-                    server.name for server, offers in providers(client, port, operation, self._configured) if offers
-                ]
+                own, *_ = client.aims(port, operation)
+                servers = [server.name for server, offers in providers(client, port, own, self._configured) if offers]
                 if port.verb is Verb.REQUIRES and len(servers) == 1:
                     yield Requirement(client.name, port.interface.short, servers[0])
 

@@ -17,7 +17,7 @@ from ..contract.interface import Verb
 from ..contract.qos import QoS, shortfalls
 from ..dsl.diagnostics import did_you_mean
 from ..errors import ConfigurationError
-from ..runtime.settings import Document, Settings, carrier, is_auto
+from ..runtime.settings import Document, Settings, Way, carrier, is_auto
 from ..spelling import unknown
 from ..transports.base import Capability, find_transport
 from ..wire import names
@@ -45,6 +45,18 @@ class Fault:
 
 
 @dataclass(frozen=True)
+class Aim:
+    """To whom a port that uses an interface goes, as it is configured; of a subscription, one of several."""
+
+    source: str
+    """`from`; "" is any instance."""
+    middleware: str
+    """Over which it is to go; "" if that is left open."""
+    said: str
+    """The key of the port that says so."""
+
+
+@dataclass(frozen=True)
 class Configured:
     """An instance as it will run."""
 
@@ -56,6 +68,8 @@ class Configured:
     """The middleware of its generic part."""
     process: str = ""
     """The one it shares with others; "" if it has one of its own."""
+    is_program: bool = False
+    """Whether it is a program of somebody's own, which is not configured from here."""
 
     def middleware(self, port: Port, operation: str) -> str:
         """What carries an operation, unless a better way is found for it."""
@@ -63,8 +77,13 @@ class Configured:
 
     def named(self, port: Port, operation: str) -> str:
         """What is to carry an operation, and nothing else; "" if that is left open."""
-        chosen = self.settings.port(port, operation).middleware
-        return "" if is_auto(chosen) else chosen or ""
+        return _named(self.settings.port(port, operation).middleware)
+
+    def aims(self, port: Port, operation: str) -> list[Aim]:
+        """To whom a port that uses an interface goes."""
+        chosen = self.settings.port(port, operation)
+        own = Aim(chosen.source or "", self.named(port, operation), "from")
+        return [own, *(_further(own, way) for way in chosen.also or ())]
 
     def middlewares(self) -> set[str]:
         """All that it will open, also for its own `CommonBehavior`."""
@@ -96,10 +115,13 @@ class Configured:
                 return f" ({self.document.place(('ports', *key, 'qos'))})"
         return ""
 
-    def source(self, port: Port, operation: str) -> tuple[str, str, str]:
+    def source(self, port: Port, aim: Aim) -> tuple[str, str, str]:
         """Whose channels a port that uses an interface looks for: namespace, instance and interface."""
-        asked = self.settings.port(port, operation).source or ""
-        return names.resolve(asked, self.settings.namespace, port.interface.short)
+        return names.resolve(aim.source, self.settings.namespace, port.interface.short)
+
+    def aim_origin(self, port: Port, operation: str, aim: Aim) -> str:
+        """Where the middleware of an aim was chosen, for people."""
+        return self.document.place(("ports", port.name, "also")) if aim.said == "also" else self.origin(port, operation)
 
     def operations(self, *, providing: bool) -> Iterator[tuple[Port, str]]:
         for port in self.component.ports:
@@ -111,6 +133,15 @@ class Configured:
         verb = Verb.IMPLEMENTS if wanted.verb is Verb.REQUIRES else Verb.PUBLISHES
         ports = [p for p in self.component.ports if p.verb is verb and p.interface.short == wanted.interface.short]
         return [port for port in ports if segment in (None, self.component.segment(port))]
+
+
+def _named(middleware: str | None) -> str:
+    return "" if is_auto(middleware) else middleware or ""
+
+
+def _further(own: Aim, way: Way) -> Aim:
+    source = own.source if way.source is None else way.source
+    return Aim(source, own.middleware if way.middleware is None else _named(way.middleware), "also")
 
 
 def generated_for(folder: Path) -> str:
@@ -158,7 +189,8 @@ def check_routes(configured: Sequence[Configured], instances: Collection[str], t
     found = [fault for each in configured for fault in _unfit_choices(each, told)]
     for client in configured:
         for port, operation in client.operations(providing=False):
-            found += _check_route(client, port, operation, configured, instances)
+            for aim in client.aims(port, operation):
+                found += _check_route(client, port, operation, aim, configured, instances)
     return worth_telling(found)
 
 
@@ -171,10 +203,10 @@ def worth_telling(faults: Iterable[Fault]) -> list[Fault]:
 
 
 def providers(
-    client: Configured, port: Port, operation: str, configured: Sequence[Configured]
+    client: Configured, port: Port, aim: Aim, configured: Sequence[Configured]
 ) -> Iterator[tuple[Configured, list[Port]]]:
     """The instances whose channels a port looks for, with their ports that offer what it uses."""
-    namespace, instance, segment = client.source(port, operation)
+    namespace, instance, segment = client.source(port, aim)
     for server in configured:
         if server.settings.namespace != namespace or instance not in (names.ANY, server.name):
             continue
@@ -197,24 +229,29 @@ def _is_unfit(each: Configured, middleware: str) -> bool:
 
 
 def _check_route(
-    client: Configured, port: Port, operation: str, configured: Sequence[Configured], instances: Collection[str]
+    client: Configured,
+    port: Port,
+    operation: str,
+    aim: Aim,
+    configured: Sequence[Configured],
+    instances: Collection[str],
 ) -> Iterator[Fault]:
-    namespace, instance, segment = client.source(port, operation)
+    namespace, instance, segment = client.source(port, aim)
     if namespace != client.settings.namespace:
         return  # another network's, of which nothing is known here
     if instance != names.ANY and instance not in instances:
-        origin = client.document.place(("ports", port.name, "from"))
+        origin = client.document.place(("ports", port.name, aim.said))
         message = f"`{client.name}` ({origin}): {unknown('instance', instance, instances)}"
         yield Fault("unknown-instance", message, "", client.name)
         return
-    for server, offers in providers(client, port, operation, configured):
+    for server, offers in providers(client, port, aim, configured):
         if instance != names.ANY and not offers:
             what = "implement" if port.verb is Verb.REQUIRES else "publish"
-            origin = client.document.place(("ports", port.name, "from"))
+            origin = client.document.place(("ports", port.name, aim.said))
             message = f"`{client.name}` ({origin}): `{server.name}` does not {what} `{segment}`"
             yield Fault("nobody-provides", message, "", client.name)
         for theirs in offers:
-            yield from _check_ends(client, port, server, theirs, operation)
+            yield from _check_ends(client, port, aim, server, theirs, operation)
 
 
 def unmet(
@@ -229,12 +266,16 @@ def unmet(
         yield Fault("qos-mismatch", message, f"publish it with qos({each.asked})", client, subject, provider, port.name)
 
 
-def _check_ends(client: Configured, port: Port, server: Configured, theirs: Port, operation: str) -> Iterator[Fault]:
+def _check_ends(
+    client: Configured, port: Port, aim: Aim, server: Configured, theirs: Port, operation: str
+) -> Iterator[Fault]:
     if port.verb.is_topic:
         said = client.qos_origin(port, operation), server.qos_origin(theirs, operation)
         asked, offered = client.qos(port, operation), server.qos(theirs, operation)
         yield from unmet(port, asked, server.name, offered, client=client.name, said=said)
-    mine, other = client.named(port, operation), server.named(theirs, operation)
+    mine, other = aim.middleware, server.named(theirs, operation)
+    if other and mine in server.settings.middlewares(theirs, operation, server.generated_for):
+        other = mine  # one of several over which it is offered
     here, there = mine or other, other or mine  # who leaves it open follows who does not
     if not here:
         return
@@ -244,12 +285,12 @@ def _check_ends(client: Configured, port: Port, server: Configured, theirs: Port
     subject = (client.name, port.name, server.name)
     if here != there:
         message = (
-            f"`{client.name}` uses {what} over `{here}` ({client.origin(port, operation)}), "
+            f"`{client.name}` uses {what} over `{here}` ({client.aim_origin(port, operation, aim)}), "
             f"but `{server.name}` offers it over `{there}` ({server.origin(theirs, operation)})"
         )
         yield Fault("middleware-mismatch", message, "choose one for both", client.name, subject)
     elif stays_inside(here) and not client.is_with(server):
-        origin = client.origin(port, operation) if mine else server.origin(theirs, operation)
+        origin = client.aim_origin(port, operation, aim) if mine else server.origin(theirs, operation)
         message = (
             f"{what} of `{server.name}` does not reach `{client.name}`, which is in another process, "
             f"over `{here}` ({origin})"

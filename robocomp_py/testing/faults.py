@@ -12,10 +12,12 @@ in a module that can be imported, since its other processes open a transport in 
     publisher killed    in the middle of a message: no part of one is delivered; the next publisher is heard
     subscriber hangs    a best-effort publisher and its other subscribers notice nothing; a reliable one gives up at
                         its deadline, and goes on once the subscriber was killed; memory is bounded
+    who slept wakes     what was taken for a reliable subscriber reaches it; messages and commands in order, once
     flood               from another process, as fast as that goes: in order, nothing twice, every message accounted
                         for, memory bounded; reliable: every message
-    the clock leaps     calls, their deadlines and topics do not notice
+    the clock leaps     calls, their deadlines and topics do not notice (of the QoS of topics: `testing.qos`)
     leftovers           of a killed process are gone after the next one that opened and closed
+    two users           may serve and publish the same, and do not hear each other
 
 Like `conformance`, nothing here judges speed. The rate of the floods is printed, for who wants to see it (`-rP`).
 """
@@ -23,10 +25,12 @@ Like `conformance`, nothing here judges speed. The rate of the floods is printed
 from __future__ import annotations
 
 import contextlib
+import itertools
 import multiprocessing
 import os
 import queue
 import signal
+import tempfile
 import threading
 import time
 import uuid
@@ -53,6 +57,7 @@ FLOOD = 3000
 """Messages of MESSAGE octets: twice the memory that a flood may cost."""
 MESSAGE = 100_000
 MOST_MEMORY = 150_000_000
+_RELIABLE = QoS(Reliability.RELIABLE, depth=4)
 
 Control: TypeAlias = "Connection[Any, Any]"
 Act: TypeAlias = Callable[[Transport, str, "Control"], None]
@@ -60,10 +65,14 @@ Act: TypeAlias = Callable[[Transport, str, "Control"], None]
 
 
 class TransportFaults:
-    """Fill in `open_transport`, and `leftovers` if there may be some outside the run-time folder."""
+    """Fill in `open_transport`, and the others if the run-time folder is not all that matters."""
 
     def open_transport(self) -> Transport:
         raise NotImplementedError
+
+    def open_as_another_user(self) -> Transport:
+        """Called in a process that has another run-time folder, as that of another user has."""
+        return self.open_transport()
 
     def leftovers(self) -> set[str]:
         """Names of what open transports have in places that outlive their process."""
@@ -93,12 +102,12 @@ class TransportFaults:
             yield executor
 
     @pytest.fixture
-    def start(self, name: str) -> Iterator[Callable[[Act], Other]]:
+    def start(self, name: str) -> Iterator[Start]:
         """Starts other processes; those that still run at the end are killed."""
         with contextlib.ExitStack() as running:
 
-            def begin(act: Act) -> Other:
-                other = Other(type(self), name, act)
+            def begin(act: Act, folder: str = "") -> Other:
+                other = Other(type(self), name, act, folder)
                 running.callback(other.kill)
                 return other
 
@@ -199,6 +208,41 @@ class TransportFaults:
         for outlet in outlets:
             wait_until(lambda outlet=outlet: _taken(outlet, large))  # type: ignore[misc]
 
+    @pytest.mark.parametrize("kind", ["topic", "command"])
+    def test_who_slept_gets_in_order_and_once_what_was_taken_for_it(
+        self, here: Transport, name: str, kind: str, start: Start
+    ) -> None:
+        reliable = Capability.RELIABLE in here.capabilities
+        if kind == "topic" and not reliable:
+            return  # refused, as the conformance suite shows
+        outlet = here.outlet(topic(name, _RELIABLE) if kind == "topic" else command(name))
+        sleeper = start(_take_numbers if kind == "topic" else _take_commands)
+        assert sleeper.heard() == "listening"
+        assert outlet.wait_peer(SOON)
+        outlet.send(_numbered(here, 0), SOON)
+        assert sleeper.heard() == 0
+        sleeper.stop()
+        taken = []
+        with contextlib.suppress(Timeout, Unreachable):
+            for number in range(1, FLOOD):
+                outlet.send(_numbered(here, number), A_MOMENT)
+                taken.append(number)
+        counts = outlet.wait_peer(0.0)  # else it has been given up, for good
+        assert taken[-1] < FLOOD - 1 or not counts, (kind, taken[-1], counts)
+        sleeper.go_on()
+        heard, later = [0], itertools.count(FLOOD + 1)
+
+        def the_last_is_heard() -> bool:
+            with contextlib.suppress(Timeout, Unreachable):
+                outlet.send(_numbered(here, next(later)), A_MOMENT)
+            heard.extend(sleeper.all_heard())
+            return heard[-1] > FLOOD
+
+        wait_until(the_last_is_heard)
+        assert heard == sorted(set(heard))
+        if kind == "topic" and counts:  # commands expire
+            assert set(taken) - set(heard) == set()
+
     def test_what_a_killed_process_left_is_gone_after_the_next_one(self, name: str, start: Start) -> None:
         before = self.leftovers()
         victim = start(_open_everything)
@@ -209,13 +253,35 @@ class TransportFaults:
         transport.close()
         assert self.leftovers() - before == set()
 
+    # Others who have nothing to do with us.
+
+    def test_two_users_serve_and_publish_the_same_and_do_not_meet(
+        self, here: Transport, there: Transport, name: str, start: Start
+    ) -> None:
+        here.server(query(name), answering(here, lambda data: b"ours: " + data))
+        here.inlet(command(name + "c"), lambda _: None)
+        heard: queue.Queue[bytes] = queue.Queue()
+        here.inlet(topic(name + "t"), lambda payload: heard.put(unblob(here, payload)))
+        caller, outlet = there.caller(query(name)), there.outlet(topic(name + "t"))
+        with tempfile.TemporaryDirectory(prefix="rc-", dir="/tmp") as folder:
+            other = start(_open_everything, folder)
+            assert other.heard() == "open"
+            assert caller.wait_peer(SOON)
+            assert outlet.wait_peer(SOON)
+            assert _ask(there, caller, "ask", b"1", SOON) == b"ours: 1"
+            other.tell("end")
+            other.join()
+        outlet.send(blob(there, b"news"))
+        assert heard.get(timeout=SOON) == b"news"
+        assert _ask(there, caller, "ask", b"2", SOON) == b"ours: 2"
+
     # Floods.
 
     def test_of_a_flood_every_message_is_accounted_for(self, here: Transport, name: str, start: Start) -> None:
         delivered: list[int] = []
 
         def sink(payload: Payload) -> None:
-            delivered.append(int(unblob(here, payload)[:8]))
+            delivered.append(_number(here, payload))
             if delivered[-1] % 10 == 0:
                 time.sleep(0.002)  # so that it is too slow for them
 
@@ -240,7 +306,7 @@ class TransportFaults:
             return  # refused, as the conformance suite shows
         delivered: list[int] = []
         channel = topic(name, QoS(Reliability.RELIABLE, depth=16))
-        link = here.inlet(channel, lambda payload: delivered.append(int(unblob(here, payload)[:8])))
+        link = here.inlet(channel, lambda payload: delivered.append(_number(here, payload)))
         sender = start(_flood_reliably)
         wait_until(lambda: delivered)
         before = memory()
@@ -283,10 +349,11 @@ class TransportFaults:
 class Other:
     """Another process with a transport of its own."""
 
-    def __init__(self, suite: type[TransportFaults], name: str, act: Act) -> None:
+    def __init__(self, suite: type[TransportFaults], name: str, act: Act, folder: str = "") -> None:
+        """With a run-time folder of its own, if one is given: another user's."""
         spawn = multiprocessing.get_context("spawn")
         self._control, theirs = spawn.Pipe()
-        self._process = spawn.Process(target=_live, args=(suite, name, act, theirs))
+        self._process = spawn.Process(target=_live, args=(suite, name, act, theirs, folder))
         self._process.start()
         theirs.close()
 
@@ -311,6 +378,10 @@ class Other:
         assert self._process.pid is not None
         os.kill(self._process.pid, signal.SIGSTOP)
 
+    def go_on(self) -> None:
+        assert self._process.pid is not None
+        os.kill(self._process.pid, signal.SIGCONT)
+
     def join(self) -> None:
         """Wait until it has ended."""
         self._process.join(SOON)
@@ -321,11 +392,14 @@ class Other:
         self._process.join()
 
 
-Start = Callable[[Act], Other]
+Start: TypeAlias = Callable[..., Other]
+"""Of an `Act`, and the run-time folder of another user, if it is one."""
 
 
-def _live(suite: type[TransportFaults], name: str, act: Act, control: Control) -> None:
-    transport = suite().open_transport()
+def _live(suite: type[TransportFaults], name: str, act: Act, control: Control, folder: str) -> None:
+    if folder:
+        os.environ["ROBOCOMP_RUNTIME_DIR"] = folder
+    transport = suite().open_as_another_user() if folder else suite().open_transport()
     try:
         act(transport, name, control)
     finally:
@@ -390,6 +464,18 @@ def _listen(transport: Transport, name: str, control: Control) -> None:
     _until_told(control)
 
 
+def _take_numbers(transport: Transport, name: str, control: Control) -> None:
+    transport.inlet(topic(name, _RELIABLE), lambda payload: control.send(_number(transport, payload)))
+    control.send("listening")
+    _until_told(control)
+
+
+def _take_commands(transport: Transport, name: str, control: Control) -> None:
+    transport.inlet(command(name), lambda payload: control.send(_number(transport, payload)))
+    control.send("listening")
+    _until_told(control)
+
+
 def _heard_of(transport: Transport, outlet: Outlet, listener: Other) -> bool:
     outlet.send(blob(transport, b"hello"))
     return bool(listener.all_heard())
@@ -451,6 +537,10 @@ def _large(value: int) -> bytes:
 
 def _numbered(transport: Transport, number: int) -> Payload:
     return blob(transport, b"%08d" % number + bytes(MESSAGE - 8))
+
+
+def _number(transport: Transport, payload: Payload) -> int:
+    return int(unblob(transport, payload)[:8])
 
 
 def _ask(transport: Transport, caller: Caller, how: str, data: bytes, deadline: float) -> bytes:

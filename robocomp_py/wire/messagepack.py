@@ -38,9 +38,9 @@ _REFERENCE = struct.Struct("<BI")
 _INDEX = struct.Struct("<I")
 _APART_BYTES = _REFERENCE.size
 _BIN8, _BIN16 = struct.Struct(">BB"), struct.Struct(">BH")
-_EXT8, _EXT16 = struct.Struct(">BBbB"), struct.Struct(">BHbB")
-_HEADS = {0xC4: _BIN8, 0xC5: _BIN16, 0xC7: _EXT8, 0xC8: _EXT16}
-"""How arrays begin, by the first octet: bin 8 and 16, and ext 8 and 16 with the letter."""
+_EXT8, _EXT16, _EXT32 = struct.Struct(">BBbB"), struct.Struct(">BHbB"), struct.Struct(">BIbB")
+_HEADS = {0xC4: _BIN8, 0xC5: _BIN16, 0xC7: _EXT8, 0xC8: _EXT16, 0xC9: _EXT32}
+"""How arrays begin, by the first octet: bin 8 and 16, and ext 8, 16 and 32 with the letter."""
 _OCTET = ord("B")
 _OCTETS = np.dtype(np.uint8)
 _NUMBERS = {bool, int, float}
@@ -128,8 +128,11 @@ def _array_packer(dtype: np.dtype[Any], keep: Callable[[Any, np.dtype[Any]], np.
         elif size < 255:
             add(_EXT8.pack(0xC7, size + 1, INLINE_EXT, letter))
             add(array)
-        else:
+        elif size < 0xFFFF:
             add(_EXT16.pack(0xC8, size + 1, INLINE_EXT, letter))
+            add(array)
+        else:  # one octet less than is sent apart, and with its letter one more than fits
+            add(_EXT32.pack(0xC9, size + 1, INLINE_EXT, letter))
             add(array)
 
     return pack

@@ -156,9 +156,9 @@ def is_record(kind: Struct) -> bool:
 
 def _blanks(made: type[Any], count: int) -> list[Any]:
     pause = _COLLECTS_MEANWHILE and count > _YOUNG and gc.isenabled()
-    if pause:
-        gc.disable()
     try:
+        if pause:
+            gc.disable()
         return list(map(object.__new__, repeat(made, count)))
     finally:
         if pause:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -185,3 +186,51 @@ def test_two_providers_of_what_is_required_are_left_to_the_check_of_the_wiring()
 
 def test_a_network_without_links_has_nothing_to_choose() -> None:
     assert choose([instance(SERVER, "server")], fine) == Choice()
+
+
+def program(component: Component, name: str, *sets: str, generated_for: str = "") -> Configured:
+    return replace(instance(component, name, *sets, generated_for=generated_for), is_program=True)
+
+
+def test_a_program_of_ones_own_is_heard_beside_others() -> None:
+    choice = choose([instance(READER, "reader"), instance(SERVER, "server"), program(SERVER, "own")], fine)
+    assert over(choice, "news") == [("reader", "server", "shm"), ("reader", "own", "zeromq")]
+    assert lines(choice, "reader") == [
+        "ports.Everything.middleware=shm",
+        "ports.Everything.from=server",
+        'ports.Everything.also=[{ from = "own", middleware = "zeromq" }]',
+    ]
+    assert "own" not in choice.settings
+
+
+def test_a_program_of_ones_own_speaks_what_the_network_says_or_what_it_was_generated_for() -> None:
+    for own in (program(READER, "own", "middleware=dds"), program(READER, "own", generated_for="dds")):
+        choice = choose([instance(SERVER, "server"), own], fine)
+        assert over(choice, "news") == [("own", "server", "dds")]
+        assert lines(choice, "server") == ['ports.everything.also=["dds"]']
+
+
+def test_what_somebody_wrote_to_be_offered_over_is_offered_still() -> None:
+    server = instance(SERVER, "server", 'ports.everything.also=["dds"]')
+    choice = choose([server, instance(READER, "reader")], fine)
+    assert lines(choice, "server") == ['ports.everything.also=["shm", "dds"]']
+    assert lines(choose([server, instance(READER, "reader", "middleware=dds")], fine), "server") == []
+
+
+def test_publishers_that_somebody_wrote_down_get_a_way_each() -> None:
+    reader = instance(READER, "reader", "ports.Everything.from=near", 'ports.Everything.also=[{from="far"}, "dds"]')
+    network = [replace(reader, process="p"), instance(SERVER, "near", process="p"), instance(SERVER, "far")]
+    choice = choose(network, fine)
+    assert over(choice, "news") == [("reader", "near", "inproc"), ("reader", "far", "shm")]
+    assert lines(choice, "reader") == [
+        "ports.Everything.middleware=inproc",
+        'ports.Everything.also=[{ from = "far", middleware = "shm" }, { from = "near", middleware = "dds" }]',
+    ]
+    assert lines(choice, "far") == ['ports.everything.also=["shm"]']
+
+
+def test_what_is_set_for_one_operation_does_not_hide_the_choice() -> None:
+    server = instance(SERVER, "server", 'ports.everything.news.also=["dds"]')
+    assert lines(choose([server, instance(READER, "reader")], fine), "server") == [
+        'ports.everything.news.also=["shm", "dds"]'
+    ]

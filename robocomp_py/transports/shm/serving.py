@@ -40,7 +40,7 @@ class ServingLink(AnnouncedLink["ShmTransport"]):
             other = entry.channel != self.channel.name  # one that has `*` in its name, or ours has
             if other and self.transport.directory.alive(member.id):
                 raise AlreadyServed(f"{self.channel.name}: already served by {member.owner} (pid {member.pid})")
-        self._claim = claim(self.transport.folder / "served", self.channel.name, self.transport.owner)
+        self._claim = claim(self.transport.served, self.channel.name, self.transport.owner)
         self.number = self.transport.number()
         self.transport.desk.serving[self.number] = self
         self.announce(str(self.number))

@@ -18,6 +18,7 @@ from ..announced import AnnouncedLink
 from ..base import Capability, Channel, Service, Sink, TransportConfig, options_of
 from ..crew import Crew, Job, abandoned
 from ..directory import Directory, Member, runtime_dir
+from ..exclusive import sweep
 from .asking import Caller, CommandOutlet, Peer
 from .bells import Bell, Rope, bell_of
 from .codec import ApartCdr
@@ -60,6 +61,8 @@ class ShmTransport:
         self.codec: Codec = ApartCdr()
         self.incarnation = random_id()
         self.owner, self.folder = config.owner, runtime_dir() / "shm"
+        self.served = self.folder / "served"
+        """Who serves what, in claims."""
         self.closed = False
         self._lock = threading.RLock()
         self._links: list[AnnouncedLink[Any]] = []
@@ -79,6 +82,7 @@ class ShmTransport:
             self.member = self.directory.join(config.owner)
             undo.callback(self.member.close)
             self.node = Node(self.folder)
+            sweep(self.served)
             undo.callback(self.node.close)
             self._bell = Bell(self.node, self.member.id)
             undo.callback(self._bell.close)
@@ -271,6 +275,7 @@ class ShmTransport:
         if self._bury_at and time.monotonic() >= self._bury_at:
             self._bury_at = 0.0
             self.node.bury()
+            sweep(self.served)
             self._known = -1  # publishers let go of readers that are gone when they look who is there
         return min([TICK, *(wait for wait in waits if wait is not None)])
 

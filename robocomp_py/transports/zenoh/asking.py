@@ -66,7 +66,8 @@ class Asking(Link):
             before = [token for token in serving if found and token.channel == found[1].channel]
             token = (before or serving)[-1]  # the one that came last: the other may be leaving
             key = self.address(token)
-            way = found[2] if found and found[2].key == key else Way(self.transport, key)
+            with self.using_the_session():
+                way = found[2] if found and found[2].key == key else Way(self.transport, key)
             found = self._found = version, token, way
         return found[1], found[2]
 

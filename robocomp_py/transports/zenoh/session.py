@@ -58,6 +58,12 @@ _COMMON: dict[str, Any] = {
     "transport/unicast/accept_pending": 1000,
     "transport/unicast/max_sessions": 10_000,
 }
+_THREADS = "(rx: (worker_threads: 16))"
+"""Those that read, for all sessions of a process; instead of 2. A router has them wait where a reader is slow.
+
+The first session decides. Idle ones cost nothing that could be measured.
+"""
+
 _RETRY = {"period_init_ms": 50, "period_max_ms": 1000, "period_increase_factor": 2}
 _RETRY_HERE = _RETRY | {"period_max_ms": 200}  # a socket file costs nothing to try
 
@@ -214,6 +220,7 @@ def _folder() -> Path:
 
 
 def _config(mode: str, settings: dict[str, Any]) -> zenoh.Config:
+    os.environ.setdefault("ZENOH_RUNTIME", _THREADS)
     config = zenoh.Config()
     for key, value in ({"mode": mode} | _COMMON | settings).items():
         try:
