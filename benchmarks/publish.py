@@ -204,7 +204,7 @@ def _rate(figures: Figures | None, size: int) -> tuple[str, str]:
 
 
 def _verdict(found: float | None) -> str:
-    return "" if found is None else f"≤ {GOAL:g} ×: {'met' if found <= GOAL else 'missed'}"
+    return "" if found is None else f"≤ {GOAL:g} ×: {'met' if round(found, 2) <= GOAL else 'missed'}"
 
 
 def findings(rows: list[Row]) -> list[Finding]:
@@ -214,5 +214,7 @@ def findings(rows: list[Row]) -> list[Finding]:
         if row.failure:
             made.append(failed(goal, row.middleware, octets(row.size)))
         elif found is not None:
-            made.append(Finding(goal, row.middleware, octets(row.size), times_as_much(found), found <= GOAL, found))
+            made.append(
+                Finding(goal, row.middleware, octets(row.size), times_as_much(found), round(found, 2) <= GOAL, found)
+            )
     return made

@@ -56,8 +56,8 @@ class Row:
         if self.ratio is None or self.more is None:
             return self.ours.p50 <= INPROC
         if self.goal == "small":
-            return self.ratio <= SMALL or self.more <= MORE
-        return self.ratio <= LARGE
+            return round(self.ratio, 2) <= SMALL or self.more <= MORE
+        return round(self.ratio, 2) <= LARGE
 
 
 def run(middlewares: Iterable[str], sizes: Sequence[int], effort: Effort, tell: Tell) -> list[Row]:

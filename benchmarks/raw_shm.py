@@ -11,6 +11,7 @@ import threading
 import time
 import zlib
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import iceoryx2 as iox2
@@ -40,7 +41,8 @@ class _Bus:
     def __init__(self, place: Place) -> None:
         config = iox2.config.default()
         config.global_cfg.root_path = iox2.Path.new(f"{place.folder}/raw-shm")
-        config.global_cfg.prefix = iox2.FileName.new(f"raw{zlib.crc32(place.folder.encode()):08x}_")
+        self._prefix = f"raw{zlib.crc32(place.folder.encode()):08x}_"
+        config.global_cfg.prefix = iox2.FileName.new(self._prefix)
         builder = iox2.NodeBuilder.new().config(config).signal_handling_mode(iox2.SignalHandlingMode.Disabled)
         self._node = builder.create(iox2.ServiceType.Ipc)
         self._depth = place.depth
@@ -75,6 +77,8 @@ class _Bus:
 
     def close(self) -> None:
         self._node = None
+        for counter in Path("/dev/shm").glob(f"{self._prefix}*.global_mgmt"):  # which nodes share, and leave
+            counter.unlink(missing_ok=True)
 
     def _event(self, name: str) -> Any:
         service = self._node.service_builder(iox2.ServiceName.new(name)).event()

@@ -22,7 +22,8 @@ from ..contract.component import Port
 from ..contract.interface import Pattern, Verb
 from ..errors import ConfigurationError, TransportError
 from ..transports.base import Capability, Channel, TransportConfig, TypeRef, find_transport, needs
-from .routes import Aim, Configured, providers, unfit
+from .qos import unsupported_over
+from .routes import Aim, Configured, Fault, providers, unfit
 
 INPROC, SHM = "inproc", "shm"
 
@@ -84,6 +85,15 @@ def choose(configured: Sequence[Configured], usable: Usable = installed_here) ->
     settings = {each.name: tuple(chooser.settings(each)) for each in configured if not each.is_program}
     ways = tuple(each.way for each in chooser.links)
     return Choice(ways, {name: assignments for name, assignments in settings.items() if assignments}, chooser.notes())
+
+
+def unsupported_by_others(configured: Sequence[Configured]) -> Iterator[Fault]:
+    """A fault for each port whose QoS is not offered by the middleware that the other end names for both."""
+    for link in (link for client in configured for link in _links(client, configured)):
+        middleware, origin = link.named()
+        for end, port in ((link.client, link.port), (link.server, link.theirs)):
+            if not end.named(port, link.operation):
+                yield from unsupported_over(middleware, origin, end, port, link.operation, link.pattern)
 
 
 def _links(client: Configured, configured: Sequence[Configured]) -> Iterator[_Link]:

@@ -29,7 +29,7 @@ from ..runtime.document import Document, NotToml
 from ..runtime.effective import toml
 from ..runtime.notify import BETWEEN
 from ..spelling import unknown
-from .auto import Choice, Usable, Way, choose, installed_here
+from .auto import Choice, Usable, Way, choose, installed_here, unsupported_by_others
 from .configuration import check_text, span_of
 from .qos import unsupported
 from .routes import (
@@ -558,7 +558,8 @@ class _Planner:
     def _check_routes(self, nodes: Sequence[Node]) -> None:
         named = {node.name: node for node in nodes}
         faults = check_routes(self._configured, self._instances, self._unfit)
-        for fault in (*faults, *worth_telling(unsupported(self._configured))):
+        unkept = (*unsupported(self._configured), *unsupported_by_others(self._configured))
+        for fault in (*faults, *worth_telling(unkept)):
             blame = [("the publisher", named[fault.other].instance.name)] if fault.other else []
             at = named[fault.instance].place(fault.port)
             self._error(fault.code, fault.message, at, fault.hint, *blame)

@@ -29,7 +29,7 @@ def unsupported(configured: Sequence[Configured]) -> Iterator[Fault]:
     for each in configured:
         for port, operation, pattern in _operations(each):
             for middleware in each.settings.middlewares(port, operation, each.generated_for):
-                yield from _unsupported(each, port, operation, pattern, middleware)
+                yield from unsupported_over(middleware, each.origin(port, operation), each, port, operation, pattern)
 
 
 def lacking(middleware: str, pattern: Pattern, qos: QoS) -> list[str]:
@@ -41,13 +41,16 @@ def lacking(middleware: str, pattern: Pattern, qos: QoS) -> list[str]:
     return [word for capability, word in _WORDS.items() if capability in missing]
 
 
-def _unsupported(each: Configured, port: Port, operation: str, pattern: Pattern, middleware: str) -> Iterator[Fault]:
+def unsupported_over(
+    middleware: str, origin: str, each: Configured, port: Port, operation: str, pattern: Pattern
+) -> Iterator[Fault]:
+    """A fault if a middleware does not offer the QoS of a port. `origin` is where it was chosen, for people."""
     if not middleware or unfit(middleware):
         return  # which is told elsewhere
     missing = lacking(middleware, pattern, each.qos(port, operation))
     if missing:
         message = (
-            f"`{middleware}` ({each.origin(port, operation)}) does not offer {', '.join(missing)}, which `{each.name}` "
+            f"`{middleware}` ({origin}) does not offer {', '.join(missing)}, which `{each.name}` "
             f"asks for in its `{port.verb} {port.label}`{each.qos_origin(port, operation)}"
         )
         hint = "choose another middleware for it, or ask for less"

@@ -228,7 +228,7 @@ class TransportFaults:
                 outlet.send(_numbered(here, number), A_MOMENT)
                 taken.append(number)
         counts = outlet.wait_peer(0.0)  # else it has been given up, for good
-        assert taken[-1] < FLOOD - 1 or not counts, (kind, taken[-1], counts)
+        assert taken[-1] < FLOOD - 1 or not counts
         sleeper.go_on()
         heard, later = [0], itertools.count(FLOOD + 1)
 

@@ -98,7 +98,7 @@ _BUSES: dict[str, _Bus] = defaultdict(_Bus)
 
 
 class InprocTransport:
-    """Option `bus`: the name of the bus to join. Option `hand_over`: have services always run by threads of ours."""
+    """Option `bus`: the name of the bus to join. Option `hand_over`: neither run services nor have them run on threads that ask."""
 
     capabilities = ANY_QOS
 
@@ -343,6 +343,7 @@ class _Caller(_Link):
         super().__init__(transport, bus, channel)
         self.pending = Pending(channel.name)
         self._sequence = itertools.count(1)
+        self._enough = float("inf") if transport.hand_over else TRUSTED
         self._found: tuple[int, _Server] = -1, None  # type: ignore[assignment]  # of no version of the bus
 
     def call(self, payload: Payload, deadline: float) -> Future[Reply]:
@@ -352,7 +353,7 @@ class _Caller(_Link):
 
     def ask(self, payload: Payload, deadline: float) -> Reply:
         server = self._server()
-        if server.trusted >= TRUSTED:
+        if server.trusted >= self._enough:
             return self._ask_here(server, payload, deadline)
         # The Future has no callbacks, and wakes us at once.
         return self._outcome(self._start(server, payload, deadline, self.pending.settle), deadline)

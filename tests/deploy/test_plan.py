@@ -211,6 +211,23 @@ def test_a_program_of_ones_own_is_run_as_it_is(folder: Path) -> None:
     assert (process.cwd, process.notifies) == (folder, False)
 
 
+def test_who_subscribes_hears_a_program_of_ones_own_beside_the_others(folder: Path) -> None:
+    (folder / "own.sh").write_text("#!/bin/sh\n")
+    (folder / "own.sh").chmod(0o755)
+    body = """
+        Component ours : sensor { };
+        Component own : sensor { path "own.sh"; };
+        Component driver { requires Laser from ours; };
+    """
+    found, _ = plan(folder, body)
+    assert found is not None
+    heard = [(way.provider, way.middleware) for way in found.ways if way.interface == "LaserPub"]
+    assert heard == [("ours", "shm"), ("own", "zeromq")]
+    assert 'ports.LaserPub.also=[{ from = "own", middleware = "zeromq" }]' in command(found, "driver")
+    assert "own.sh" in command(found, "own")
+    assert "--set" not in command(found, "own")
+
+
 WRONG = {
     "Component driver { };": ["nobody-provides"],
     "Component a : sensor {}; Component b : sensor {}; Component driver { };": ["ambiguous-provider"],
@@ -447,6 +464,29 @@ def test_ends_are_those_that_configurations_name(folder: Path, carrier: str) -> 
     """
     assert errors(folder, body) == []
     assert errors(folder, body, Overrides(settings=(("driver", "ports.laser.from=right"),))) == ["middleware-mismatch"]
+
+
+def test_further_publishers_that_a_configuration_names_are_checked_as_the_first_is(folder: Path, carrier: str) -> None:
+    body = f"""
+        Component left : sensor {{ }};
+        Component right : sensor {{ middleware {carrier}; }};
+        Component driver {{ requires Laser from left; subscribesTo LaserPub from left; config "hears.toml"; }};
+    """
+
+    def told(also: str) -> list[str]:
+        (folder / "hears.toml").write_text(f"[ports.LaserPub]\nalso = [{also}]\n")
+        return errors(folder, body)
+
+    assert told('{ from = "right" }') == []
+    assert told('{ from = "wrong" }') == ["unknown-instance"]
+    assert told('{ from = "right", middleware = "zeromq" }') == ["middleware-mismatch"]
+
+
+def test_an_end_may_use_any_middleware_over_which_the_other_one_offers_it(folder: Path, carrier: str) -> None:
+    both = Overrides(settings=(("sensor", f'ports.Laser.also=["{carrier}"]'),))
+    body = f"Component sensor {{ middleware zeromq; }}; Component driver {{ middleware {carrier}; }};"
+    assert errors(folder, body) == ["middleware-mismatch", "middleware-mismatch"]
+    assert errors(folder, body, both) == ["middleware-mismatch"]
 
 
 SOURCES = {

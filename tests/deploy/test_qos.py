@@ -132,6 +132,13 @@ def test_what_the_middleware_does_not_offer_is_told_of_each_end(check: Check, mo
     assert faults[0].hint == "choose another middleware for it, or ask for less"
 
 
+def test_so_is_what_a_middleware_does_not_offer_that_the_other_end_names(check: Check, modest: str) -> None:
+    [found] = check("deadline 1 s", "", config=f'middleware = "{modest}"')
+    assert found.code == "unfit-middleware"
+    assert "`modest` (viewer: " in found.message
+    assert "does not offer deadline, which `laser` asks for in its `publishes LaserPub`" in found.message
+
+
 def test_what_the_middleware_offers_is_nothing_to_tell_of(check: Check, modest: str) -> None:
     assert check("reliable", "reliable", f"middleware {modest};") == []
 

@@ -150,6 +150,17 @@ def test_with_hand_over_it_is_always_another_thread() -> None:
         transport.close()
 
 
+@pytest.mark.usefixtures("patient")
+def test_nor_does_a_caller_that_hands_over_run_what_others_serve(transport: InprocTransport) -> None:
+    trusted(transport, whoever_runs_it)
+    handing_over = InprocTransport(TransportConfig({"bus": "alone", "hand_over": True}))
+    try:
+        asked = handing_over.caller(query("a/b/ask"))
+        assert asked.ask([], SOON).payload != threading.get_ident()
+    finally:
+        handing_over.close()
+
+
 def test_a_service_that_was_slow_is_run_by_another_thread_until_it_is_prompt_again(
     transport: InprocTransport, monkeypatch: pytest.MonkeyPatch
 ) -> None:

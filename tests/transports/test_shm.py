@@ -454,6 +454,53 @@ def test_a_program_that_forgets_to_close_ends_and_leaves_nothing() -> None:
     assert (segments(), files()) == before
 
 
+KEPT = """
+import atexit
+import sys
+import numpy as np
+
+kept = []  # in a module, and so to the end
+
+
+@atexit.register  # before the transport is imported, so run after all of its own
+def look():
+    print(sum(int(array.sum()) for array in kept), flush=True)
+
+
+from robocomp_py.testing.parts import topic
+from robocomp_py.transports.base import TransportConfig
+from robocomp_py.transports.shm import ShmTransport
+
+transport = ShmTransport(TransportConfig())
+transport.inlet(topic("shm/Conformance/op"), lambda payload: kept.append(np.frombuffer(payload, np.uint8)))
+print("ready", flush=True)
+sys.stdin.read()
+transport.close()
+"""
+
+
+def test_a_program_that_keeps_what_it_received_leaves_nothing_and_may_look_at_it_to_the_end() -> None:
+    before = segments(), files()
+    here = opened()
+    outlet = here.outlet(topic(NAME, RELIABLE))
+    process = subprocess.Popen([sys.executable, "-c", KEPT], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+        assert outlet.wait_peer(SOON)
+        payloads = [blob(here, bytes([number]) * size) for number, size in ((1, LARGE), (2, LARGE), (3, 2 * LARGE))]
+        for payload in payloads:
+            outlet.send(payload)
+        here.close()
+        out, _ = process.communicate(timeout=SOON * 3)
+    finally:
+        process.kill()
+        process.communicate()
+    octets = [b"".join(bytes(part) for part in payload) for payload in payloads]
+    assert (process.returncode, out) == (0, f"{sum(map(sum, octets))}\n")
+    assert (segments(), files()) == before
+
+
 def test_who_lives_removes_what_the_dead_have_left(here: ShmTransport) -> None:
     outlet = here.outlet(topic(NAME))
     outlet.send(blob(here, b"x"))

@@ -100,8 +100,8 @@ def impostor(transport: ZeroMQTransport, tmp_path: Path) -> Iterator[Callable[[s
 
             thread = threading.Thread(target=serve)
             thread.start()
-            everything.callback(thread.join)
             everything.callback(lambda: [each.close() for each in open_connections])
+            everything.callback(thread.join)  # before that: it may just have accepted one
             everything.callback(listener.shutdown, plain.SHUT_RDWR)
             member = transport.directory.join("impostor")
             everything.callback(member.close)

@@ -14,6 +14,7 @@ given copies. Short messages are copied anyway, since that takes less time.
 from __future__ import annotations
 
 import ctypes
+import gc
 import mmap
 import operator
 import struct
@@ -56,6 +57,11 @@ _madvise.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int)
 _copy = ctypes.PyDLL(None).memmove  # keeps other threads from running meanwhile: for what takes no time
 _copy.argtypes = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t)
 _copy.restype = None
+_mremap = ctypes.PyDLL(None).mremap
+_mremap.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_size_t, ctypes.c_int, ctypes.c_void_p)
+_mremap.restype = ctypes.c_void_p
+_MAY_MOVE, _FIXED = 1, 2
+_REFUSED = ctypes.c_void_p(-1).value
 
 _NOTHING = memoryview(b"")
 
@@ -221,16 +227,20 @@ _INVALID = 22
 def _mapped(address: int, size: int) -> memoryview:
     """The same memory once more, for as long as somebody has an array over it: iceoryx2 may end its own view of it."""
     try:
-        with open("/proc/self/maps") as maps:
-            for line in maps:
-                first, _, rest = line.partition("-")
-                start = int(first, 16)
-                if start <= address < int(rest.partition(" ")[0], 16):
-                    _, _, offset, _, _, path = line.rstrip("\n").split(None, 5)
-                    return _view(path, int(offset, 16) + address - start, size)
-    except (OSError, ValueError) as exc:
+        start, _, (_, _, offset, _, _, path) = _mapping(address)
+        return _view(path, int(offset, 16) + address - start, size)
+    except (OSError, ValueError, LookupError) as exc:
         raise TransportError(f"shm: memory cannot be lent: {exc}") from exc
-    raise TransportError("shm: memory cannot be lent: it is not there")
+
+
+def _mapping(address: int) -> tuple[int, int, list[str]]:
+    """Where the memory around an address begins and ends, and what the kernel says of it."""
+    with open("/proc/self/maps") as maps:
+        for line in maps:
+            start, end = (int(each, 16) for each in line.partition(" ")[0].split("-"))
+            if start <= address < end:
+                return start, end, line.rstrip("\n").split(None, 5)
+    raise LookupError("it is not there")
 
 
 def _view(path: str, offset: int, size: int) -> memoryview:
@@ -297,3 +307,20 @@ class _Lent(ctypes.c_uint8 * MAX_BYTES):  # type: ignore[misc]  # a class that c
     def __del__(self) -> None:
         self.sample = None
         self.out.pop()
+
+
+def let_go() -> None:
+    """Give back all that is still looked at, when the process ends; or what it belongs to would stay behind.
+
+    Whoever goes on looking (a daemon thread, a finaliser) still finds it there: iceoryx2 takes its view of the
+    memory away, and gets a second one to take, which is put in place of the first.
+    """
+    for lent in [each for each in gc.get_objects() if type(each) is _Lent]:
+        try:
+            start, end, _ = _mapping(ctypes.addressof(lent))
+        except (OSError, ValueError, LookupError):
+            continue
+        again = _mremap(start, 0, end - start, _MAY_MOVE, None)  # of no size: a second view of the same memory
+        if again != _REFUSED:
+            lent.sample = None
+            _mremap(again, end - start, end - start, _MAY_MOVE | _FIXED, start)

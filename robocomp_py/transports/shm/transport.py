@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import logging
 import threading
@@ -26,6 +27,7 @@ from .desk import Desk
 from .loop import Attending, Loop
 from .mail import LINGER, Line, Mailbox
 from .node import Node
+from .samples import let_go
 from .serving import CommandInlet, Server
 from .topics import Publisher, Subscriber
 
@@ -117,7 +119,7 @@ class ShmTransport:
             self.closed = True
             self._settled = time.monotonic() + LINGER
         with contextlib.ExitStack() as everything:  # from the last line to the first, and all of it whatever fails
-            everything.callback(self.node.close)
+            everything.callback(self._leave)
             everything.callback(self._let_go)
             everything.callback(self.desk.close)
             everything.callback(self._crew.close)
@@ -134,6 +136,10 @@ class ShmTransport:
                 peer.settle(self.settling())
             except TransportError:  # they have what they have
                 log.debug("%s: closing without knowing what was taken", self.owner, exc_info=True)
+
+    def _leave(self) -> None:
+        _left[self.folder] = self.node
+        self.node.close()
 
     def _let_go(self) -> None:
         with self._lock:
@@ -291,3 +297,17 @@ class ShmTransport:
                         each.close()
                 self.desk.drop(member_id)
                 self.died()
+
+
+_left: dict[Path, Node] = {}
+"""By its folder, the node that was closed last. What was received by it may still be looked at."""
+
+
+@atexit.register
+def _end() -> None:
+    """Of a process that keeps what it received to its end, nothing stays either."""
+    if _left:
+        let_go()
+    for node in _left.values():
+        with contextlib.suppress(TransportError):
+            node.close()

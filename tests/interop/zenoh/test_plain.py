@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -44,12 +45,24 @@ def channel(operation: Operation[Any], pattern: Pattern, qos: QoS | None = None)
     return Channel(name, pattern, type_of(operation, pattern), qos or QoS(), operation.idempotent)
 
 
-def plain(*arguments: str) -> subprocess.Popen[str]:
-    """The program, in an interpreter in which an import of ours is an error."""
+Start = Callable[..., "subprocess.Popen[str]"]
+
+
+@pytest.fixture
+def plain(transport: ZenohTransport) -> Iterator[Start]:
+    """Starts the program, in an interpreter in which an import of ours is an error."""
     guarded = "import runpy, sys; sys.modules['robocomp_py'] = None; del sys.argv[0]; runpy.run_path(sys.argv[0])"
     endpoint = f"unixsock-stream/{runtime_dir()}/zenoh/router.sock"
-    command = [sys.executable, "-I", "-c", guarded, str(HERE / "plain.py"), endpoint, *arguments]
-    return subprocess.Popen(command, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    command = [sys.executable, "-I", "-c", guarded, str(HERE / "plain.py"), endpoint]
+    with contextlib.ExitStack() as running:
+
+        def start(*arguments: str) -> subprocess.Popen[str]:
+            program = subprocess.Popen([*command, *arguments], text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+            running.enter_context(program)
+            running.callback(program.kill)
+            return program
+
+        yield start
 
 
 def told(program: subprocess.Popen[str]) -> list[str]:
@@ -58,7 +71,7 @@ def told(program: subprocess.Popen[str]) -> list[str]:
     return output.splitlines()
 
 
-def test_a_plain_program_hears_a_topic(transport: ZenohTransport) -> None:
+def test_a_plain_program_hears_a_topic(transport: ZenohTransport, plain: Start) -> None:
     outlet = transport.outlet(channel(news, Pattern.PUBLISH))
     program = plain("hear", "*/Everything/news")
     wait_until(lambda: outlet.heard)  # type: ignore[union-attr]  # a publisher
@@ -66,7 +79,7 @@ def test_a_plain_program_hears_a_topic(transport: ZenohTransport) -> None:
     assert told(program) == ["heard message 1: 7, hello", NONE_OF_OURS]
 
 
-def test_a_plain_program_asks_a_query(transport: ZenohTransport) -> None:
+def test_a_plain_program_asks_a_query(transport: ZenohTransport, plain: Start) -> None:
     decode, encode = transport.codec.decoder(divide.request), transport.codec.encoder(divide.response)
     serving = channel(divide, Pattern.QUERY)
     transport.server(serving, lambda payload, _: Reply(Status.OK, encode(divmod(*decode(payload)))))
@@ -75,7 +88,7 @@ def test_a_plain_program_asks_a_query(transport: ZenohTransport) -> None:
     assert told(plain("ask", "nobody/Everything/divide", fingerprint, "1", "1")) == ["no answer", NONE_OF_OURS]
 
 
-def test_a_plain_program_publishes_to_a_component_which_acknowledges(transport: ZenohTransport) -> None:
+def test_a_plain_program_publishes_to_a_component_which_acknowledges(transport: ZenohTransport, plain: Start) -> None:
     decode, heard = transport.codec.decoder(news.request), list[Any]()
     reliable = QoS(Reliability.RELIABLE)
     link = transport.inlet(channel(news, Pattern.PUBLISH, reliable), lambda payload: heard.append(decode(payload)))
@@ -84,7 +97,7 @@ def test_a_plain_program_publishes_to_a_component_which_acknowledges(transport: 
     assert heard == [(8, "goodbye")]
 
 
-def test_a_plain_program_serves_a_component(transport: ZenohTransport) -> None:
+def test_a_plain_program_serves_a_component(transport: ZenohTransport, plain: Start) -> None:
     asking = channel(divide, Pattern.QUERY)
     program = plain("serve", asking.name, f"{divide.fingerprint:016x}")
     caller = transport.caller(asking)
