@@ -17,13 +17,18 @@ ROOT = Path(__file__).parents[1]
 
 @contextlib.contextmanager
 def running(command: Sequence[str], **options: Any) -> Iterator[subprocess.Popen[bytes]]:
-    """A process that is asked to end, and made to if it does not. Not told by Ctrl-C, but by us."""
+    """A process that is asked to end, and made to if it does not. Not told by Ctrl-C, but by us.
+
+    One with a standard input of its own is asked by the end of that, so that it can close what it has opened.
+    """
     process: subprocess.Popen[bytes] = subprocess.Popen(command, start_new_session=True, **options)
     try:
         yield process
     finally:
         if process.stdin:
             process.stdin.close()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(PATIENCE / 2)
         process.terminate()
         try:
             process.wait(PATIENCE)

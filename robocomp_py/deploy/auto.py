@@ -17,12 +17,13 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from itertools import chain
 
 from ..contract.component import Port
 from ..contract.interface import Pattern, Verb
 from ..errors import ConfigurationError, TransportError
-from ..transports.base import Capability, Channel, TransportConfig, TypeRef, find_transport, needs
-from .qos import unsupported_over
+from ..transports.base import TransportConfig, find_transport
+from .qos import lacking, unsupported_over
 from .routes import Aim, Configured, Fault, providers, unfit
 
 INPROC, SHM = "inproc", "shm"
@@ -143,11 +144,9 @@ class _Link:
 
     def lacks(self, middleware: str) -> str:
         """What a middleware does not offer of the QoS of either end."""
-        offered = getattr(find_transport(middleware), "capabilities", Capability.NONE)
-        wanted = Capability.NONE
-        for end, port in ((self.client, self.port), (self.server, self.theirs)):
-            wanted |= needs(Channel("", self.pattern, TypeRef(""), end.qos(port, self.operation)))
-        return ", ".join(str(each.name).lower() for each in wanted & ~offered)
+        ends = (self.client, self.port), (self.server, self.theirs)
+        missing = [lacking(middleware, self.pattern, end.qos(port, self.operation)) for end, port in ends]
+        return ", ".join(dict.fromkeys(chain(*missing)))
 
     @property
     def source(self) -> str:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import logging
 import os
 import threading
 from pathlib import Path
+
+log = logging.getLogger("robocomp.transport")
 
 _MOVED_TO, _CREATED, _DELETED = 0x80, 0x100, 0x200
 _SELF_GONE = 0x400 | 0x800  # deleted, or moved
@@ -16,12 +19,11 @@ _GONE = _SELF_GONE | 0x8000  # ignored: nothing more will be told
 class Watch:
     """A descriptor that has input when files of a folder came, went or were replaced.
 
-    Without `working` nothing is told, since the system cannot, or the folder has gone: then look from time to time,
-    and `renew`.
+    Without `working` nothing is told, since the system cannot, or will not, or the folder has gone: then look from
+    time to time, and `renew`.
     """
 
     def __init__(self, folder: Path) -> None:
-        """Raises OSError if there is no descriptor left."""
         self._folder, self._lock = os.fsencode(folder), threading.Lock()
         self.working = False
         self.fileno = -1
@@ -29,8 +31,13 @@ class Watch:
             self._library = ctypes.CDLL(None, use_errno=True)
             self.fileno = self._library.inotify_init1(os.O_NONBLOCK | os.O_CLOEXEC)
             if self.fileno < 0:
-                number = ctypes.get_errno()
-                raise OSError(number, os.strerror(number))
+                why = os.strerror(ctypes.get_errno())  # each user has 128 of them as a rule, for all processes
+                log.warning(
+                    "%s is looked at from time to time instead of being watched: %s; "
+                    "allow for more (sysctl fs.inotify.max_user_instances)",
+                    folder,
+                    why,
+                )
             self.renew()
 
     def renew(self) -> None:

@@ -42,6 +42,9 @@ ENCAPSULATION = b"\x00\x01\x00\x00"
 TAIL = bytes(4)
 """What follows a payload that has room for a header: the count of an empty sequence."""
 
+_ORIGIN = len(ENCAPSULATION)
+"""From where alignment counts in a payload, modulo 8."""
+
 _Layouts = tuple[struct.Struct, ...]
 _LETTERS = dict(zip(Primitive, "BbBhHiIqQfd", strict=False))
 _PADDING = tuple(bytes(-n & 7) for n in range(8))
@@ -110,9 +113,9 @@ def _leaves_under(kind: Type, path: str) -> Iterator[_Leaf]:
             raise AssertionError("of no fixed size")
 
 
-def _layouts(letters: str) -> _Layouts:
-    """The packing of these primitives, by the offset (0 to 7) at which they begin."""
-    return tuple(struct.Struct("<" + _aligned(letters, start)) for start in range(8))
+def _layouts(letters: str, origin: int = 0) -> _Layouts:
+    """The packing of these primitives, by the offset (modulo 8) at which they begin; alignment counts from `origin`."""
+    return tuple(struct.Struct("<" + _aligned(letters, (start - origin) & 7)) for start in range(8))
 
 
 def _aligned(letters: str, start: int) -> str:
@@ -132,6 +135,8 @@ class _EncodeProgram:
         self._program = Program(message)
         self._letters = ""
         self._values: list[str] = []
+        self._begun = False
+        """Whether anything has been written. What comes first is packed with the encapsulation, in one piece."""
 
     def compile(self, *, join: bool = True) -> Encoder:
         p = self._program
@@ -139,7 +144,7 @@ class _EncodeProgram:
         names = [p.fresh() for _ in fields]
         refusal = f"{p.name(refused)}({p.name(self._message)}, values, exc)"
         with p.block("def encode(values)"), p.guarded(refusal):
-            p.line(f"out = [{p.name(ENCAPSULATION + bytes(self._room))}]; add = out.append; n = 0")
+            p.line("out = []; add = out.append; n = 0")
             p.line(f"[{', '.join(names)}] = values")
             self._fields(fields, names)
             with p.block(f"if n > {MAX_BYTES - len(ENCAPSULATION)}"):
@@ -171,10 +176,17 @@ class _EncodeProgram:
         self._values += values
 
     def _end_run(self) -> None:
-        if self._letters:
-            layouts = self._program.name(_layouts(self._letters), "layouts")
-            self._program.line(f"s = {layouts}[n & 7]; add(s.pack({', '.join(self._values)})); n += s.size")
-            self._letters, self._values = "", []
+        p = self._program
+        head = ENCAPSULATION + bytes(self._room)
+        if not self._begun:
+            self._begun = True
+            first = struct.Struct(f"<{len(head)}s{_aligned(self._letters, 0)}")
+            values = "".join(f", {value}" for value in self._values)
+            p.line(f"add({p.name(first.pack)}({p.name(head)}{values})); n = {first.size - len(head)}")
+        elif self._letters:
+            layouts = p.name(_layouts(self._letters), "layouts")
+            p.line(f"s = {layouts}[n & 7]; add(s.pack({', '.join(self._values)})); n += s.size")
+        self._letters, self._values = "", []
 
     def _value(self, kind: Type, x: str) -> None:
         p = self._program
@@ -273,26 +285,29 @@ class _EncodeProgram:
 
 
 class _DecodeProgram:
-    """Writes `decode(payload) -> values`. In it, `data` is what follows the encapsulation, `n` how much was read."""
+    """Writes `decode(payload) -> values`. In it, `data` is the payload, `n` how much was read.
+
+    What is aligned is aligned from behind the encapsulation, which is `ENCAPSULATION` modulo 8, since room is.
+    """
 
     def __init__(self, message: Struct, room: int) -> None:
-        self._message, self._room = message, room
+        self._message, self._start = message, len(ENCAPSULATION) + room
+        self._slack = len(_TAILS[1]) if room else 3  # DDS may pad a payload to a multiple of four
         self._program = Program(message)
         self._letters = ""
         self._names: list[str] = []
+        self._begun = False
+        """Whether anything has been read. What comes first is read from a place that is known."""
 
     def compile(self, prefix: bool) -> Callable[[Any], tuple[Any, ...]]:
         p = self._program
         with p.block("def decode(payload)"), p.guarded(f"{p.name(unreadable)}({p.name(self._message)}, exc)"):
-            start = len(ENCAPSULATION) + self._room
             p.line("data = memoryview(payload)")
-            with p.block(f"if not {start} <= data.nbytes <= {MAX_BYTES} or data[0] != 0 or data[1] != 1"):
+            with p.block(f"if not {self._start} <= data.nbytes <= {MAX_BYTES} or data[0] != 0 or data[1] != 1"):
                 p.line(f"{p.name(_refuse)}(data)")
-            p.line(f"data = data[{start}:]; n = 0")
             values = self._fields(self._message.fields)
             if not prefix:
-                slack = len(_TAILS[1]) if self._room else 3  # DDS may pad a payload to a multiple of four
-                with p.block(f"if not 0 <= data.nbytes - n <= {slack}"):
+                with p.block(f"if not 0 <= data.nbytes - n <= {self._slack}"):
                     p.line(f"{p.name(_refuse_rest)}(data, n)")
             p.line(f"return ({values})")
         p.write_functions(self._write)
@@ -321,11 +336,17 @@ class _DecodeProgram:
         return names
 
     def _end_run(self) -> None:
-        if self._letters:
-            layouts = self._program.name(_layouts(self._letters), "layouts")
-            names = ", ".join(self._names)
-            self._program.line(f"s = {layouts}[n & 7]; [{names}] = s.unpack_from(data, n); n += s.size")
-            self._letters, self._names = "", []
+        p = self._program
+        names = ", ".join(self._names)
+        if not self._begun:
+            self._begun = True
+            first = struct.Struct("<" + _aligned(self._letters, 0))
+            read = f"[{names}] = {p.name(first.unpack_from)}(data, {self._start}); " if names else ""
+            p.line(f"{read}n = {self._start + first.size}")
+        elif self._letters:
+            layouts = p.name(_layouts(self._letters, _ORIGIN), "layouts")
+            p.line(f"s = {layouts}[n & 7]; [{names}] = s.unpack_from(data, n); n += s.size")
+        self._letters, self._names = "", []
 
     def _value(self, kind: Type) -> str:
         """Emit what reads a value; return an expression for it, valid once the run has ended."""
@@ -345,7 +366,7 @@ class _DecodeProgram:
                 (count,) = self._run("I")
                 self._end_run()
                 if kind.dtype.itemsize == 8:
-                    p.line(f"if {count}: n += -n & 7")
+                    p.line(f"if {count}: n += {_ORIGIN} - n & 7")
                 p.line(f"{result} = {p.name(view_of)}(data, {p.name(kind.dtype)}, {count}, n); n += {result}.nbytes")
             case Sequence(item):
                 (count,) = self._run("I")
@@ -377,7 +398,8 @@ class _DecodeProgram:
         """Emit what reads items of fixed size."""
         p = self._program
         names = [p.fresh() for _ in letters]
-        take, arguments = iter(names).__next__, f"({p.name(_layouts(letters), 'layouts')}, data, n, {count})"
+        layouts = p.name(_layouts(letters, _ORIGIN), "layouts")
+        take, arguments = iter(names).__next__, f"({layouts}, data, n, {count})"
         few, many = p.name(_rows) + arguments, p.name(_columns) + arguments
         if isinstance(item, Struct) and item.fields:
             p.line(f"count = {count}")

@@ -109,6 +109,8 @@ def as_array(value: Any, dtype: np.dtype[Any]) -> _Array:
     and ranges of numbers, and for octets bytes. Nothing is rounded to an integer or wrapped: a
     value that does not fit raises OverflowError, one of another kind TypeError.
     """
+    if type(value) is np.ndarray and value.dtype is dtype and value.ndim == 1 and value.strides[0] == dtype.itemsize:
+        return value  # what nearly all are, found out as quickly as can be
     if isinstance(value, np.ndarray) and value.dtype == dtype and value.ndim:
         if value.ndim == 1 and value.flags.c_contiguous:
             return value

@@ -11,7 +11,7 @@ import pytest
 from robocomp_py.contract.component import Component, Port
 from robocomp_py.contract.interface import Verb
 from robocomp_py.contract.qos import QoS, Reliability
-from robocomp_py.deploy import auto
+from robocomp_py.deploy import auto, qos
 from robocomp_py.deploy.auto import Choice, choose
 from robocomp_py.deploy.routes import Configured
 from robocomp_py.runtime import settings
@@ -30,7 +30,7 @@ RELIABLE = QoS(Reliability.RELIABLE)
 @pytest.fixture(autouse=True)
 def offered(monkeypatch: pytest.MonkeyPatch) -> None:
     """Transports that are not opened; here `shm` is not reliable."""
-    monkeypatch.setattr(auto, "find_transport", lambda name: SimpleNamespace(capabilities=OFFERED[name]))
+    monkeypatch.setattr(qos, "find_transport", lambda name: SimpleNamespace(capabilities=OFFERED[name]))
 
 
 SERVER = Component("server", (Port(Verb.IMPLEMENTS, e.EVERYTHING), Port(Verb.PUBLISHES, e.EVERYTHING)))
@@ -175,7 +175,7 @@ def test_what_does_not_keep_a_promise_of_the_qos_is_not_chosen() -> None:
     choice = choose([instance(server, "server"), instance(reader, "reader")], fine)
     assert over(choice, "news") == [("reader", "server", "zeromq")]
     assert choice.notes == (
-        "shm is not used for 1 operation, which goes over zeromq instead: it does not offer reliable",
+        "shm is not used for 1 operation, which goes over zeromq instead: it does not offer reliable or keep_all",
     )
 
 

@@ -548,6 +548,12 @@ def test_opening_says_what_to_do_when_there_is_too_little(monkeypatch: pytest.Mo
     opened().close()
 
 
+def test_opening_says_what_to_do_where_nothing_can_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(node, "SHARED_MEMORY", str(tmp_path / "nowhere"))
+    with pytest.raises(TransportError, match="cannot be written to; mount it"):
+        opened()
+
+
 def test_sending_raises_when_there_is_no_more_and_goes_on_when_there_is(
     here: ShmTransport, there: ShmTransport, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -36,6 +36,7 @@ from ..base import (
     step_aside,
 )
 from ..crew import Job
+from ..exclusive import is_claimed
 from ..pending import Pending
 from .bus import Reader
 from .endpoints import Endpoint
@@ -59,6 +60,9 @@ if TYPE_CHECKING:
 
 _FINE, _OK = Status.OK, int(Status.OK)
 """The status, and a plain number: finding the one in its class, and comparing with it, takes several times as long."""
+
+DISCOVERED = 1.0
+"""Seconds in which DDS tells that a server of this host has left."""
 
 
 class Line:
@@ -203,17 +207,39 @@ class CommandOutlet(AskingLink):
         super().__init__(transport, channel)
         self._order = threading.Lock()
         self._sent = 0
+        self._claimed: Endpoint | None = None
+        """The server whose claim was seen in our run-time folder."""
 
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
         end = monotonic() + deadline
         enter(self, self._order, deadline)
         try:
-            _, line = self.server(end)
+            found = self.server(end)
+            self._check_that_it_stays(found, end)
+            line = found[1]
             if not self.write(line, payload, Flag.ONEWAY, self._sent + 1, end):
                 raise Timeout(f"{self.channel.name}: its server did not take the command for {deadline:g} s")
             self._sent += 1
         finally:
             self._order.release()
+
+    def _check_that_it_stays(self, found: tuple[Endpoint, Line], end: float) -> None:
+        """Raise Unreachable if the server gave back its claim, which is seen sooner than DDS tells that it left."""
+        server = found[0]
+        if is_claimed(self.transport.folder, server.channel):
+            self._claimed = server
+            return
+        if self._claimed is not server:  # on another host, or of another user: its claim is not here
+            return
+        patience = min(end, monotonic() + DISCOVERED)
+        while self._found is found:
+            if monotonic() >= patience:  # it is there: its claim was removed by somebody else
+                self._claimed = None
+                return
+            step_aside()
+            self.closed.wait(0.002)
+        self.check_open()
+        raise Unreachable(f"{self.channel.name}: its server left")
 
 
 class _Asker:

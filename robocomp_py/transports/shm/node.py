@@ -40,7 +40,7 @@ OPENING = 8 * 1024 * 1024
 
 SHARED_MEMORY = "/dev/shm"
 
-_FIRST_BYTES = 4096
+FIRST_BYTES = 4096
 """Size of the samples that a port begins with; it grows by powers of two."""
 
 _PATIENCE = 5.0
@@ -78,6 +78,11 @@ class Node:
             raise ConfigurationError(
                 f"run-time folder {folder.parent}: paths of sockets in it would have {longest} bytes, and 107 is the "
                 "limit; set ROBOCOMP_RUNTIME_DIR to a shorter path"
+            )
+        if not os.access(SHARED_MEMORY, os.W_OK | os.X_OK):
+            raise TransportError(
+                f"shm: {SHARED_MEMORY} is not there, or cannot be written to; mount it (mount -t tmpfs tmpfs "
+                f"{SHARED_MEMORY}), or choose another middleware"
             )
         check_room(OPENING)
         config = iceoryx2.config.default()
@@ -177,7 +182,7 @@ def _bytes(service: Any) -> Any:
 def _writer(service: Any, loans: int, samples: int) -> Any:
     """Never one that waits for readers: iceoryx2 would do so in the middle of the interpreter, and stop it."""
     port = service.publisher_builder().backpressure_strategy(iceoryx2.BackpressureStrategy.DiscardData)
-    port = port.allocation_strategy(iceoryx2.AllocationStrategy.PowerOfTwo).initial_max_slice_len(_FIRST_BYTES)
+    port = port.allocation_strategy(iceoryx2.AllocationStrategy.PowerOfTwo).initial_max_slice_len(FIRST_BYTES)
     return port.max_loaned_samples(loans).override_sample_preallocation(samples).create()
 
 

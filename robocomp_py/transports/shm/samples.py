@@ -28,7 +28,7 @@ import numpy as np
 from ...errors import TransportError
 from ...wire.codec import MAX_BYTES, Payload
 from .codec import Parts
-from .node import as_transport_error, free, full
+from .node import FIRST_BYTES, as_transport_error, check_room, free, full
 
 HEAD = struct.Struct("<IIQII")
 HEAD_BYTES = HEAD.size
@@ -50,6 +50,16 @@ _LONG = 256 * 1024
 _PAGE = mmap.PAGESIZE
 _POPULATE_WRITE = 23
 """To have memory now, or be told that there is none, rather than be killed when it is written to."""
+
+_SAMPLE_HEAD = 48
+"""Octets of iceoryx2's in front of each sample. It writes there when it gives us one, which is before we can ask for
+that memory."""
+
+_AHEAD = 16
+"""So many threads may be given samples at once; the heads of the next ones have memory before they are."""
+
+_ROOM = 1024 * 1024
+"""What has to be free besides, when a pool grows: for the heads, and for what iceoryx2 notes of it."""
 
 _library = ctypes.CDLL(None, use_errno=True)
 _madvise = _library.madvise
@@ -157,15 +167,18 @@ class Writer:
         address = sample.payload_ptr
         memory = self._memory.get(address, _NOTHING)
         if len(memory) < whole:
-            _own(address, whole)
+            _own(address + len(memory), whole - len(memory))
+            _own_heads(address, step(self._largest), 1 if not self._memory else _AHEAD)
             self._memory[address] = memory = memoryview((ctypes.c_uint8 * whole).from_address(address)).cast("B")
         return sample, address, memory
 
     def _grow(self, whole: int) -> None:
         if whole > MAX_BYTES + _BEFORE + _ALIGNED:
             raise TransportError(f"shm: {whole} bytes; a message may have {MAX_BYTES}")
+        if not self._largest or step(whole) > step(self._largest):
+            check_room(whole + _ROOM)
+            self._memory.clear()  # it lies elsewhere now
         self._largest = whole
-        self._memory.clear()  # it may lie elsewhere now
         self._mapped.clear()
 
 
@@ -210,18 +223,42 @@ def size_of(payload: Payload) -> int:
 
 
 def _own(address: int, size: int) -> None:
-    """Have memory behind these addresses. Raises TransportError if there is not enough."""
+    """Have memory behind these addresses. Raises TransportError if there is not enough, and takes none then."""
     start = address - address % _PAGE
     length = address + size - start
-    if _madvise(start, length, _POPULATE_WRITE) == 0:
-        return
-    error = ctypes.get_errno()
     left = free()
-    if error != _INVALID or left < length:  # invalid: the kernel is older than this request (Linux 5.14)
+    if left >= length and _madvise(start, length, _POPULATE_WRITE) == 0:
+        return
+    if left < length or ctypes.get_errno() != _INVALID:  # invalid: the kernel is older than this request (Linux 5.14)
         raise full(size, left)
 
 
-_INVALID = 22
+_INVALID, _NOT_MAPPED = 22, 12
+
+
+def step(largest: int) -> int:
+    """From one sample to the next, where the largest that was asked for has so many octets."""
+    if largest <= FIRST_BYTES:
+        return FIRST_BYTES + _SAMPLE_HEAD
+    return 1 << (largest + _SAMPLE_HEAD - 1).bit_length()
+
+
+def _own_heads(address: int, step: int, first: int) -> None:
+    """Have memory for the heads of samples after this one, from the `first` of them on.
+
+    Samples are given out in the order of their addresses, unless one was given back. So those that were never given
+    out, and have no memory yet, are met here before it is their turn.
+    """
+    for number in range(first, _AHEAD + 1):
+        head = address + number * step - _SAMPLE_HEAD
+        start = head - head % _PAGE
+        length = head + _SAMPLE_HEAD - start
+        if _madvise(start, length, _POPULATE_WRITE) == 0:
+            continue
+        error = ctypes.get_errno()
+        if error in (_INVALID, _NOT_MAPPED):  # an older kernel; or that was the last one
+            return
+        raise full(_PAGE, free())
 
 
 def _mapped(address: int, size: int) -> memoryview:

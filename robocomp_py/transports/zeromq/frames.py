@@ -40,6 +40,12 @@ def topic(channel: str) -> bytes:
     return channel.encode() + b"\0"
 
 
+def topic_of(first: Any) -> bytes:
+    """The topic that a first frame begins with; empty if there is none."""
+    begin = bytes(first[:_LONGEST_NAME])
+    return begin[: begin.find(b"\0") + 1]
+
+
 def joined(begin: bytes, payload: Payload) -> Frames:
     """A message that begins so."""
     return [begin + payload[0], *payload[1:]] if payload else [begin]
@@ -48,8 +54,9 @@ def joined(begin: bytes, payload: Payload) -> Frames:
 def read_request_frames(frames: Frames) -> tuple[bytes, Request, Frames]:
     """The topic, the header and the payload of a request or command. Raises DecodeError."""
     first = frames[0]
-    at = first.find(b"\0") + 1
-    return first[:at], request_at(first, at), _payload(frames, at + REQUEST_BYTES)
+    begin = first if type(first) is bytes else bytes(first[:_LONGEST_NAME])
+    at = begin.find(b"\0") + 1
+    return begin[:at], request_at(first, at), _payload(frames, at + REQUEST_BYTES)
 
 
 def read_reply_frames(frames: Frames) -> tuple[ReplyHeader, Frames]:

@@ -36,7 +36,7 @@ from ..crew import Crew, Job, Lane, Servant
 from ..exclusive import Claim, claim
 from ..ledger import Ledger
 from .curve import WATCHED, Secure
-from .frames import Frames, joined, read_request_frames, topic
+from .frames import Frames, joined, read_request_frames, topic, topic_of
 from .link import Link
 from .sockets import as_transport_error, lend_frames, new_socket, receive_frames
 
@@ -185,7 +185,7 @@ class Router:
         return link.accept(payload, time.monotonic() + remaining, partial(self.reply, identity, request))
 
     def _malformed(self, frames: Frames, why: DecodeError) -> None:
-        link = self._routes.get(bytes(frames[0][: frames[0].find(b"\0") + 1]))
+        link = self._routes.get(topic_of(frames[0]))
         if link:
             link.malformed(why)
         elif not self._told:

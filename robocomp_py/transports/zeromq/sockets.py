@@ -194,29 +194,29 @@ class Subscription:
         self.fileno = feed.fileno()
         self.closed = False
         self.awaited = False
+        self.more = False
+        """Whether there may be a next message right now. If not, the loop will tell."""
         self.on_input: Callable[[Any], list[Job]] = on_input
         self._feed, self._receive = feed, feed.receive
 
     def receive(self, most: int) -> list[Frames]:
         """Messages that are there, at most so many; there may be `more`. Raises Gone when there will be none."""
         messages: list[Frames] = []
+        self.more = False
         with self.lock:
             try:
                 while not self.closed and len(messages) < most:
                     messages.append(self._receive())
                     if not self._feed.more:
-                        break
+                        return messages
+                self.more = not self.closed
             except BlockingIOError:
-                pass
+                pass  # half a message may be there
             except Gone:
                 if not messages:
                     raise
+                self.more = True  # so that it is told next time
         return messages
-
-    @property
-    def more(self) -> bool:
-        """Whether there may be a next message right now. If not, the loop will tell."""
-        return self._feed.more
 
     def look(self) -> None:
         """Nothing is missed: its descriptor tells of input as long as there is some."""

@@ -160,13 +160,13 @@ class Subscriber(Link):
         with self._looking:  # of two who look, the later one must not connect the earlier
             found = self.counterparts()
             there = {entry.address: entry.channel for _, entry in found}
-            self._channels = {address[-6:]: channel for address, channel in there.items()}
+            connected = {address[-6:] for address in self._feeds}  # some have left, and are heard to their last word
+            self._channels = {end: channel for end, channel in self._channels.items() if end in connected}
+            self._channels |= {address[-6:]: channel for address, channel in there.items()}
             self._reception.meet(Source(entry.channel, from_traits(entry.traits)) for _, entry in found)
             self._garbled &= there.keys()
             if self.closed.is_set():
                 return True
-            for address in self._feeds.keys() - there.keys():
-                self._leave(address)
             for address in there.keys() - self._feeds.keys() - self._garbled:
                 self._connect(address, there[address])
         return True

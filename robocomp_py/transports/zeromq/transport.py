@@ -85,15 +85,11 @@ class ZeroMQTransport:
         self.directory = Directory(self.folder)
         self.member = self.directory.join(config.owner)
         try:
-            self._watch = Watch(self.folder)
-            try:
-                self._loop = Loop(self._tick)
-            except OSError:
-                self._watch.close()
-                raise
+            self._loop = Loop(self._tick)
         except OSError as exc:
             self.member.close()
             raise TransportError(f"zeromq: cannot be opened: {exc.strerror}") from exc
+        self._watch = Watch(self.folder)
         keep_memory()
         self.context = zmq.Context()
         if self._watch.fileno >= 0:
@@ -168,7 +164,8 @@ class ZeroMQTransport:
 
     def mute(self, subscription: Subscription) -> None:
         """Nobody attends to it, until it is heard again."""
-        self._loop.mute(subscription)
+        with subscription.lock:
+            self._loop.mute(subscription)
 
     def hear(self, subscription: Subscription) -> None:
         with subscription.lock:
@@ -243,6 +240,14 @@ class ZeroMQTransport:
             self._peers.pop(peer.id, None)
         peer.close()
 
+    def _drop_the_dead(self) -> None:
+        """Let go of what we hold for processes that have ended, whether or not anybody asks them again."""
+        with self._lock:
+            peers = list(self._peers.values())
+        for peer in peers:
+            if not peer.alive():
+                self.drop(peer)
+
     def left(self, link: Link) -> None:
         with self._lock:
             if link in self._links:
@@ -286,6 +291,8 @@ class ZeroMQTransport:
         if not self._watch.working:
             self._watch.renew()
         version = self.directory.version()
+        if version != self._known:
+            self._drop_the_dead()
         links = list(self._links)
         if version != self._known and all([self._guarded(link.look, False) for link in links]):
             self._known = version

@@ -11,7 +11,6 @@ writes to the kernel itself, and reads from it, large arrays right from and into
 
 from __future__ import annotations
 
-import contextlib
 import select
 import socket
 import struct
@@ -60,6 +59,9 @@ class Garbled(Gone):
 class _Connection:
     """What both kinds of connections have: the reading of messages. For one thread at a time."""
 
+    _waits = False
+    """Whether receiving waits: then who wanted a message is asked between two parts of it, however slowly they come."""
+
     def __init__(self, kind: bytes) -> None:
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         ready = b"\5READY\x0bSocket-Type" + len(kind).to_bytes(4, "big") + kind + b"\x08Identity" + bytes(4)
@@ -71,6 +73,8 @@ class _Connection:
         self._frames: Frames = []
         self._size = 0
         """What there is of a message."""
+        self._loaded = False
+        """Whether some was received since somebody wanted a message."""
         self._body: memoryview | None = None
         self._flags = self._filled = 0
         """A large frame of which some is missing."""
@@ -84,7 +88,7 @@ class _Connection:
         self._socket.close()
 
     def receive(self) -> Frames:
-        """The next message. Raises BlockingIOError if there was no progress for a while: call again, or do not; Gone.
+        """The next message. Raises BlockingIOError if it was not all there for a while: call again, or do not; Gone.
 
         Large frames are read-only memory that nobody else has.
         """
@@ -101,6 +105,8 @@ class _Connection:
             if len(data) >= end:
                 self._at = end
                 return [data[begin:end]]
+            self._size = 0  # commands between two messages are part of none
+        self._loaded = False
         while True:
             flags, frame = self._frame()
             self._size += len(frame) + _FRAME
@@ -133,7 +139,10 @@ class _Connection:
                     self._body[: self._filled] = data[at:]
                     self._data, self._at = b"", 0
                     continue
+            if self._loaded and self._waits:
+                raise BlockingIOError
             self._load()
+            self._loaded = True
 
     def _load(self) -> None:
         try:
@@ -157,16 +166,21 @@ class _Connection:
             if not more:
                 raise Gone("it was closed in the middle of a message")
             self._filled += more
+            if self._waits and self._filled < len(body):
+                raise BlockingIOError
 
     def _greet(self) -> None:
         """Read the other side's greeting and READY. What is not all there yet is read again."""
         if not self._recognized:
-            while len(self._data) < len(_GREETING):
+            if len(self._data) < len(_GREETING):
                 self._load()
+            if len(self._data) < len(_GREETING):
+                raise BlockingIOError
             theirs = self._data
             if theirs[0] != 0xFF or not theirs[9] & 1 or theirs[10] < 3 or theirs[12:32] != _GREETING[12:32]:
                 raise Garbled("there is no ZMTP 3 without security")
             self._at, self._recognized = len(_GREETING), True
+        self._loaded = False
         flags, ready = self._frame()
         if not flags & _COMMAND or ready[:6] != b"\5READY":
             raise Garbled("it was not ready")
@@ -176,8 +190,12 @@ class _Connection:
         name = body[1 : 1 + body[0]] if body else b""
         if name == b"PING":  # its time to live, in two octets, and what it wants to see again
             pong = b"\4PONG" + body[7:23]
-            with contextlib.suppress(BlockingIOError):  # then it has other signs of life from us, or none
+            try:
                 self._socket.send(_head(_COMMAND, len(pong)) + pong)
+            except BlockingIOError:
+                pass  # then it has other signs of life from us, or none
+            except OSError as exc:
+                raise Gone(str(exc)) from exc
         elif name == b"ERROR":
             raise Garbled(body[7:].decode(errors="replace"))
 
@@ -187,6 +205,8 @@ class Stream(_Connection):
 
     Who gives up in the middle of something closes it: half a message may have been sent.
     """
+
+    _waits = True
 
     def __init__(self, path: str, wait: Wait) -> None:
         """Connect. Raises OSError, and what `wait` raises."""
@@ -268,7 +288,11 @@ class Feed(_Connection):
 
     def _say(self, few: bytes) -> None:
         """So little that there is room for it in any new connection."""
-        if self._socket.send(few) < len(few):
+        try:
+            sent = self._socket.send(few)
+        except OSError as exc:
+            raise Gone(str(exc)) from exc
+        if sent < len(few):
             raise Gone("it takes nothing")
 
 
