@@ -8,6 +8,7 @@
   cpu        what components compute while nothing much happens
   threads    handlers run by the thread that received their message, and by another one
   layers     where the time of a query goes; the codec of the cyclonedds package
+  codecs     encoding and decoding by themselves, beside the cyclonedds package and plain msgpack
   memory     queries with large arrays, when glibc keeps freed memory
   languages  files read and checked; `rc lint` and `rcgen` as processes
   lsp        from a change in an editor to its diagnostics

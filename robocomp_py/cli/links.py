@@ -31,6 +31,10 @@ exit status: 0 fine, 1 the network is wrong, 2 usage
 """
 
 
+_UNBROKEN = 1000
+"""Characters of a line that is no person's to read, and so is not broken."""
+
+
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = (
         "Show which mechanism carries each operation between each two instances, and why: objects within one "
@@ -80,7 +84,9 @@ def _print(ways: Sequence[Way]) -> None:
     for way, what in _together(ways):
         table.add_row(way.client, what, way.provider, way.middleware, way.why)
     console = Console(highlight=False)
-    console.print(table, width=None if console.is_terminal else 200)
+    if not console.is_terminal:
+        console.width = _UNBROKEN
+    console.print(table)
 
 
 def _together(ways: Sequence[Way]) -> list[tuple[Way, str]]:

@@ -104,8 +104,12 @@ def loan(operation: Operation[Any], interface: Interface) -> str:
 
 
 def loan_arguments(operation: Operation[Any]) -> list[str]:
-    """What the arrays of its message are called: by their own names or, where two are called so, by the way to them."""
-    paths = [[field.name for field in path] for path, _ in t.arrays(operation.inputs)]
+    """What the arrays of its message are called: by their own names or, where two are called so, by the way to them.
+
+    If there is one parameter, a struct, that is the message, and the way to an array begins in it.
+    """
+    inside = len(operation.inputs) == 1 and isinstance(operation.inputs[0].type, t.Struct)
+    paths = [[field.name for field in path[inside:]] for path, _ in t.arrays(operation.inputs)]
     own = Counter(path[-1] for path in paths)
     names: list[str] = []
     for path in paths:

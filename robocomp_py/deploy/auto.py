@@ -24,7 +24,7 @@ from ..contract.interface import Pattern, Verb
 from ..errors import ConfigurationError, TransportError
 from ..transports.base import TransportConfig, find_transport
 from .qos import lacking, unsupported_over
-from .routes import Aim, Configured, Fault, providers, unfit
+from .routes import Aim, Configured, Fault, met, unfit
 
 INPROC, SHM = "inproc", "shm"
 
@@ -98,16 +98,11 @@ def unsupported_by_others(configured: Sequence[Configured]) -> Iterator[Fault]:
 
 
 def _links(client: Configured, configured: Sequence[Configured]) -> Iterator[_Link]:
-    """What an instance uses of others: each provider once, by the first aim that meets it."""
+    """What an instance uses of others."""
     for port, operation, pattern in _operations(client, providing=False):
-        met: set[tuple[str, str]] = set()
-        for aim in client.aims(port, operation):
-            found = providers(client, port, aim, configured)
-            for server, theirs in ((server, theirs) for server, offers in found for theirs in offers):
-                is_new = (server.name, theirs.name) not in met
-                met.add((server.name, theirs.name))
-                if is_new and not (client.is_program and server.is_program):  # what those do is theirs to know
-                    yield _Link(client, port, aim, operation, pattern, server, theirs)
+        for aim, server, theirs in met(client, port, operation, configured):
+            if not (client.is_program and server.is_program):  # what those do is theirs to know
+                yield _Link(client, port, aim, operation, pattern, server, theirs)
 
 
 def _operations(each: Configured, *, providing: bool) -> Iterator[tuple[Port, str, Pattern]]:

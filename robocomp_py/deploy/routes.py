@@ -190,7 +190,9 @@ def check_routes(configured: Sequence[Configured], instances: Collection[str], t
     for client in configured:
         for port, operation in client.operations(providing=False):
             for aim in client.aims(port, operation):
-                found += _check_route(client, port, operation, aim, configured, instances)
+                found += _check_aim(client, port, aim, configured, instances)
+            for aim, server, theirs in met(client, port, operation, configured):
+                found += _check_ends(client, port, aim, server, theirs, operation)
     return worth_telling(found)
 
 
@@ -215,12 +217,35 @@ def providers(
         yield server, server.offers(port, None if instance == names.ANY else segment)
 
 
+def met(
+    client: Configured, port: Port, operation: str, configured: Sequence[Configured]
+) -> list[tuple[Aim, Configured, Port]]:
+    """Each provider that a port uses, once: by the first aim that suits it, or else by the first that means it."""
+    found: dict[tuple[str, str], list[tuple[Aim, Configured, Port]]] = {}
+    for aim in client.aims(port, operation):
+        for server, offers in providers(client, port, aim, configured):
+            for theirs in offers:
+                found.setdefault((server.name, theirs.name), []).append((aim, server, theirs))
+    return [next((way for way in ways if _suits(*way, operation)), ways[0]) for ways in found.values()]
+
+
+def _suits(aim: Aim, server: Configured, theirs: Port, operation: str) -> bool:
+    """Whether a provider offers an operation over what an aim names, or leaves that open."""
+    offered = server.settings.middlewares(theirs, operation, server.generated_for)
+    return not aim.middleware or not server.named(theirs, operation) or aim.middleware in offered
+
+
 def _unfit_choices(each: Configured, told: Collection[str]) -> Iterator[Fault]:
     ports = [*each.operations(providing=True), *each.operations(providing=False)]
     for name, origin in dict.fromkeys((each.middleware(*at), each.origin(*at)) for at in ports):
         if name and name not in told and _is_unfit(each, name):
             fault = unfit(name) or unshared(name, each.name)
             yield Fault(fault.code, f"`{each.name}` ({origin}): {fault.message}", fault.hint, each.name)
+    further = [(way.middleware or "", port) for port, at in ports for way in each.settings.port(port, at).also or ()]
+    for name, port in further:
+        if _named(name) and (absent := unfit(name)):
+            origin = each.document.place(("ports", port.name, "also"))
+            yield Fault(absent.code, f"`{each.name}` ({origin}): {absent.message}", absent.hint, each.name)
 
 
 def _is_unfit(each: Configured, middleware: str) -> bool:
@@ -228,14 +253,10 @@ def _is_unfit(each: Configured, middleware: str) -> bool:
     return unfit(middleware) is not None or (not each.process and stays_inside(middleware))
 
 
-def _check_route(
-    client: Configured,
-    port: Port,
-    operation: str,
-    aim: Aim,
-    configured: Sequence[Configured],
-    instances: Collection[str],
+def _check_aim(
+    client: Configured, port: Port, aim: Aim, configured: Sequence[Configured], instances: Collection[str]
 ) -> Iterator[Fault]:
+    """Whether whom it names is there, and offers what is used."""
     namespace, instance, segment = client.source(port, aim)
     if namespace != client.settings.namespace:
         return  # another network's, of which nothing is known here
@@ -250,8 +271,6 @@ def _check_route(
             origin = client.document.place(("ports", port.name, aim.said))
             message = f"`{client.name}` ({origin}): `{server.name}` does not {what} `{segment}`"
             yield Fault("nobody-provides", message, "", client.name)
-        for theirs in offers:
-            yield from _check_ends(client, port, aim, server, theirs, operation)
 
 
 def unmet(
@@ -274,8 +293,6 @@ def _check_ends(
         asked, offered = client.qos(port, operation), server.qos(theirs, operation)
         yield from unmet(port, asked, server.name, offered, client=client.name, said=said)
     mine, other = aim.middleware, server.named(theirs, operation)
-    if other and mine in server.settings.middlewares(theirs, operation, server.generated_for):
-        other = mine  # one of several over which it is offered
     here, there = mine or other, other or mine  # who leaves it open follows who does not
     if not here:
         return
@@ -283,7 +300,7 @@ def _check_ends(
         return  # which has been told
     what = f"`{port.interface.short}.{operation}`"
     subject = (client.name, port.name, server.name)
-    if here != there:
+    if not _suits(aim, server, theirs, operation):
         message = (
             f"`{client.name}` uses {what} over `{here}` ({client.aim_origin(port, operation, aim)}), "
             f"but `{server.name}` offers it over `{there}` ({server.origin(theirs, operation)})"

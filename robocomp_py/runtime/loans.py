@@ -64,9 +64,11 @@ class Loans:
             views = [array.reshape(shape) for array, shape in zip(memory.arrays, shapes, strict=True)]
             message = kind()
             self._put(message, views)
-            yield message
-            for array in (*views, *memory.arrays):
-                array.flags.writeable = False  # whoever goes on writing to what he gave away hears of it
+            try:
+                yield message
+            finally:
+                for array in (*views, *memory.arrays):
+                    array.flags.writeable = False  # whoever goes on writing to what he gave away hears of it
             send(self._arguments(message), memory=memory)
 
     def send(self, arguments: _Arguments, deadline: float) -> None:
@@ -88,7 +90,7 @@ class Loans:
             else:
                 octets = np.frombuffer(loan.data, np.uint8)
                 made = [_part(octets, *place) for place in zip(planned.places, sizes, self._dtypes, strict=True)]
-                return _Lent(self, made, loan, octets, planned, sizes)
+                return _Lent(self, _cleared(made), loan, octets, planned, sizes)
         return Memory(self, self._new(sizes))
 
     def _plan(self, pieces: Encoder, kind: type[Any], sizes: _Sizes) -> Plan:
@@ -104,7 +106,7 @@ class Loans:
         return planned
 
     def _new(self, sizes: _Sizes) -> list[_Array]:
-        return [np.empty(size, dtype) for size, dtype in zip(sizes, self._dtypes, strict=True)]
+        return _cleared([np.empty(size, dtype) for size, dtype in zip(sizes, self._dtypes, strict=True)])
 
     def _put(self, message: object, made: Sequence[_Array]) -> None:
         for path, array in zip(self._places, made, strict=True):
@@ -162,9 +164,19 @@ def _part(octets: _Array, place: int, size: int, dtype: np.dtype[Any]) -> _Array
     return octets[place : place + size * dtype.itemsize].view(dtype)
 
 
+def _cleared(made: list[_Array]) -> list[_Array]:
+    """These arrays; those of bools hold some, since others than 0 and 1 would be refused where they arrive."""
+    for array in made:
+        if array.dtype.kind == "b":
+            array.fill(False)
+    return made
+
+
 def _size(shape: Shape) -> int:
     """How many items an array of this shape has; raises ValueError for what is none."""
     lengths = shape if isinstance(shape, tuple) else (shape,)
-    if not all(isinstance(each, int | np.integer) and each >= 0 for each in lengths):
+    if not lengths or not all(
+        type(each) is not bool and isinstance(each, int | np.integer) and each >= 0 for each in lengths
+    ):
         raise ValueError(f"a shape is a number of items or a tuple of such numbers, not {shape!r}")
     return math.prod(int(each) for each in lengths)

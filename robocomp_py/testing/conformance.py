@@ -445,6 +445,15 @@ class TransportConformance(QoSConformance):
             outlet.send(blob(transport, message))
         assert {inbox.get(timeout=SOON) for _ in range(3)} == {b"a", b"b", b"c"}
 
+    def test_commands_of_any_size(self, here: Transport, there: Transport, name: str) -> None:
+        inbox = Inbox()
+        here.inlet(command(name), put(here, inbox))
+        outlet = there.outlet(command(name))
+        assert outlet.wait_peer(SOON)
+        for size in (0, 4_000, 10_000, 20_000, 65_535, 65_536):
+            outlet.send(blob(there, b"a" * size))
+            assert inbox.get(timeout=SOON) == b"a" * size
+
     def test_a_command_to_nobody_is_unreachable(self, here: Transport, name: str) -> None:
         with pytest.raises(Unreachable):
             here.outlet(command(name)).send(blob(here, b"x"))
@@ -457,6 +466,14 @@ class TransportConformance(QoSConformance):
         caller = there.caller(query(name))
         assert caller.wait_peer(SOON)
         assert _asker(there, caller, ask)(b"abc") == b"ABC"
+
+    @pytest.mark.parametrize("ask", ["ask", "call"])
+    def test_questions_and_answers_of_any_size(self, here: Transport, there: Transport, name: str, ask: str) -> None:
+        here.server(query(name), answering(here, bytes.upper))
+        caller = there.caller(query(name))
+        assert caller.wait_peer(SOON)
+        for size in (0, 4_000, 10_000, 20_000, 65_535, 65_536):
+            assert _asker(there, caller, ask)(b"a" * size) == b"A" * size
 
     def test_an_answer_may_come_later(self, here: Transport, there: Transport, name: str) -> None:
         later: queue.Queue[Future[Reply]] = queue.Queue()

@@ -21,8 +21,9 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
+from typing import Any
 
 from ..errors import ConfigurationError, TransportError
 from ..wire.names import matches
@@ -182,7 +183,7 @@ class Directory:
                 except FileNotFoundError:
                     continue  # it left while we read
                 except (ValueError, TypeError, KeyError):
-                    continue  # written by another version of this package
+                    continue  # written by another version of this package, or by another program
         return found
 
     def _adopt(self, found: dict[str, tuple[tuple[int, int, int], Member]]) -> None:
@@ -277,7 +278,16 @@ def _as_transport_error(folder: Path) -> Iterator[None]:
 
 def _load(path: Path, name: str) -> Member:
     record = json.loads(path.read_text())
-    return Member(name, record["owner"], record["pid"], tuple(Entry(**entry) for entry in record["entries"]))
+    return Member(name, record["owner"], record["pid"], tuple(map(_entry, record["entries"])))
+
+
+def _entry(told: dict[str, Any]) -> Entry:
+    """What is told of an entry, perhaps by another program. Raises TypeError; what we do not know is passed over."""
+    entry = Entry(**{each.name: told[each.name] for each in fields(Entry) if each.name in told})
+    for each in fields(Entry):
+        if type(getattr(entry, each.name)) is not (int if each.name == "fingerprint" else str):
+            raise TypeError(f"{each.name} of an entry")
+    return entry
 
 
 def _locked(path: Path) -> bool:

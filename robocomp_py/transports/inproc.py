@@ -98,7 +98,10 @@ _BUSES: dict[str, _Bus] = defaultdict(_Bus)
 
 
 class InprocTransport:
-    """Option `bus`: the name of the bus to join. Option `hand_over`: neither run services nor have them run on threads that ask."""
+    """Option `bus`: the name of the bus to join. Option `hand_over`: no thread that asks runs a service.
+
+    That holds for those that ask this transport, and for those of this transport that ask others.
+    """
 
     capabilities = ANY_QOS
 

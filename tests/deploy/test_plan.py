@@ -480,6 +480,21 @@ def test_further_publishers_that_a_configuration_names_are_checked_as_the_first_
     assert told('{ from = "right" }') == []
     assert told('{ from = "wrong" }') == ["unknown-instance"]
     assert told('{ from = "right", middleware = "zeromq" }') == ["middleware-mismatch"]
+    assert told(f'"{carrier}"') == []  # whoever comes by that, too
+    assert told('"nowhere"') == ["unknown-middleware"]
+
+
+def test_a_publisher_is_heard_by_the_way_that_suits_it(folder: Path, carrier: str) -> None:
+    body = f"""
+        Component left : sensor {{ middleware zeromq; }};
+        Component right : sensor {{ middleware {carrier}; }};
+        Component driver {{ requires Laser from left; middleware zeromq; }};
+    """
+    assert errors(folder, body) == ["middleware-mismatch"]
+    found, _ = plan(folder, body, Overrides(settings=(("driver", f'ports.LaserPub.also=["{carrier}"]'),)))
+    assert found is not None
+    heard = [(way.provider, way.middleware) for way in found.ways if way.interface == "LaserPub"]
+    assert heard == [("left", "zeromq"), ("right", carrier)]
 
 
 def test_an_end_may_use_any_middleware_over_which_the_other_one_offers_it(folder: Path, carrier: str) -> None:

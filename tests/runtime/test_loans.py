@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
@@ -261,6 +262,16 @@ def test_two_arrays_may_change_places() -> None:
     assert feed.outlet.sent == [bytes(feed.expected(np.full(70, 2.0), "", np.full(50, 1.0)))]
 
 
+@pytest.mark.parametrize("outlet", [Lending, Plain])
+def test_bools_that_were_not_filled_are_bools(outlet: Callable[[], Any]) -> None:
+    mask = operation(t.Field("mask", t.Sequence(t.BOOL)))
+    feed = Feed(mask, outlet())
+    with feed.loan(lambda: SimpleNamespace(mask=None), 100):
+        pass
+    (found,) = Cdr(ROOM).decoder(mask.request)(feed.outlet.sent[0])
+    assert not found.any()
+
+
 # When nothing is sent.
 
 
@@ -269,6 +280,14 @@ def test_a_block_left_by_an_exception_sends_nothing_and_gives_the_memory_back() 
     with pytest.raises(KeyError), feed.loan(frame, 100):
         raise KeyError("the camera")
     assert (feed.outlet.sent, feed.outlet.given_back) == ([], 1)
+
+
+def test_nor_can_be_written_any_more_to_what_was_given_back() -> None:
+    feed = Feed(FRAME)
+    with contextlib.suppress(KeyError), feed.loan(frame, 100) as filled:
+        raise KeyError("the camera")
+    with pytest.raises(ValueError, match="read-only"):
+        filled.pixels[0] = 2
 
 
 def test_nor_does_a_message_that_does_not_fit_its_type() -> None:
@@ -291,7 +310,7 @@ def test_memory_is_given_back_when_sending_fails_or_goes_another_way() -> None:
         assert (feed.outlet.given_back, len(feed.outlet.sent)) == (1, 0 if late else 1)
 
 
-@pytest.mark.parametrize("shape", [-1, (2, -1), 0.5, "3", None, (1, None)])
+@pytest.mark.parametrize("shape", [-1, (2, -1), 0.5, "3", None, (1, None), (), True, [3]])
 def test_what_is_no_shape_is_refused_before_anything_is_borrowed(shape: Any) -> None:
     feed = Feed(FRAME)
     with pytest.raises(ValueError, match="a shape is"), feed.loan(frame, shape):

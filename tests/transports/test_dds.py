@@ -549,6 +549,28 @@ def test_a_server_with_many_slow_requests_stalls_no_other_of_its_process(
     assert order.index("quick") < 400
 
 
+def test_no_command_goes_to_a_server_that_left_though_dds_has_not_told_yet(
+    here: DDSTransport, there: DDSTransport, name: str
+) -> None:
+    outlet = there.outlet(command(name))
+    inlet = here.inlet(command(name), lambda _: None)
+    assert outlet.wait_peer(SOON)
+    outlet.send(blob(there, b"heard"))
+    tell, late = there.bus.endpoints.on_change, list[threading.Timer]()
+
+    def tell_late() -> None:
+        late.append(threading.Timer(0.1, tell))
+        late[-1].start()
+
+    there.bus.endpoints.on_change = tell_late
+    inlet.close()
+    with pytest.raises(Unreachable):
+        outlet.send(blob(there, b"nobody"))
+    there.bus.endpoints.on_change = tell
+    for each in late:
+        each.join()
+
+
 def test_commands_beyond_the_limit_are_dropped_counted_and_logged_once(
     here: DDSTransport, there: DDSTransport, name: str, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -1083,6 +1105,17 @@ def test_domains_do_not_hear_each_other(here: DDSTransport, name: str) -> None:
     wait_until(lambda: inbox == [b"x"])
     other.close()
     assert strange == []
+
+
+def test_the_same_may_be_served_in_each_domain(name: str) -> None:
+    first, second = (DDSTransport(TransportConfig({"domain": domain})) for domain in (7, 8))
+    with contextlib.closing(first), contextlib.closing(second):
+        for transport, answer in ((first, b"in 7"), (second, b"in 8")):
+            transport.server(query(name), answering(transport, lambda _, answer=answer: answer))
+        for transport, answer in ((first, b"in 7"), (second, b"in 8")):
+            caller = transport.caller(query(name))
+            assert caller.wait_peer(SOON)
+            assert unblob(transport, caller.ask(blob(transport, b""), SOON).payload) == answer
 
 
 def test_each_user_of_a_host_has_a_domain_and_the_first_one_that_of_the_tools() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import signal
@@ -104,6 +105,21 @@ def test_files_of_other_versions_are_ignored(directory: Directory, tmp_path: Pat
     (tmp_path / "transport" / "1-a.json").write_text("{}")
     (tmp_path / "transport" / "2-b.json").write_text("half")
     assert directory.find("serves", "a/b/c") == []
+
+
+def test_of_what_another_program_wrote_the_unknown_is_passed_over_and_the_wrong_hides_nobody(
+    directory: Directory,
+) -> None:
+    ours, theirs, wrong = directory.join("ours"), directory.join("theirs"), directory.join("wrong")
+    ours.add(LASER)
+    told = {"role": "serves", "channel": LASER.channel, "fingerprint": 2, "text": "", "colour": "red"}
+    for member, entry in ((theirs, told), (wrong, told | {"channel": 3})):
+        record = {"owner": "it", "pid": os.getpid(), "entries": [entry], "more": 1}
+        member.address("draft").write_text(json.dumps(record))
+        member.address("draft").rename(directory._folder / f"{member.id}.json")
+    wait_until(lambda: {entry.fingerprint for _, entry in directory.find("serves", LASER.channel)} == {1, 2})
+    for member in (ours, theirs, wrong):
+        member.close()
 
 
 def test_the_version_changes_when_members_do_and_only_then(directory: Directory) -> None:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import ctypes
 import errno
+import itertools
+import mmap
+import shutil
 import stat
 import subprocess
 import sys
@@ -28,7 +31,7 @@ from robocomp_py.transports.directory import runtime_dir
 from robocomp_py.transports.shm import ShmTransport, node, samples
 from robocomp_py.transports.shm.mail import Post, packed, unpacked
 from robocomp_py.transports.shm.receipts import SLOTS, Credit, Reader, Receipts
-from robocomp_py.transports.shm.topics import SHARE
+from robocomp_py.transports.shm.topics import LOANS, SHARE
 
 LARGE = 1_000_000
 NAME = "shm/Conformance/op"
@@ -258,6 +261,19 @@ def test_loans_that_are_not_sent_give_their_memory_back(here: ShmTransport, ther
     assert inbox.get(timeout=SOON) == b"after"
 
 
+def test_when_all_is_lent_a_further_loan_is_refused_until_one_is_given_back(
+    here: ShmTransport, there: ShmTransport
+) -> None:
+    inbox, outlet = subscribe(there, topic(NAME)), here.outlet(topic(NAME))
+    assert outlet.wait_peer(SOON)
+    loans = [outlet.loan(LARGE) for _ in range(LOANS)]  # type: ignore[union-attr]
+    with pytest.raises(TransportError, match="all memory for messages is in use"):
+        outlet.loan(LARGE)  # type: ignore[union-attr]
+    loans.pop().close()
+    outlet.send(blob(here, b"x"))
+    assert inbox.get(timeout=SOON) == b"x"
+
+
 def test_memory_of_a_loan_can_be_read_when_all_is_closed() -> None:
     here = opened()
     outlet = here.outlet(topic(NAME))
@@ -445,6 +461,53 @@ def test_what_a_killed_process_left_is_removed_at_the_next_start() -> None:
     assert (segments(), files()) == before
 
 
+def test_what_a_killed_process_left_is_removed_at_the_next_start_though_the_folder_went_meanwhile(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As that of a user who logs out does."""
+    with tempfile.TemporaryDirectory(prefix="rc-", dir="/tmp") as folder:
+        monkeypatch.setenv("ROBOCOMP_RUNTIME_DIR", folder)
+        process = subprocess.Popen([sys.executable, "-c", KILLED], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == b"ready\n"
+        finally:
+            process.kill()
+            process.communicate()
+        shutil.rmtree(Path(folder, "shm"))
+        assert segments()
+        opened().close()
+        assert segments() == set()
+
+
+def test_an_array_that_outlives_its_transport_does_not_notice_that_the_next_one_cleans_up() -> None:
+    before = segments()
+    here, there = opened(), opened()
+    kept: list[Any] = []
+    there.inlet(topic(NAME), lambda payload: kept.extend(there.codec.decoder(BLOB)(payload)))
+    outlet = here.outlet(topic(NAME))
+    assert outlet.wait_peer(SOON)
+    wait_until(lambda: (outlet.send(blob(here, bytes([7]) * LARGE)), kept)[1])
+    here.close()
+    there.close()
+    opened().close()
+    assert set(kept[0].tolist()) == {7}
+    kept.clear()
+    opened().close()
+    assert segments() == before
+
+
+def test_what_a_process_killed_while_it_came_or_went_has_left_is_removed_once_nobody_is_there() -> None:
+    before = segments(), files()
+    half = runtime_dir() / "shm" / "i" / "nodes" / "12345"  # of which iceoryx2 does not know, without the other half
+    half.mkdir(parents=True)
+    (half / "details").touch()
+    Path("/dev/shm", node.prefix(runtime_dir() / "shm") + "half.data").touch()
+    opened().close()
+    assert (segments(), files()) == before
+    assert not half.exists()
+
+
 def test_a_program_that_forgets_to_close_ends_and_leaves_nothing() -> None:
     before = segments(), files()
     program = KILLED.replace("sys.stdin.read()", "").replace("loan = ", "")  # which would be in use to the end
@@ -572,6 +635,42 @@ def test_sending_raises_when_there_is_no_more_and_goes_on_when_there_is(
     monkeypatch.undo()
     outlet.send(blob(here, bytes(LARGE)))
     assert len(inbox.get(timeout=SOON)) == LARGE
+
+
+def resident(address: int) -> bool:
+    """Whether there is memory behind that address already."""
+    page = address - address % mmap.PAGESIZE
+    found = ctypes.c_ubyte()
+    assert ctypes.CDLL(None).mincore(ctypes.c_void_p(page), 1, ctypes.byref(found)) == 0
+    return bool(found.value & 1)
+
+
+@pytest.mark.parametrize("size", [100, 5000, 100_000, LARGE])
+def test_the_next_samples_have_memory_where_iceoryx2_writes_before_we_are_asked(here: ShmTransport, size: int) -> None:
+    _, port = here.node.new_topic("heads", 8, 0, 8, 64, 16)
+    writer = samples.Writer(port)
+    for loans in ([writer.lend(size)], [writer.lend(size) for _ in range(16)]):
+        addresses = [loan.address for loan in loans if loan]
+        apart = samples.step(size + 132)
+        assert all(after - before == apart for before, after in itertools.pairwise(addresses))
+        assert all(
+            resident(addresses[-1] + n * apart - 48) and resident(addresses[-1] + n * apart - 1) for n in (1, 16)
+        )
+        del loans
+
+
+def test_a_large_message_for_which_there_is_no_room_does_not_take_what_is_left(
+    here: ShmTransport, there: ShmTransport, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    inbox, outlet = subscribe(there, topic(NAME)), here.outlet(topic(NAME))
+    greet(here, outlet, inbox)
+    outlet.send(blob(here, bytes(600_000)))
+    assert inbox.get(timeout=SOON) == bytes(600_000)
+    monkeypatch.setattr(samples, "free", lambda: 300_000)
+    with pytest.raises(TransportError, match="300000 are left"):
+        outlet.send(blob(here, bytes(LARGE)))
+    outlet.send(blob(here, b"a short one"))
+    assert inbox.get(timeout=SOON) == b"a short one"
 
 
 def test_an_answer_for_which_there_is_no_memory_fails_its_call(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 import select
 from collections.abc import Iterator
 from pathlib import Path
@@ -59,6 +60,20 @@ def test_of_a_folder_that_went_nothing_is_told_until_the_watch_is_renewed(folder
     assert watch.working
     (folder / "file").write_text("x")
     assert told(watch)
+
+
+def test_without_a_descriptor_nothing_is_told_and_nothing_fails(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
+    _, most = limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (0, most))
+    try:
+        watch = Watch(folder)
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+    assert "max_user_instances" in caplog.text
+    watch.renew()
+    watch.read()
+    assert not watch.working
+    watch.close()
 
 
 def test_closing_may_be_repeated(watch: Watch) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import secrets
 import signal
@@ -11,6 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +30,7 @@ from robocomp_py.transports.directory import runtime_dir
 from robocomp_py.transports.exclusive import holder
 from robocomp_py.transports.zenoh import ZenohTransport
 from robocomp_py.transports.zenoh.asking import COMMANDS_AHEAD
+from robocomp_py.transports.zenoh.credit import MOST_AHEAD
 from robocomp_py.transports.zenoh.session import open_client, open_router
 from robocomp_py.wire import header
 
@@ -264,6 +267,67 @@ def test_a_reliable_subscriber_that_leaves_holds_nobody_up(transport: ZenohTrans
     release.set()
     stuck.close()
     send_many(transport, outlet, 50)
+
+
+def test_nothing_reliable_is_lost_however_deep_its_publisher_is_and_however_slow_its_subscriber(
+    transport: ZenohTransport, other: ZenohTransport
+) -> None:
+    release, heard = threading.Event(), list[Any]()
+    deep, shallow = QoS(Reliability.RELIABLE, depth=9000), RELIABLE
+
+    def sink(payload: Any) -> None:
+        release.wait(SOON)
+        heard.append(payload)
+
+    link = other.inlet(topic("a/b/c", shallow), sink)
+    outlet, sent = transport.outlet(topic("a/b/c", deep)), 0
+    assert outlet.wait_peer(SOON)
+    with contextlib.suppress(Timeout):
+        for sent in range(9000):
+            outlet.send(blob(transport, b""), 0.2)
+    release.set()
+    wait_until(lambda: len(heard) >= sent)
+    assert link.stats.lost == 0
+
+
+def test_what_waits_of_a_publisher_that_does_not_count_is_bounded(
+    transport: ZenohTransport, other: ZenohTransport
+) -> None:
+    release, heard = threading.Event(), list[Any]()
+
+    def sink(payload: Any) -> None:
+        release.wait(SOON * 3)
+        heard.append(payload)
+
+    link = other.inlet(topic("a/b/c", RELIABLE), sink)
+    outlet = transport.outlet(topic("a/b/c"))
+    assert outlet.wait_peer(SOON)
+    sent, most = 2 * MOST_AHEAD, 1 + RELIABLE.depth + MOST_AHEAD
+    for _ in range(sent):
+        outlet.send(blob(transport, b""))
+    wait_until(lambda: link.stats.dropped + link.stats.lost >= sent - most)
+    release.set()
+    wait_until(lambda: len(heard) + link.stats.dropped + link.stats.lost >= sent)
+    assert len(heard) <= most
+
+
+def test_a_publisher_can_be_closed_while_other_threads_use_it(transport: ZenohTransport) -> None:
+    def use(outlet: Any, begun: threading.Event) -> type[Exception]:
+        try:
+            while True:
+                outlet.send(blob(transport, b"news"))
+                outlet.wait_peer(0.0)
+                begun.set()
+        except Exception as exc:
+            return type(exc)
+
+    for number in range(10):
+        outlet, begun = transport.outlet(topic(f"a/b{number}/c")), threading.Event()
+        with ThreadPoolExecutor() as pool:
+            users = [pool.submit(use, outlet, begun) for _ in range(4)]
+            assert begun.wait(SOON)
+            outlet.close()
+            assert {user.result(SOON) for user in users} == {Closed}
 
 
 def test_a_late_subscriber_gets_each_latched_message_once_and_in_order_under_traffic(

@@ -18,6 +18,7 @@ import pytest
 import zmq
 
 from robocomp_py.contract.interface import Pattern
+from robocomp_py.contract.qos import QoS, Reliability
 from robocomp_py.errors import AlreadyServed, ConfigurationError, TransportError, Unreachable
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.conformance import answering, blob, command, query, topic
@@ -385,6 +386,40 @@ def test_whatever_fails_in_closing_everything_is_closed(monkeypatch: pytest.Monk
     assert first.closed.is_set()
     assert threading.active_count() == before
     assert transport.context.closed
+
+
+def test_what_was_published_before_a_publisher_left_is_heard(transport: ZeroMQTransport) -> None:
+    channel, begin, heard = topic("a/b/c", QoS(Reliability.RELIABLE, depth=1000)), threading.Event(), list[Any]()
+    link = transport.inlet(channel, lambda payload: (begin.wait(SOON), heard.append(payload)))
+    publishing = ZeroMQTransport(TransportConfig())
+    outlet = publishing.outlet(channel)
+    assert outlet.wait_peer(SOON)
+    for _ in range(1050):
+        outlet.send(blob(publishing, bytes(200)), SOON)
+    publishing.close()
+    wait_until(lambda: not transport.directory.find("publishes", "a/b/c"))
+    begin.set()
+    wait_until(lambda: len(heard) == 1050)
+    assert link.stats.lost == 0
+    assert isinstance(link, Subscriber)
+    wait_until(lambda: not link._feeds)
+
+
+def test_servers_that_come_and_go_leave_no_descriptors_with_those_who_ask(transport: ZeroMQTransport) -> None:
+    caller, inlet = transport.caller(query("a/b/c")), transport.inlet(topic("a/b/d"), lambda payload: None)
+
+    def life() -> int:
+        with contextlib.closing(ZeroMQTransport(TransportConfig())) as other:
+            other.server(query("a/b/c"), answering(other, bytes.upper))
+            other.outlet(topic("a/b/d"))
+            assert caller.wait_peer(SOON)
+            assert inlet.wait_peer(SOON)
+            assert caller.ask(blob(transport, b"x"), SOON).status is Status.OK
+        wait_until(lambda: not transport._peers)
+        return len(os.listdir("/dev/fd"))
+
+    first = life()
+    wait_until(lambda: life() <= first)
 
 
 def test_a_transport_outlives_a_time_without_file_descriptors() -> None:

@@ -19,6 +19,7 @@ from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Reply, Status, TransportConfig
 from robocomp_py.transports.zeromq import ZeroMQTransport
 from robocomp_py.transports.zeromq.frames import Frames
+from robocomp_py.transports.zeromq.sockets import Subscription
 from robocomp_py.transports.zeromq.zmtp import Feed, Garbled, Gone, Stream
 
 from .test_zeromq_faults import GREETING, ready
@@ -163,6 +164,76 @@ def test_what_ends_a_connection_is_told(
     assert caught.type is kind
     thread.join()
     stream.close()
+
+
+@pytest.mark.parametrize("words", [b"", b"\4\x07\4PING\0\0"], ids=["nothing", "a ping"])
+def test_a_publisher_that_goes_before_it_is_answered_has_gone(
+    path: Path, raw: Callable[[], plain.socket], words: bytes
+) -> None:
+    feed = Feed(str(path), [b"a"])
+    with raw() as other:
+        other.sendall(GREETING + ready(b"XPUB"))
+        if words:
+            with contextlib.suppress(BlockingIOError):
+                feed.receive()
+            other.sendall(words)
+    with pytest.raises(Gone):
+        feed.receive()
+    feed.close()
+
+
+def test_pings_may_go_on_for_ever(path: Path, raw: Callable[[], plain.socket]) -> None:
+    feed = Feed(str(path), [b"a"])
+    with raw() as other:
+        other.sendall(GREETING + ready(b"XPUB"))
+        for _ in range(700):  # more than a message may have frames
+            other.sendall(b"\4\x07\4PING\0\0" * 100)
+            with pytest.raises(BlockingIOError):
+                feed.receive()
+        other.sendall(b"\0\4news")
+        assert feed.receive() == [b"news"]
+    feed.close()
+
+
+@pytest.mark.parametrize(("begin", "drop"), [(b"\2" + (10**6).to_bytes(8, "big"), b"x"), (b"", b"\1\0")])
+def test_who_waits_is_asked_however_slowly_a_message_comes(
+    path: Path, raw: Callable[[], plain.socket], begin: bytes, drop: bytes
+) -> None:
+    asked, ended = threading.Event(), list[bool]()
+
+    def serve() -> None:
+        other = raw()
+        other.sendall(GREETING + ready(b"ROUTER") + begin)
+        for _ in range(int(SOON * 100)):
+            if asked.wait(0.01):
+                return
+            other.sendall(drop)
+        ended.append(True)
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    stream = Stream(str(path), patience())
+    with pytest.raises(BlockingIOError):
+        stream.receive()
+    asked.set()
+    thread.join()
+    assert not ended
+    stream.close()
+
+
+def test_there_is_no_more_when_half_a_message_is_there_or_the_subscription_was_closed(
+    path: Path, raw: Callable[[], plain.socket]
+) -> None:
+    subscription = Subscription(Feed(str(path), [b"a"]), lambda _: [])
+    other = raw()
+    other.sendall(GREETING + ready(b"XPUB") + b"\0\1a\0\1b\0\5half")
+    assert (subscription.receive(1), subscription.more) == ([[b"a"]], True)
+    assert (subscription.receive(9), subscription.more) == ([[b"b"]], False)
+    assert (subscription.receive(9), subscription.more) == ([], False)
+    other.sendall(b"!\0\1a")
+    assert (subscription.receive(1), subscription.more) == ([[b"half!"]], True)
+    subscription.close()
+    assert (subscription.receive(1), subscription.more) == ([], False)
 
 
 def test_many_small_frames_without_an_end_are_not_collected(path: Path, raw: Callable[[], plain.socket]) -> None:

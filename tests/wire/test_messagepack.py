@@ -15,6 +15,7 @@ from robocomp_py.contract.types import (
     DTYPES,
     FLOAT32,
     FLOAT64,
+    INT8,
     INT16,
     INT32,
     STRING,
@@ -102,6 +103,16 @@ def test_large_arrays_travel_in_buffers_of_their_own() -> None:
     assert tree[1] == msgpack.ExtType(2, b"f\x02\x00\x00\x00")
     assert tree[2] == values[2].tobytes()
     assert (bytes(first), bytes(second)) == (values[0].tobytes(), values[1].tobytes())
+
+
+@pytest.mark.parametrize("kind", [BOOL, INT8, UINT8])
+@pytest.mark.parametrize("size", [254, 255, 256, APART - 2, APART - 1, APART])
+def test_arrays_of_any_size_come_back(kind: Primitive, size: int) -> None:
+    message = one(Sequence(kind))
+    payload = CODEC.encoder(message)((np.ones(size, DTYPES[kind]),))
+    (array,) = CODEC.decoder(message)(payload)
+    assert (array.size, array.dtype) == (size, DTYPES[kind])
+    assert len(payload) == (1 if size < APART else 2)
 
 
 def test_they_are_received_without_a_copy() -> None:

@@ -59,6 +59,9 @@ log = logging.getLogger("robocomp.transport.dds")
 MESSAGES_WAITING = 1000
 """Messages of a best-effort publisher that may wait for a reliable subscriber; more are dropped."""
 
+BYTES_WAITING = 64 * 1024 * 1024
+"""And so many bytes, beyond the subscriber's depth."""
+
 MOST_WAITING = 100_000
 """The same of all its publishers; those who count are told before that to wait."""
 
@@ -247,8 +250,8 @@ class _Heard:
                 each.close()
 
 
-_Message = tuple[_Heard, int, int, Payload]
-"""What was heard by what, from which source, its number, and the payload."""
+_Message = tuple[_Heard, int, int, int, Payload]
+"""What was heard by what, from which source, its number, the size of the sample, and the payload."""
 
 
 class Subscriber(Link):
@@ -276,6 +279,7 @@ class Subscriber(Link):
         self._counting: dict[int, bool] = {}
         """By publisher: whether it counts, and waits for us."""
         self._put = self._consumed = 0
+        self._put_bytes = self._consumed_bytes = 0
         self._most = self._window + MESSAGES_WAITING
         """So many may wait of publishers that do not count."""
         self._telling = max(1, self._window // 2)
@@ -410,9 +414,9 @@ class Subscriber(Link):
                 messages.append(message)
         if not messages:
             return []
-        dropped = len(messages) - self._lane.put_all(messages)
-        self._put -= dropped
-        self.stats.dropped += dropped
+        taken = self._lane.put_all(messages)
+        if taken < len(messages):
+            self._give_up(messages[taken:])
         return [self._lane.drain] if self._lane.summon() else []
 
     def _take(self, heard: _Heard, sample: bytes) -> Payload | _Message | None:
@@ -430,19 +434,30 @@ class Subscriber(Link):
             return None
         if not self._ledger.admit(source, sequence):
             return None
-        if self._reliable and self._put - self._consumed >= self._most and not self._counting.get(source, True):
-            self.stats.dropped += 1
-            return None
+        if self._reliable and self._put - self._consumed >= self._window and not self._counting.get(source, True):
+            waiting, octets = self._put - self._consumed, self._put_bytes - self._consumed_bytes
+            if waiting >= self._most or octets >= BYTES_WAITING:
+                self.stats.dropped += 1
+                return None
         if self._reception.on:
             payload = self._reception.admit(heard.name, stamp, payload)
         if not self._reliable:
             return payload
         self._put += 1
-        return heard, source, sequence, payload
+        self._put_bytes += len(sample)
+        return heard, source, sequence, len(sample), payload
+
+    def _give_up(self, messages: list[Any]) -> None:
+        """These found no room."""
+        self.stats.dropped += len(messages)
+        if self._reliable:
+            self._put -= len(messages)
+            self._put_bytes -= sum(size for *_, size, _ in messages)
 
     def _consume(self, message: _Message) -> None:
-        heard, source, sequence, payload = message
+        heard, source, sequence, size, payload = message
         self._consumed += 1
+        self._consumed_bytes += size
         try:
             self._sink(payload)
         finally:

@@ -79,7 +79,8 @@ class DDSTransport:
         self.codec: Codec = CODEC
         self.owner = config.owner
         self.incarnation = random_id()
-        self.folder = runtime_dir() / "dds"
+        self.folder = runtime_dir() / "dds" / f"served-{domain}"
+        """For claims of those who can meet."""
         self.closed = False
         self._lock = threading.RLock()
         self._links: list[Link] = []

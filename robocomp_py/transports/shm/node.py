@@ -94,6 +94,8 @@ class Node:
         builder = builder.signal_handling_mode(iceoryx2.SignalHandlingMode.Disabled)  # signals are Python's business
         self._lock = _Lock(folder / "nodes.lock")
         with self._lock.taken(), as_transport_error("opening a node"):
+            self._config = config
+            self._clear()
             self._node: Any = builder.create(iceoryx2.ServiceType.Ipc)
             for shared in self._common():
                 shared.chmod(0o600)
@@ -105,12 +107,20 @@ class Node:
             return
         with self._lock.taken():
             self._node = None
-            nodes = self._root / "nodes"
-            with contextlib.suppress(OSError):
-                if not any(nodes.iterdir()):  # we were the last: nobody else can come while we hold the lock
-                    for shared in self._common():
-                        shared.unlink(missing_ok=True)
-                    shutil.rmtree(self._root, ignore_errors=True)
+            self._clear()
+
+    def _clear(self) -> None:
+        """If nobody is here, remove what nobody owns, and what iceoryx2 does not find of those who were killed.
+
+        For whoever holds the lock: nobody else can come meanwhile.
+        """
+        try:
+            found = iceoryx2.Node.list(iceoryx2.ServiceType.Ipc, self._config)
+        except _FAILURES:
+            return  # somebody is leaving, who will look himself
+        if all(isinstance(each, iceoryx2.NodeState.Dead) for each in found):
+            self._sweep()
+            shutil.rmtree(self._root, ignore_errors=True)
 
     def bury(self) -> None:
         """Remove what killed processes have left. Their samples and ports do not count any more."""
@@ -169,6 +179,15 @@ class Node:
         if self._node is None:
             raise TransportError("shm: the transport is closed")
         return self._node.service_builder(iceoryx2.ServiceName.new(name))
+
+    def _sweep(self) -> None:
+        """Remove what was left by processes whose folder is gone, and with it what iceoryx2 would find them by.
+
+        An array that is still over a sample keeps its memory: only the name goes.
+        """
+        for left in Path(SHARED_MEMORY).glob(f"{self._prefix}*"):
+            with contextlib.suppress(OSError):  # another time
+                left.unlink()
 
     def _common(self) -> list[Path]:
         """What all nodes share, and none of them owns."""

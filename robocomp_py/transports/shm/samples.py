@@ -223,13 +223,16 @@ def size_of(payload: Payload) -> int:
 
 
 def _own(address: int, size: int) -> None:
-    """Have memory behind these addresses. Raises TransportError if there is not enough, and takes none then."""
+    """Have memory behind these addresses. Raises TransportError if there is not enough."""
     start = address - address % _PAGE
     length = address + size - start
-    left = free()
-    if left >= length and _madvise(start, length, _POPULATE_WRITE) == 0:
+    if size >= _LONG and (left := free()) < length:  # it would take what is left, and then fail
+        raise full(size, left)
+    if _madvise(start, length, _POPULATE_WRITE) == 0:
         return
-    if left < length or ctypes.get_errno() != _INVALID:  # invalid: the kernel is older than this request (Linux 5.14)
+    error = ctypes.get_errno()
+    left = free()
+    if error != _INVALID or left < length:  # invalid: the kernel is older than this request (Linux 5.14)
         raise full(size, left)
 
 

@@ -51,7 +51,7 @@ LOANS = 16
 """So many messages may be written at the same time."""
 
 LOANING = 5.0
-"""Seconds for which a loan waits for memory, when all of it is in use."""
+"""Seconds for which a loan waits for another thread that is sending."""
 
 PAUSE = 0.001
 """Seconds between two attempts to have memory, when all of it is in use."""
@@ -107,13 +107,12 @@ class Publisher(AnnouncedLink["ShmTransport"]):
             self._order.release()
 
     def loan(self, size: int) -> _Loan:
-        end = self._take_turn(LOANING)
+        self._take_turn(LOANING)
         try:
             assert self._writer
-            while (loaned := self._writer.lend(size)) is None:
-                if time.monotonic() >= end:
-                    raise TransportError(f"{self.channel.name}: all memory for messages is in use")
-                self._pause()
+            loaned = self._writer.lend(size)
+            if loaned is None:  # who borrows has a way without; to wait is for who sends, until his deadline
+                raise TransportError(f"{self.channel.name}: all memory for messages is in use")
             return _Loan(self, loaned)
         finally:
             self._order.release()

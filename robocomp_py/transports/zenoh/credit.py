@@ -13,6 +13,9 @@ BYTES_AHEAD = 2 * 1024 * 1024
 It is what the queues on the way hold, those of the sender and of the router.
 """
 
+MOST_AHEAD = 1000
+"""So many messages a sender is ahead of a reader at most, whatever its depth."""
+
 
 class Credit:
     """How far a sender may go ahead of its readers: `ahead` messages that a reader has not taken yet.

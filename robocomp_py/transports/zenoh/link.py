@@ -23,7 +23,7 @@ from ..base import (
     TypeRef,
     mismatch,
 )
-from ..crew import Lane
+from ..crew import STUCK, Lane
 from ..exclusive import Claim
 from ..ledger import Ledger
 from .messages import Inbox, Message, direct
@@ -107,10 +107,23 @@ class Link:
             self.closed.set()
         self.transport.left(self)
         for declared in (self._token, *self._declared):
-            with contextlib.suppress(zenoh.ZError):  # the session may have been closed under us
-                if declared:
-                    declared.undeclare()
+            if declared:
+                self._undeclare(declared)
         self.release()
+
+    def _undeclare(self, declared: Any) -> None:
+        """Zenoh refuses that while another thread uses the object; none begins to, once the link is closed."""
+        end = time.monotonic() + STUCK
+        while True:
+            try:
+                return declared.undeclare()  # type: ignore[no-any-return]  # None
+            except zenoh.ZError:  # the session may have been closed under us
+                return None
+            except RuntimeError as exc:
+                if time.monotonic() >= end:
+                    log.warning("%s: still in use after %g s; not waiting any longer: %s", self.channel.name, STUCK, exc)
+                    return None
+                time.sleep(0.001)
 
     def release(self) -> None:
         """Let go of what this link holds; called once, when it is closed."""
@@ -156,7 +169,7 @@ class Link:
         except zenoh.ZError as exc:
             raise self.failed(exc) from exc
 
-    def failed(self, why: zenoh.ZError) -> TransportError:
+    def failed(self, why: Exception) -> TransportError:
         """What to raise when the session did."""
         if self.closed.is_set() or self.transport.closed:
             return Closed(f"{self.channel.name}: the link is closed")

@@ -19,6 +19,7 @@ import zenoh
 
 from ..base import Sink, Statistics, receives
 from ..crew import STUCK, belongs
+from .credit import MOST_AHEAD
 
 log = logging.getLogger("robocomp.transport.zenoh")
 
@@ -26,7 +27,13 @@ Admit = Callable[[Any], Any]
 """What is to be delivered of a message that came in, its payload as Zenoh has it, or None."""
 
 AT_LEAST, TIMES = 4096, 8
-"""So many messages the channel holds at least, and so many times the depth; then it gives up the oldest one."""
+"""So many messages the channel holds at least, and so many times the depth, if it is lossy; then it gives up the oldest one."""
+
+BYTES_WAITING = 64 * 1024 * 1024
+"""So many bytes of a sender that does not count may wait beyond the depth, and `MOST_AHEAD` messages."""
+
+SENDERS = 16
+"""If it is not lossy, it holds all that so many senders may be ahead, however slow the sink is."""
 
 
 class Reader:
@@ -44,6 +51,8 @@ class Reader:
         """The thread that gives the sink what waits, if there is one."""
         self._delivered = self._seen = 0
         self._closed = False
+        self.waits = True
+        """Whether the present message is held back until there is room, as its sender waits for us; set by `admit`."""
         self.owing = False
         """Whether `settle` is to be called after the present message; set by `admit`."""
         self.settle: Callable[[], object] = _nothing
@@ -54,7 +63,8 @@ class Reader:
 
     def channel(self) -> Any:
         """What Zenoh is to put messages into."""
-        return zenoh.handlers.RingChannel(max(AT_LEAST, TIMES * self._depth))
+        holds = max(AT_LEAST, TIMES * self._depth) if self._lossy else SENDERS * MOST_AHEAD
+        return zenoh.handlers.RingChannel(holds)
 
     def start(self, receive: Callable[[], Any]) -> None:
         """Begin to read; `receive` raises ZError when nothing will come any more."""
@@ -92,8 +102,9 @@ class Reader:
             me = threading.get_ident()
             if not self._changed.wait_for(lambda: self._drainer in (0, me), STUCK):
                 log.warning("%s: still in a handler after %g s; not waiting any longer", self._name, STUCK)
+            stuck = self._drainer
         turn = self._turn
-        if turn and turn is not threading.current_thread():
+        if turn and turn.ident not in (me, stuck):
             turn.join(STUCK)
 
     def _step_aside(self) -> None:
@@ -128,7 +139,11 @@ class Reader:
             payload = self._admit(message)
             if payload is not None:
                 if self._drainer and not self._lossy:
-                    self._changed.wait_for(self._has_room)
+                    if self.waits:
+                        self._changed.wait_for(self._has_room)
+                    elif self._is_too_much(len(message.payload)):
+                        self._stats.dropped += 1
+                        return
                 if self._drainer:
                     self._append(payload)
                     payload = None
@@ -145,6 +160,11 @@ class Reader:
 
     def _has_room(self) -> bool:
         return len(self._waiting) < self._depth or not self._drainer or self._closed
+
+    def _is_too_much(self, size: int) -> bool:
+        """Whether more of that size waits than may; those of one topic are alike."""
+        beyond = len(self._waiting) - self._depth
+        return beyond >= MOST_AHEAD or beyond * size >= BYTES_WAITING
 
     def _append(self, payload: Any) -> None:
         if self._lossy and len(self._waiting) >= self._depth:

@@ -30,7 +30,7 @@ from ..base import (
 )
 from ..ledger import Ledger
 from ..reception import Reception
-from .credit import BYTES_AHEAD, Credit
+from .credit import BYTES_AHEAD, MOST_AHEAD, Credit
 from .link import INBOX, Link, depth_of
 from .messages import BLOCK, DROP, Message
 from .reader import Reader
@@ -48,6 +48,9 @@ _PARTS = 4
 _LOOK = 0.01
 """Seconds until a sink that takes long is looked at again."""
 
+_REFUSED = zenoh.ZError, RuntimeError
+"""What a publisher of Zenoh raises once it is undeclared, and while it is being."""
+
 
 class Publisher(Link):
     role, facing = "publishes", "subscribes"
@@ -56,10 +59,11 @@ class Publisher(Link):
         super().__init__(transport, channel)
         qos = channel.qos
         lossless = _as_it_is(qos).reliable
-        self.traits = f"{traits(_as_it_is(qos))}w{depth_of(channel)}" if lossless else traits(qos)
+        ahead = min(depth_of(channel), MOST_AHEAD)
+        self.traits = f"{traits(_as_it_is(qos))}w{ahead}" if lossless else traits(qos)
         self._lossless = lossless
         self._readers: tuple[int, dict[int, int]] = -1, {}
-        self._credit = Credit(depth_of(channel), self._reliable_readers)
+        self._credit = Credit(ahead, self._reliable_readers)
         self._history: deque[tuple[bytes, Payload]] = deque(maxlen=qos.depth if qos.latched else 0)
         self._order = threading.Lock()
         self._fingerprint = channel.type.fingerprint
@@ -85,25 +89,30 @@ class Publisher(Link):
             if self._history.maxlen:
                 self._history.append((header, payload))  # first: who asks for it now may not hear the other one
             self._put(payload, attachment=header)
-        except zenoh.ZError as exc:
+        except _REFUSED as exc:
             raise self.failed(exc) from exc
         finally:
             self._order.release()
 
     def visible(self) -> bool:
-        status: Any = self._publisher.matching_status  # its stub says bool, which it is not
-        return bool(self.counterparts(strict=True)) and bool(status.matching)
+        return bool(self.counterparts(strict=True)) and self._matches()
 
     @property
     def heard(self) -> bool:
-        status: Any = self._publisher.matching_status
-        return bool(self._history.maxlen) or bool(status.matching)
+        return bool(self._history.maxlen) or self._matches()
 
     def answer(self, what: str) -> Iterable[tuple[bytes, Payload]]:
         return list(self._history) if what == "history" else super().answer(what)
 
     def acknowledged(self, by: int, sequence: int) -> None:
         self._credit.took(by, sequence)
+
+    def _matches(self) -> bool:
+        try:
+            status: Any = self._publisher.matching_status  # its stub says bool, which it is not
+            return bool(status.matching)
+        except _REFUSED as exc:
+            raise self.failed(exc) from exc
 
     def _reliable_readers(self) -> dict[int, int]:
         if not self._lossless:
@@ -150,7 +159,7 @@ class Subscriber(Link):
         self._ahead: dict[int, int] = {}
         """How many messages each sender may be ahead."""
         self._lost: dict[int, int] = {}
-        """Of each reliable publisher, how many of its messages did not come."""
+        """Of each reliable publisher, which waits for us, how many of its messages did not come."""
         self._catching_up: dict[int, deque[Any]] = {}
         self._caught_up: set[int] = set()
         self._heard: dict[int, int] = {}
@@ -206,6 +215,7 @@ class Subscriber(Link):
             return None
         payload = message.payload
         if self._lossless:
+            self._reader.waits = source in self._lost
             self._note(source, sequence, len(payload))
         lost = self.stats.lost
         if not self._ledger.admit(source, sequence):

@@ -191,7 +191,7 @@ class _Connection:
         if name == b"PING":  # its time to live, in two octets, and what it wants to see again
             pong = b"\4PONG" + body[7:23]
             try:
-                self._socket.send(_head(_COMMAND, len(pong)) + pong)
+                self._socket.send(_head(_COMMAND, len(pong)) + pong, socket.MSG_DONTWAIT)
             except BlockingIOError:
                 pass  # then it has other signs of life from us, or none
             except OSError as exc:
