@@ -59,7 +59,7 @@ from robocomp_py.transports.dds import DDSTransport
 from robocomp_py.transports.dds import transport as transport_module
 from robocomp_py.transports.dds.domain import address_of, compose, note_on_sockets, settings
 from robocomp_py.transports.dds.serving import COMMANDS_WAITING, QUERIES_WAITING
-from robocomp_py.transports.dds.topics import MESSAGES_WAITING
+from robocomp_py.transports.dds.topics import BYTES_WAITING, MESSAGES_WAITING
 from robocomp_py.transports.dds.transport import FIRST_USER, domain_of_user
 from robocomp_py.transports.dds.types import (
     BEFORE_TAIL,
@@ -443,6 +443,29 @@ def test_what_a_best_effort_publisher_sends_to_a_slow_reliable_subscriber_is_bou
     wait_until(lambda: link.stats.received + link.stats.dropped + link.stats.lost >= MESSAGES_WAITING + 500)
     assert "`reliable` is asked for, `best_effort` is offered" in caplog.text
     assert 'reliability = "best_effort"' in caplog.text
+
+
+def test_so_are_the_bytes_that_wait(here: DDSTransport, there: DDSTransport, name: str) -> None:
+    release, heard = threading.Event(), list[int]()
+
+    def sink(payload: Any) -> None:
+        release.wait(SOON * 3)
+        heard.append(len(payload))
+
+    link = there.inlet(topic(name, _RELIABLE), sink)
+    outlet = here.outlet(topic(name))
+    assert outlet.wait_peer(SOON)
+    large = blob(here, bytes(BYTES_WAITING // 16))
+
+    def one_too_many() -> bool:
+        outlet.send(large)
+        return link.stats.dropped > 0
+
+    wait_until(one_too_many)
+    release.set()
+    wait_until(lambda: len(heard) >= _RELIABLE.depth)
+    in_the_library = 8
+    assert sum(heard) <= BYTES_WAITING + (2 + in_the_library) * len(large)
 
 
 def test_a_publisher_that_counts_is_heard_beside_one_that_does_not(

@@ -617,6 +617,31 @@ def test_opening_says_what_to_do_where_nothing_can_be_written(tmp_path: Path, mo
         opened()
 
 
+NO_MORE_FILES = """
+import contextlib
+import resource
+from robocomp_py.errors import TransportError
+from robocomp_py.transports.base import TransportConfig
+from robocomp_py.transports.shm import ShmTransport
+
+resource.setrlimit(resource.RLIMIT_NOFILE, (200, 200))
+with contextlib.ExitStack() as opened:
+    try:
+        while True:
+            opened.callback(ShmTransport(TransportConfig()).close)
+    except TransportError as exc:
+        print(exc)
+"""
+
+
+def test_who_may_open_no_more_files_is_told_so_and_leaves_nothing() -> None:
+    before = segments(), files()
+    done = subprocess.run([sys.executable, "-c", NO_MORE_FILES], capture_output=True, text=True, timeout=SOON * 6)
+    assert done.returncode == 0
+    assert "may have 200: let it have more (ulimit -n" in done.stdout or "Too many open files" in done.stdout
+    assert (segments(), files()) == before
+
+
 def test_sending_raises_when_there_is_no_more_and_goes_on_when_there_is(
     here: ShmTransport, there: ShmTransport, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -283,8 +283,9 @@ def test_nothing_reliable_is_lost_however_deep_its_publisher_is_and_however_slow
     outlet, sent = transport.outlet(topic("a/b/c", deep)), 0
     assert outlet.wait_peer(SOON)
     with contextlib.suppress(Timeout):
-        for sent in range(9000):
+        while sent < 9000:
             outlet.send(blob(transport, b""), 0.2)
+            sent += 1
     release.set()
     wait_until(lambda: len(heard) >= sent)
     assert link.stats.lost == 0

@@ -16,6 +16,7 @@ import ctypes
 import fcntl
 import hashlib
 import os
+import resource
 import shutil
 import time
 from collections.abc import Iterator
@@ -43,6 +44,9 @@ SHARED_MEMORY = "/dev/shm"
 FIRST_BYTES = 4096
 """Size of the samples that a port begins with; it grows by powers of two."""
 
+_FILES = 32
+"""So many files may be opened at once, by what fails for want of them, and then closes what it has opened."""
+
 _PATIENCE = 5.0
 """Seconds for which we wait for those who enter or leave just now."""
 
@@ -59,7 +63,19 @@ def as_transport_error(doing: str) -> Iterator[None]:
     try:
         yield
     except _FAILURES as exc:
-        raise TransportError(f"shm: {doing}: {exc}") from exc
+        raise TransportError(f"shm: {doing}: {exc}{_what_is_short()}") from exc
+
+
+def _what_is_short() -> str:
+    """What iceoryx2 calls an internal failure, and can be mended."""
+    limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    try:
+        used = len(os.listdir("/proc/self/fd"))
+    except OSError:  # not even this one
+        used = limit
+    if used + _FILES < limit:
+        return ""
+    return f"; this process has {used} files open, and may have {limit}: let it have more (ulimit -n 4096)"
 
 
 def prefix(folder: Path) -> str:

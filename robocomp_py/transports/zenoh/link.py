@@ -121,7 +121,7 @@ class Link:
                 return None
             except RuntimeError as exc:
                 if time.monotonic() >= end:
-                    log.warning("%s: still in use after %g s; not waiting any longer: %s", self.channel.name, STUCK, exc)
+                    log.warning("%s: still in use after %g s; left as it is: %s", self.channel.name, STUCK, exc)
                     return None
                 time.sleep(0.001)
 

@@ -27,7 +27,7 @@ Admit = Callable[[Any], Any]
 """What is to be delivered of a message that came in, its payload as Zenoh has it, or None."""
 
 AT_LEAST, TIMES = 4096, 8
-"""So many messages the channel holds at least, and so many times the depth, if it is lossy; then it gives up the oldest one."""
+"""If lossy, the channel holds so many messages at least, and so many times the depth; then it gives up the oldest."""
 
 BYTES_WAITING = 64 * 1024 * 1024
 """So many bytes of a sender that does not count may wait beyond the depth, and `MOST_AHEAD` messages."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from ..announced import AnnouncedLink
 
 if TYPE_CHECKING:
-    from .transport import ZeroMQTransport
+    from .transport import ZeroMQTransport  # noqa: F401  # named below, in quotes
 
 TICK = 0.05
 """Seconds between two looks at those we wait for, and into the directory if nobody tells when it changes."""

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import zmq
 
@@ -25,6 +25,7 @@ from ...wire.header import (
     random_id,
 )
 from ...wire.messagepack import MessagePack
+from ..announced import AnnouncedLink
 from ..base import (
     ANY_QOS,
     Capability,
@@ -248,7 +249,7 @@ class ZeroMQTransport:
             if not peer.alive():
                 self.drop(peer)
 
-    def left(self, link: Link) -> None:
+    def left(self, link: AnnouncedLink[Any]) -> None:
         with self._lock:
             if link in self._links:
                 self._links.remove(link)
