@@ -269,6 +269,22 @@ def test_a_reliable_subscriber_that_leaves_holds_nobody_up(transport: ZenohTrans
     send_many(transport, outlet, 50)
 
 
+def test_of_threads_that_are_the_first_to_ask_one_makes_the_way(transport: ZenohTransport) -> None:
+    """Zenoh may drop what goes by one of two publishers of a key while the other one is undeclared."""
+    for number in range(10):
+        name, together = f"a/b{number}/c", threading.Barrier(6)
+        transport.server(query(name), answering(transport, bytes.upper))
+        caller = transport.caller(query(name))
+        assert caller.wait_peer(SOON)
+
+        def way(_: int, caller: Any = caller, together: threading.Barrier = together) -> object:
+            together.wait(SOON)
+            return caller.server()[1]
+
+        with ThreadPoolExecutor(6) as pool:
+            assert len(set(pool.map(way, range(6)))) == 1
+
+
 def test_nothing_reliable_is_lost_however_deep_its_publisher_is_and_however_slow_its_subscriber(
     transport: ZenohTransport, other: ZenohTransport
 ) -> None:

@@ -55,6 +55,7 @@ class Asking(Link):
     def __init__(self, transport: ZenohTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
         self._found: tuple[int, Token, Way] | None = None
+        self._finding = threading.Lock()
 
     def server(self) -> tuple[Token, Way]:
         """Who serves this channel, and the way to it. Raises Unreachable."""
@@ -66,9 +67,10 @@ class Asking(Link):
             before = [token for token in serving if found and token.channel == found[1].channel]
             token = (before or serving)[-1]  # the one that came last: the other may be leaving
             key = self.address(token)
-            with self.using_the_session():
+            with self._finding, self.using_the_session():
+                found = self._found  # of several threads that are the first, one makes the way
                 way = found[2] if found and found[2].key == key else Way(self.transport, key)
-            found = self._found = version, token, way
+                found = self._found = version, token, way
         return found[1], found[2]
 
     def address(self, server: Token) -> str:

@@ -208,10 +208,6 @@ class ZenohTransport:
         session, mine = self.session, f"{self._id:010x}"
         session.declare_subscriber(self.key("rc_ack", mine, "*"), direct(self._on_ack))
         session.declare_queryable(self.key("rc_ask", mine, "*", "*"), direct(self._on_inquiry), complete=True)
-        # A question may overtake the declaration of the line where its answer is to come in, and so may the answer;
-        # so the router knows from the beginning what comes here. Its threads need no Python to put it there.
-        every_line = self.key("rc_to", mine, "*")
-        self._answers = session.declare_subscriber(every_line, zenoh.handlers.RingChannel(1))
         everybody = self.key("rc_lv", "**")
         session.liveliness().declare_subscriber(everybody, direct(self._on_token), history=True)
         for _ in session.liveliness().get(everybody, timeout=INQUIRY):
@@ -241,7 +237,6 @@ class ZenohTransport:
                 self.close()
                 return TICK
             self._network.tick()
-            self._answers.handler.try_recv()  # which keeps the last one in memory
         except Exception:
             log.exception("housekeeping")
         waits = [link.tick() for link in list(self._links.values())]
