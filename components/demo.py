@@ -24,7 +24,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     picture = options.picture.resolve()
     carried = carrier(options.middleware, "zeromq")
-    wrong = unfit(carried) or (unshared(carried, "world") if stays_inside(carried) else None)
+    wrong = unfit(carried) or (
+        unshared(carried, "world") if stays_inside(carried) else None
+    )
     if wrong:  # before anything is generated for it
         print(f"demo.py: --middleware: {wrong}", file=sys.stderr)
         return 2

@@ -83,9 +83,7 @@ class Capability(Flag):
     LIVELINESS = auto()
 
 
-ANY_QOS = (
-    Capability.RELIABLE | Capability.LATCHED | Capability.DEADLINE | Capability.LIFESPAN | Capability.LIVELINESS
-)
+ANY_QOS = Capability.RELIABLE | Capability.LATCHED | Capability.DEADLINE | Capability.LIFESPAN | Capability.LIVELINESS
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +115,7 @@ class Channel:
     qos: QoS = DEFAULT_QOS
     idempotent: bool = False
     heard: Callable[[str], object] | None = field(default=None, compare=False, repr=False)
-    """Of an inlet of a topic: called for each message when it comes in, not when its turn has come, with its channel."""
+    """Of an inlet of a topic: called with its channel for each message when it comes in, not when its turn has come."""
 
 
 @dataclass
