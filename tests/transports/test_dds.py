@@ -864,7 +864,7 @@ def _stuck_elsewhere(ready: Any, end: Any, begun: Any, name: str) -> None:
 
 
 def test_the_claim_of_a_killed_server_is_claimed_again_and_removed_in_the_end(there: DDSTransport, name: str) -> None:
-    claim = Path(os.environ["ROBOCOMP_RUNTIME_DIR"], "dds", f"{name.replace('/', '.')}.lock")
+    claim = there.folder / f"{name.replace('/', '.')}.lock"
     with _Elsewhere(_stuck_elsewhere, name) as other:
         assert claim.exists()
         other.process.kill()

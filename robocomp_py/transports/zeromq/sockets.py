@@ -140,8 +140,28 @@ class Socket:
                 else:
                     send_frames(self.raw, frames, _NOBLOCK)
             except zmq.Again:
-                return False
+                return self._send_once_more(frames)
             return True
+
+    def send_to_some(self, frames: Frames) -> bool:
+        """Send by a publisher's socket to those that have room; the others miss it. False if it is closed."""
+        with self.lock:
+            if self.closed:
+                return False
+            self.raw.set(zmq.XPUB_NODROP, 0)
+            try:
+                return self.send_only(frames)
+            finally:
+                self.raw.set(zmq.XPUB_NODROP, 1)
+
+    def _send_once_more(self, frames: Frames) -> bool:
+        """Sending makes the library note what was read meanwhile only once in a millisecond or so; looking, always."""
+        self._look()
+        try:
+            send_frames(self.raw, frames, _NOBLOCK)
+        except zmq.Again:
+            return False
+        return True
 
     def receive(self) -> Frames | None:
         with self.lock:

@@ -59,8 +59,9 @@ class Publisher(Link):
         self._history: deque[Frames] = deque(maxlen=qos.depth if qos.latched else 0)
         self._subscribers = 0
         self._order = threading.Lock()
+        self._lossy = not qos.reliable
         self._socket = self.transport.socket(
-            zmq.XPUB, self._on_subscription, SNDHWM=depth, XPUB_VERBOSER=1, XPUB_NODROP=int(qos.reliable)
+            zmq.XPUB, self._on_subscription, SNDHWM=depth, XPUB_VERBOSER=1, XPUB_NODROP=1
         )
         path = self.transport.member.address(_ending(self._source))
         with as_transport_error(f"binding {path}"), self._socket.lock:
@@ -105,10 +106,11 @@ class Publisher(Link):
     def _send(self, frames: Frames) -> bool:
         assert self._socket
         if not self._history.maxlen:
-            return self._socket.send_only(frames)  # which may swallow the news of a subscription: see `_count`
+            # which may swallow the news of a subscription: see `_count`
+            return self._socket.send_only(frames) or (self._lossy and self._socket.send_to_some(frames))
         with self._socket.lock:  # in one go: a subscriber that comes now gets this one as news or as history
             self._on_subscription(self._socket)
-            sent = self._socket.send(frames)
+            sent = self._socket.send(frames) or (self._lossy and self._socket.send_to_some(frames))
             if sent:
                 first, *arrays = frames
                 self._history.append([first[len(self._topic) :], *map(bytes, arrays)])
