@@ -12,7 +12,6 @@ each provider.
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -22,6 +21,7 @@ from itertools import chain
 from ..contract.component import Port
 from ..contract.interface import Pattern, Verb
 from ..errors import ConfigurationError, TransportError
+from ..runtime.effective import toml
 from ..transports.base import TransportConfig, find_transport
 from .qos import lacking, unsupported_over
 from .routes import Aim, Configured, Fault, met, unfit
@@ -99,16 +99,10 @@ def unsupported_by_others(configured: Sequence[Configured]) -> Iterator[Fault]:
 
 def _links(client: Configured, configured: Sequence[Configured]) -> Iterator[_Link]:
     """What an instance uses of others."""
-    for port, operation, pattern in _operations(client, providing=False):
+    for port, operation, pattern in client.patterns(providing=False):
         for aim, server, theirs in met(client, port, operation, configured):
             if not (client.is_program and server.is_program):  # what those do is theirs to know
                 yield _Link(client, port, aim, operation, pattern, server, theirs)
-
-
-def _operations(each: Configured, *, providing: bool) -> Iterator[tuple[Port, str, Pattern]]:
-    for port in each.component.ports:
-        if port.verb.provides is providing:
-            yield from ((port, operation.name, pattern) for operation, pattern in port.interface.under(port.verb))
 
 
 @dataclass(frozen=True)
@@ -193,8 +187,8 @@ class _Chooser:
     def _hindrance(self, middleware: str, link: _Link) -> str:
         if reason := self._usable(middleware):
             return reason.removeprefix(f"{middleware}: ")
-        lacking = link.lacks(middleware)
-        return f"it does not offer {lacking}" if lacking else ""
+        missing = link.lacks(middleware)
+        return f"it does not offer {missing}" if missing else ""
 
     def notes(self) -> tuple[str, ...]:
         return tuple(
@@ -234,7 +228,7 @@ class _Chooser:
         if used <= {always, *own, ""}:
             return ()
         also = sorted({*own, *used} - {always, ""}, key=lambda name: (name != INPROC, name != SHM, name))
-        return (f"also={_toml(also)}",)
+        return (f"also={toml(also)}",)
 
     def _used(self, client: Configured, port: Port, operation: str) -> tuple[str, ...]:
         """The ways of a client to its providers, if they are not what they are anyway."""
@@ -250,7 +244,7 @@ class _Chooser:
         found = [] if aims[0].middleware == middleware else [f"middleware={middleware}"]
         found += [f"from={source}"] if source != aims[0].source else []
         also = [{"from": source, "middleware": name} for source, name in others]
-        return (*found, f"also={_toml(also)}") if also else tuple(found)
+        return (*found, f"also={toml(also)}") if also else tuple(found)
 
     def _apart(
         self, client: Configured, port: Port, operation: str, aim: Aim, carrier: str
@@ -273,13 +267,3 @@ class _Chooser:
             yield aim.source, carrier  # of several providers nobody knows which is meant
         else:
             yield from ((each.link.source, each.way.middleware) for each in links)
-
-
-def _toml(value: Sequence[str] | Sequence[Mapping[str, str]]) -> str:
-    inner = (
-        json.dumps(each)
-        if isinstance(each, str)
-        else "{ " + ", ".join(f"{key} = {json.dumps(text)}" for key, text in each.items()) + " }"
-        for each in value
-    )
-    return f"[{', '.join(inner)}]"

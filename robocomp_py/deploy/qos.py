@@ -27,7 +27,7 @@ _WORDS = {
 def unsupported(configured: Sequence[Configured]) -> Iterator[Fault]:
     """A fault for each port whose QoS a middleware that carries it does not offer."""
     for each in configured:
-        for port, operation, pattern in _operations(each):
+        for port, operation, pattern in each.patterns():
             for middleware in each.settings.middlewares(port, operation, each.generated_for):
                 yield from unsupported_over(middleware, each.origin(port, operation), each, port, operation, pattern)
 
@@ -55,8 +55,3 @@ def unsupported_over(
         )
         hint = "choose another middleware for it, or ask for less"
         yield Fault("unfit-middleware", message, hint, each.name, (each.name, port.name, middleware))
-
-
-def _operations(each: Configured) -> Iterator[tuple[Port, str, Pattern]]:
-    for port in each.component.ports:
-        yield from ((port, operation.name, pattern) for operation, pattern in port.interface.under(port.verb))

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from .. import installed
 from ..contract.component import Component, Port
-from ..contract.interface import Verb
+from ..contract.interface import Pattern, Verb
 from ..contract.qos import QoS, shortfalls
 from ..dsl.diagnostics import did_you_mean
 from ..errors import ConfigurationError
@@ -124,9 +124,13 @@ class Configured:
         return self.document.place(("ports", port.name, "also")) if aim.said == "also" else self.origin(port, operation)
 
     def operations(self, *, providing: bool) -> Iterator[tuple[Port, str]]:
+        yield from ((port, operation) for port, operation, _ in self.patterns(providing=providing))
+
+    def patterns(self, *, providing: bool | None = None) -> Iterator[tuple[Port, str, Pattern]]:
+        """Its operations, or those that it provides, or those that it uses."""
         for port in self.component.ports:
-            if port.verb.provides is providing:
-                yield from ((port, operation.name) for operation, _ in port.interface.under(port.verb))
+            if providing in (None, port.verb.provides):
+                yield from ((port, operation.name, pattern) for operation, pattern in port.interface.under(port.verb))
 
     def offers(self, wanted: Port, segment: str | None = None) -> list[Port]:
         """Its ports that offer what a port of somebody else uses; with a segment, those called so in channels."""

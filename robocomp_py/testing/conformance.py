@@ -91,32 +91,6 @@ _LATCHED = QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=2)
 class TransportConformance(QoSConformance):
     """Fill in `open_transport`; everything else is the contract."""
 
-    def open_transport(self) -> Transport:
-        raise NotImplementedError
-
-    # What the tests use.
-
-    @pytest.fixture
-    def here(self) -> Iterator[Transport]:
-        transport = self.open_transport()
-        yield transport
-        transport.close()
-
-    @pytest.fixture
-    def there(self) -> Iterator[Transport]:
-        transport = self.open_transport()
-        yield transport
-        transport.close()
-
-    @pytest.fixture
-    def name(self) -> str:
-        return f"i{uuid.uuid4().hex[:12]}/Conformance/op"
-
-    @pytest.fixture
-    def pool(self) -> Iterator[ThreadPoolExecutor]:
-        with ThreadPoolExecutor(16) as executor:
-            yield executor
-
     # Topics.
 
     def test_every_subscriber_gets_every_message_in_order(self, here: Transport, there: Transport, name: str) -> None:

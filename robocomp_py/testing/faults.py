@@ -33,7 +33,6 @@ import signal
 import tempfile
 import threading
 import time
-import uuid
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -50,6 +49,7 @@ from ..transports.base import Caller, Capability, Outlet, Reply, Status, Transpo
 from ..transports.directory import runtime_dir
 from ..wire.codec import Payload
 from .conformance import A_MOMENT, answering, blob, command, query, topic, unblob
+from .parts import TransportSuite
 from .patience import SOON, wait_until
 
 LARGE = 6_000_000
@@ -64,11 +64,8 @@ Act: TypeAlias = Callable[[Transport, str, "Control"], None]
 """What another process does, on a transport of its own; when it returns, that process ends properly."""
 
 
-class TransportFaults:
+class TransportFaults(TransportSuite):
     """Fill in `open_transport`, and the others if the run-time folder is not all that matters."""
-
-    def open_transport(self) -> Transport:
-        raise NotImplementedError
 
     def open_as_another_user(self) -> Transport:
         """Called in a process that has another run-time folder, as that of another user has."""
@@ -79,27 +76,6 @@ class TransportFaults:
         return {str(path) for path in runtime_dir().rglob("*")}
 
     # What the tests use.
-
-    @pytest.fixture
-    def here(self) -> Iterator[Transport]:
-        transport = self.open_transport()
-        yield transport
-        transport.close()
-
-    @pytest.fixture
-    def there(self) -> Iterator[Transport]:
-        transport = self.open_transport()
-        yield transport
-        transport.close()
-
-    @pytest.fixture
-    def name(self) -> str:
-        return f"i{uuid.uuid4().hex[:12]}/Faults/op"
-
-    @pytest.fixture
-    def pool(self) -> Iterator[ThreadPoolExecutor]:
-        with ThreadPoolExecutor(4) as executor:
-            yield executor
 
     @pytest.fixture
     def start(self, name: str) -> Iterator[Start]:

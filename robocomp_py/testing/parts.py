@@ -8,9 +8,13 @@ import queue
 import signal
 import threading
 import time
-from collections.abc import Callable
-from concurrent.futures import Future
+import uuid
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, Protocol
+
+import pytest
 
 from ..contract.interface import Pattern
 from ..contract.qos import QoS
@@ -30,6 +34,35 @@ OTHER = TypeRef("Conformance::Blob", 2, _TEXT.format("int16"), _OTHER_BLOB, _OTH
 """What others may mean by the same name."""
 
 Inbox = queue.Queue[bytes]
+
+
+class TransportSuite(ABC):
+    """What the tests of a transport have in common: two of it, and a channel of their own."""
+
+    @abstractmethod
+    def open_transport(self) -> Transport:
+        """A new one, which meets all others of its kind in this process and in those started by it."""
+
+    @pytest.fixture
+    def here(self) -> Iterator[Transport]:
+        transport = self.open_transport()
+        yield transport
+        transport.close()
+
+    @pytest.fixture
+    def there(self) -> Iterator[Transport]:
+        transport = self.open_transport()
+        yield transport
+        transport.close()
+
+    @pytest.fixture
+    def name(self) -> str:
+        return f"i{uuid.uuid4().hex[:12]}/Conformance/op"
+
+    @pytest.fixture
+    def pool(self) -> Iterator[ThreadPoolExecutor]:
+        with ThreadPoolExecutor(16) as executor:
+            yield executor
 
 
 def topic(name: str, qos: QoS = QoS()) -> Channel:  # noqa: B008 - frozen

@@ -33,7 +33,7 @@ from ..runtime.watching import Watching
 from ..transports.base import Channel, Outlet, Transport, needs, require
 from ..wire.codec import Payload
 from . import everything as e
-from .parts import A_MOMENT, Inbox, Victim, blob, greet, subscribe, topic, unblob
+from .parts import A_MOMENT, Inbox, TransportSuite, Victim, blob, greet, subscribe, topic, unblob
 from .patience import SCALE, SOON, wait_until
 
 _SHORT = 0.1 * SCALE
@@ -44,10 +44,7 @@ _MOST = 200_000
 """So many messages nobody has to keep."""
 
 
-class QoSConformance:
-    def open_transport(self) -> Transport:
-        raise NotImplementedError
-
+class QoSConformance(TransportSuite):
     def test_a_missed_deadline_is_told(self, here: Transport, there: Transport, name: str) -> None:
         qos = QoS(deadline=_SHORT)
         if _refused(here, qos):

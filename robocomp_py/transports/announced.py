@@ -1,4 +1,4 @@
-"""Ends of channels that find each other in the directory of the run-time folder: what all of them have in common."""
+"""Transports whose ends find each other in the directory of the run-time folder: what all of them have in common."""
 
 from __future__ import annotations
 
@@ -6,25 +6,96 @@ import contextlib
 import logging
 import threading
 import time
-from typing import Any, Generic, Protocol, TypeVar
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from ..contract.qos import traits
 from ..errors import Closed, ContractMismatch
 from .base import Channel, Statistics, TypeRef, mismatch
 from .directory import Directory, Entry, Member, Membership
 
+if TYPE_CHECKING:
+    from .served import ServingLink
+
 log = logging.getLogger("robocomp.transport")
 
+L = TypeVar("L", bound="AnnouncedLink[Any]")
+R = TypeVar("R")
 
-class Announcing(Protocol):
-    """What a transport has to have for links to be announced by."""
+
+class Announcing(ABC):
+    """Such a transport: its links, which the thread that receives for all of them looks after, too."""
 
     directory: Directory
     member: Membership
-    closed: bool
+    owner: str
+    served: Path
+    """The folder of the claims: who serves what."""
+
+    def __init__(self) -> None:
+        self.closed = False
+        self._lock = threading.RLock()
+        self._links: list[AnnouncedLink[Any]] = []
+        self._known = -1
+        """The version of the directory that all links have seen."""
+        self._last: dict[object, str] = {}
+        """What last went wrong with looking after a link, so that it is not told at every tick."""
+
+    @abstractmethod
+    def enlist(self, link: ServingLink) -> str:
+        """Have requests for a link given to it; the address at which they come in."""
+
+    @abstractmethod
+    def delist(self, link: ServingLink) -> None:
+        """Have no more requests given to it."""
 
     def left(self, link: AnnouncedLink[Any]) -> None:
         """A link was closed."""
+        with self._lock:
+            if link in self._links:
+                self._links.remove(link)
+            for work in (link.look, link.tick):
+                self._last.pop(work, None)
+
+    def _open(self, link: L) -> L:
+        if self.closed:
+            raise Closed("the transport is closed")
+        try:
+            link.open()
+        except BaseException:
+            link.close()
+            raise
+        with self._lock:
+            self._links.append(link)  # only now: those in the list are looked after by the receiving thread
+            closed = self.closed
+        if closed:
+            link.close()
+            raise Closed("the transport is closed")
+        if not self._guarded(link.look, False):  # who came after it was opened, and before it was in the list
+            self._known = -1
+        return link
+
+    def _look_after(self, version: int) -> list[float]:
+        """Have links look into the directory, which has that version, and tick; seconds until they want to again."""
+        links = list(self._links)
+        if version != self._known and all([self._guarded(link.look, False) for link in links]):
+            self._known = version
+        waits = [self._guarded(link.tick, None) for link in links]
+        return [wait for wait in waits if wait is not None]
+
+    def _guarded(self, work: Callable[[], R], otherwise: R) -> R:
+        """What a link does on the thread that receives for everybody: if it fails, the others go on."""
+        try:
+            result = work()
+        except Exception as exc:
+            if self._last.get(work) != repr(exc):
+                self._last[work] = repr(exc)
+                log.exception("looking after a link; trying again")
+            return otherwise
+        self._last.pop(work, None)
+        return result
 
 
 T = TypeVar("T", bound=Announcing)

@@ -24,7 +24,7 @@ from functools import partial
 from typing import TypeVar
 
 from ..contract.interface import Pattern
-from ..errors import AlreadyServed, Closed, ContractMismatch, Timeout, Unreachable
+from ..errors import AlreadyServed, Closed, ConfigurationError, ContractMismatch, Timeout, Unreachable
 from ..wire.codec import Codec, Payload
 from ..wire.identity import Identity
 from ..wire.names import matches
@@ -108,7 +108,9 @@ class InprocTransport:
     def __init__(self, config: TransportConfig) -> None:
         self.codec: Codec = Identity()
         options = options_of(config, bus="default", hand_over=False)
-        self.hand_over = bool(options["hand_over"])
+        self.hand_over = options["hand_over"]
+        if type(self.hand_over) is not bool:
+            raise ConfigurationError(f"transport option `hand_over` is true or false, not {self.hand_over!r}")
         self._bus = _BUSES[options["bus"]]
         self._links: list[_Link] = []
         self._closed = False
@@ -359,7 +361,7 @@ class _Caller(_Link):
         if server.trusted >= self._enough:
             return self._ask_here(server, payload, deadline)
         # The Future has no callbacks, and wakes us at once.
-        return self._outcome(self._start(server, payload, deadline, self.pending.settle), deadline)
+        return self._outcome(self._start(server, payload, deadline, self.pending.settle), deadline, deadline)
 
     def _ask_here(self, server: _Server, payload: Payload, deadline: float) -> Reply:
         """Have the service run by this thread."""
@@ -380,17 +382,18 @@ class _Caller(_Link):
                 self.pending.settle(key, answers[0])
             if server.closed:
                 self.server_left(server)
-            return self._outcome(future, max(0.0, expires - time.monotonic()))
+            return self._outcome(future, deadline, max(0.0, expires - time.monotonic()))
         if time.monotonic() > expires:
             raise self._late(deadline)
         return answers[0]
 
-    def _outcome(self, future: Future[Reply], timeout: float) -> Reply:
+    def _outcome(self, future: Future[Reply], deadline: float, left: float) -> Reply:
+        """What a call ends with; of its deadline so much is left."""
         try:
-            return future.result(timeout)
+            return future.result(left)
         except FutureTimeout:
             future.cancel()
-            raise self._late(timeout) from None
+            raise self._late(deadline) from None
 
     def _late(self, deadline: float) -> Timeout:
         return Timeout(f"{self.channel.name}: no answer in {deadline:g} s")

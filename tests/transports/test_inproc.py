@@ -11,7 +11,7 @@ from dataclasses import replace
 import pytest
 
 from robocomp_py.contract.qos import Durability, QoS, Reliability
-from robocomp_py.errors import Timeout, Unreachable
+from robocomp_py.errors import ConfigurationError, Timeout, Unreachable
 from robocomp_py.testing.conformance import Inbox, TransportConformance, blob, drain, query, topic, unblob
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports import inproc
@@ -198,7 +198,7 @@ def test_a_trusted_service_may_answer_later(transport: InprocTransport) -> None:
     helper.start()
     assert caller.ask([], SOON).payload == "late"
     helper.join()
-    with pytest.raises(Timeout):
+    with pytest.raises(Timeout, match=r"no answer in 0\.01 s"):
         caller.ask([], 0.01)
 
 
@@ -231,3 +231,8 @@ def test_a_trusted_service_that_raises_fails_its_call_and_ctrl_c_reaches_who_ask
     assert caller.ask([], SOON).status is Status.FAILED
     with pytest.raises(KeyboardInterrupt):
         caller.ask([], SOON)
+
+
+def test_an_option_that_is_neither_true_nor_false_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="`hand_over` is true or false, not 'maybe'"):
+        InprocTransport(TransportConfig({"hand_over": "maybe"}))

@@ -726,7 +726,7 @@ def test_malformed_letters_are_counted(
     assert outlet.wait_peer(SOON)
     post = Post(there.node, packed(there.member.id), here.member.id, 0)
     for header in (b"", b"\x63" * 30):
-        assert post.send(0, link.number, header, b"rubbish", 7)  # type: ignore[union-attr]
+        assert post.send(0, int(link.address), header, b"rubbish", 7)  # type: ignore[union-attr]
         assert post.send(0, 0, header, b"rubbish", 7)
         assert post.send(0, 12345, header, b"rubbish", 7)
     outlet.send(blob(there, b"fine"))

@@ -18,9 +18,11 @@ from ...errors import (
     Timeout,
 )
 from ..base import (
+    KEEP_ALL_DEPTH,
     Channel,
     Statistics,
     TypeRef,
+    depth_of,
     mismatch,
     step_aside,
 )
@@ -43,8 +45,6 @@ STRANGERS = 100
 
 SOON = 0.02
 """Seconds until the next look at what discovery has not finished."""
-
-KEEP_ALL_DEPTH = 10_000
 
 
 _RELIABLE = Policy.Reliability.Reliable(BLOCKING_MS * 1_000_000)
@@ -73,7 +73,7 @@ def endpoint_qos(history: Any, *more: Any, reliability: Any = _RELIABLE) -> Qos:
 def topic_qos(channel: Channel, *more: Any, common: Callable[..., Qos] = endpoint_qos) -> Qos:
     qos = channel.qos
     more = (*more, *_policies(qos))
-    newest = Policy.History.KeepLast(max(depth_of(channel), 8))  # for a moment: what waits for a sink is the lane's
+    newest = Policy.History.KeepLast(max(depth_of(channel.qos), 8))  # for a moment: what waits for a sink is the lane's
     if not qos.latched:
         return common(Policy.History.KeepAll if qos.reliable else newest, *more)
     unlimited = -1
@@ -101,10 +101,6 @@ def _policies(qos: QoS) -> Iterator[Any]:
 
 def _nanoseconds(seconds: float) -> int:
     return max(1, round(seconds * 1e9))
-
-
-def depth_of(channel: Channel) -> int:
-    return KEEP_ALL_DEPTH if channel.qos.history is History.KEEP_ALL else channel.qos.depth
 
 
 KEEP_ALL = Policy.History.KeepAll

@@ -27,6 +27,7 @@ from ..base import (
     Sink,
     Source,
     TypeRef,
+    depth_of,
     step_aside,
 )
 from ..crew import Job, Lane
@@ -36,7 +37,7 @@ from ..reception import Reception
 from .bus import Reader, Writer
 from .endpoints import Endpoint
 from .library import LARGE
-from .link import BATCH, INTAKE, KEEP_ALL, SOON, Link, best_effort_qos, depth_of, endpoint_qos, enter, topic_qos
+from .link import BATCH, INTAKE, KEEP_ALL, SOON, Link, best_effort_qos, endpoint_qos, enter, topic_qos
 from .types import (
     BEFORE_TAIL,
     START,
@@ -266,7 +267,7 @@ class Subscriber(Link):
         super().__init__(transport, channel)
         self._reliable = channel.qos.reliable
         self._sink = sink
-        self._window = depth_of(channel)
+        self._window = depth_of(channel.qos)
         self._intake = INTAKE if self._reliable else BATCH  # the reader of the others keeps the newest ones only
         depth = MOST_WAITING if self._reliable else self._window
         consume: Sink = self._consume if self._reliable else sink
@@ -379,7 +380,7 @@ class Subscriber(Link):
         if heard.news:
             self.bus.loop.detach(heard.news.condition)
             heard.news.close()
-        modest = replace(self.channel, qos=QoS(self.channel.qos.reliability, depth=depth_of(self.channel)))
+        modest = replace(self.channel, qos=QoS(self.channel.qos.reliability, depth=depth_of(self.channel.qos)))
         heard.news = self._reader(heard.name, modest, common)
         self.bus.loop.attach(heard.news.condition, partial(self._on_news, heard, heard.news))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import itertools
 import threading
 import time
 from collections.abc import Hashable
@@ -14,9 +13,9 @@ from typing import TYPE_CHECKING
 from ...errors import Closed, ContractMismatch, DecodeError, Timeout, TransportError, Unreachable
 from ...wire.codec import Payload
 from ...wire.header import Flag, ReplyHeader, pack_request, random_id, reply_at
-from ..announced import AnnouncedLink
 from ..base import STATUSES, Channel, Reply, Status, TypeRef, answered, mismatch
-from ..directory import Member
+from ..directory import Entry, Member
+from ..finding import FindingLink
 from ..pending import Pending
 from .mail import KNOCK, Line, Post, packed, persist
 from .samples import HEAD_BYTES, size_of
@@ -87,71 +86,15 @@ class Peer:
                 self._idle.pop().close()
 
 
-class AskingLink(AnnouncedLink["ShmTransport"]):
-    """A link that finds the one process that serves its channel."""
+class AskingLink(FindingLink["ShmTransport", Peer, int]):
+    def reach(self, member: Member, entry: Entry) -> Peer | None:
+        return self.transport.peer(member)
 
-    def __init__(self, transport: ShmTransport, channel: Channel) -> None:
-        super().__init__(transport, channel)
-        self.client, self._sequence = random_id(), itertools.count(1)
-        self._found: tuple[Peer, int] | None = None
-        self._found_at = -1
-        """The version of the directory in which it was found."""
+    def where(self, entry: Entry) -> int:
+        return int(entry.address)
 
-    def visible(self) -> bool:
-        try:
-            peer, _ = self.server(fresh=True)
-            self.still(peer)
-        except Unreachable:
-            return False
-        return True
-
-    def server(self, *, fresh: bool = False) -> tuple[Peer, int]:
-        """The peer that serves this channel, and under which number. Raises Unreachable.
-
-        It may have stopped doing so since the directory was looked into, unless `fresh`.
-        """
-        found = self._found
-        if found and not found[0].closed and not (fresh and self.transport.directory.version() != self._found_at):
-            return found
-        self.check_open()  # once we are closed nothing is found any more, so it need not be looked at above
-        version = self.transport.directory.version()
-        self._found = None
-        for member, entry in self.counterparts(strict=True):
-            peer = self.transport.peer(member)
-            if peer and self.transport.directory.alive(member.id):
-                found = peer, int(entry.address)
-                self.met(peer)
-                self._found, self._found_at = found, version
-                if self.closed.is_set():  # meanwhile
-                    self._found = None
-                self.check_open()
-                return found
-        raise Unreachable(f"{self.channel.name}: nobody serves it")
-
-    def look(self) -> bool:
-        there = [(member.id, entry.address) for member, entry in self.counterparts()]
-        found = self._found
-        if found and (found[0].id, str(found[1])) not in there:
-            self._found = None
-        return True
-
-    def lost(self, peer: Peer) -> bool:
-        """Whether a peer has stopped serving this channel, as one that refuses a request probably has."""
-        self.look()
-        return not (self._found and self._found[0] is peer)
-
-    def release(self) -> None:
-        self._found = None
-
-    def met(self, peer: Peer) -> None:
-        """A server was found."""
-
-    def still(self, peer: Peer) -> None:
-        """Raise if there is no point in waiting any longer."""
-        self.check_open()
-        if not peer.alive():
-            self.transport.drop(peer)
-            raise Unreachable(f"{self.channel.name}: its server left")
+    def drop(self, peer: Peer) -> None:
+        self.transport.drop(peer)
 
     def request(self, flags: int, remaining: float) -> tuple[int, bytes]:
         number = next(self._sequence)

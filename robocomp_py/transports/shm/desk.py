@@ -16,8 +16,8 @@ from .mail import KNOCK, Mailbox, Post, packed, persist, unpacked
 from .samples import HEAD_BYTES, Message, size_of
 
 if TYPE_CHECKING:
+    from ..served import ServingLink
     from .asking import Caller
-    from .serving import ServingLink
     from .transport import ShmTransport
 
 log = logging.getLogger("robocomp.transport.shm")

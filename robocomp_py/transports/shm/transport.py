@@ -5,21 +5,19 @@ from __future__ import annotations
 import atexit
 import contextlib
 import logging
-import threading
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
 
 from ...contract.interface import Pattern
 from ...errors import Closed, TransportError
 from ...wire.codec import Codec
 from ...wire.header import random_id
-from ..announced import AnnouncedLink
-from ..base import Capability, Channel, Service, Sink, TransportConfig, options_of
+from ..announced import Announcing
+from ..base import ANY_QOS, Capability, Channel, Service, Sink, TransportConfig, options_of
 from ..crew import Crew, Job, abandoned
 from ..directory import Directory, Member, runtime_dir
 from ..exclusive import sweep
+from ..served import CommandInlet, Server, ServingLink
 from .asking import Caller, CommandOutlet, Peer
 from .bells import Bell, Rope, bell_of
 from .codec import ApartCdr
@@ -28,7 +26,6 @@ from .loop import Attending, Loop
 from .mail import LINGER, Line, Mailbox
 from .node import Node
 from .samples import let_go
-from .serving import CommandInlet, Server
 from .topics import Publisher, Subscriber
 
 log = logging.getLogger("robocomp.transport.shm")
@@ -42,40 +39,23 @@ ROLL_CALL = 1.0
 BURYING = 0.5
 """Seconds after which what the dead have left is removed."""
 
-L = TypeVar("L", bound=AnnouncedLink[Any])
-T = TypeVar("T")
 
-
-class ShmTransport:
+class ShmTransport(Announcing):
     """Takes no options."""
 
-    capabilities = (
-        Capability.RELIABLE
-        | Capability.LATCHED
-        | Capability.CROSS_PROCESS
-        | Capability.DEADLINE
-        | Capability.LIFESPAN
-        | Capability.LIVELINESS
-    )
+    capabilities = ANY_QOS | Capability.CROSS_PROCESS
 
     def __init__(self, config: TransportConfig) -> None:
+        super().__init__()
         options_of(config)
         self.codec: Codec = ApartCdr()
         self.incarnation = random_id()
         self.owner, self.folder = config.owner, runtime_dir() / "shm"
         self.served = self.folder / "served"
-        """Who serves what, in claims."""
-        self.closed = False
-        self._lock = threading.RLock()
-        self._links: list[AnnouncedLink[Any]] = []
         self._numbers = 0
         self._lines = 0
         self._ropes: dict[str, Rope] = {}
         self._peers: dict[str, Peer] = {}
-        self._known = -1
-        """The version of the directory that all links have seen."""
-        self._last: dict[object, str] = {}
-        """What last went wrong on the receiving thread, so that it is not told at every tick."""
         self._bury_at = 0.0
         self._call_at = 0.0
         self._settled = float("inf")
@@ -227,42 +207,14 @@ class ShmTransport:
         """Have the crew run this."""
         self._loop.do(job)
 
-    def left(self, link: AnnouncedLink[Any]) -> None:
-        with self._lock:
-            if link in self._links:
-                self._links.remove(link)
-            for work in (link.look, link.tick):
-                self._last.pop(work, None)
+    def enlist(self, link: ServingLink) -> str:
+        number = self.number()
+        self.desk.serving[number] = link
+        return str(number)
 
-    def _guarded(self, work: Callable[[], T], otherwise: T) -> T:
-        """What a link does on the thread that receives for everybody: if it fails, the others go on."""
-        try:
-            result = work()
-        except Exception as exc:
-            if self._last.get(work) != repr(exc):
-                self._last[work] = repr(exc)
-                log.exception("looking after a link; trying again")
-            return otherwise
-        self._last.pop(work, None)
-        return result
-
-    def _open(self, link: L) -> L:
-        if self.closed:
-            raise Closed("the transport is closed")
-        try:
-            link.open()
-        except BaseException:
-            link.close()
-            raise
-        with self._lock:
-            self._links.append(link)  # only now: those in the list are looked after by the receiving thread
-            closed = self.closed
-        if closed:
-            link.close()
-            raise Closed("the transport is closed")
-        if not self._guarded(link.look, False):  # who came after it was opened, and before it was in the list
-            self._known = -1
-        return link
+    def delist(self, link: ServingLink) -> None:
+        if link.address:
+            self.desk.serving.pop(int(link.address), None)
 
     def _tick(self) -> float:
         """Do what is due; seconds until the next time."""
@@ -271,19 +223,16 @@ class ShmTransport:
             self.close()
             return TICK
         version = self.directory.version()
-        links = list(self._links)
         if version != self._known or time.monotonic() >= self._call_at:
             self._call_at = time.monotonic() + ROLL_CALL
             self._forget_the_gone()
-        if version != self._known and all([self._guarded(link.look, False) for link in links]):
-            self._known = version
-        waits = [self._guarded(link.tick, None) for link in links]
+        waits = self._look_after(version)
         if self._bury_at and time.monotonic() >= self._bury_at:
             self._bury_at = 0.0
             self.node.bury()
             sweep(self.served)
             self._known = -1  # publishers let go of readers that are gone when they look who is there
-        return min([TICK, *(wait for wait in waits if wait is not None)])
+        return min([TICK, *waits])
 
     def _forget_the_gone(self) -> None:
         with self._lock:

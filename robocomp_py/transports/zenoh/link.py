@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import zenoh
 
-from ...contract.qos import History
 from ...errors import Closed, ContractMismatch, DecodeError, Timeout, TransportError
 from ...wire.codec import Payload
 from ...wire.names import ANY
@@ -37,7 +36,6 @@ log = logging.getLogger("robocomp.transport.zenoh")
 TICK = 0.1
 """Seconds between two looks at what is overdue, and whether the router needs a new home."""
 
-KEEP_ALL_DEPTH = 10_000
 
 STRANGERS = 100
 """So many that mean something else by a channel's name are told about; the others are ignored."""
@@ -212,10 +210,6 @@ def within(lock: threading.Lock, late: Timeout, end: float) -> Iterator[None]:
         yield
     finally:
         lock.release()
-
-
-def depth_of(channel: Channel) -> int:
-    return KEEP_ALL_DEPTH if channel.qos.history is History.KEEP_ALL else channel.qos.depth
 
 
 class Receiving(Link):

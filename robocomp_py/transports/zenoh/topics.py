@@ -27,11 +27,12 @@ from ..base import (
     Channel,
     Sink,
     Source,
+    depth_of,
 )
 from ..ledger import Ledger
 from ..reception import Reception
 from .credit import BYTES_AHEAD, MOST_AHEAD, Credit
-from .link import INBOX, Link, depth_of
+from .link import INBOX, Link
 from .messages import BLOCK, DROP, Message
 from .reader import Reader
 from .table import Token
@@ -59,7 +60,7 @@ class Publisher(Link):
         super().__init__(transport, channel)
         qos = channel.qos
         lossless = _as_it_is(qos).reliable
-        ahead = min(depth_of(channel), MOST_AHEAD)
+        ahead = min(depth_of(channel.qos), MOST_AHEAD)
         self.traits = f"{traits(_as_it_is(qos))}w{ahead}" if lossless else traits(qos)
         self._lossless = lossless
         self._readers: tuple[int, dict[int, int]] = -1, {}
@@ -146,7 +147,7 @@ class Subscriber(Link):
             channel.name,
             self._admit,
             lambda payload: sink(payload.to_bytes()),
-            depth_of(channel),
+            depth_of(channel.qos),
             lossy=not self._lossless,
             stats=self.stats,
         )

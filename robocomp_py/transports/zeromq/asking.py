@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import itertools
 import logging
 import threading
 import time
@@ -27,7 +26,6 @@ from ...wire.header import (
     Flag,
     ReplyHeader,
     pack_request,
-    random_id,
 )
 from ..base import (
     STATUSES,
@@ -39,9 +37,11 @@ from ..base import (
     mismatch,
 )
 from ..crew import Job
+from ..directory import Entry, Member
+from ..finding import FindingLink
 from ..pending import Pending
 from .frames import Frames, joined, read_reply_frames, topic
-from .link import TICK, Link
+from .link import TICK
 from .sockets import Socket, as_transport_error, persist
 from .zmtp import SLICE_MS, Gone, Stream, Wait
 
@@ -120,70 +120,15 @@ class Peer:
         return jobs
 
 
-class AskingLink(Link):
-    """A link that finds the one process that serves its channel."""
+class AskingLink(FindingLink["ZeroMQTransport", Peer, bytes]):
+    def reach(self, member: Member, entry: Entry) -> Peer:
+        return self.transport.peer(member, entry.address)
 
-    def __init__(self, transport: ZeroMQTransport, channel: Channel) -> None:
-        super().__init__(transport, channel)
-        self.client, self._sequence = random_id(), itertools.count(1)
-        self._found: tuple[Peer, bytes] | None = None
-        self._found_at = -1
-        """The version of the directory in which it was found."""
+    def where(self, entry: Entry) -> bytes:
+        return topic(entry.channel)
 
-    def visible(self) -> bool:
-        try:
-            peer, _ = self.server(fresh=True)
-            self.still(peer)
-        except Unreachable:
-            return False
-        return True
-
-    def server(self, *, fresh: bool = False) -> tuple[Peer, bytes]:
-        """The peer that serves this channel, and what requests begin with there. Raises Unreachable.
-
-        It may have stopped doing so since the directory was looked into, unless `fresh`.
-        """
-        found = self._found
-        if found and not found[0].closed and not (fresh and self.transport.directory.version() != self._found_at):
-            return found
-        self.check_open()  # once we are closed nothing is found any more, so it need not be looked at above
-        version = self.transport.directory.version()
-        self._found = None
-        for member, entry in self.counterparts(strict=True):
-            if self.transport.directory.alive(member.id):
-                found = self.transport.peer(member, entry.address), topic(entry.channel)
-                self.met(found[0])
-                self._found, self._found_at = found, version
-                if self.closed.is_set():  # meanwhile
-                    self._found = None
-                self.check_open()
-                return found
-        raise Unreachable(f"{self.channel.name}: nobody serves it")
-
-    def look(self) -> bool:
-        there = [(member.id, topic(entry.channel)) for member, entry in self.counterparts()]
-        found = self._found
-        if found and (found[0].id, found[1]) not in there:
-            self._found = None
-        return True
-
-    def lost(self, peer: Peer) -> bool:
-        """Whether a peer has stopped serving this channel, as one that refuses a request probably has."""
-        self.look()
-        return not (self._found and self._found[0] is peer)
-
-    def release(self) -> None:
-        self._found = None
-
-    def met(self, peer: Peer) -> None:
-        """A server was found."""
-
-    def still(self, peer: Peer) -> None:
-        """Raise if there is no point in waiting any longer."""
-        self.check_open()
-        if not peer.alive():
-            self.transport.drop(peer)
-            raise Unreachable(f"{self.channel.name}: its server left")
+    def drop(self, peer: Peer) -> None:
+        self.transport.drop(peer)
 
     def request(self, channel: bytes, flags: int, remaining: float, payload: Payload) -> tuple[int, Frames]:
         number = next(self._sequence)

@@ -7,17 +7,15 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
 import zmq
 
 from ...errors import (
-    AlreadyServed,
     DecodeError,
 )
-from ...wire.codec import Payload
 from ...wire.header import (
     NO_DEADLINE,
     Flag,
@@ -25,19 +23,13 @@ from ...wire.header import (
     pack_reply,
 )
 from ..base import (
-    Channel,
     Reply,
-    Service,
-    Sink,
     Status,
-    TypeRef,
 )
-from ..crew import Crew, Job, Lane, Servant
-from ..exclusive import Claim, claim
-from ..ledger import Ledger
+from ..crew import Crew, Job
+from ..served import ServingLink
 from .curve import WATCHED, Secure
 from .frames import Frames, joined, read_request_frames, topic, topic_of
-from .link import Link
 from .sockets import as_transport_error, lend_frames, new_socket, receive_frames
 
 if TYPE_CHECKING:
@@ -191,93 +183,3 @@ class Router:
         elif not self._told:
             self._told = True
             log.warning("dropped a malformed request (further ones are dropped silently): %s", why)
-
-
-class ServingLink(Link):
-    ordered: bool
-    _routers: Sequence[Router] = ()
-    _claim: Claim | None = None
-
-    def __init__(self, transport: ZeroMQTransport, channel: Channel) -> None:
-        super().__init__(transport, channel)
-        self.ledger = Ledger(self.stats, ordered=self.ordered)
-
-    def open(self) -> None:
-        for member, entry in self.transport.directory.find(self.role, self.channel.name):
-            other = entry.channel != self.channel.name  # one that has `*` in its name, or ours has
-            if other and self.transport.directory.alive(member.id):
-                raise AlreadyServed(f"{self.channel.name}: already served by {member.owner} (pid {member.pid})")
-        self._claim = claim(self.transport.folder / "served", self.channel.name, self.transport.owner)
-        self._routers = self.transport.routers()
-        for router in self._routers:
-            router.add(self)
-        self.announce(self._routers[0].address)
-
-    def accept(self, payload: Payload, expires: float, answer: Callable[[Reply], None]) -> Job | None:
-        """Take a request; what is left to do about it."""
-        raise NotImplementedError
-
-    def refuse_stranger(self, request: Request) -> None:
-        texts = [
-            e.text
-            for _, e in self.transport.directory.find(self.facing, self.channel.name)
-            if e.fingerprint == request.fingerprint
-        ]
-        self.report_mismatch(request.fingerprint, TypeRef("", request.fingerprint, next(iter(texts), "")))
-
-    def release(self) -> None:
-        with contextlib.ExitStack() as everything:
-            if self._claim:
-                everything.callback(self._claim.close)
-            everything.callback(self.finish)
-            for router in self._routers:
-                everything.callback(router.remove, self)
-
-    def finish(self) -> None:
-        """Let nothing begin any more, and wait for what runs."""
-        raise NotImplementedError
-
-
-class CommandInlet(ServingLink):
-    role, facing, ordered = "receives", "commands", True
-
-    def __init__(self, transport: ZeroMQTransport, channel: Channel, sink: Sink) -> None:
-        super().__init__(transport, channel)
-        self._sink = sink
-        self._lane = Lane(channel.name, self._execute, COMMANDS_WAITING, lossy=False, stats=self.stats)
-
-    def accept(self, payload: Payload, expires: float, answer: Callable[[Reply], None]) -> Job | None:
-        if self._lane.put((expires, payload)):
-            return self._lane.drain
-        self.stats.dropped += 1
-        if self.stats.dropped == 1:
-            log.warning("%s: %d commands wait; dropping more", self.channel.name, COMMANDS_WAITING)
-        return None
-
-    def finish(self) -> None:
-        self._lane.close()
-
-    def _execute(self, waiting: tuple[float, Payload]) -> None:
-        expires, payload = waiting
-        if time.monotonic() >= expires:
-            self.stats.expired += 1
-        else:
-            self._sink(payload)
-
-
-class Server(ServingLink):
-    role, facing, ordered = "serves", "calls", False
-
-    def __init__(self, transport: ZeroMQTransport, channel: Channel, service: Service) -> None:
-        super().__init__(transport, channel)
-        self._servant = Servant(channel.name, service, self.stats)
-
-    def accept(self, payload: Payload, expires: float, answer: Callable[[Reply], None]) -> Job | None:
-        return partial(self._serve, payload, expires, answer)
-
-    def finish(self) -> None:
-        self._servant.close()
-
-    def _serve(self, payload: Payload, expires: float, answer: Callable[[Reply], None]) -> None:
-        if not self._servant.serve(payload, expires, answer):
-            answer(Reply(Status.REFUSED))

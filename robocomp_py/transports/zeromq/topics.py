@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import zmq
 
-from ...contract.qos import History, from_traits
+from ...contract.qos import from_traits
 from ...errors import (
     DecodeError,
     Timeout,
@@ -28,6 +28,7 @@ from ..base import (
     Sink,
     Source,
     TypeRef,
+    depth_of,
 )
 from ..crew import Job, Lane
 from ..ledger import Ledger
@@ -44,8 +45,6 @@ if TYPE_CHECKING:
 BATCH = 32
 """Messages taken from one socket before the others have their turn."""
 
-KEEP_ALL_DEPTH = 10_000
-
 
 class Publisher(Link):
     role, facing = "publishes", "subscribes"
@@ -53,7 +52,7 @@ class Publisher(Link):
 
     def open(self) -> None:
         qos = self.channel.qos
-        depth = KEEP_ALL_DEPTH if qos.history is History.KEEP_ALL else max(qos.depth, 8)
+        depth = max(depth_of(qos), 8)
         self._topic = topic(self.channel.name)
         self._source, self._sequence = random_id(), itertools.count(1)
         self._history: deque[Frames] = deque(maxlen=qos.depth if qos.latched else 0)
@@ -139,7 +138,7 @@ class Subscriber(Link):
     def __init__(self, transport: ZeroMQTransport, channel: Channel, sink: Sink) -> None:
         super().__init__(transport, channel)
         qos = channel.qos
-        self._depth = KEEP_ALL_DEPTH if qos.history is History.KEEP_ALL else qos.depth
+        self._depth = depth_of(qos)
         self._lane = Lane(channel.name, sink, self._depth, lossy=not qos.reliable, stats=self.stats)
         self._reception = Reception(channel, self.stats, self._lane.through)
         self._ledger = Ledger(self.stats, ordered=True)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
-import threading
 import time
 from collections.abc import Callable
 from functools import partial
@@ -25,7 +24,7 @@ from ...wire.header import (
     random_id,
 )
 from ...wire.messagepack import MessagePack
-from ..announced import AnnouncedLink
+from ..announced import AnnouncedLink, Announcing
 from ..base import (
     ANY_QOS,
     Capability,
@@ -37,12 +36,13 @@ from ..base import (
 )
 from ..crew import Crew, Job
 from ..directory import Directory, Member, runtime_dir
+from ..inotify import FolderWatch
 from ..memory import keep_memory
-from ..watch import Watch
+from ..served import CommandInlet, Server, ServingLink
 from .asking import Caller, CommandOutlet, Peer
 from .curve import ZAP, Curve, configured, why_not
-from .link import TICK, Link
-from .serving import CommandInlet, Router, Server
+from .link import TICK
+from .serving import Router
 from .sockets import Attended, Loop, Socket, Subscription, as_transport_error, new_socket
 from .topics import Publisher, Subscriber
 from .zmtp import Feed
@@ -55,17 +55,17 @@ IDLE_TICK = 0.5
 _MOMENT = 0.01
 """Seconds between two looks into a directory that keeps changing."""
 
-L = TypeVar("L", bound=Link)
-T = TypeVar("T")
+L = TypeVar("L", bound=AnnouncedLink[Any])
 
 
-class ZeroMQTransport:
+class ZeroMQTransport(Announcing):
     """Option `bind`: TCP address at which operations are served as well, `tcp://127.0.0.1:5555`; `curve_key` and
     `curve_admitted`: see `curve`."""
 
     capabilities = ANY_QOS | Capability.CROSS_PROCESS
 
     def __init__(self, config: TransportConfig) -> None:
+        super().__init__()
         options = options_of(config, bind="", curve_key="", curve_admitted="")
         self._bind, self._curve = options["bind"], configured(options)
         if self._curve and not self._bind:
@@ -74,15 +74,9 @@ class ZeroMQTransport:
         self.codec: Codec = MessagePack()
         self.incarnation = random_id()
         self.owner, self.folder = config.owner, _short_enough(runtime_dir() / "zeromq")
-        self.closed = False
-        self._lock = threading.RLock()
-        self._links: list[Link] = []
+        self.served = self.folder / "served"
         self._peers: dict[str, Peer] = {}
         self._routers: list[Router] = []
-        self._known = -1
-        """The version of the directory that all links have seen."""
-        self._last: dict[object, str] = {}
-        """What last went wrong on the receiving thread, so that it is not told at every tick."""
         self.directory = Directory(self.folder)
         self.member = self.directory.join(config.owner)
         try:
@@ -90,7 +84,7 @@ class ZeroMQTransport:
         except OSError as exc:
             self.member.close()
             raise TransportError(f"zeromq: cannot be opened: {exc.strerror}") from exc
-        self._watch = Watch(self.folder)
+        self._watch = FolderWatch(self.folder)
         keep_memory()
         self.context = zmq.Context()
         if self._watch.fileno >= 0:
@@ -197,6 +191,16 @@ class ZeroMQTransport:
                     self._routers = [Router(self, [here]), guarded]
             return self._routers
 
+    def enlist(self, link: ServingLink) -> str:
+        routers = self.routers()
+        for router in routers:
+            router.add(link)
+        return routers[0].address
+
+    def delist(self, link: ServingLink) -> None:
+        for router in self._routers:
+            router.remove(link)
+
     def _guarded_router(self, curve: Curve) -> Router:
         monitor = "inproc://monitor"
         asked, told = self.socket(zmq.REP, partial(self._judge, curve)), self.socket(zmq.PAIR, self._tell)
@@ -249,41 +253,8 @@ class ZeroMQTransport:
             if not peer.alive():
                 self.drop(peer)
 
-    def left(self, link: AnnouncedLink[Any]) -> None:
-        with self._lock:
-            if link in self._links:
-                self._links.remove(link)
-            for work in (link.look, link.tick):
-                self._last.pop(work, None)
-
-    def _guarded(self, work: Callable[[], T], otherwise: T) -> T:
-        """What a link does on the thread that receives for everybody: if it fails, the others go on."""
-        try:
-            result = work()
-        except Exception as exc:
-            if self._last.get(work) != repr(exc):
-                self._last[work] = repr(exc)
-                log.exception("looking after a link; trying again")
-            return otherwise
-        self._last.pop(work, None)
-        return result
-
     def _open(self, link: L) -> L:
-        if self.closed:
-            raise Closed("the transport is closed")
-        try:
-            link.open()
-        except BaseException:
-            link.close()
-            raise
-        with self._lock:
-            self._links.append(link)  # only now: those in the list are looked after by the receiving thread
-            closed = self.closed
-        if closed:
-            link.close()
-            raise Closed("the transport is closed")
-        if not self._guarded(link.look, False):  # who came after it was opened, and before it was in the list
-            self._known = -1
+        super()._open(link)
         self._loop.wake()
         return link
 
@@ -294,12 +265,9 @@ class ZeroMQTransport:
         version = self.directory.version()
         if version != self._known:
             self._drop_the_dead()
-        links = list(self._links)
-        if version != self._known and all([self._guarded(link.look, False) for link in links]):
-            self._known = version
-        waits = [self._guarded(link.tick, None) for link in links]
+        waits = self._look_after(version)
         usual = IDLE_TICK if self._watch.working and self._known == version else TICK
-        return min([usual, *(wait for wait in waits if wait is not None)])
+        return min([usual, *waits])
 
 
 class _Changes:
@@ -307,7 +275,7 @@ class _Changes:
 
     awaited = False
 
-    def __init__(self, watch: Watch, loop: Loop) -> None:
+    def __init__(self, watch: FolderWatch, loop: Loop) -> None:
         self.fileno, self._watch, self._loop = watch.fileno, watch, loop
 
     def on_input(self, _: object) -> list[Job]:

@@ -1,37 +1,36 @@
-"""Who is commanded and who is called."""
+"""Who is commanded and who is called, of transports whose ends find each other in the directory."""
 
 from __future__ import annotations
 
 import contextlib
 import logging
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
 
-from ...errors import AlreadyServed
-from ...wire.codec import Payload
-from ...wire.header import Request
-from ..announced import AnnouncedLink
-from ..base import Channel, Reply, Service, Sink, Status, TypeRef
-from ..crew import Job, Lane, Servant
-from ..exclusive import Claim, claim
-from ..ledger import Ledger
+from ..errors import AlreadyServed
+from ..wire.codec import Payload
+from ..wire.header import Request
+from .announced import AnnouncedLink, Announcing
+from .base import Channel, Reply, Service, Sink, Status, TypeRef
+from .crew import Job, Lane, Servant
+from .exclusive import Claim, claim
+from .ledger import Ledger
 
-if TYPE_CHECKING:
-    from .transport import ShmTransport
-
-log = logging.getLogger("robocomp.transport.shm")
+log = logging.getLogger("robocomp.transport")
 
 COMMANDS_WAITING = 1000
+"""Commands that may wait at one server; more are dropped."""
 
 
-class ServingLink(AnnouncedLink["ShmTransport"]):
+class ServingLink(AnnouncedLink[Announcing], ABC):
     ordered: bool
-    number = 0
+    address = ""
+    """Where its requests come in; "" until they do."""
     _claim: Claim | None = None
 
-    def __init__(self, transport: ShmTransport, channel: Channel) -> None:
+    def __init__(self, transport: Announcing, channel: Channel) -> None:
         super().__init__(transport, channel)
         self.ledger = Ledger(self.stats, ordered=self.ordered)
 
@@ -41,13 +40,12 @@ class ServingLink(AnnouncedLink["ShmTransport"]):
             if other and self.transport.directory.alive(member.id):
                 raise AlreadyServed(f"{self.channel.name}: already served by {member.owner} (pid {member.pid})")
         self._claim = claim(self.transport.served, self.channel.name, self.transport.owner)
-        self.number = self.transport.number()
-        self.transport.desk.serving[self.number] = self
-        self.announce(str(self.number))
+        self.address = self.transport.enlist(self)
+        self.announce(self.address)
 
+    @abstractmethod
     def accept(self, payload: Payload, expires: float, answer: Callable[[Reply], None]) -> Job | None:
         """Take a request; what is left to do about it."""
-        raise NotImplementedError
 
     def refuse_stranger(self, request: Request) -> None:
         texts = [
@@ -62,17 +60,17 @@ class ServingLink(AnnouncedLink["ShmTransport"]):
             if self._claim:
                 everything.callback(self._claim.close)
             everything.callback(self.finish)
-            everything.callback(self.transport.desk.serving.pop, self.number, None)
+            everything.callback(self.transport.delist, self)
 
+    @abstractmethod
     def finish(self) -> None:
         """Let nothing begin any more, and wait for what runs."""
-        raise NotImplementedError
 
 
 class CommandInlet(ServingLink):
     role, facing, ordered = "receives", "commands", True
 
-    def __init__(self, transport: ShmTransport, channel: Channel, sink: Sink) -> None:
+    def __init__(self, transport: Announcing, channel: Channel, sink: Sink) -> None:
         super().__init__(transport, channel)
         self._sink = sink
         self._lane = Lane(channel.name, self._execute, COMMANDS_WAITING, lossy=False, stats=self.stats)
@@ -99,7 +97,7 @@ class CommandInlet(ServingLink):
 class Server(ServingLink):
     role, facing, ordered = "serves", "calls", False
 
-    def __init__(self, transport: ShmTransport, channel: Channel, service: Service) -> None:
+    def __init__(self, transport: Announcing, channel: Channel, service: Service) -> None:
         super().__init__(transport, channel)
         self._servant = Servant(channel.name, service, self.stats)
 

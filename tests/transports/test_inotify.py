@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from robocomp_py.testing.patience import SOON
-from robocomp_py.transports.watch import Watch
+from robocomp_py.transports.inotify import FolderWatch
 
 
 @pytest.fixture
@@ -21,13 +21,13 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def watch(folder: Path) -> Iterator[Watch]:
-    opened = Watch(folder)
+def watch(folder: Path) -> Iterator[FolderWatch]:
+    opened = FolderWatch(folder)
     yield opened
     opened.close()
 
 
-def told(watch: Watch, within: float = SOON) -> bool:
+def told(watch: FolderWatch, within: float = SOON) -> bool:
     """Whether there is something to be read; then it is."""
     poller = select.poll()
     poller.register(watch.fileno, select.POLLIN)
@@ -36,7 +36,7 @@ def told(watch: Watch, within: float = SOON) -> bool:
     return found
 
 
-def test_files_that_come_go_or_are_replaced_are_told(folder: Path, watch: Watch) -> None:
+def test_files_that_come_go_or_are_replaced_are_told(folder: Path, watch: FolderWatch) -> None:
     assert not told(watch, 0)
     (folder / "draft").write_text("x")
     assert told(watch)
@@ -49,7 +49,9 @@ def test_files_that_come_go_or_are_replaced_are_told(folder: Path, watch: Watch)
 
 
 @pytest.mark.parametrize("how", ["removed", "renamed"])
-def test_of_a_folder_that_went_nothing_is_told_until_the_watch_is_renewed(folder: Path, watch: Watch, how: str) -> None:
+def test_of_a_folder_that_went_nothing_is_told_until_the_watch_is_renewed(
+    folder: Path, watch: FolderWatch, how: str
+) -> None:
     folder.rmdir() if how == "removed" else folder.rename(folder.with_name("elsewhere"))
     assert told(watch)
     assert not watch.working
@@ -66,7 +68,7 @@ def test_without_a_descriptor_nothing_is_told_and_nothing_fails(folder: Path, ca
     _, most = limits = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (0, most))
     try:
-        watch = Watch(folder)
+        watch = FolderWatch(folder)
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, limits)
     assert "max_user_instances" in caplog.text
@@ -76,7 +78,7 @@ def test_without_a_descriptor_nothing_is_told_and_nothing_fails(folder: Path, ca
     watch.close()
 
 
-def test_closing_may_be_repeated(watch: Watch) -> None:
+def test_closing_may_be_repeated(watch: FolderWatch) -> None:
     watch.close()
     watch.close()
     watch.read()

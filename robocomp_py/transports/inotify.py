@@ -16,7 +16,7 @@ _SELF_GONE = 0x400 | 0x800  # deleted, or moved
 _GONE = _SELF_GONE | 0x8000  # ignored: nothing more will be told
 
 
-class Watch:
+class FolderWatch:
     """A descriptor that has input when files of a folder came, went or were replaced.
 
     Without `working` nothing is told, since the system cannot, or will not, or the folder has gone: then look from
