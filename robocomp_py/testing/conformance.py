@@ -27,6 +27,7 @@ Limits on time are generous, and scaled by $ROBOCOMP_PATIENCE; none judges speed
 from __future__ import annotations
 
 import asyncio
+import itertools
 import math
 import queue
 import threading
@@ -252,6 +253,28 @@ class TransportConformance(QoSConformance):
         wait_until(lambda: inbox.qsize() == 4)
         assert drain(inbox) == [b"0", b"18", b"19", b"20"]
         assert link.stats.dropped == 17
+
+    def test_a_sink_slower_than_its_sender_stays_near_the_newest(
+        self, here: Transport, there: Transport, name: str
+    ) -> None:
+        permits, delivered = threading.Semaphore(0), list[int]()
+
+        def sink(payload: Payload) -> None:
+            delivered.append(int(unblob(there, payload)))
+            permits.acquire(timeout=SOON)
+
+        channel = topic(name, QoS(depth=4))
+        there.inlet(channel, sink)
+        outlet = here.outlet(channel)
+        assert outlet.wait_peer(SOON)
+        numbers = itertools.count()
+        for step in range(100):
+            for _ in range(20):
+                outlet.send(blob(here, str(next(numbers)).encode()))
+            wait_until(lambda already=step: len(delivered) > already)  # type: ignore[misc]
+            permits.release()
+        permits.release(len(delivered))
+        assert delivered[-1] > 1000, "it is told what was sent long ago"
 
     def test_reliable_loses_nothing_to_a_slow_sink(self, here: Transport, there: Transport, name: str) -> None:
         channel = topic(name, _RELIABLE)

@@ -11,8 +11,10 @@ from __future__ import annotations
 import contextlib
 import logging
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterable
+from itertools import islice
 from typing import Any
 
 import zenoh
@@ -32,6 +34,9 @@ AT_LEAST, TIMES = 4096, 8
 BYTES_WAITING = 64 * 1024 * 1024
 """So many bytes of a sender that does not count may wait beyond the depth, and `MOST_AHEAD` messages."""
 
+STALE = 0.01
+"""Seconds that a sink may keep the channel from being read until what waits there beyond the depth is given up."""
+
 SENDERS = 16
 """If it is not lossy, it holds all that so many senders may be ahead, however slow the sink is."""
 
@@ -42,6 +47,8 @@ class Reader:
     def __init__(self, name: str, admit: Admit, sink: Sink, depth: int, *, lossy: bool, stats: Statistics) -> None:
         self._name, self._admit, self._sink, self._stats = name, admit, sink, stats
         self._depth, self._lossy = depth, lossy
+        self._holds = max(AT_LEAST, TIMES * depth) if lossy else SENDERS * MOST_AHEAD
+        self._swept = 0.0
         self.lock = threading.Lock()
         self._changed = threading.Condition(self.lock)
         self._waiting: deque[Any] = deque()
@@ -63,12 +70,11 @@ class Reader:
 
     def channel(self) -> Any:
         """What Zenoh is to put messages into."""
-        holds = max(AT_LEAST, TIMES * self._depth) if self._lossy else SENDERS * MOST_AHEAD
-        return zenoh.handlers.RingChannel(holds)
+        return zenoh.handlers.RingChannel(self._holds)
 
-    def start(self, receive: Callable[[], Any]) -> None:
-        """Begin to read; `receive` raises ZError when nothing will come any more."""
-        self._receive = receive
+    def start(self, handler: zenoh.Handler[Any]) -> None:
+        """Begin to read the channel; `recv` raises ZError when nothing will come any more."""
+        self._receive, self._receive_now = handler.recv, handler.try_recv
         self._hire()
 
     def feed(self, messages: Callable[[], Iterable[Any]]) -> None:
@@ -131,6 +137,8 @@ class Reader:
                 message = receive()
                 try:
                     self._arrive(message)
+                    if self._lossy and time.monotonic() - self._swept > STALE:
+                        self._sweep()
                 except Exception:  # if this thread ended, nobody would read any more
                     log.exception("%s: a message was not taken", self._name)
 
@@ -150,6 +158,11 @@ class Reader:
                 else:
                     self._drainer = threading.get_ident()
         self._go_on(payload)
+
+    def _sweep(self) -> None:
+        """Read all that is there. It came while the sink ran, or shortly before."""
+        self._swept = time.monotonic()
+        self.feed(lambda: islice(iter(self._receive_now, None), self._holds))
 
     def _go_on(self, payload: Any) -> None:
         if payload is not None:

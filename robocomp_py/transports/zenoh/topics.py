@@ -169,7 +169,7 @@ class Subscriber(Link):
         from_whom = zenoh.Locality.REMOTE if ANY in self.channel.name else zenoh.Locality.ANY
         subscribe = self.transport.session.declare_subscriber
         subscription = self.declare(subscribe(self.key, self._reader.channel(), allowed_origin=from_whom))
-        self._reader.start(subscription.handler.recv)  # not its own `recv`, during which it cannot be undeclared
+        self._reader.start(subscription.handler)  # not its own `recv`, during which it cannot be undeclared
 
     def look(self) -> None:
         tokens = self.counterparts()
