@@ -9,6 +9,7 @@ import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from enum import StrEnum
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -31,6 +32,7 @@ from ..runtime.notify import BETWEEN
 from ..spelling import unknown
 from .auto import Choice, Usable, Way, choose, installed_here, unsupported_by_others
 from .configuration import check_text, span_of
+from .policy import Escalation, Restart
 from .qos import unsupported
 from .routes import (
     Configured,
@@ -72,6 +74,13 @@ class Process:
     """Whether it says itself when it is ready; else it counts as ready once it runs."""
     members: tuple[Member, ...] = ()
     """Those that are in it, in the order in which they start; none if it is that of the instance it is called like."""
+    host: str = ""
+    """Which of the plan's hosts it runs on; "" for the one that launches the network."""
+    restart: Restart = field(default_factory=Restart)
+    grace: float | None = None
+    """Seconds it has to end by itself, if the network says so."""
+    system: tuple[str, ...] = ()
+    """The systems around it, the outermost first."""
 
     @property
     def instances(self) -> tuple[str, ...]:
@@ -98,6 +107,34 @@ class OpenedTransport:
 
 
 @dataclass(frozen=True)
+class Host:
+    """A machine that is reached over SSH."""
+
+    name: str
+    address: str
+    user: str = ""
+    """"" for whom SSH's own configuration names."""
+    port: int = 0
+    """Of its SSH server; 0 for what SSH's own configuration says."""
+    workdir: str = ""
+    """Where processes run; "" for a folder of its own below the user's home."""
+    python: str = "python3"
+    keep: bool = False
+    """Whether processes there go on when whoever launched them is gone."""
+
+
+class Security(StrEnum):
+    """Who may take part in a network."""
+
+    LOCAL = "local"
+    """Who is this user on this machine: loopback, sockets and shared memory of one folder."""
+    LAN = "lan"
+    """Who has a key that `rcdeploy keys` made; everything is encrypted."""
+    OPEN = "open"
+    """Everybody who reaches it."""
+
+
+@dataclass(frozen=True)
 class Plan:
     """A network, checked. `processes` are in an order in which they can be started."""
 
@@ -111,6 +148,11 @@ class Plan:
     """What carries each operation between each two instances that we know."""
     notes: tuple[str, ...] = ()
     """Why something is not carried by what would be fastest."""
+    hosts: tuple[Host, ...] = ()
+    """Those besides the one that launches it."""
+    escalations: Mapping[tuple[str, ...], Escalation] = field(default_factory=dict)
+    """By system; that of the whole network by the empty one."""
+    security: Security = Security.LOCAL
 
     @property
     def carriers(self) -> tuple[str, ...]:

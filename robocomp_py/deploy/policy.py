@@ -18,6 +18,37 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 
+class When(StrEnum):
+    """After which end a process is started again, unless it was told to end."""
+
+    NEVER = "never"
+    ON_FAILURE = "on_failure"
+    ALWAYS = "always"
+
+
+class Escalation(StrEnum):
+    """Who else is started again with a process, as in Erlang/OTP's supervisors."""
+
+    ONE_FOR_ONE = "one_for_one"
+    REST_FOR_ONE = "rest_for_one"
+    ONE_FOR_ALL = "one_for_all"
+
+
+@dataclass(frozen=True, slots=True)
+class Restart:
+    """Whether and how often a process is started again.
+
+    The first time after `delay` seconds, then after twice as many each time, up to `max_delay`, each a little more or
+    less so that not all come at once. After `intensity` restarts within `period` seconds it is given up.
+    """
+
+    when: When = When.NEVER
+    intensity: int = 5
+    period: float = 60.0
+    delay: float = 0.2
+    max_delay: float = 30.0
+
+
 @dataclass(frozen=True, slots=True)
 class Ready:
     name: str

@@ -46,6 +46,46 @@ class Clause:
 
 
 @dataclass(frozen=True, slots=True)
+class Host:
+    """`host onboard { address "192.168.1.10"; user "robot"; };`: a machine that is reached over SSH."""
+
+    name: Name
+    span: Span
+    address: Name | None = None
+    user: Name | None = None
+    port: Name | None = None
+    """Of its SSH server."""
+    workdir: Name | None = None
+    python: Name | None = None
+    lost: Name | None = None
+    """What becomes of what runs there when whoever launched it is gone: `stop` or `keep`."""
+    clauses: tuple[Clause, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Restart:
+    """`restart on_failure(intensity 5, period 60);`: whether an instance is started again when it has ended."""
+
+    policy: Name
+    settings: tuple[Setting, ...]
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class System:
+    """`System left { … };`: instances under a prefix, with what holds for all of them."""
+
+    name: Name
+    span: Span
+    path: tuple[str, ...]
+    """Its own name last, those of the systems around it before."""
+    host: Name | None = None
+    restart: Restart | None = None
+    escalation: Name | None = None
+    clauses: tuple[Clause, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Instance:
     """One component of the deployment. `kind` is the name in its CDSL, if it is not the instance's own."""
 
@@ -64,6 +104,14 @@ class Instance:
     process: Name | None = None
     """The one it shares with others that name it, if it has none of its own."""
     qos: tuple[Quality, ...] = ()
+    host: Name | None = None
+    restart: Restart | None = None
+    grace: Name | None = None
+    """Seconds it has to end by itself."""
+    existing: Name | None = None
+    """The command line of a program that is not ours."""
+    system: tuple[str, ...] = ()
+    """The systems around it, the outermost first."""
     later: tuple[Name, ...] = ()
     """Words that are spoken for, but have no effect yet."""
     clauses: tuple[Clause, ...] = ()
@@ -88,6 +136,12 @@ class Deployment:
     instances: tuple[Instance, ...]
     middleware: Name | None = None
     namespace: str = ""
+    hosts: tuple[Host, ...] = ()
+    systems: tuple[System, ...] = ()
+    restart: Restart | None = None
+    """What holds for all that say nothing themselves."""
+    escalation: Name | None = None
+    security: Name | None = None
     later: tuple[Name, ...] = ()
     clauses: tuple[Clause, ...] = ()
     """All but the instances, in order."""
