@@ -81,6 +81,8 @@ class Process:
     """Seconds it has to end by itself, if the network says so."""
     system: tuple[str, ...] = ()
     """The systems around it, the outermost first."""
+    files: tuple[Path, ...] = ()
+    """What its command names of the files here, whole arguments: folders of components, configurations, a program."""
 
     @property
     def instances(self) -> tuple[str, ...]:
@@ -501,7 +503,18 @@ class _Planner:
             tuple(dict.fromkeys(other.text for other in process_dependences(self._model)[name])),
             notifies=only.instance.path is None,
             members=tuple(Member(node.name, node.component.name) for node in together) if only.instance.process else (),
+            files=tuple(dict.fromkeys(file for node in together for file in self._files(node))),
         )
+
+    def _files(self, node: Node) -> Iterator[Path]:
+        """What the command of an instance names of the files here."""
+        if node.instance.path:
+            yield (self._folder / node.instance.path.text).resolve()
+            return
+        yield node.linked.path.parent.resolve()
+        config = self._config(node)
+        if node.instance.config and config:
+            yield config.resolve()
 
     def _variables(self, node: Node) -> dict[str, str]:
         """The environment that the network gives to the process of an instance."""
