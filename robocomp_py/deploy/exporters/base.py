@@ -1,0 +1,175 @@
+"""What the exporters share: which process goes where, names, and writing it all."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+
+from ... import __version__
+from ...errors import DeploymentError
+from ..plan import Host, Plan, Process
+from ..relocation import places, relocate
+from ..run import GRACE
+
+APP = "app"
+"""The folder with the components, beside the files that start them."""
+
+RUNTIME = "/run/robocomp"
+"""The run-time folder in containers."""
+
+USER = 1000
+"""Whose number the components have in containers."""
+
+_MARK = "by rcdeploy export"
+_LEFT_OUT = shutil.ignore_patterns("__pycache__", "*.pyc", ".*", "tests")
+
+
+@dataclass(frozen=True)
+class Export:
+    """What is to be written, below the folder that people name."""
+
+    files: Mapping[PurePosixPath, str]
+    copies: Mapping[PurePosixPath, Path] = field(default_factory=dict)
+    """Files and folders that go along."""
+    notes: tuple[str, ...] = ()
+    """What the network says and those who run it will not do."""
+    steps: tuple[str, ...] = ()
+    """The commands that come next."""
+
+
+@dataclass(frozen=True)
+class Site:
+    """A machine, and what runs on it."""
+
+    name: str
+    """"" for the only one."""
+    host: Host | None
+    processes: tuple[Process, ...]
+    moved: Mapping[Path, str]
+
+    @property
+    def folder(self) -> PurePosixPath:
+        return PurePosixPath(self.name)
+
+    def command(self, process: Process, python: str) -> tuple[str, ...]:
+        return relocate(process, self.moved, python)
+
+    def copies(self) -> dict[PurePosixPath, Path]:
+        outermost = [path for path in self.moved if not any(other in path.parents for other in self.moved)]
+        return {self.folder / APP / PurePosixPath(self.moved[path]).name: path for path in outermost}
+
+
+def sites(plan: Plan, below: Callable[[Host | None], str]) -> list[Site]:
+    """The machines of a network, with their components in the folder `below`, or where they are if that is ""."""
+    known = {host.name: host for host in plan.hosts}
+    names = dict.fromkeys(process.host for process in plan.processes)
+    found = []
+    for name in names:
+        processes = tuple(process for process in plan.processes if process.host == name)
+        host = known.get(name)
+        folder = below(host)
+        shown = name or "localhost" if len(names) > 1 else ""
+        found.append(Site(shown, host, processes, places(processes, folder) if folder else {}))
+    return found
+
+
+def heading(what: str, network: str) -> str:
+    """The first line of a file, by which it is known to be ours."""
+    return f"# {what}, made from {_one_line(network)} {_MARK} {__version__}; edits are lost when it is made again.\n"
+
+
+def identifier(text: str, allowed: str) -> str:
+    """A name made of those characters, dashes for all others."""
+    return re.sub(rf"[^{allowed}]+", "-", text).strip("-.") or "x"
+
+
+def unique(names: Iterable[str], allowed: str) -> dict[str, str]:
+    """For each name one that may be used, different ones for different names."""
+    found: dict[str, str] = {}
+    for name in names:
+        made, number = identifier(name, allowed), 2
+        while made in found.values():
+            made, number = f"{identifier(name, allowed)}-{number}", number + 1
+        found[name] = made
+    return found
+
+
+def grace(process: Process) -> float:
+    """Seconds it has to end by itself: its components end one after the other."""
+    return process.grace if process.grace is not None else GRACE * len(process.instances)
+
+
+def write_export(export: Export, folder: Path) -> None:
+    """Write an export, over a former one, but over nothing else. Raises DeploymentError with what is in the way."""
+    for name in export.files:
+        path = folder / name
+        if path.is_dir() or (path.exists() and not _is_ours(path)):
+            raise DeploymentError(f"{path} was not made by rcdeploy; move it away, or give another folder by -o")
+    apps = {folder / path.parent for path in export.copies}
+    for app in apps:
+        if app.exists() and not (app / _OWNER).is_file():
+            raise DeploymentError(f"{app} was not made by rcdeploy; move it away, or give another folder by -o")
+    try:
+        for app in apps:
+            _copy(app, {path.name: source for path, source in export.copies.items() if folder / path.parent == app})
+        for name, text in export.files.items():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_text(text, encoding="utf-8")
+    except OSError as exc:
+        raise DeploymentError(f"{exc.filename or folder} cannot be written: {exc.strerror}") from exc
+
+
+_OWNER = ".made-by-rcdeploy"
+
+
+def _copy(app: Path, sources: Mapping[str, Path]) -> None:
+    """Put copies into a folder, which is replaced as a whole once all are there."""
+    app.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".export-", dir=app.parent) as holder:
+        made = Path(holder, "new")
+        made.mkdir()
+        (made / _OWNER).touch()
+        for name, source in sources.items():
+            if source.is_dir():
+                shutil.copytree(source, made / name, ignore=_LEFT_OUT)
+            else:
+                shutil.copy2(source, made / name)
+        if app.exists():
+            app.rename(Path(holder, "old"))
+        made.rename(app)
+
+
+def _is_ours(path: Path) -> bool:
+    with path.open(encoding="utf-8", errors="replace") as file:
+        return _MARK in file.readline()
+
+
+def _one_line(text: str) -> str:
+    return "".join(char if char.isprintable() else "?" for char in text)
+
+
+def enumerated(names: Iterable[str]) -> str:
+    """`a, b and c`."""
+    *others, last = names
+    return f"{', '.join(others)} and {last}" if others else last
+
+
+def told_once(notes: Iterable[str]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(notes))
+
+
+def brought(plan: Plan, recipe: str) -> Iterator[str]:
+    """Which programs an image has to have, beside what we put into it."""
+    for process in plan.processes:
+        if not process.notifies and not process.files:
+            yield f"`{process.name}` runs `{process.command[0]}`: add what installs it to {recipe}"
+
+
+def escalating(plan: Plan, engine: str) -> Iterator[str]:
+    """What is lost of a network's escalations."""
+    if set(plan.escalations.values()) - {"one_for_one"}:
+        yield f"{engine} starts again only what has ended itself: `escalation` has no effect there"

@@ -1,0 +1,157 @@
+"""Units for systemd (Type=notify): a service for each process, and a target for the network."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Iterator
+from pathlib import PurePosixPath
+
+from ...errors import DeploymentError
+from ..plan import Host, Plan, Process
+from ..policy import Restart, When
+from .base import APP, Export, Site, escalating, grace, heading, identifier, sites, told_once, unique
+
+_RESTART = {When.NEVER: "no", When.ON_FAILURE: "on-failure", When.ALWAYS: "always"}
+_NAME = "A-Za-z0-9_.:"
+
+
+def systemd(plan: Plan, network: str) -> Export:
+    """Units for each machine; their users start them, with `systemctl --user` or without."""
+    whole = f"robocomp-{identifier(plan.name, _NAME)}"
+    files: dict[PurePosixPath, str] = {}
+    copies = {}
+    all_sites = sites(plan, lambda host: f"{_home(host, whole)}/{APP}" if host else "")
+    for site in all_sites:
+        copies.update(site.copies())
+        names = {
+            name: f"{whole}-{unit}.service"
+            for name, unit in unique((each.name for each in site.processes), _NAME).items()
+        }
+        files[site.folder / f"{whole}.target"] = heading("A network", network) + _target(plan, list(names.values()))
+        for process in site.processes:
+            text = heading("A process of a network", network) + _service(plan, site, process, whole, names)
+            files[site.folder / names[process.name]] = text
+    return Export(files, copies, told_once(_notes(plan)), tuple(_steps(all_sites, whole)))
+
+
+def _target(plan: Plan, services: list[str]) -> str:
+    return f"""
+[Unit]
+Description={_text(f"All of {plan.name}")}
+Wants={" ".join(services)}
+
+[Install]
+WantedBy=default.target
+"""
+
+
+def _service(plan: Plan, site: Site, process: Process, whole: str, names: dict[str, str]) -> str:
+    first = [names[other] for other in process.after if other in names]
+    order = f"\nWants={' '.join(first)}\nAfter={' '.join(first)}" if first else ""
+    python = site.host.python if site.host else sys.executable
+    command = " ".join(_word(each, ours=each in site.moved.values()) for each in site.command(process, python))
+    folder = _home(site.host, whole) if site.host else _specified(str(process.cwd))
+    environment = {"PYTHONUNBUFFERED": "1", **process.env}
+    given = "".join(f"\nEnvironment={_quoted(f'{name}={value}')}" for name, value in environment.items())
+    restart = process.restart
+    return f"""
+[Unit]
+Description={_text(f"{process.name} ({process.component}) of {plan.name}")}
+PartOf={whole}.target{order}{_limits(restart)}
+
+[Service]
+Type={"notify" if process.notifies else "exec"}
+ExecStart={command}
+WorkingDirectory={_path(folder)}{given}
+Environment=ROBOCOMP_RUNTIME_DIR=%t/{whole}
+RuntimeDirectory={whole}
+RuntimeDirectoryMode=0700
+RuntimeDirectoryPreserve=yes
+Restart={_RESTART[restart.when]}{_delay(restart)}
+SuccessExitStatus=130 143
+TimeoutStartSec=infinity
+TimeoutStopSec={grace(process):g}
+"""
+
+
+def _home(host: Host, whole: str) -> str:
+    """Where everything is on another machine: where the network says, or at home, which systemd knows."""
+    return _specified(host.workdir) if host.workdir else f"%h/{whole}"
+
+
+def _limits(restart: Restart) -> str:
+    if restart.when is When.NEVER:
+        return ""
+    return f"\nStartLimitIntervalSec={restart.period:g}\nStartLimitBurst={restart.intensity}"
+
+
+def _delay(restart: Restart) -> str:
+    return "" if restart.when is When.NEVER else f"\nRestartSec={restart.delay:g}"
+
+
+def _notes(plan: Plan) -> Iterator[str]:
+    yield from escalating(plan, "systemd")
+    if any(each.restart.when is not When.NEVER for each in plan.processes):
+        yield "systemd before 254 waits the same time before each restart: `max_delay` has no effect"
+    here = {each.host for each in plan.processes if each.host == ""}
+    if here and any(each.host for each in plan.processes):
+        yield "the units of `localhost` name files where they are on this machine; those of the others go along"
+
+
+def _steps(all_sites: list[Site], whole: str) -> Iterator[str]:
+    for site in all_sites:
+        folder = f"{site.name}/" if site.name else ""
+        if site.host:
+            to = f"{site.host.user}@{site.host.address}" if site.host.user else site.host.address
+            there = site.host.workdir or whole
+            yield f"ssh {to} mkdir -p {shlex.quote(there)} .config/systemd/user"
+            yield f"scp -r {folder}{APP} {to}:{shlex.quote(there)}/"
+            yield f"scp {folder}{whole}* {to}:.config/systemd/user/"
+            yield f"ssh {to} systemctl --user enable --now {whole}.target"
+        else:
+            yield f"cp {folder}{whole}* ~/.config/systemd/user/"
+            yield f"systemctl --user enable --now {whole}.target"
+
+
+# Quoting: systemd.syntax(7), systemd.service(5) and systemd.unit(5).
+
+
+def _text(text: str) -> str:
+    """For people; one line."""
+    return "".join(char if char.isprintable() else " " for char in text).replace("%", "%%").replace("\\", "/")
+
+
+def _specified(text: str) -> str:
+    """A text in which systemd finds nothing to fill in."""
+    return text.replace("%", "%%")
+
+
+def _word(text: str, *, ours: bool) -> str:
+    """One word of a command line, in which `$` begins a variable; of ours, what systemd is to fill in is meant."""
+    word = _quoted(text.replace("$", "$$"))
+    return word.replace("%%", "%") if ours else word
+
+
+def _quoted(text: str) -> str:
+    plain = text and all(char.isalnum() or char in "-_./=:,+@" for char in text) and text.isascii()
+    if plain:
+        return text
+    return '"' + "".join(_escaped(char) for char in text) + '"'
+
+
+def _escaped(char: str) -> str:
+    if char in '"\\':
+        return f"\\{char}"
+    if char == "%":
+        return "%%"
+    if char.isprintable():
+        return char
+    return "".join(f"\\x{octet:02x}" for octet in char.encode("utf-8", "surrogateescape"))
+
+
+def _path(text: str) -> str:
+    """Of a folder, which systemd takes as it stands, to the end of the line."""
+    if not text.isprintable() or text != text.strip():
+        raise DeploymentError(f"systemd cannot run anything in a folder called {text!r}; rename it")
+    return text

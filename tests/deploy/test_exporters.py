@@ -1,0 +1,330 @@
+"""Networks for systemd, compose and Kubernetes: read again as these do, and by their own schemas."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import check_jsonschema
+import jsonschema
+import kubernetes_validate
+import pytest
+import yaml
+
+from robocomp_py.deploy.exporters import EXPORTERS, Export, write_export
+from robocomp_py.deploy.exporters.base import unique
+from robocomp_py.deploy.plan import Host, Plan, Process
+from robocomp_py.deploy.policy import Escalation, Restart, When
+from robocomp_py.deploy.relocation import places, relocate
+from robocomp_py.errors import DeploymentError
+
+NASTY = [
+    "plain",
+    "",
+    "two words",
+    "quote \" and ' end",
+    "back\\slash",
+    "a\nExecStartPre=/bin/false",
+    "tab\there",
+    "100%h %% $HOME ${HOME} $(id) `id`",
+    ";",
+    "; rm -rf /",
+    "# comment",
+    "ünïcödé ☃",
+    "---\nkey: value",
+    "{{ template }}",
+    "--",
+    "yes",
+    "0x10",
+    "\u202e\x1b[31m",
+]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    for name in ("laser", "arm"):
+        (tmp_path / name / "etc").mkdir(parents=True)
+        (tmp_path / name / "__init__.py").touch()
+        (tmp_path / name / "etc" / "config.toml").touch()
+        (tmp_path / name / "__pycache__").mkdir()
+    return tmp_path
+
+
+def component(folder: Path, name: str, *more: str, **changed: Any) -> Process:
+    command = (sys.executable, "-m", "robocomp_py.cli.rc", "run", str(folder / name), "--name", name, *more)
+    made = Process(name, name.title(), command, folder, files=(folder / name,))
+    return replace(made, **changed)
+
+
+def network(*processes: Process, **changed: Any) -> Plan:
+    return replace(Plan("Patrol", "zeromq", processes, ()), **changed)
+
+
+def parts(text: str) -> dict[str, list[str]]:
+    """The assignments of a unit; several of one name in their order."""
+    found: dict[str, list[str]] = {}
+    for line in text.splitlines():
+        key, is_assignment, value = line.partition("=")
+        if is_assignment and not line.startswith(("#", "[")):
+            found.setdefault(key, []).append(value)
+    return found
+
+
+def only(export: Export, ending: str) -> str:
+    (found,) = (text for name, text in export.files.items() if str(name).endswith(ending))
+    return found
+
+
+def compose_file(text: str) -> dict[str, Any]:
+    """Read, and found to be right by the schema of the Compose Specification."""
+    schema = Path(check_jsonschema.__file__).parent / "builtin_schemas" / "vendor" / "compose-spec.json"
+    document = yaml.safe_load(text)
+    jsonschema.validate(document, json.loads(schema.read_text()))
+    assert isinstance(document, dict)
+    return document
+
+
+def manifest(text: str) -> dict[str, Any]:
+    document = yaml.safe_load(text)
+    kubernetes_validate.validate(document, desired_version="1.31", strict=True)
+    assert isinstance(document, dict)
+    return document
+
+
+# systemd
+
+
+def test_a_process_becomes_a_service_of_the_network(folder: Path) -> None:
+    arm = component(folder, "arm", after=("laser",), env={"GAIN": "3"}, restart=Restart(When.ON_FAILURE, 3, 30, 0.5))
+    export = EXPORTERS["systemd"](network(component(folder, "laser"), arm), "net.ddsl")
+    assert [str(name) for name in export.files] == [
+        "robocomp-Patrol.target",
+        "robocomp-Patrol-laser.service",
+        "robocomp-Patrol-arm.service",
+    ]
+    unit = parts(only(export, "-arm.service"))
+    assert unit["Type"] == ["notify"]
+    assert unit["After"] == unit["Wants"] == ["robocomp-Patrol-laser.service"]
+    assert unit["Environment"][1] == "GAIN=3"
+    assert unit["Restart"] == ["on-failure"]
+    assert (unit["StartLimitBurst"], unit["StartLimitIntervalSec"], unit["RestartSec"]) == (["3"], ["30"], ["0.5"])
+    target = parts(only(export, ".target"))
+    assert target["Wants"] == ["robocomp-Patrol-laser.service robocomp-Patrol-arm.service"]
+
+
+def test_a_program_that_says_nothing_is_ready_once_it_runs(folder: Path) -> None:
+    program = Process("lidar", "Lidar", ("urg_node",), folder, notifies=False)
+    assert parts(only(EXPORTERS["systemd"](network(program), "net.ddsl"), ".service"))["Type"] == ["exec"]
+
+
+def test_units_of_other_hosts_go_with_their_components(folder: Path) -> None:
+    host = Host("onboard", "192.168.1.10", "robot", python="python3.12")
+    plan = network(component(folder, "laser", host="onboard"), component(folder, "arm"), hosts=(host,))
+    export = EXPORTERS["systemd"](plan, "net.ddsl")
+    assert PurePosixPath("localhost/robocomp-Patrol-arm.service") in export.files
+    assert export.copies == {PurePosixPath("onboard/app/laser"): folder / "laser"}
+    unit = parts(only(export, "-laser.service"))
+    assert unit["ExecStart"][0].startswith(
+        'python3.12 -m robocomp_py.cli.rc run "%h/robocomp-Patrol/app/laser" --name laser'
+    )
+    assert "scp -r onboard/app robot@192.168.1.10:robocomp-Patrol/" in export.steps
+
+
+def test_where_the_network_says_is_where_units_look(folder: Path) -> None:
+    host = Host("onboard", "192.168.1.10", workdir="/srv/100% mine")
+    export = EXPORTERS["systemd"](network(component(folder, "laser", host="onboard"), hosts=(host,)), "net.ddsl")
+    unit = parts(only(export, ".service"))
+    assert '"/srv/100%% mine/app/laser"' in unit["ExecStart"][0]
+    assert unit["WorkingDirectory"] == ["/srv/100%% mine"]
+
+
+def test_a_folder_that_systemd_cannot_name_is_refused(folder: Path) -> None:
+    plan = network(component(folder, "laser", cwd=Path("/tmp/a\nExecStartPre=/bin/false")))
+    with pytest.raises(DeploymentError, match="rename it"):
+        EXPORTERS["systemd"](plan, "net.ddsl")
+
+
+def systemd_words(line: str) -> list[str]:
+    """What systemd.syntax(7) makes of a command line, without variables and specifiers in it."""
+    assert "%" not in line.replace("%%", "")
+    assert "$" not in line.replace("$$", "")
+    words, at = [], 0
+    while at < len(line):
+        if line[at] == " ":
+            at += 1
+            continue
+        word, quoted = bytearray(), line[at] == '"'
+        at += quoted
+        while at < len(line) and line[at] != ('"' if quoted else " "):
+            if line[at] == "\\" and line[at + 1] == "x":
+                word.append(int(line[at + 2 : at + 4], 16))
+                at += 4
+                continue
+            at += line[at] == "\\"
+            word += line[at].encode()
+            at += 1
+        at += quoted
+        words.append(word.decode().replace("%%", "%").replace("$$", "$"))
+    return words
+
+
+@pytest.mark.parametrize("text", NASTY)
+def test_systemd_reads_what_was_meant(folder: Path, text: str) -> None:
+    process = component(folder, "laser", text, env={"TEXT": text})
+    unit = parts(only(EXPORTERS["systemd"](network(process), f"{text}.ddsl"), ".service"))
+    assert systemd_words(unit["ExecStart"][0])[-1] == text
+    (given,) = (line for line in unit["Environment"] if "TEXT=" in line)
+    assert systemd_words(given.replace("$", "$$")) == [f"TEXT={text}"]
+    assert "ExecStartPre" not in unit
+
+
+@pytest.mark.tool
+@pytest.mark.parametrize("text", NASTY)
+def test_systemd_accepts_units(folder: Path, tmp_path: Path, text: str) -> None:
+    arm = component(folder, "arm", text, after=("laser",), env={"TEXT": text}, restart=Restart(When.ALWAYS))
+    export = EXPORTERS["systemd"](network(component(folder, "laser"), arm), "net.ddsl")
+    write_export(export, tmp_path / "units")
+    units = sorted(str(path) for path in (tmp_path / "units").iterdir())
+    ran = subprocess.run(["systemd-analyze", "verify", *units], capture_output=True, text=True, timeout=60)
+    assert (ran.returncode, ran.stderr) == (0, "")
+
+
+# compose
+
+
+def test_a_process_becomes_a_service_of_compose(folder: Path) -> None:
+    arm = component(folder, "arm", after=("laser",), env={"GAIN": "3"}, restart=Restart(When.ON_FAILURE, 3), grace=7)
+    document = compose_file(only(EXPORTERS["compose"](network(component(folder, "laser"), arm), "n"), "compose.yaml"))
+    service = document["services"]["arm"]
+    assert service["command"] == ["python", "-m", "robocomp_py.cli.rc", "run", "/app/arm", "--name", "arm"]
+    assert service["depends_on"] == {"laser": {"condition": "service_healthy"}}
+    assert service["restart"] == "on-failure:3"
+    assert service["stop_grace_period"] == "7s"
+    assert service["environment"]["GAIN"] == "3"
+    assert document["services"]["laser"]["restart"] == "no"
+
+
+def test_only_who_says_so_is_waited_for_until_it_is_ready(folder: Path) -> None:
+    program = Process("lidar", "Lidar", ("urg_node",), folder, notifies=False)
+    export = EXPORTERS["compose"](network(program, component(folder, "arm", after=("lidar",))), "n")
+    document = compose_file(only(export, "compose.yaml"))
+    assert document["services"]["arm"]["depends_on"] == {"lidar": {"condition": "service_started"}}
+    assert "healthcheck" not in document["services"]["lidar"]
+    assert "`lidar` runs `urg_node`: add what installs it to the Dockerfile" in export.notes
+
+
+@pytest.mark.parametrize("text", NASTY)
+def test_compose_reads_what_was_meant(folder: Path, text: str) -> None:
+    export = EXPORTERS["compose"](network(component(folder, "laser", text, env={"TEXT": text})), f"{text}.ddsl")
+    service = compose_file(only(export, "compose.yaml"))["services"]["laser"]
+    assert service["command"][-1].replace("$$", "$") == text
+    assert service["environment"]["TEXT"].replace("$$", "$") == text
+    assert "$" not in service["command"][-1].replace("$$", "")
+
+
+def test_each_machine_has_a_compose_file_of_its_own(folder: Path) -> None:
+    plan = network(
+        component(folder, "laser", host="onboard"), component(folder, "arm"), hosts=(Host("onboard", "10.0.0.2"),)
+    )
+    export = EXPORTERS["compose"](plan, "n")
+    assert {str(name) for name in export.files} == {
+        f"{host}/{file}" for host in ("onboard", "localhost") for file in ("compose.yaml", "Dockerfile")
+    }
+
+
+# Kubernetes
+
+
+def test_a_machine_becomes_a_pod_with_a_container_for_each_process(folder: Path) -> None:
+    plan = network(component(folder, "laser"), component(folder, "arm", env={"GAIN": "3"}, grace=9))
+    pod = manifest(only(EXPORTERS["kubernetes"](plan, "n"), ".yaml"))["spec"]["template"]["spec"]
+    laser, arm = pod["containers"]
+    assert (laser["name"], arm["name"]) == ("laser", "arm")
+    assert arm["command"][:5] == ["python", "-m", "robocomp_py.cli.rc", "run", "/app/arm"]
+    assert {"name": "GAIN", "value": "3"} in arm["env"]
+    assert pod["terminationGracePeriodSeconds"] == 9
+
+
+def test_a_pod_runs_on_the_host_of_its_processes(folder: Path) -> None:
+    plan = network(component(folder, "laser", host="onboard"), hosts=(Host("onboard", "10.0.0.2"),))
+    pod = manifest(only(EXPORTERS["kubernetes"](plan, "n"), ".yaml"))["spec"]["template"]["spec"]
+    assert pod["nodeSelector"] == {"kubernetes.io/hostname": "onboard"}
+
+
+@pytest.mark.parametrize("text", NASTY)
+def test_kubernetes_reads_what_was_meant(folder: Path, text: str) -> None:
+    plan = network(component(folder, "laser", text, env={"TEXT": text}))
+    pod = manifest(only(EXPORTERS["kubernetes"](plan, f"{text}.ddsl"), ".yaml"))["spec"]["template"]["spec"]
+    (container,) = pod["containers"]
+    assert container["command"][-1].replace("$$(", "$(") == text
+    assert {"name": "TEXT", "value": text.replace("$(", "$$(")} in container["env"]
+
+
+def test_what_an_engine_does_not_do_is_said(folder: Path) -> None:
+    plan = network(
+        component(folder, "laser"),
+        component(folder, "arm", after=("laser",), restart=Restart(When.ALWAYS)),
+        escalations={(): Escalation.ONE_FOR_ALL},
+    )
+    for export in (exporter(plan, "n") for exporter in EXPORTERS.values()):
+        assert any("`escalation` has no effect" in note for note in export.notes)
+    assert any("also laser" in note for note in EXPORTERS["kubernetes"](plan, "n").notes)
+    assert any("`dependences` of arm" in note for note in EXPORTERS["kubernetes"](plan, "n").notes)
+
+
+# What they share
+
+
+def test_names_become_different_ones() -> None:
+    assert unique(["left/arm", "left-arm", "left arm", "☃"], "a-z") == {
+        "left/arm": "left-arm",
+        "left-arm": "left-arm-2",
+        "left arm": "left-arm-3",
+        "☃": "x",
+    }
+
+
+def test_files_keep_their_names_where_these_are_free(tmp_path: Path) -> None:
+    one, other = tmp_path / "one" / "laser", tmp_path / "other" / "laser"
+    process = replace(component(tmp_path, "laser"), files=(one, other, one / "etc" / "config.toml"))
+    moved = places([process], "/app")
+    assert moved == {
+        one: "/app/laser",
+        other: "/app/laser2",
+        one / "etc" / "config.toml": "/app/laser/etc/config.toml",
+    }
+    changed = replace(process, command=(sys.executable, "run", str(one), "--set", f"params.x={one}"))
+    assert relocate(changed, moved, "python") == ("python", "run", "/app/laser", "--set", f"params.x={one}")
+
+
+@pytest.mark.parametrize("kind", EXPORTERS)
+def test_an_export_is_written_again_over_itself(folder: Path, tmp_path: Path, kind: str) -> None:
+    plan = network(component(folder, "laser"))
+    for _ in range(2):
+        write_export(EXPORTERS[kind](plan, "net.ddsl"), tmp_path / "out")
+    assert not (tmp_path / "out" / "app" / "laser" / "__pycache__").exists()
+    assert not list((tmp_path / "out").glob(".export-*"))
+
+
+def test_what_was_not_made_here_stays(folder: Path, tmp_path: Path) -> None:
+    export = EXPORTERS["compose"](network(component(folder, "laser")), "net.ddsl")
+    mine = tmp_path / "out" / "Dockerfile"
+    mine.parent.mkdir()
+    mine.write_text("FROM scratch\n")
+    with pytest.raises(DeploymentError, match="Dockerfile was not made by rcdeploy; move it away"):
+        write_export(export, tmp_path / "out")
+    assert [path.name for path in mine.parent.iterdir()] == ["Dockerfile"]
+    mine.unlink()
+    (tmp_path / "out" / "app").mkdir()
+    with pytest.raises(DeploymentError, match="app was not made by rcdeploy"):
+        write_export(export, tmp_path / "out")
+
+
+def test_the_image_holds_what_the_commands_name(folder: Path, tmp_path: Path) -> None:
+    export = EXPORTERS["compose"](network(component(folder, "laser")), "net.ddsl")
+    write_export(export, tmp_path / "out")
+    assert (tmp_path / "out" / "app" / "laser" / "etc" / "config.toml").is_file()
