@@ -5,6 +5,7 @@
       ConfigurationError       a setting is wrong; says which, where, and what would be right
       ComponentError           a component's specific part does not fit its generic part, or failed
       DeploymentError          a network cannot be started, or did not stay up
+        HostUnreachable        a host it needs cannot be reached, or cannot run what it should
       CodecError               a value and its type, or bytes and their type, do not match
         EncodeError            ... when sending
         DecodeError            ... when receiving
@@ -41,6 +42,10 @@ class ComponentError(RobocompError):
 
 class DeploymentError(RobocompError):
     """A network cannot be started, or a part of it failed."""
+
+
+class HostUnreachable(DeploymentError):
+    """A host cannot be reached, or cannot run what it should; the message says which, why, and what to try."""
 
 
 class CodecError(RobocompError):

@@ -40,7 +40,7 @@ FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py.lsp.complete": MIDDLEWARES | {"pygls", "lsprotocol", "jinja2", "robocomp_py.codegen"},
     "robocomp_py.lsp.server": MIDDLEWARES | {"jinja2", "robocomp_py.codegen", "robocomp_py.deploy"},
     "robocomp_py.deploy.policy": {"subprocess", "asyncio", "lark", "numpy", "robocomp_py.dsl"},
-    "robocomp_py.deploy.plan": MIDDLEWARES | {"subprocess", "jinja2", "robocomp_py.codegen", "msgpack"},
+    "robocomp_py.deploy.planner": MIDDLEWARES | {"subprocess", "jinja2", "robocomp_py.codegen", "msgpack"},
 }
 
 

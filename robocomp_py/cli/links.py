@@ -49,7 +49,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     from ..deploy.auto import usable
-    from ..deploy.plan import make_plan
+    from ..deploy.planner import make_plan
     from ..dsl.workspace import Workspace
 
     try:

@@ -98,7 +98,7 @@ def check(files: Sequence[Path], include: Sequence[Path] = (), against: Path | N
 
 def _check_network(path: Path, workspace: Workspace) -> None:
     """Check a network as the deployer would, except for what only a start needs."""
-    from ..deploy.plan import make_plan
+    from ..deploy.planner import make_plan
 
     make_plan(path, workspace)
     report = workspace.report

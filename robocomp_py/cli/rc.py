@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from typing import Protocol
 
-from . import fmt, graph, links, lint, lsp, run
+from . import fmt, graph, host, links, lint, lsp, run
 from .common import add_version, command, parser
 
 
@@ -24,7 +24,7 @@ class Command(Described, Protocol):
     def run(self, options: argparse.Namespace) -> int: ...
 
 
-_COMMANDS: tuple[Command, ...] = (lint, fmt, lsp, graph, links)
+_COMMANDS: tuple[Command, ...] = (lint, fmt, lsp, graph, links, host)
 """All but `run`, which passes on what only the component understands."""
 
 _EXAMPLES = """\
@@ -34,6 +34,7 @@ examples:
   rc fmt .                            format all files of the languages here and below
   rc graph game.smdsl -o game.svg     draw a state machine
   rc links net.ddsl                   what carries the messages between its instances
+  rc host zenoh                       the router that components share, if nobody else runs it
   rc run components/wander            run a component until Ctrl-C
   rc run . --set component.period=0.02 --name left
   rc run camera + detector            ... several in one process

@@ -23,6 +23,7 @@ from ..contract.interface import Pattern, Verb
 from ..errors import ConfigurationError, TransportError
 from ..runtime.effective import toml
 from ..transports.base import TransportConfig, find_transport
+from ..wire import names
 from .qos import lacking, unsupported_over
 from .routes import Aim, Configured, Fault, met, unfit
 
@@ -45,6 +46,8 @@ class Way:
     operation: str
     middleware: str
     why: str
+    channel: str = ""
+    """Its name on the wire."""
 
 
 @dataclass(frozen=True)
@@ -138,10 +141,17 @@ class _Link:
         return ", ".join(dict.fromkeys(chain(*missing)))
 
     @property
+    def channel(self) -> str:
+        """Its name on the wire."""
+        segment = self.server.component.segment(self.theirs)
+        return "/".join((self.server.channels, segment, self.operation))
+
+    @property
     def source(self) -> str:
         """The `from` by which the client means this provider and nobody else."""
         segment = self.server.component.segment(self.theirs)
-        return self.server.name if segment == self.port.interface.short else f"{self.server.name}/{segment}"
+        own = self.client.settings.namespace, self.port.interface.short
+        return names.target(self.server.settings.namespace, self.server.instance, segment, *own)
 
 
 @dataclass(frozen=True)
@@ -160,7 +170,7 @@ class _Chooser:
     def link(self, link: _Link) -> None:
         middleware, why = self._best(link)
         names = link.client.name, link.port.label, link.server.name, link.port.verb, link.port.interface.short
-        self.links.append(_Chosen(link, Way(*names, link.operation, middleware, why)))
+        self.links.append(_Chosen(link, Way(*names, link.operation, middleware, why, link.channel)))
 
     def _best(self, link: _Link) -> tuple[str, str]:
         middleware, origin = link.named()
@@ -172,7 +182,7 @@ class _Chooser:
         hindered: list[tuple[str, str]] = []
         for better, here, why in (
             (INPROC, link.client.is_with(link.server), "one process"),
-            (SHM, True, "one host"),
+            (SHM, link.client.host == link.server.host, "one host"),
         ):
             if not here:
                 continue

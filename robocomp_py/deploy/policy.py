@@ -1,11 +1,14 @@
-"""What a deployment does next. Pure: events in, actions out; no processes, no clock.
+"""What a deployment does next. Pure: events and the time come in, actions go out; no processes, no clock, no dice.
 
-    WAITING ─Start→ STARTING ─Ready→ READY ─Stop→ STOPPING ─Exited→ GONE
+    WAITING ─▶ STARTING ─▶ READY ─▶ STOPPING ─▶ ENDED or FAILED
+       ▲           └────────┴─ failed ─▶ RESTARTING (until its delay is over) ─┐
+       └────────────────────────────────────────────────────────────────────────┘
 
-A process that fails before everything was ready stops the network, which cannot come up any
-more; so does one that ends, however well, while another that needs it is still on its way. Whoever
-dies later is reported, and the others go on. Stopping goes backwards: a process is told to stop
-when those that depend on it are gone, and killed if it does not within its grace.
+Before everything was ready, a process that is given up stops the network, which cannot come up any more; so does one
+that ends, however well, while another that needs it is still on its way. Whoever is given up later is reported, and
+its system's escalation says who ends with it; all others go on. Whoever starts, for the first time or again, starts
+when those it depends on are ready. Stopping goes backwards: a process is told to stop when those that depend on it
+are gone, and killed if it does not within its grace. Nothing starts once the network stops.
 
 Several instances may run in one process, which goes on when one of them ends well.
 """
@@ -14,7 +17,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 
@@ -50,7 +53,36 @@ class Restart:
 
 
 @dataclass(frozen=True, slots=True)
+class Child:
+    """One process, as far as its supervisor is concerned."""
+
+    name: str
+    after: tuple[str, ...] = ()
+    """Those that must be ready before it is started."""
+    restart: Restart = Restart()
+    grace: float = 5.0
+    """Seconds it has to end by itself, once told to."""
+    system: tuple[str, ...] = ()
+    """The systems around it, the outermost first."""
+    host: str = ""
+    instances: tuple[str, ...] = ()
+    """Those in it, if it has not just one of its own name."""
+    needs: frozenset[str] = frozenset()
+    """The instances of others without which it does not become ready."""
+
+
+# What happens.
+
+
+@dataclass(frozen=True, slots=True)
 class Ready:
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Hung:
+    """It does not answer its watchdog any more, and is being ended for that."""
+
     name: str
 
 
@@ -74,16 +106,41 @@ class StopRequested:
     """Somebody (`code` is what to exit with if all else is fine) or the clock (0) wants an end."""
 
     code: int = 0
+    grace: float | None = None
+    """Seconds that each process has to end, whatever the network says; 0 kills what is left."""
+    why: str = "asked to"
 
 
 @dataclass(frozen=True, slots=True)
-class GraceOver:
-    """A process was told to stop, and has had its time."""
+class RestartRequested:
+    """A user wants these (instances, processes or systems) to be started again."""
 
-    name: str
+    names: tuple[str, ...]
 
 
-Event = Ready | Exited | Left | StopRequested | GraceOver
+@dataclass(frozen=True, slots=True)
+class Lost:
+    """A host is out of reach, and its processes with it."""
+
+    host: str
+
+
+@dataclass(frozen=True, slots=True)
+class Back:
+    """A lost host is within reach again; what is to run there is to be started."""
+
+    host: str
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """Nothing but time has passed: `Supervisor.wake` has come."""
+
+
+Event = Ready | Hung | Exited | Left | StopRequested | RestartRequested | Lost | Back | Tick
+
+
+# What is to be done.
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,148 +163,519 @@ class Finish:
     code: int
 
 
-Action = Start | Stop | Kill | Finish
+@dataclass(frozen=True, slots=True)
+class Retry:
+    """To be told: this one will be started again so many seconds later."""
+
+    name: str
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class GaveUp:
+    """To be told: this one has used up its restarts."""
+
+    name: str
+    restarts: int
+
+
+@dataclass(frozen=True, slots=True)
+class Along:
+    """To be told: these are stopped for the sake of another one, and started `again`, or not."""
+
+    names: tuple[str, ...]
+    sake: str
+    again: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Stuck:
+    """To be told: this one has been killed, and is still there."""
+
+    name: str
+
+
+Action = Start | Stop | Kill | Finish | Retry | GaveUp | Along | Stuck
 
 
 class State(StrEnum):
     WAITING = "waiting"
     STARTING = "starting"
     READY = "ready"
+    HUNG = "hung"
     STOPPING = "stopping"
+    RESTARTING = "restarting"
+    """It has failed, and its delay is not over yet."""
+    LOST = "lost"
+    """Its host is out of reach; it is started again when that is back."""
     ENDED = "ended"
     FAILED = "failed"
 
     @property
     def gone(self) -> bool:
-        return self in (State.WAITING, State.ENDED, State.FAILED)
+        """Whether no process is there."""
+        return self not in _RUNNING and self is not State.STOPPING
 
+
+_RUNNING = frozenset({State.STARTING, State.READY, State.HUNG})
+_ON_ITS_WAY = frozenset({State.WAITING, State.STARTING, State.RESTARTING, State.LOST})
 
 FAILED = 1
+UNREACHABLE = 3
+
+UNKILLABLE = 10.0
+"""Seconds after which a process that was killed counts as one that cannot be."""
+
 _STOPPED_BY_US = frozenset({0, -signal.SIGTERM, -signal.SIGINT, 128 + signal.SIGTERM, 128 + signal.SIGINT})
 """Exit codes of a process that was told to stop, and did."""
 
 
-class Supervisor:
-    """`after` names, for each process, those that must be ready before it starts.
+@dataclass(slots=True, eq=False)
+class Progress:
+    """How far a process has come. For others than the supervisor to read only."""
 
-    `until` names an instance, or a process, whose end is the end of the network. `needs` names, for each process, the
-    instances of others without which it does not become ready; `instances` those in it, if it has not just one of
-    its own name.
+    child: Child
+    position: int
+    state: State = State.WAITING
+    since: float = 0.0
+    """When its state changed."""
+    starts: int = 0
+    started_at: float = 0.0
+    not_before: float = 0.0
+    """When it may be started again."""
+    deadline: float = 0.0
+    """When it must have stopped."""
+    leaving: bool = False
+    """Whether it is to be stopped as soon as those that depend on it and are to be stopped as well are gone."""
+    again: bool = False
+    """Whether it is to be started then."""
+    barred: set[str] = field(default_factory=set)
+    """Those that must be gone before it is started."""
+    planned: list[float] = field(default_factory=list)
+    """When it was to be started again after its own ends, as far as that still counts."""
+    streak: int = 0
+    """Its ends since it last was ready for long."""
+    ready_at: float | None = None
+    is_done: bool = False
+    """Whether it was ready, and then ended well: whoever starts after it may start."""
+    is_over: bool = False
+    """Whether it ended by itself and is `never` started again, but by a user."""
+    is_dropped: bool = False
+    """Whether it, or the one for whose sake it was stopped, has been given up."""
+    is_killed: bool = False
+    is_stuck: bool = False
+
+    @property
+    def instances(self) -> tuple[str, ...]:
+        return self.child.instances or (self.child.name,)
+
+
+class Supervisor:
+    """Decides for `children`, which are in an order in which they can be started.
+
+    `until` names an instance, or a process, whose end is the end of the network. `escalations` are those of systems, by
+    path; that of the whole network by the empty one; one_for_one for others. Times are seconds of one clock that never
+    goes back, `chance` is a random number from 0 to 1.
     """
 
     def __init__(
         self,
-        after: Iterable[tuple[str, Iterable[str]]],
+        children: Iterable[Child],
         until: str | None = None,
-        needs: Mapping[str, Iterable[str]] | None = None,
-        instances: Mapping[str, Iterable[str]] | None = None,
+        escalations: Mapping[tuple[str, ...], Escalation] | None = None,
     ) -> None:
-        self._after = {name: frozenset(others) for name, others in after}
-        self._needs = {name: frozenset(others) for name, others in (needs or {}).items()}
-        self._instances = {name: frozenset((instances or {}).get(name, (name,))) for name in self._after}
-        self._until = until
-        self.states = dict.fromkeys(self._after, State.WAITING)
+        self.progress = {child.name: Progress(child, number) for number, child in enumerate(children)}
         self.up = False
         """Whether everything has been ready, or has done its work."""
         self.stopping = False
-        self._done: set[str] = set()
-        """Who was ready, and then ended well: whoever starts after it may start."""
+        self.why = ""
+        """Why it stops."""
+        self._until = until
+        self._escalations = dict(escalations or {})
+        self._dependents: dict[str, list[Progress]] = {name: [] for name in self.progress}
+        for each in self.progress.values():
+            for name in each.child.after:
+                self._dependents[name].append(each)
+        self._lost_hosts: set[str] = set()
+        self._now, self._chance = 0.0, 0.5
+        self._notices: list[Action] = []
+        self._grace: float | None = None
         self._impatient = False
-        self._code = 0
+        self._asked = self._fault = 0
         self._finished = False
 
-    def begin(self) -> list[Action]:
-        return self._next()
+    @property
+    def states(self) -> dict[str, State]:
+        return {name: each.state for name, each in self.progress.items()}
 
-    def handle(self, event: Event) -> list[Action]:
+    @property
+    def wake(self) -> float | None:
+        """When something is to be done if nothing happens before: `Tick` then."""
+        times = [each.deadline for each in self.progress.values() if each.state is State.STOPPING]
+        if not self.stopping:
+            times += [each.not_before for each in self.progress.values() if each.state is State.RESTARTING]
+        return min(times, default=None)
+
+    def find(self, name: str) -> list[str]:
+        """The processes that a name stands for: of a process, of an instance in it, or of a system around it."""
+        path = tuple(name.split("/"))
+        return [
+            each.child.name
+            for each in self.progress.values()
+            if name == each.child.name or name in each.instances or each.child.system[: len(path)] == path
+        ]
+
+    def grace(self, name: str) -> float:
+        """The seconds that a process has to end by itself."""
+        return self._grace_of(self.progress[name])
+
+    def begin(self, now: float = 0.0) -> list[Action]:
+        return self.handle(Tick(), now)
+
+    def handle(self, event: Event, now: float = 0.0, chance: float = 0.5) -> list[Action]:
+        self._now, self._chance, self._notices = now, chance, []
         match event:
             case Ready(name):
-                if self.states[name] is State.STARTING:
-                    self.states[name] = State.READY
+                self._ready(self.progress[name])
+            case Hung(name):
+                if self.progress[name].state in _RUNNING:
+                    self._to(self.progress[name], State.HUNG)
             case Exited(name, code):
-                self._exited(name, code)
+                self._exited(self.progress[name], code)
             case Left(instance):
                 self._left(instance)
-            case StopRequested(code):
-                if self.stopping:
-                    return self._kill_all(code) if code else []
-                self._stop(code)
-            case GraceOver(name):
-                return [Kill(name)] if self.states[name] is State.STOPPING else []
-        if not self.stopping:
-            self.up = self.up or all(state in (State.READY, State.ENDED) for state in self.states.values())
-        return self._next()
+            case StopRequested(code, grace, why):
+                self._requested(code, grace, why)
+            case RestartRequested(names):
+                self._restart_for_user([found for name in names for found in self.find(name)])
+            case Lost(host):
+                self._lost(host)
+            case Back(host):
+                self._back(host)
+            case Tick():
+                pass
+        if not self.up and not self.stopping:
+            self.up = all(each.state in (State.READY, State.ENDED) for each in self.progress.values())
+        return [*self._notices, *self._next()]
 
-    def _exited(self, name: str, code: int) -> None:
-        was = self.states[name]
-        self.states[name] = State.ENDED if self._is_fine(was, code) else State.FAILED
-        if self.states[name] is State.FAILED:
-            self._code = FAILED
-        elif was is State.READY:
-            self._done.add(name)
-        if self._until == name or self._until in self._instances[name]:
-            self._stop(self._code)
-        elif not (self.up or self.stopping) and (self.states[name] is State.FAILED or self._is_missed(name)):
-            self._stop(FAILED)
+    # What happened.
+
+    def _ready(self, each: Progress) -> None:
+        if each.state is State.STARTING:
+            each.ready_at = self._now
+            self._to(each, State.READY)
+
+    def _exited(self, each: Progress, code: int) -> None:
+        was = each.state
+        self._gone(each)
+        if was.gone:
+            return  # it was taken for one that cannot be killed
+        failed = code != 0 or was is State.HUNG
+        if each.again:
+            self._wait(each)
+        elif was is State.STOPPING:
+            self._end(each, not self._is_stopped_well(code))
+        elif self.stopping or each.leaving:
+            self._end(each, failed)
+        elif self._is_mission(each) and not failed:
+            self._end(each, failed)
+            self._stop(f"{self._until} has ended")
+        elif not self._restart(each, failed):
+            self._end_for_good(each, failed)
+
+    def _end_for_good(self, each: Progress, failed: bool) -> None:
+        """It has ended by itself, and is not started again."""
+        is_given_up = _is_wanted_again(each.child.restart, failed)
+        each.is_over, each.is_dropped = each.child.restart.when is When.NEVER, is_given_up
+        each.is_done = each.state is State.READY and not failed
+        self._end(each, failed or is_given_up)
+        if self._is_mission(each):
+            self._stop(f"{self._until} has ended")
+        elif not self.up and (each.state is State.FAILED or self._is_missed(each)):
+            self._stop(f"{each.child.name} is gone before everything was ready", FAILED)
+        elif is_given_up:
+            self._drop_with(each)
 
     def _left(self, instance: str) -> None:
+        if self.stopping:
+            return
         if instance == self._until:
-            self._stop(self._code)
-        elif not (self.up or self.stopping) and self._is_needed({instance}):
-            self._stop(FAILED)
+            self._stop(f"{instance} has ended")
+        elif not self.up and self._is_needed({instance}):
+            self._stop(f"{instance} is gone before everything was ready", FAILED)
 
-    def _is_fine(self, was: State, code: int) -> bool:
-        if was is not State.STOPPING:
-            return code == 0
+    def _requested(self, code: int, grace: float | None, why: str) -> None:
+        self._grace = grace if grace is not None else self._grace
+        if self.stopping:
+            self._asked = self._asked or code
+            for each in self.progress.values() if grace is not None else ():
+                if each.state is State.STOPPING and not each.is_killed:
+                    each.deadline = min(each.deadline, self._now + self._grace_of(each))
+        else:
+            self._stop(why)
+            self._asked = code
+        self._impatient = self._impatient or grace == 0
+
+    def _restart_for_user(self, names: Collection[str]) -> None:
+        if self.stopping:
+            return
+        asked = [each for name, each in self.progress.items() if name in names]
+        group = self._together(asked)
+        for each in group:
+            each.planned, each.streak, each.not_before = [], 0, self._now
+            each.is_dropped = False
+            each.is_over = each.is_over and each not in asked
+        self._again(group, self._now, by_user=True)
+        along = [each for each in group if each not in asked and each.again]
+        self._tell_along(along, ", ".join(each.child.name for each in asked), again=True)
+
+    def _lost(self, host: str) -> None:
+        self._lost_hosts.add(host)
+        here = [each for each in self.progress.values() if each.child.host == host and not each.state.gone]
+        wanted = [each for each in here if self._is_back_later(each)]
+        for each in wanted:
+            self._to(each, State.LOST)
+        for each in here:
+            if each not in wanted:
+                self._gone(each)
+                each.is_over = True
+                self._to(each, State.FAILED)
+                self._fail(UNREACHABLE)
+        if self.stopping:
+            return
+        for each in wanted:
+            each.leaving = each.again = False
+            self._restart_along(each, self._now)
+        for each in here:
+            if each not in wanted and (self._is_mission(each) or not self.up):
+                return self._stop(f"{each.child.name} is gone with its host {host}", UNREACHABLE)
+
+    def _is_back_later(self, each: Progress) -> bool:
+        """Whether a process that was lost with its host is to run there again."""
+        if self.stopping or (each.leaving and not each.again):
+            return False
+        return each.again or each.child.restart.when is not When.NEVER
+
+    def _back(self, host: str) -> None:
+        self._lost_hosts.discard(host)
+        for each in self.progress.values():
+            if each.child.host == host and each.state is State.LOST:
+                self._gone(each)
+                self._wait(each)
+
+    # Starting again, and giving up.
+
+    def _restart(self, each: Progress, failed: bool) -> bool:
+        """Whether a process that has ended by itself is started again."""
+        restart = each.child.restart
+        if not _is_wanted_again(restart, failed):
+            return False
+        if each.ready_at is not None and self._now - each.ready_at >= max(restart.period, restart.max_delay):
+            each.streak = 0
+        time = self._now + _delay(restart, each.streak, self._chance)
+        each.planned = [earlier for earlier in each.planned if time - earlier < restart.period]
+        if len(each.planned) >= restart.intensity:
+            self._notices.append(GaveUp(each.child.name, len(each.planned)))
+            return False
+        each.planned.append(time)
+        each.streak += 1
+        each.not_before = max(each.not_before, time)
+        self._wait(each)
+        self._notices.append(Retry(each.child.name, each.not_before - self._now))
+        self._restart_along(each, time)
+        return True
+
+    def _restart_along(self, each: Progress, time: float) -> None:
+        """Those that are started again with this one begin with it, and not before all of them are gone."""
+        others = [other for other in self._together([each]) if other is not each]
+        idle = [other for other in others if not other.again]
+        self._again([each, *others], time)
+        self._tell_along([other for other in idle if other.again], each.child.name, again=True)
+
+    def _again(self, group: Collection[Progress], time: float, by_user: bool = False) -> None:
+        there = {each.child.name for each in group if not each.state.gone or each.state is State.LOST}
+        for each in group:
+            if each.state in _RUNNING:
+                each.leaving = each.again = True
+            elif each.state is State.STOPPING:
+                each.again = each.again or by_user
+            elif each.state.gone and (each.is_over or each.is_dropped or each.is_stuck):
+                continue
+            each.not_before = max(each.not_before, time)
+            each.barred |= there - {each.child.name}
+            if each.state.gone and each.state is not State.LOST:
+                self._wait(each)
+
+    def _together(self, those: Collection[Progress]) -> list[Progress]:
+        """These, and who is started again with them, in the order of the network."""
+        found = {other.position: other for each in those for other in self._taken_along([each], each.child.system)}
+        return [found[position] for position in sorted(found)]
+
+    def _taken_along(self, those: Collection[Progress], path: tuple[str, ...]) -> list[Progress]:
+        """These, and who goes where they go, by the escalation of a system."""
+        inside = [other for other in self.progress.values() if other.child.system[: len(path)] == path]
+        match self._escalation(path):
+            case Escalation.ONE_FOR_ONE:
+                return list(those)
+            case Escalation.REST_FOR_ONE:
+                first = min(each.position for each in those)
+                return [other for other in inside if other in those or other.position > first]
+            case Escalation.ONE_FOR_ALL:
+                return inside
+
+    def _escalation(self, path: tuple[str, ...]) -> Escalation:
+        return self._escalations.get(path, Escalation.ONE_FOR_ONE)
+
+    def _drop_with(self, given_up: Progress) -> None:
+        """A process has been given up, and with it those that are of no use without it, from the inside out."""
+        path = given_up.child.system
+        those: list[Progress] = [given_up]
+        while self._escalation(path) is not Escalation.ONE_FOR_ONE:
+            those = self._taken_along(those, path)
+            if not path:
+                break
+            path = path[:-1]
+        if len(those) == len(self.progress):
+            return self._stop(f"nothing is of use without {given_up.child.name}", FAILED)
+        dropped = [each for each in those if each.state not in (State.ENDED, State.FAILED)]
+        for each in dropped:
+            each.is_dropped = True
+            each.again = False
+            if each.state in _RUNNING:
+                each.leaving = True
+            elif each.state is not State.STOPPING:
+                self._gone(each)
+                self._to(each, State.ENDED)
+        self._tell_along(dropped, given_up.child.name, again=False)
+
+    # What to do next.
+
+    def _next(self) -> list[Action]:
+        actions: list[Action] = []
+        for each in reversed(self.progress.values()):
+            actions += self._stop_if_free(each)
+        if not self.stopping:
+            for each in self.progress.values():
+                actions += self._start_if_free(each)
+        if not self._finished and self._is_at_end():
+            self._finished = True
+            if any(each.state is State.WAITING for each in self.progress.values()) and not self.stopping:
+                self._fail(FAILED)  # whom it waits for will not come
+            actions.append(Finish(self._fault or self._asked))
+        return actions
+
+    def _is_at_end(self) -> bool:
+        return all(each.state.gone and (self.stopping or not self._is_coming(each)) for each in self.progress.values())
+
+    def _is_coming(self, each: Progress) -> bool:
+        """Whether somebody who does not run will, without anything else that does."""
+        is_held_up = each.state is State.WAITING and each.child.host in self._lost_hosts
+        return is_held_up or each.state in (State.RESTARTING, State.LOST)
+
+    def _start_if_free(self, each: Progress) -> list[Action]:
+        if each.state is State.RESTARTING and each.not_before <= self._now:
+            self._to(each, State.WAITING)
+        if each.state is not State.WAITING or each.barred or each.child.host in self._lost_hosts:
+            return []
+        if not all(self._has_been_ready(self.progress[name]) for name in each.child.after):
+            return []
+        each.starts, each.started_at = each.starts + 1, self._now
+        each.ready_at = None
+        each.is_done = each.is_killed = False
+        self._to(each, State.STARTING)
+        return [Start(each.child.name)]
+
+    def _stop_if_free(self, each: Progress) -> list[Action]:
+        name = each.child.name
+        if each.state in _RUNNING and each.leaving and not self._is_used(each):
+            each.deadline = self._now + self._grace_of(each)
+            self._to(each, State.STOPPING)
+            if not self._impatient:
+                return [Stop(name)]
+        if each.state is not State.STOPPING or each.deadline > self._now:
+            return []
+        if not each.is_killed:
+            each.is_killed = True
+            each.deadline = self._now + UNKILLABLE
+            return [Kill(name)]
+        self._gone(each)
+        each.is_stuck = True
+        self._end(each, failed=True)
+        return [Stuck(name)]
+
+    def _is_used(self, each: Progress) -> bool:
+        """Whether somebody depends on it who has to be stopped first."""
+        if self._impatient:
+            return False
+        return any(other.leaving and not other.state.gone for other in self._dependents[each.child.name])
+
+    # Small steps.
+
+    def _tell_along(self, those: Collection[Progress], sake: str, again: bool) -> None:
+        if those:
+            self._notices.append(Along(tuple(each.child.name for each in those), sake, again))
+
+    def _to(self, each: Progress, state: State) -> None:
+        each.state, each.since = state, self._now
+
+    def _wait(self, each: Progress) -> None:
+        """Until it may be started, for the first time or again."""
+        each.leaving = each.again = each.is_over = False
+        self._to(each, State.RESTARTING if each.not_before > self._now else State.WAITING)
+
+    def _end(self, each: Progress, failed: bool) -> None:
+        each.leaving = each.again = False
+        self._to(each, State.FAILED if failed else State.ENDED)
+        if failed:
+            self._fail(FAILED)
+
+    def _gone(self, each: Progress) -> None:
+        """Nobody has to wait any more for it to be gone."""
+        for other in self.progress.values():
+            other.barred.discard(each.child.name)
+
+    def _fail(self, code: int) -> None:
+        self._fault = self._fault or code
+
+    def _stop(self, why: str, fault: int = 0) -> None:
+        self._fail(fault)
+        if self.stopping:
+            return
+        self.stopping, self.why = True, why
+        for each in self.progress.values():
+            each.leaving, each.again = not each.state.gone, False
+            if each.state is State.RESTARTING:
+                self._to(each, State.ENDED)
+            elif each.state is State.LOST:
+                self._fail(UNREACHABLE)
+
+    def _grace_of(self, each: Progress) -> float:
+        return each.child.grace if self._grace is None else self._grace
+
+    def _is_mission(self, each: Progress) -> bool:
+        return self._until == each.child.name or self._until in each.instances
+
+    def _is_stopped_well(self, code: int) -> bool:
         return code in _STOPPED_BY_US or (self._impatient and code == -signal.SIGKILL)
 
-    def _is_missed(self, name: str) -> bool:
+    def _has_been_ready(self, each: Progress) -> bool:
+        return each.state is State.READY or each.is_done
+
+    def _is_missed(self, each: Progress) -> bool:
         """Whether somebody cannot become ready now that this one has ended."""
-        waiting = [other for other in self._coming() if name in self._after[other] and name not in self._done]
-        return bool(waiting) or self._is_needed(self._instances[name])
+        waiting = [other for other in self._dependents[each.child.name] if other.state in _ON_ITS_WAY]
+        return (bool(waiting) and not each.is_done) or self._is_needed(each.instances)
 
     def _is_needed(self, instances: Collection[str]) -> bool:
         """Whether somebody cannot become ready without one of these."""
-        return any(not self._needs.get(other, frozenset()).isdisjoint(instances) for other in self._coming())
+        coming = (each for each in self.progress.values() if each.state in _ON_ITS_WAY)
+        return any(not each.child.needs.isdisjoint(instances) for each in coming)
 
-    def _coming(self) -> list[str]:
-        return [name for name, state in self.states.items() if state in (State.WAITING, State.STARTING)]
 
-    def _stop(self, code: int) -> None:
-        self.stopping = True
-        self._code = self._code or code
+def _is_wanted_again(restart: Restart, failed: bool) -> bool:
+    return restart.when is When.ALWAYS or (restart.when is When.ON_FAILURE and failed)
 
-    def _next(self) -> list[Action]:
-        """What can be done now."""
-        actions: list[Action] = []
-        for name in reversed(self.states) if self.stopping else self.states:
-            if self.stopping:
-                actions += self._stop_if_free(name)
-            elif self.states[name] is State.WAITING and self._can_start(name):
-                self.states[name] = State.STARTING
-                actions.append(Start(name))
-        over = all(state.gone for state in self.states.values()) and not actions
-        if over and not self._finished:
-            self._finished = True
-            actions.append(Finish(self._code))
-        return actions
 
-    def _can_start(self, name: str) -> bool:
-        return all(self.states[other] is State.READY or other in self._done for other in self._after[name])
-
-    def _stop_if_free(self, name: str) -> list[Action]:
-        dependents = [other for other, after in self._after.items() if name in after]
-        alive = self.states[name] in (State.STARTING, State.READY)
-        if not alive or not all(self.states[other].gone for other in dependents):
-            return []
-        self.states[name] = State.STOPPING
-        return [Stop(name)]
-
-    def _kill_all(self, code: int) -> list[Action]:
-        """Somebody is out of patience, and what is killed then has not failed."""
-        self._impatient = True
-        self._code = self._code or code
-        alive = [name for name, state in self.states.items() if not state.gone]
-        for name in alive:
-            self.states[name] = State.STOPPING
-        return [Kill(name) for name in reversed(alive)]
+def _delay(restart: Restart, streak: int, chance: float) -> float:
+    doubled = min(restart.delay * 2.0 ** min(streak, 63), restart.max_delay)
+    return min(doubled * (0.8 + 0.4 * chance), restart.max_delay)

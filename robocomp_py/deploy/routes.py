@@ -70,6 +70,18 @@ class Configured:
     """The one it shares with others; "" if it has one of its own."""
     is_program: bool = False
     """Whether it is a program of somebody's own, which is not configured from here."""
+    host: str = ""
+    """Which host it runs on; "" for the one that launches the network."""
+
+    @property
+    def instance(self) -> str:
+        """What it is called in its namespace."""
+        return self.name.rpartition("/")[2]
+
+    @property
+    def channels(self) -> str:
+        """What its channels begin with."""
+        return "/".join(filter(None, (self.settings.namespace, self.instance)))
 
     def middleware(self, port: Port, operation: str) -> str:
         """What carries an operation, unless a better way is found for it."""
@@ -186,7 +198,8 @@ def unshared(middleware: str, instance: str) -> Fault:
 
 
 def check_routes(configured: Sequence[Configured], instances: Collection[str], told: Collection[str]) -> list[Fault]:
-    """What is wrong between instances. `instances` names all of the network, also those not configured by us;
+    """What is wrong between instances. `instances` names all of the network, also those not configured by us, as they
+    are called in channels, with their namespaces;
 
     `told` are the middlewares whose unfitness has been told already.
     """
@@ -214,7 +227,7 @@ def providers(
     """The instances whose channels a port looks for, with their ports that offer what it uses."""
     namespace, instance, segment = client.source(port, aim)
     for server in configured:
-        if server.settings.namespace != namespace or instance not in (names.ANY, server.name):
+        if server.settings.namespace != namespace or instance not in (names.ANY, server.instance):
             continue
         if server is client and instance == names.ANY:
             continue  # any instance is any other one
@@ -262,11 +275,13 @@ def _check_aim(
 ) -> Iterator[Fault]:
     """Whether whom it names is there, and offers what is used."""
     namespace, instance, segment = client.source(port, aim)
-    if namespace != client.settings.namespace:
+    beside = {name for name in instances if name.rpartition("/")[0] == namespace}
+    if not beside and namespace != client.settings.namespace:
         return  # another network's, of which nothing is known here
-    if instance != names.ANY and instance not in instances:
+    if instance != names.ANY and "/".join(filter(None, (namespace, instance))) not in beside:
         origin = client.document.place(("ports", port.name, aim.said))
-        message = f"`{client.name}` ({origin}): {unknown('instance', instance, instances)}"
+        there = [name.rpartition("/")[2] for name in beside or instances]
+        message = f"`{client.name}` ({origin}): {unknown('instance', instance, there)}"
         yield Fault("unknown-instance", message, "", client.name)
         return
     for server, offers in providers(client, port, aim, configured):

@@ -1,42 +1,75 @@
-"""Runs a plan: one queue of events, one loop that does what the policy says."""
+"""Runs a plan: one queue of events, one loop that does what the policy says.
+
+Each host has an agent that starts and ends its processes, and a lane in which it is asked to, so that a host that is
+slow holds up no other.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import random
 import signal
+import time
 from collections import deque
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass
 from typing import Protocol
 
 from ..contract.interface import Verb
-from ..errors import DeploymentError
+from ..errors import DeploymentError, HostUnreachable
 from ..transports.base import TransportConfig, hosting
+from .agents import Agent, Listener
+from .lane import Lane
 from .plan import Plan
 from .policy import (
+    FAILED,
+    UNREACHABLE,
     Action,
+    Along,
+    Back,
+    Child,
     Event,
     Exited,
     Finish,
-    GraceOver,
+    GaveUp,
+    Hung,
     Kill,
     Left,
+    Lost,
     Ready,
+    RestartRequested,
+    Retry,
     Start,
     State,
     Stop,
     StopRequested,
+    Stuck,
     Supervisor,
+    Tick,
 )
-from .processes import Launcher
+from .snapshot import HostStatus, Meter, Network, ProcessStatus, Snapshot
 
 GRACE = 5.0
 """Seconds a process has to end by itself, once told to, for each component in it: they end one after the other."""
 
 REMIND = 5.0
-"""Seconds between two messages that say who is not ready yet."""
+"""Seconds until it is said who is not ready yet; then twice as long each time, while nothing changes."""
 
 LAST_LINES = 20
+
+MEASURE = 1.0
+"""Seconds between two looks at what the processes use."""
+
+CLOSING = 30.0
+"""Seconds that the agents have to clean up."""
+
+REQUESTS = 1000
+"""Events that may wait; a user who asks for more is refused."""
+
+_LONGEST = 64
+"""How many times longer than the first one the wait for a reminder gets."""
 
 
 class Display(Protocol):
@@ -58,7 +91,10 @@ class Display(Protocol):
         """A component is gone, which is worth a word, but nothing is wrong with it."""
 
     def failed(self, name: str, how: str, last: list[str]) -> None:
-        """A component failed; its last lines."""
+        """A component failed, and what comes of that; its last lines."""
+
+    def tell(self, text: str) -> None:
+        """What happens to the network otherwise."""
 
     def stopping(self, why: str) -> None: ...
 
@@ -73,170 +109,449 @@ class Options:
     remind: float = REMIND
 
 
-async def run_plan(plan: Plan, options: Options, display: Display) -> int:
-    """Start a network, watch it, stop it. Returns the exit code: 0, 1, or 128 + the signal that stopped it."""
-    return await _Run(plan, options, display).run()
+Service = Callable[[Network], AbstractAsyncContextManager[object]]
+"""What is open while a network runs, for others to look at it."""
+
+Agents = Callable[[Plan, Listener], Mapping[str, Agent]]
+"""Those of a plan, by host."""
 
 
-class _Run:
-    def __init__(self, plan: Plan, options: Options, display: Display) -> None:
+def agents_of(plan: Plan, listener: Listener) -> dict[str, Agent]:
+    from .launcher.local import Launcher
+
+    return {"": Launcher(listener, plan.name, [each.middleware for each in plan.transports])}
+
+
+async def run_plan(
+    plan: Plan,
+    options: Options,
+    display: Display,
+    services: Sequence[Service] = (),
+    agents: Agents = agents_of,
+    clock: Callable[[], float] = time.monotonic,
+    chance: Callable[[], float] = random.random,
+) -> int:
+    """Start a network, watch it, stop it.
+
+    Returns the exit code: 0; 1 if something was given up; 3 if a host was out of reach; or 128 + the signal that stopped
+    it.
+    """
+    return await _Run(plan, options, display, agents, clock, chance).run(services)
+
+
+class _Run(Listener, Network):
+    def __init__(
+        self,
+        plan: Plan,
+        options: Options,
+        display: Display,
+        agents: Agents,
+        clock: Callable[[], float],
+        chance: Callable[[], float],
+    ) -> None:
+        self._plan, self._options, self._display = plan, options, display
+        self._clock, self._chance = clock, chance
         self._processes = {process.name: process for process in plan.processes}
-        self._options, self._display = options, display
-        self._supervisor = Supervisor(
-            ((p.name, p.after) for p in plan.processes),
-            options.until,
-            _needs(plan),
-            {p.name: p.instances for p in plan.processes},
-        )
+        self._supervisor = Supervisor(children(plan, options.grace), options.until, plan.escalations)
         self._events: asyncio.Queue[Event] = asyncio.Queue()
+        self._stop_asked = asyncio.Event()
+        self._agents = agents
+        self._lanes: dict[str, Lane] = {}
         self._last: dict[str, deque[str]] = {name: deque(maxlen=LAST_LINES) for name in self._processes}
-        self._launcher = Launcher(self._output, self._ready, self._exited, self._said, self._left)
         self._statuses: dict[str, str] = {}
+        self._left: dict[str, list[str]] = {name: [] for name in self._processes}
+        """Those in a process that have ended while it goes on."""
         self._killed: dict[str, str] = {}
         """Who was killed by us, and how to say so."""
+        self._how: dict[str, str] = {}
+        """How each ended last."""
+        self._unreachable: dict[str, str] = {}
+        """Why a host is out of reach."""
+        self._meter = Meter()
+        self._began = clock()
         self._was_up = False
-        self._timers: list[asyncio.TimerHandle] = []
+        self._reminders = 0
+        self._reminded: list[str] = []
+        self._timers: dict[str, asyncio.TimerHandle] = {}
 
-    async def run(self) -> int:
+    async def run(self, services: Sequence[Service]) -> int:
         loop = asyncio.get_running_loop()
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signals = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+        for number in signals:
             loop.add_signal_handler(number, self._interrupted, number)
-        await self._launcher.open()
-        self._remind_later()
         try:
-            return await self._loop()
+            return await self._with_agents(services)
         finally:
-            for timer in self._timers:
+            for number in signals:
+                loop.remove_signal_handler(number)
+
+    async def _with_agents(self, services: Sequence[Service]) -> int:
+        self._lanes = {host: Lane(agent, self) for host, agent in self._agents(self._plan, self).items()}
+        try:
+            code = await self._open()
+            if code is not None:
+                return code
+            async with contextlib.AsyncExitStack() as open_services:  # this network runs nowhere else: agents see to it
+                for service in services:
+                    await open_services.enter_async_context(service(self))
+                return await self._supervised()
+        finally:
+            for timer in self._timers.values():
                 timer.cancel()
-            await self._launcher.close()
+            await self._close()
+
+    async def _open(self) -> int | None:
+        """Get hosts ready. Returns the exit code if that is the end already."""
+        opening = asyncio.gather(*(lane.agent.open() for lane in self._lanes.values()), return_exceptions=True)
+        asked = asyncio.create_task(self._stop_asked.wait())
+        try:
+            await asyncio.wait((opening, asked), return_when=asyncio.FIRST_COMPLETED)
+            if not opening.done():
+                return self._stopped_early()
+            return self._failed_early([found for found in opening.result() if found])
+        finally:
+            for each in (asked, opening):
+                each.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await opening
+
+    def _stopped_early(self) -> int:
+        while not self._events.empty():
+            event = self._events.get_nowait()
+            if isinstance(event, StopRequested):
+                self._display.stopping(event.why)
+                return event.code
+        raise AssertionError("somebody asked to stop")
+
+    def _failed_early(self, errors: Sequence[BaseException]) -> int | None:
+        code = None
+        for error in errors:
+            if not isinstance(error, DeploymentError):
+                raise error
+            self._display.tell(str(error))
+            code = max(code or 0, UNREACHABLE if isinstance(error, HostUnreachable) else FAILED)
+        return code
+
+    async def _close(self) -> None:
+        """Leave nothing, at no host, whatever happens at another one."""
+        closing = [asyncio.create_task(lane.agent.close()) for lane in self._lanes.values()]
+        done, late = await asyncio.wait(closing, timeout=CLOSING) if closing else (set(), set())
+        for task in late:
+            task.cancel()
+        await asyncio.gather(*late, return_exceptions=True)
+        if late:
+            self._display.tell(f"not everything could be cleaned up within {CLOSING:g} s")
+        for task in done:
+            task.result()
+
+    async def _supervised(self) -> int:
+        self._measure()
+        self._remind_later()
+        async with asyncio.TaskGroup() as lanes:
+            tasks = [lanes.create_task(lane.run(), name=f"host {host}") for host, lane in self._lanes.items()]
+            code = await self._loop()
+            for task in tasks:
+                task.cancel()
+        return code
 
     async def _loop(self) -> int:
-        actions = self._supervisor.begin()
+        actions = self._supervisor.begin(self._clock())
         while True:
             for action in actions:
                 if isinstance(action, Finish):
+                    self._show()
                     return action.code
-                await self._do(action)
-            self._show()
-            actions = self._handle(await self._events.get())
+                self._do(action)
+            if self._events.empty():
+                self._show()
+            actions = self._handle(await self._event())
 
-    async def _do(self, action: Action) -> None:
+    async def _event(self) -> Event:
+        wake = self._supervisor.wake
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(None if wake is None else max(0.0, wake - self._clock())):
+                return await self._events.get()
+        return Tick()
+
+    def _do(self, action: Action) -> None:
         match action:
             case Start(name):
-                await self._start(name)
+                self._start(name)
             case Stop(name):
-                self._launcher.stop(name)
-                self._after(self._grace(name), GraceOver(name))
+                self._lane(name).stop(name)
             case Kill(name):
-                self._launcher.kill(name)
+                self._lane(name).kill(name)
+            case Along(names, sake, again):
+                verb = "are" if len(names) > 1 else "is"
+                reason = f"started again with {sake}" if again else f"stopped: {sake} has been given up"
+                self._display.tell(f"{', '.join(names)} {verb} {reason}")
+            case Stuck(name):
+                self._display.tell(f"{name} has been killed, and is still there; end it by hand")
+            case Retry() | GaveUp():
+                pass  # told with how it ended
             case Finish():
                 raise AssertionError("the end is no deed")
+
+    def _start(self, name: str) -> None:
+        self._last[name].clear()
+        self._left[name].clear()
+        self._killed.pop(name, None)
+        self._statuses.pop(name, None)
+        self._lane(name).start(self._processes[name])
+
+    def _lane(self, name: str) -> Lane:
+        return self._lanes[self._processes[name].host]
 
     def _handle(self, event: Event) -> list[Action]:
         """Have the policy decide, and tell what is worth telling."""
         supervisor = self._supervisor
-        before, was_stopping = dict(supervisor.states), supervisor.stopping
-        actions = supervisor.handle(event)
+        before, was_stopping = supervisor.states, supervisor.stopping
+        actions = supervisor.handle(event, self._clock(), self._chance())
         match event:
             case Exited(name, code):
-                self._report_exit(name, code, before[name])
-                if supervisor.stopping and not was_stopping:
-                    whose = self._options.until in (name, *self._processes[name].instances)
-                    self._tell_end(self._options.until if whose else name)
+                self._report_exit(name, code, before[name], actions)
             case Left(instance):
                 if instance != self._options.until:
                     self._display.ended(instance, "has ended")
-                if supervisor.stopping and not was_stopping:
-                    self._tell_end(instance)
-            case StopRequested(code):
-                if not was_stopping:
-                    self._display.stopping("asked to" if code else "time is over")
-                elif code:
+            case Ready(name):
+                if before[name] is State.STARTING and supervisor.progress[name].starts > 1:
+                    self._display.tell(f"{name} is ready again")
+            case Hung(name):
+                self._display.tell(f"{name} does not answer its watchdog, and is ended for that")
+            case Lost(host):
+                self._report_lost(host, [name for name, state in before.items() if self._is_there(name, host, state)])
+            case Back(host):
+                self._display.tell(f"{host} is back")
+            case StopRequested(_, grace):
+                if was_stopping and grace == 0:
                     self._display.stopping("killing what is left")
-            case Ready() | GraceOver():
+            case RestartRequested() | Tick():
                 pass
+        if supervisor.stopping and not was_stopping:
+            self._display.stopping(supervisor.why)
         for action in actions:
             if isinstance(action, Kill):
-                late = f"did not stop within {self._grace(action.name):g} s; killed"
-                self._killed[action.name] = late if isinstance(event, GraceOver) else "was killed"
+                late = f"did not stop within {supervisor.grace(action.name):g} s; killed"
+                self._killed[action.name] = late if isinstance(event, Tick) else "was killed"
         return actions
 
-    def _tell_end(self, name: str | None) -> None:
-        """Why an end is the end of the network."""
-        why = "has ended" if name == self._options.until else "is gone before everything was ready"
-        self._display.stopping(f"{name} {why}")
-
-    def _report_exit(self, name: str, code: int, was: State) -> None:
+    def _report_exit(self, name: str, code: int, was: State, actions: Sequence[Action]) -> None:
+        if was.gone:
+            return  # it was lost with its host, or took very long to end when it was killed
         killed = self._killed.get(name) if code == -signal.SIGKILL else None
-        if self._supervisor.states[name] is State.FAILED:
-            self._display.failed(name, killed or _how(code), list(self._last[name]))
-        elif killed or (
-            was is not State.STOPPING and self._options.until not in (name, *self._processes[name].instances)
-        ):
-            self._display.ended(name, killed or _how(code))
+        next_step = "".join(self._next_step(action) for action in actions if getattr(action, "name", "") == name)
+        hung = "did not answer its watchdog; " if was is State.HUNG else ""
+        how = self._how[name] = f"{hung}{killed or _how(code)}{next_step}"
+        state = self._supervisor.states[name]
+        is_mission = self._options.until in (name, *self._processes[name].instances)
+        if state is State.FAILED or (state in _NOT_YET and (code or hung) and was is not State.STOPPING):
+            self._display.failed(name, how, list(self._last[name]))
+        elif killed or (was is not State.STOPPING and not is_mission):
+            self._display.ended(name, how)
 
-    def _grace(self, name: str) -> float:
-        return self._options.grace * len(self._processes[name].instances)
+    def _next_step(self, action: Action) -> str:
+        match action:
+            case Retry(_, seconds):
+                return f"; started again in {seconds:.1f} s"
+            case GaveUp(name, restarts):
+                period = self._processes[name].restart.period
+                return f"; given up after {_times(restarts, 'restart')} in {period:g} s"
+            case _:
+                return ""
 
-    async def _start(self, name: str) -> None:
-        try:
-            await self._launcher.start(self._processes[name])
-        except DeploymentError as exc:
-            self._output(name, str(exc))
-            self._exited(name, 127)
+    def _is_there(self, name: str, host: str, state: State) -> bool:
+        return self._processes[name].host == host and not state.gone
+
+    def _report_lost(self, host: str, names: Sequence[str]) -> None:
+        self._display.tell(f"{host} is out of reach: {self._unreachable.get(host, '')}")
+        if not names:
+            return
+        gone = {instance for name in names for instance in self._processes[name].instances}
+        missed = dict.fromkeys(
+            f"{link.interface} of {link.provider} by {link.client}"
+            for link in self._plan.links
+            if link.provider in gone and link.client not in gone
+        )
+        for name in names:
+            self._how[name] = f"lost with {host}"
+        self._display.tell(f"lost with it: {', '.join(names)}")
+        if missed:
+            self._display.tell(f"missed: {', '.join(missed)}")
 
     def _show(self) -> None:
-        self._display.states(dict(self._supervisor.states))
+        self._display.states(self._supervisor.states)
         if self._supervisor.up and not self._was_up:
             self._was_up = True
             self._display.up()
             if self._options.duration is not None:
-                self._after(self._options.duration, StopRequested())
+                self._later("duration", self._options.duration, self._is_over)
+
+    def _is_over(self) -> None:
+        self._events.put_nowait(StopRequested(why="time is over"))
+
+    def _later(self, what: str, seconds: float, deed: Callable[[], None]) -> None:
+        self._timers[what] = asyncio.get_running_loop().call_later(seconds, deed)
+
+    # Reminders.
 
     def _remind_later(self) -> None:
-        self._timers.append(asyncio.get_running_loop().call_later(self._options.remind, self._remind))
+        self._later("remind", self._options.remind * min(2**self._reminders, _LONGEST), self._remind)
 
     def _remind(self) -> None:
-        if self._supervisor.up or self._supervisor.stopping:
+        if self._supervisor.stopping:
             return
-        self._timers = [timer for timer in self._timers if timer.when() > asyncio.get_running_loop().time()]
-        self._display.waiting(
-            [self._reason(name) for name, state in self._supervisor.states.items() if state in _NOT_YET]
-        )
+        waiting = [
+            self._reason(name) for name, state in self._supervisor.states.items() if state in _TOLD_AGAIN_AND_AGAIN
+        ]
+        self._reminders = self._reminders + 1 if waiting == self._reminded else 0
+        self._reminded = waiting
+        if waiting:
+            self._display.waiting(waiting)
         self._remind_later()
 
     def _reason(self, name: str) -> str:
-        states = self._supervisor.states
+        states, process = self._supervisor.states, self._processes[name]
         if states[name] is State.WAITING:
-            missing = [each for each in self._processes[name].after if states[each] in _NOT_YET]
-            return f"{name} (after {', '.join(missing)})"
+            if process.host in self._unreachable:
+                return f"{name} ({process.host} is out of reach)"
+            barred = self._supervisor.progress[name].barred
+            missing = [each for each in process.after if states[each] is not State.READY and each not in barred]
+            return f"{name} (after {', '.join([*missing, *(f'the end of {each}' for each in sorted(barred))])})"
         return f"{name} ({self._statuses[name]})" if self._statuses.get(name) else name
 
-    def _after(self, seconds: float, event: Event) -> None:
-        self._timers.append(asyncio.get_running_loop().call_later(seconds, self._events.put_nowait, event))
+    # What is asked.
 
     def _interrupted(self, number: int) -> None:
-        self._events.put_nowait(StopRequested(128 + number))
+        """Once is a wish, and the second Ctrl-C an order; who closes a terminal may well send SIGHUP twice."""
+        is_order = number == signal.SIGINT and (self._stop_asked.is_set() or self._supervisor.stopping)
+        self._stop_asked.set()
+        self._events.put_nowait(StopRequested(128 + number, 0.0 if is_order else None))
 
-    def _output(self, name: str, line: str) -> None:
+    def ask(self, event: RestartRequested | StopRequested) -> None:
+        if self._events.qsize() > REQUESTS:
+            raise DeploymentError(f"{self._plan.name} has too much to do just now; try again")
+        if isinstance(event, RestartRequested):
+            self._check(event)
+        else:
+            self._stop_asked.set()
+        self._events.put_nowait(event)
+
+    def _check(self, request: RestartRequested) -> None:
+        if self._stop_asked.is_set() or self._supervisor.stopping:
+            raise DeploymentError(f"{self._plan.name} is stopping: nothing is started any more")
+        for name in request.names:
+            found = self._supervisor.find(name)
+            if not found:
+                known = ", ".join(instance for each in self._plan.processes for instance in each.instances)
+                raise DeploymentError(f"{self._plan.name} has no `{name}`; there are: {known}")
+            for each in found:
+                if self._supervisor.progress[each].is_stuck:
+                    raise DeploymentError(f"{each} cannot be started: it was killed, and is still there")
+
+    # What agents tell.
+
+    def output(self, name: str, line: str) -> None:
         self._last[name].append(line)
         self._display.line(name, line)
 
-    def _ready(self, name: str) -> None:
+    def ready(self, name: str) -> None:
         self._events.put_nowait(Ready(name))
 
-    def _exited(self, name: str, code: int) -> None:
-        self._events.put_nowait(Exited(name, code))
+    def status(self, name: str, text: str) -> None:
+        self._statuses[name] = text
 
-    def _left(self, name: str, instance: str) -> None:
-        if instance in self._processes[name].instances:
+    def left(self, name: str, instance: str) -> None:
+        if instance in self._processes[name].instances and instance not in self._left[name]:
+            self._left[name].append(instance)
             self._events.put_nowait(Left(instance))
 
-    def _said(self, name: str, status: str) -> None:
-        self._statuses[name] = status
+    def hung(self, name: str) -> None:
+        self._events.put_nowait(Hung(name))
+
+    def exited(self, name: str, code: int) -> None:
+        self._events.put_nowait(Exited(name, code))
+
+    def lost(self, host: str, why: str) -> None:
+        self._unreachable[host] = why
+        self._lanes[host].forget()
+        self._events.put_nowait(Lost(host))
+
+    def back(self, host: str) -> None:
+        self._unreachable.pop(host, None)
+        self._events.put_nowait(Back(host))
+
+    # How it is.
+
+    def _measure(self) -> None:
+        now = self._clock()
+        for lane in self._lanes.values():
+            self._meter.read(now, lane.agent.usage())
+        self._later("measure", MEASURE, self._measure)
+
+    def snapshot(self) -> Snapshot:
+        supervisor, now = self._supervisor, self._clock()
+        hosts = tuple(
+            HostStatus(
+                each.name, each.address, each.name not in self._unreachable, self._unreachable.get(each.name, "")
+            )
+            for each in self._plan.hosts
+        )
+        return Snapshot(
+            self._plan.name,
+            supervisor.up,
+            supervisor.stopping,
+            supervisor.why,
+            now - self._began,
+            hosts,
+            tuple(self._status_of(name, now) for name in self._processes),
+        )
+
+    def _status_of(self, name: str, now: float) -> ProcessStatus:
+        process, progress = self._processes[name], self._supervisor.progress[name]
+        there = not progress.state.gone
+        usage = self._lane(name).agent.usage().get(name) if there else None
+        return ProcessStatus(
+            name=name,
+            component=process.component,
+            instances=process.instances,
+            ended=tuple(self._left[name]) if there else (),
+            host=process.host,
+            state=progress.state,
+            how="" if there else self._how.get(name, ""),
+            pid=usage.pid if usage else None,
+            in_state=max(0.0, now - progress.since),
+            uptime=max(0.0, now - progress.started_at) if there else None,
+            next_start=max(0.0, progress.not_before - now) if progress.state is State.RESTARTING else None,
+            starts=progress.starts,
+            restarts=max(0, progress.starts - 1),
+            cpu=self._meter.cores(name, usage.pid) if usage else None,
+            memory=usage.memory if usage else None,
+            calls=usage.calls_per_s if usage else None,
+            worst=usage.worst_ms / 1000 if usage else None,
+            status=self._statuses.get(name, "") if there else "",
+        )
 
 
-_NOT_YET = (State.WAITING, State.STARTING)
+_NOT_YET = (State.WAITING, State.STARTING, State.RESTARTING)
+_TOLD_AGAIN_AND_AGAIN = (State.WAITING, State.STARTING)
+
+
+def children(plan: Plan, grace: float) -> list[Child]:
+    """The processes of a plan, as far as their supervisor is concerned."""
+    needs = _needs(plan)
+    return [
+        Child(
+            each.name,
+            each.after,
+            each.restart,
+            each.grace if each.grace is not None else grace * len(each.instances),
+            each.system,
+            each.host,
+            each.instances,
+            frozenset(needs.get(each.name, ())),
+        )
+        for each in plan.processes
+    ]
 
 
 def _needs(plan: Plan) -> dict[str, set[str]]:
@@ -256,7 +571,11 @@ def _how(code: int) -> str:
     return f"ended with exit code {code}" if code else "has ended"
 
 
-def run(plan: Plan, options: Options, display: Display) -> int:
+def _times(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+
+
+def run(plan: Plan, options: Options, display: Display, services: Sequence[Service] = ()) -> int:
     """`run_plan`, from code that is not asynchronous, with what its middlewares need to be there first.
 
     Raises TransportError or ConfigurationError if that cannot be had.
@@ -264,5 +583,5 @@ def run(plan: Plan, options: Options, display: Display) -> int:
     with contextlib.ExitStack() as hosted, contextlib.suppress(asyncio.CancelledError):
         for opened in plan.transports:
             hosted.enter_context(hosting(opened.middleware, TransportConfig(opened.options, f"rcdeploy {plan.name}")))
-        return asyncio.run(run_plan(plan, options, display))
+        return asyncio.run(run_plan(plan, options, display, services))
     return 1

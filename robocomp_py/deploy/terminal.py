@@ -1,55 +1,56 @@
-"""A network on a terminal, or in a file: lines with the names of those who wrote them."""
+"""A network on a terminal, or in a file: lines with the names of those who wrote them.
+
+On a terminal a table of how all are stands below them. What is shown is kept, too, for whoever asks later, at a
+socket that is open as long as the network runs.
+"""
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
+import json
 import os
 import sys
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from typing import IO, Any, TextIO, cast
 
 from rich.console import Console, Group
 from rich.live import Live
-from rich.table import Table
 from rich.text import Text
 
-from .plan import Member, Plan, Process
+from .control import Control
+from .naming import DEPLOYER
+from .place import Place
+from .plan import Plan, Process
 from .policy import State
+from .ring import Ring
 from .run import Display, Options, run
+from .snapshot import Network
+from .table import Span, summary, table
 
 _COLOURS = ("cyan", "green", "yellow", "magenta", "blue", "bright_red", "bright_cyan", "bright_green")
-_STYLES = {
-    State.WAITING: "dim",
-    State.STARTING: "yellow",
-    State.READY: "green",
-    State.STOPPING: "yellow",
-    State.ENDED: "dim",
-    State.FAILED: "bold red",
-}
+
+_SOON_S = 0.05
+"""After which what is new is shown on a terminal: all that came meanwhile at once."""
+
+_TICK_S = 1.0
+"""Between two looks at what processes use."""
+
+_MANY = 1000
+"""Lines that are shown at once, whenever they come."""
+
+_DROPPED = dict.fromkeys(map(ord, "\a\b\v\f\r"))
+"""Characters that would move what stands on a terminal already."""
 
 
-def run_on_terminal(plan: Plan, options: Options) -> int:
-    """Run a network, showing it on standard output for as long as that can be written. Returns the exit code."""
+def run_on_terminal(plan: Plan, options: Options, leave: Callable[[], object] | None = None) -> int:
+    """Run a network, showing it on standard output for as long as that can be written. Returns the exit code.
+
+    `leave` is called when everything is ready, if nothing is to be shown from then on.
+    """
     console = Console(file=cast(IO[str], Output(sys.stdout, sys.stderr)), highlight=False, soft_wrap=True)
-    display = Terminal(plan, console)
-    if not console.is_terminal:
-        return run(plan, options, display)
-    with Live(display.table({}), console=console, auto_refresh=False, transient=True) as live:
-        display.live = live
-        return run(plan, options, display)
-
-
-def table_of(plan: Plan) -> Table:
-    """What would run."""
-    table = Table(title=f"{plan.name} over {', '.join(plan.carriers)}")
-    is_shared = any(process.members for process in plan.processes)
-    for column in ("instance", "component", *(("process",) if is_shared else ()), "starts after", "uses"):
-        table.add_column(column)
-    for process in plan.processes:
-        for each in process.members or (Member(process.name, process.component),):
-            uses = ", ".join(f"{link.interface} of {link.provider}" for link in plan.links if link.client == each.name)
-            shared = (process.name if process.members else "",) if is_shared else ()
-            table.add_row(each.name, each.component, *shared, ", ".join(process.after), uses)
-    return table
+    terminal = Terminal(plan, console, leave)
+    return run(plan, options, terminal, [terminal.watching])
 
 
 class Output:
@@ -94,27 +95,49 @@ def discard(stream: TextIO) -> None:
 
 
 class Terminal(Display):
-    """Lines with coloured names; on a terminal, a table of all states below them."""
+    """Lines with coloured names; on a terminal, a table of all processes below them."""
 
-    def __init__(self, plan: Plan, console: Console) -> None:
-        self._plan, self._console = plan, console
+    def __init__(self, plan: Plan, console: Console, leave: Callable[[], object] | None = None) -> None:
+        self._plan, self._console, self._leave = plan, console, leave
         names = [process.name for process in plan.processes]
-        self._width = max(map(len, names))
+        self._width = max(map(len, [*names, DEPLOYER]))
         self._called = {each.name: _called(each) for each in plan.processes}
         self._colours = {name: _COLOURS[n % len(_COLOURS)] for n, name in enumerate(names)}
         self._states: dict[str, State] = {}
         self._bar, self._rule = ("│", "─") if _can_show("│─", console.encoding) else ("|", "-")
-        self.live: Live | None = None
+        self._ring = Ring()
+        self._place = Place(plan.name)
+        self._live: _Live | None = None
+        self._shown = True
+
+    @contextlib.asynccontextmanager
+    async def watching(self, network: Network) -> AsyncIterator[None]:
+        """While it runs: the table, and the socket for who asks."""
+        control = Control(network, self._ring)
+        try:
+            self._place.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            await control.open(self._place.control)
+            self._place.plan.write_text(json.dumps(self._plan.to_json()), encoding="utf-8")
+        except OSError as exc:
+            self._say(f"nobody can ask how this network is: {self._place.folder}: {exc.strerror}", "yellow")
+        if self._console.is_terminal:
+            self._live = _Live(network, self._console, self._rule, self._colours)
+            self._live.begin()
+        try:
+            yield
+        finally:
+            self._end_live()
+            await control.close()
 
     def line(self, name: str, text: str) -> None:
+        self._ring.write(name, text)
         style = "red" if text.startswith(("ERROR", "CRITICAL")) else "yellow" if text.startswith("WARNING") else ""
-        begin = f"{name:>{self._width}} {self._bar} "
-        self._console.print(Text.assemble((begin, self._colours[name]), (text.removeprefix("INFO: "), style)))
+        self._show((f"{name:>{self._width}} {self._bar} ", self._colours[name]), (text.removeprefix("INFO: "), style))
 
     def states(self, states: dict[str, State]) -> None:
         self._states = states
-        if self.live:
-            self.live.update(self.table(states), refresh=True)
+        if self._live:
+            self._live.soon()
 
     def up(self) -> None:
         number = sum(len(each.instances) for each in self._plan.processes)
@@ -124,6 +147,10 @@ class Terminal(Display):
             self._say(f"{whole} of {self._plan.name} {'is' if number == 1 else 'are'} ready", "bold green")
         else:
             self._say(f"{ready} of {number} components of {self._plan.name} are ready, the others done", "bold green")
+        if self._leave:
+            self._end_live()
+            self._shown = False
+            self._leave()
 
     def waiting(self, whom: list[str]) -> None:
         self._say(f"not ready yet: {', '.join(whom)}", "yellow")
@@ -136,21 +163,85 @@ class Terminal(Display):
         if last:
             self._say(f"the last lines of {name}:", "red")
         for text in last:
-            self._console.print(Text(f"    {text}", style="red"))
+            self._show((f"    {text}", "red"))
+
+    def tell(self, text: str) -> None:
+        self._say(text, "")
 
     def stopping(self, why: str) -> None:
         self._say(f"stopping: {why}", "bold")
 
-    def table(self, states: dict[str, State]) -> Group:
-        cells = []
-        for process in self._plan.processes:
-            state = states.get(process.name, State.WAITING)
-            name = (self._called[process.name], self._colours[process.name])
-            cells.append(Text.assemble(name, " ", (str(state), _STYLES[state])))
-        return Group(Text(self._rule * 40, style="dim"), Text("  ").join(cells))
-
     def _say(self, text: str, style: str) -> None:
-        self._console.print(Text(f"{'rcdeploy':>{self._width}} {self._bar} {text}", style=style))
+        self._ring.write(DEPLOYER, text)
+        self._show((f"{DEPLOYER:>{self._width}} {self._bar} {text}", style))
+
+    def _show(self, *spans: Span) -> None:
+        if not self._shown:
+            return
+        if self._live:
+            self._live.show(spans)
+        elif self._console.is_terminal:
+            self._console.print(Text.assemble(*spans))
+        else:  # as it is, and at once: rich would take longer than all the rest
+            self._console.file.write("".join(text for text, _ in spans).translate(_DROPPED) + "\n")
+            self._console.file.flush()
+
+    def _end_live(self) -> None:
+        if self._live:
+            self._live.end()
+        self._live = None
+
+
+class _Live:
+    """Lines that roll by, and below them a table that stays; drawn by an event loop, not too often."""
+
+    def __init__(self, network: Network, console: Console, rule: str, colours: Mapping[str, str]) -> None:
+        self._network, self._console, self._rule, self._colours = network, console, rule, colours
+        self._live = Live(console=console, auto_refresh=False, transient=True)
+        self._lines: list[Text] = []
+        self._timer: asyncio.TimerHandle | None = None
+
+    def begin(self) -> None:
+        self._live.start()
+        self._draw()
+
+    def end(self) -> None:
+        """Leave the lines, and take the table away."""
+        if self._timer:
+            self._timer.cancel()
+        self._print()
+        self._live.update("")
+        self._live.stop()
+
+    def show(self, spans: Sequence[Span]) -> None:
+        self._lines.append(Text.assemble(*spans))
+        if len(self._lines) >= _MANY:
+            self._print()
+        self.soon()
+
+    def soon(self) -> None:
+        loop = asyncio.get_running_loop()
+        if self._timer and self._timer.when() - loop.time() <= _SOON_S:
+            return
+        self._draw_after(_SOON_S)
+
+    def _draw_after(self, seconds: float) -> None:
+        if self._timer:
+            self._timer.cancel()
+        self._timer = asyncio.get_running_loop().call_later(seconds, self._draw)
+
+    def _draw(self) -> None:
+        self._print()
+        snapshot, width = self._network.snapshot(), self._console.width
+        lines = table(snapshot, width=width, height=max(4, self._console.height // 2), colours=self._colours)
+        drawn = [Text.assemble(*line, no_wrap=True, overflow="ellipsis") for line in (summary(snapshot), *lines)]
+        self._live.update(Group(Text(self._rule * min(width, 40), style="dim"), *drawn), refresh=True)
+        self._draw_after(_TICK_S)
+
+    def _print(self) -> None:
+        if self._lines:
+            self._console.print(Text("\n").join(self._lines))
+        self._lines = []
 
 
 def _called(process: Process) -> str:

@@ -204,7 +204,7 @@ class Workspace:
         return [each for each in found if each]
 
     def deployment(self, path: Path) -> Deployment | None:
-        """The model of a DDSL file. What its network comes to is `robocomp_py.deploy.plan`'s to say."""
+        """The model of a DDSL file. What its network comes to is `robocomp_py.deploy.planner`'s to say."""
         key = os.path.realpath(path)
         if key not in self._deployments:
             source = self.source(path)

@@ -134,8 +134,9 @@ def _swap(diagnostic: Diagnostic, found: re.Match[str], index: Index) -> Carried
         yield Fix("Swap them", (Edit(diagnostic.span, f"{high.strip()}:{low.strip()}"),))
 
 
-def _write_localhost(diagnostic: Diagnostic, found: re.Match[str], index: Index) -> Carried:
-    yield Fix("Change to `localhost`", (Edit(diagnostic.span, "localhost"),))
+def _write_whole(diagnostic: Diagnostic, found: re.Match[str], index: Index) -> Carried:
+    for name in found.groups():
+        yield Fix(f"Write `{name}`", (Edit(diagnostic.span, name),))
 
 
 _PHRASES: dict[str, Callable[[Diagnostic, re.Match[str], Index], Carried]] = {
@@ -156,7 +157,7 @@ _PHRASES: dict[str, Callable[[Diagnostic, re.Match[str], Index], Carried]] = {
     r"^make it a \[query\]$": _make_query,
     r"^write in its block: (.*;)$": _wire,
     r"^the smaller one comes first$": _swap,
-    r"^use localhost$": _write_localhost,
+    r"^write `([^`]+)` for it, or `([^`]+)` for the other one$": _write_whole,
 }
 """What hints say, and how it is done."""
 

@@ -173,7 +173,7 @@ def without_mark(text: str) -> str:
 
 
 def _check_network(path: Path, workspace: Workspace) -> Report:
-    from ..deploy.plan import make_plan  # takes a while, and not everybody deploys
+    from ..deploy.planner import make_plan  # takes a while, and not everybody deploys
 
     make_plan(path, workspace)
     return Report([each for each in workspace.report.diagnostics if each.code != "not-generated"])

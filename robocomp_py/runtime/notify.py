@@ -15,6 +15,10 @@ ENDED = "X_ROBOCOMP_ENDED="
 """What a process says of a component of its own that has ended, while others go on."""
 
 
+CALLS = "X_ROBOCOMP_CALLS="
+"""How many operations a process answers per second, and how many milliseconds the slowest took, of a short while."""
+
+
 def notify(*lines: str) -> None:
     """Send `READY=1` and the like. Without a launcher that listens, nothing happens."""
     address = os.environ.get("NOTIFY_SOCKET")

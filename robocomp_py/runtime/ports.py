@@ -34,6 +34,7 @@ from ..wire.codec import Payload
 from .calls import Answering, Call
 from .loans import Loans, Memory, Shape
 from .monitor import Monitor
+from .retries import Retrying
 from .watching import Watched, Watching
 
 log = logging.getLogger("robocomp.worker")
@@ -155,6 +156,8 @@ def bind_proxy(
         call = Call(operation, route.transport.codec)
         if pattern is Pattern.QUERY:
             caller = route.transport.caller(channel)
+            if operation.idempotent:
+                caller = Retrying(caller)
             bound[operation.name] = _Asked(call, caller, monitor, route.deadline)
             links.append(caller)
         else:

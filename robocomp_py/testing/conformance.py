@@ -27,6 +27,7 @@ Limits on time are generous, and scaled by $ROBOCOMP_PATIENCE; none judges speed
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import itertools
 import math
 import queue
@@ -557,6 +558,57 @@ class TransportConformance(QoSConformance):
         release.set()
         assert [_asker(there, caller, ask)(str(n).encode()) for n in range(3)] == [b"0", b"1", b"2"]
 
+    def test_what_is_asked_again_is_executed_once_and_answered_again(
+        self, here: Transport, there: Transport, name: str
+    ) -> None:
+        executed: list[bytes] = []
+
+        def service(payload: Payload, expires: float) -> Reply:
+            executed.append(unblob(here, payload))
+            return Reply(Status.OK, blob(here, b"%d" % len(executed)))
+
+        channel = replace(query(name), idempotent=True)
+        here.server(channel, service)
+        caller: Any = there.caller(channel)
+        assert caller.wait_peer(SOON)
+        if not hasattr(caller, "question"):
+            return  # an optional part of the contract
+        question = caller.question(blob(there, b"first"))
+        for _ in range(3):
+            assert unblob(there, question.ask(SOON).payload) == b"1"
+        question.close()
+        question = caller.question(blob(there, b"second"))
+        for _ in range(3):
+            assert unblob(there, question.call(SOON).result(SOON).payload) == b"2"
+        question.close()
+        assert unblob(there, caller.ask(blob(there, b"third"), SOON).payload) == b"3"
+        assert executed == [b"first", b"second", b"third"]
+
+    def test_the_answer_to_what_is_asked_again_goes_to_who_asked_last(
+        self, here: Transport, there: Transport, name: str
+    ) -> None:
+        answers: queue.Queue[Future[Reply]] = queue.Queue()
+
+        def service(payload: Payload, expires: float) -> Future[Reply]:
+            answers.put(Future())
+            return answers.queue[-1]
+
+        channel = replace(query(name), idempotent=True)
+        here.server(channel, service)
+        caller: Any = there.caller(channel)
+        assert caller.wait_peer(SOON)
+        if not hasattr(caller, "question"):
+            return  # an optional part of the contract
+        question = caller.question(blob(there, b"long"))
+        question.call(SOON).cancel()
+        wait_until(lambda: answers.qsize() == 1)
+        last = question.call(SOON)
+        assert unblob(there, _asked_meanwhile(there, caller, answers, here).payload) == b"meanwhile"
+        answers.get().set_result(Reply(Status.OK, blob(here, b"done")))
+        assert unblob(there, last.result(SOON).payload) == b"done"
+        assert answers.empty()
+        question.close()
+
     def test_giving_up_leaves_nothing_behind(self, here: Transport, there: Transport, name: str) -> None:
         here.server(query(name), _stuck_on(here, b"stuck"))
         caller = there.caller(query(name))
@@ -964,6 +1016,19 @@ class TransportConformance(QoSConformance):
         assert done.wait(SOON)
         assert inside == [True]
 
+    def test_idempotent_calls_outlast_a_restart_of_their_server_and_others_do_not(
+        self, here: Transport, there: Transport, name: str, pool: ThreadPoolExecutor
+    ) -> None:
+        with contextlib.ExitStack() as everything:
+            with _Served(here, name, _Handlers()):
+                proxy = everything.enter_context(_Using(there, name))
+                assert proxy.ask(e.divide, 7, 2) == (3, 1)
+            with pytest.raises(Unreachable):
+                proxy.ask(e.work, "once", deadline=SOON)
+            later = [pool.submit(proxy.ask, e.divide, 9, 2, deadline=SOON), proxy.ask_async(e.divide, 9, 2)]
+            with _Served(here, name, _Handlers()):
+                assert [each.result(SOON) for each in later] == [(4, 1)] * 2
+
     def test_a_handler_that_takes_too_long_times_out(self, proxy: _Proxy) -> None:
         with pytest.raises(Timeout):
             proxy.ask(e.work, "wait", deadline=A_MOMENT)
@@ -1113,6 +1178,17 @@ def _asker(transport: Transport, caller: Caller, how: str, deadline: float = SOO
         return unblob(transport, reply.payload)
 
     return ask
+
+
+def _asked_meanwhile(
+    transport: Transport, caller: Caller, answers: queue.Queue[Future[Reply]], serving: Transport
+) -> Reply:
+    """A question asked behind others, and answered at once: whatever was sent before it has arrived."""
+    known = answers.qsize()
+    asked = caller.call(blob(transport, b"meanwhile"), SOON)
+    wait_until(lambda: answers.qsize() > known)
+    answers.queue.pop().set_result(Reply(Status.OK, blob(serving, b"meanwhile")))
+    return asked.result(SOON)
 
 
 def _stuck_on(transport: Transport, word: bytes) -> Callable[[Payload, float], Reply | Future[Reply]]:

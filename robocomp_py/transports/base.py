@@ -206,6 +206,21 @@ class Caller(Link, Protocol):
         ...
 
 
+class Question(Protocol):
+    """What may be asked again, if it is not known whether it arrived, and is executed once by one life of its server.
+
+    An optional part of the contract: of callers of idempotent channels that have a method
+    `question(payload) -> Question`. Its `ask` or its `call` do what those of the caller do, again and
+    again, one after the other; every question ends, by `close`.
+    """
+
+    def ask(self, deadline: float) -> Reply: ...
+
+    def call(self, deadline: float) -> Future[Reply]: ...
+
+    def close(self) -> None: ...
+
+
 class Transport(Protocol):
     @property
     def capabilities(self) -> Capability: ...

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import sys
 import threading
 import time
 import weakref
@@ -349,17 +350,21 @@ class Lane:
             self._summoned = True
             return True
 
-    def drain(self) -> None:
-        """Give the sink what waits. Returns at once if another thread is doing so."""
+    def drain(self, *, once: bool = False) -> bool:
+        """Give the sink what waits. Returns at once if another thread is doing so.
+
+        With `once`, only what waits by now, and whether more has come meanwhile: it did because another thread receives,
+        and that one had better go on with this, too, than compete for the interpreter.
+        """
         with self._lock:
             self._summoned = False
             if self._draining:
-                return
+                return False
             self._draining = True
         waiting, gate = self._waiting, self._gate
         inside = gate.enter()
         try:
-            while True:
+            for _ in range(len(waiting) if once else sys.maxsize):
                 try:
                     payload = waiting.popleft()  # atomic, and quicker without the lock
                 except IndexError:
@@ -367,7 +372,7 @@ class Lane:
                         if waiting:
                             continue
                         self._draining = False
-                        return
+                        return False
                 if self._wanted:
                     with self._lock:
                         self._changed.notify_all()
@@ -378,6 +383,9 @@ class Lane:
                     self._sink(payload)
                 except BaseException:  # also SystemExit: the messages that follow are to be delivered all the same
                     log.exception("%s: a message was not handled", self._name)
+            with self._lock:
+                self._draining = False
+                return bool(waiting)
         finally:
             if inside:
                 gate.leave()

@@ -57,6 +57,12 @@ class Member:
     pid: int
     entries: tuple[Entry, ...]
 
+    def facing(self, role: str, channel: str) -> Iterator[tuple[Member, Entry]]:
+        """Its ends of a channel in that role; the channel, or theirs, may have `*` for its instance."""
+        for entry in self.entries:
+            if entry.role == role and (matches(channel, entry.channel) or matches(entry.channel, channel)):
+                yield self, entry
+
 
 def runtime_dir() -> Path:
     """The folder for sockets and directory files, made if need be.
@@ -225,6 +231,11 @@ class Membership:
         """A path for a socket of ours, removed with everything else that we leave."""
         return self._file.with_name(f"{self.id}-{suffix}")
 
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """What is announced."""
+        return tuple(self._entries)
+
     def add(self, entry: Entry) -> None:
         """Announce; raises TransportError if that cannot be written."""
         with self._lock:
@@ -277,8 +288,15 @@ def _as_transport_error(folder: Path) -> Iterator[None]:
 
 
 def _load(path: Path, name: str) -> Member:
-    record = json.loads(path.read_text())
-    return Member(name, record["owner"], record["pid"], tuple(map(_entry, record["entries"])))
+    return member_of(json.loads(path.read_text()), name)
+
+
+def member_of(record: Any, member_id: str) -> Member:
+    """Who told that of itself. Raises ValueError, TypeError or KeyError."""
+    owner, pid = record["owner"], record["pid"]
+    if type(owner) is not str or type(pid) is not int:
+        raise TypeError("owner or pid of a member")
+    return Member(member_id, owner, pid, tuple(map(_entry, record["entries"])))
 
 
 def _entry(told: dict[str, Any]) -> Entry:

@@ -11,12 +11,13 @@ from functools import partial
 
 from ..errors import AlreadyServed
 from ..wire.codec import Payload
-from ..wire.header import Request
+from ..wire.header import Flag, Request
 from .announced import AnnouncedLink, Announcing
 from .base import Channel, Reply, Service, Sink, Status, TypeRef
 from .crew import Job, Lane, Servant
 from .exclusive import Claim, claim
 from .ledger import Ledger
+from .replies import Replies
 
 log = logging.getLogger("robocomp.transport")
 
@@ -46,6 +47,12 @@ class ServingLink(AnnouncedLink[Announcing], ABC):
     @abstractmethod
     def accept(self, payload: Payload, expires: float, answer: Callable[[Reply], None]) -> Job | None:
         """Take a request; what is left to do about it."""
+
+    def take(self, request: Request, payload: Payload, expires: float, answer: Callable[[Reply], None]) -> Job | None:
+        """Take a request that means what we mean, unless it was taken before; what is left to do about it."""
+        if not self.ledger.admit(request.client, request.sequence):
+            return None
+        return self.accept(payload, expires, answer)
 
     def refuse_stranger(self, request: Request) -> None:
         texts = [
@@ -100,13 +107,22 @@ class Server(ServingLink):
     def __init__(self, transport: Announcing, channel: Channel, service: Service) -> None:
         super().__init__(transport, channel)
         self._servant = Servant(channel.name, service, self.stats)
+        self._replies = Replies()
 
-    def accept(self, payload: Payload, expires: float, answer: Callable[[Reply], None]) -> Job | None:
+    def take(self, request: Request, payload: Payload, expires: float, answer: Callable[[Reply], None]) -> Job | None:
+        new = self.ledger.admit(request.client, request.sequence)
+        if not (request.flags & Flag.IDEMPOTENT and self.channel.idempotent):
+            return self.accept(payload, expires, answer) if new else None
+        asked = request.client, request.sequence
+        known = None if new else self._replies.again(asked, answer)
+        return known or self.accept(payload, expires, self._replies.begun(asked, answer))
+
+    def accept(self, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> Job | None:
         return partial(self._serve, payload, expires, answer)
 
     def finish(self) -> None:
         self._servant.close()
 
-    def _serve(self, payload: Payload, expires: float, answer: Callable[[Reply], None]) -> None:
+    def _serve(self, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> None:
         if not self._servant.serve(payload, expires, answer):
             answer(Reply(Status.REFUSED))

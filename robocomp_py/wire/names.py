@@ -39,6 +39,13 @@ def resolve(target: str, namespace: str, interface: str) -> tuple[str, str, str]
     return namespace, parts[0], parts[1] if len(parts) == 2 else interface
 
 
+def target(namespace: str, instance: str, segment: str, own: str, interface: str) -> str:
+    """A `from` that means one instance's `segment`, for who uses `interface` in the namespace `own`: see `resolve`."""
+    if namespace.strip("/") == own.strip("/"):
+        return instance if segment == interface else f"{instance}/{segment}"
+    return "/" + "/".join(filter(None, (namespace.strip("/"), instance, segment)))
+
+
 def instance(channel: str) -> str:
     """Whose a channel is."""
     return channel.split("/")[-3]

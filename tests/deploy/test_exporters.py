@@ -15,6 +15,7 @@ import kubernetes_validate
 import pytest
 import yaml
 
+from robocomp_py.cli import rcdeploy
 from robocomp_py.deploy.exporters import EXPORTERS, Export, write_export
 from robocomp_py.deploy.exporters.base import unique
 from robocomp_py.deploy.plan import Host, Plan, Process
@@ -328,3 +329,34 @@ def test_the_image_holds_what_the_commands_name(folder: Path, tmp_path: Path) ->
     export = EXPORTERS["compose"](network(component(folder, "laser")), "net.ddsl")
     write_export(export, tmp_path / "out")
     assert (tmp_path / "out" / "app" / "laser" / "etc" / "config.toml").is_file()
+
+
+@pytest.mark.parametrize("kind", EXPORTERS)
+def test_the_command_exports_a_network(tmp_path: Path, kind: str, capsys: pytest.CaptureFixture[str]) -> None:
+    network = Path(__file__).parents[2] / "components" / "rescue.ddsl"
+    assert rcdeploy.main(["export", kind, str(network), "-o", str(tmp_path / "out")]) == 0
+    printed = capsys.readouterr().out
+    assert all(path.name in printed for path in (tmp_path / "out").iterdir() if path.name != "app")
+    assert rcdeploy.main(["export", kind, str(network), "-o", str(network)]) == 1
+    assert "cannot be written" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind", EXPORTERS)
+def test_what_carries_messages_to_other_hosts_is_started_first(folder: Path, kind: str) -> None:
+    plan = network(
+        component(folder, "laser", host="onboard"),
+        hosts=(Host("onboard", "10.0.0.2"),),
+        routers={"onboard": {"connect": "here/Patrol", "router": {"mode": "router"}}},
+    )
+    text = "".join(EXPORTERS[kind](plan, "n").files.values())
+    assert text.index("zenoh-router") < text.index("laser")
+    assert "transports.zenoh.connect=" in text
+    assert "here/Patrol" in text
+
+
+def test_a_router_is_there_before_its_components(folder: Path) -> None:
+    plan = network(component(folder, "laser"), routers={"": {"connect": "here/Patrol"}})
+    unit = parts(only(EXPORTERS["systemd"](plan, "n"), "-laser.service"))
+    assert unit["After"] == ["robocomp-Patrol-zenoh-router.service"]
+    services = compose_file(only(EXPORTERS["compose"](plan, "n"), "compose.yaml"))["services"]
+    assert services["laser"]["depends_on"] == {"zenoh-router": {"condition": "service_healthy"}}

@@ -13,7 +13,7 @@ from robocomp_py.cli.rc import main as rc
 from robocomp_py.cli.rcdeploy import main as rcdeploy
 from robocomp_py.deploy.importers import import_deployment
 from robocomp_py.deploy.importers.finding import Finder
-from robocomp_py.deploy.plan import make_plan
+from robocomp_py.deploy.planner import make_plan
 from robocomp_py.dsl.diagnostics import Report
 from robocomp_py.dsl.source import Source
 from robocomp_py.dsl.workspace import Workspace

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from robocomp_py.cli.rcgen import main as rcgen
-from robocomp_py.deploy.plan import OpenedTransport, Overrides, Plan, make_plan
+from robocomp_py.deploy.plan import OpenedTransport, Overrides, Plan
+from robocomp_py.deploy.planner import make_plan
 from robocomp_py.dsl.diagnostics import Diagnostic
 from robocomp_py.dsl.workspace import Workspace
 
@@ -248,9 +249,17 @@ WRONG = {
     'Component sensor { config "bad.toml"; };': ["config-out-of-range"],
     'Component sensor { config "no.toml"; };': ["config-syntax"],
     'Component sensor { env ROBOCOMP__PARAMS__RANGE "99"; };': ["config-out-of-range"],
-    'Component sensor { ip "192.168.1.10"; };': ["not-yet"],
-    "Component sensor { restart always; };": ["not-yet"],
-    "host onboard { }; Component sensor { };": ["not-yet"],
+    "host onboard { }; Component sensor { };": ["bad-host"],
+    "Component sensor { host onboard; };": ["unknown-host"],
+    'Component sensor { existing "no-such-program"; };': ["missing-file"],
+    'Component sensor { existing "./no-such-program"; };': ["missing-file"],
+    'Component sensor { existing "sleep"; qos LaserPub(reliable); };': ["configuration"],
+    "Component sensor { restart always(intensity 0); };": ["bad-restart"],
+    "System left { Component sensor { }; }; Component left : driver { };": ["duplicate"],
+    "System a { Component sensor { }; }; System b { Component sensor { }; }; Component driver { };": [
+        "ambiguous-provider"
+    ],
+    "System a { Component sensor { }; }; Component recorder { };": ["qos-mismatch"],
     "middleware zeromp; Component sensor { };": ["unknown-middleware"],
     "Component sensor { middleware inproc; };": ["unfit-middleware"],
     "Component sensor { }; Component recorder { };": ["qos-mismatch"],

@@ -10,7 +10,7 @@ import pytest
 from robocomp_py.cli.rcgen import main as rcgen
 from robocomp_py.contract.interface import Pattern
 from robocomp_py.contract.qos import History, QoS, Reliability
-from robocomp_py.deploy.plan import make_plan
+from robocomp_py.deploy.planner import make_plan
 from robocomp_py.deploy.qos import lacking
 from robocomp_py.dsl.diagnostics import Diagnostic
 from robocomp_py.dsl.workspace import Workspace

@@ -147,7 +147,7 @@ def test_a_server_that_goes_away_only_cuts_a_compute_short(find: Any, caplog: py
         def compute(self) -> None:
             self.entries.append(f"7 / 2 = {self.everything_proxy.divide(7, 2)}")
 
-    made = make(Asker, find)
+    made = make(Asker, find, "ports.everything.deadline=0.2")  # for so long an idempotent call waits for its server
     with running(made, ready=False) as asker:
         for _ in range(2):
             with running(make(Calculator, find)):

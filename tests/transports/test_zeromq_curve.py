@@ -135,7 +135,7 @@ def test_what_is_wrong_with_keys_is_told_before_anything_is_opened(keys: Keys, o
     for change, complaint in (
         ({"curve_key": ""}, "go together"),
         ({"curve_admitted": ""}, "go together"),
-        ({"bind": ""}, "the address that `bind` names"),
+        ({"bind": ""}, "the addresses that `bind` and `connect` name"),
         ({"curve_admitted": str(keys.folder / "nowhere")}, "is not a folder"),
         ({"curve_key": str(keys.folder / "nowhere")}, "cannot be read"),
         ({"curve_key": str(keys.folder / "empty")}, "has no key pair"),

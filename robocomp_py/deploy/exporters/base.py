@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import re
 import shutil
+import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 from ... import __version__
 from ...errors import DeploymentError
+from ...runtime.effective import toml
 from ..plan import Host, Plan, Process
+from ..policy import Restart, When
 from ..relocation import places, relocate
 from ..run import GRACE
 
@@ -20,6 +24,9 @@ APP = "app"
 
 RUNTIME = "/run/robocomp"
 """The run-time folder in containers."""
+
+ROUTER = "zenoh-router"
+"""No instance is called so: names of instances have no dashes."""
 
 USER = 1000
 """Whose number the components have in containers."""
@@ -70,11 +77,24 @@ def sites(plan: Plan, below: Callable[[Host | None], str]) -> list[Site]:
     found = []
     for name in names:
         processes = tuple(process for process in plan.processes if process.host == name)
+        if name in plan.routers:
+            processes = _behind(_router(plan.routers[name], name), processes)
         host = known.get(name)
         folder = below(host)
         shown = name or "localhost" if len(names) > 1 else ""
         found.append(Site(shown, host, processes, places(processes, folder) if folder else {}))
     return found
+
+
+def _router(options: Mapping[str, Any], host: str) -> Process:
+    """What carries Zenoh's messages between this machine and the others."""
+    given = (part for key, value in options.items() for part in ("--set", f"transports.zenoh.{key}={toml(value)}"))
+    command = (sys.executable, "-m", "robocomp_py.cli.rc", "host", "zenoh", *given)
+    return Process(ROUTER, "Zenoh", command, Path.cwd(), host=host, restart=Restart(When.ALWAYS))
+
+
+def _behind(first: Process, processes: Iterable[Process]) -> tuple[Process, ...]:
+    return (first, *(replace(each, after=(first.name, *each.after)) for each in processes))
 
 
 def heading(what: str, network: str) -> str:

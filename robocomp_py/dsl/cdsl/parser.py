@@ -63,7 +63,7 @@ class _Builder:
 
     def _clause(self, tree: Tree[Any]) -> m.Clause:
         names = tuple(self._name(each) for each in tree.children if isinstance(each, Token))
-        amounts = [_amount_of(self._source, each) for each in tree.children if isinstance(each, Tree)]
+        amounts = [amount_of(self._source, each) for each in tree.children if isinstance(each, Tree)]
         return m.Clause(str(tree.data), self._span(tree), names, amounts[0] if amounts else None)
 
     def _name(self, token: Any) -> Name:
@@ -78,13 +78,13 @@ def setting_of(source: Source, tree: Tree[Any]) -> m.Setting:
     name: Any
     name, *value = tree.children
     words = [name_of(source, each) for each in value if isinstance(each, Token)]
-    amounts = [_amount_of(source, each) for each in value if isinstance(each, Tree)]
+    amounts = [amount_of(source, each) for each in value if isinstance(each, Tree)]
     return m.Setting(
         name_of(source, name), tree_span(source, tree), words[0] if words else None, amounts[0] if amounts else None
     )
 
 
-def _amount_of(source: Source, tree: Tree[Any]) -> m.Amount:
+def amount_of(source: Source, tree: Tree[Any]) -> m.Amount:
     number: Any
     unit: list[Any]
     number, *unit = tree.children

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..cdsl.model import Setting
+from ..cdsl.model import Amount, Setting
 from ..source import Name, Source, Span
 
 
@@ -15,6 +15,7 @@ class Wiring:
     verb: Name
     port: Name
     instance: Name
+    """Its whole name."""
     span: Span
 
 
@@ -76,9 +77,8 @@ class System:
     """`System left { … };`: instances under a prefix, with what holds for all of them."""
 
     name: Name
+    """The whole one, with those of the systems around it in front: `left/wrist`."""
     span: Span
-    path: tuple[str, ...]
-    """Its own name last, those of the systems around it before."""
     host: Name | None = None
     restart: Restart | None = None
     escalation: Name | None = None
@@ -90,6 +90,7 @@ class Instance:
     """One component of the deployment. `kind` is the name in its CDSL, if it is not the instance's own."""
 
     name: Name
+    """The whole one, with those of the systems around it in front: `left/arm`. Its place is that of the last part."""
     span: Span
     kind: Name | None = None
     path: Name | None = None
@@ -97,29 +98,41 @@ class Instance:
     port: Name | None = None
     config: Name | None = None
     dependences: tuple[Name, ...] = ()
+    """Whole names."""
     middleware: Name | None = None
     env: tuple[Variable, ...] = ()
     args: tuple[Name, ...] = ()
     wirings: tuple[Wiring, ...] = ()
     process: Name | None = None
-    """The one it shares with others that name it, if it has none of its own."""
+    """The one it shares with others that name it, if it has none of its own. It is one of its system."""
     qos: tuple[Quality, ...] = ()
     host: Name | None = None
     restart: Restart | None = None
-    grace: Name | None = None
-    """Seconds it has to end by itself."""
+    grace: Amount | None = None
+    """The time it has to end by itself."""
     existing: Name | None = None
     """The command line of a program that is not ours."""
-    system: tuple[str, ...] = ()
-    """The systems around it, the outermost first."""
-    later: tuple[Name, ...] = ()
-    """Words that are spoken for, but have no effect yet."""
     clauses: tuple[Clause, ...] = ()
     """All of them, in order."""
 
     @property
     def component(self) -> Name:
-        return self.kind or self.name
+        return self.kind or Name(self.local, self.name.span)
+
+    @property
+    def system(self) -> tuple[str, ...]:
+        """The systems around it, the outermost first."""
+        return tuple(self.name.text.split("/")[:-1])
+
+    @property
+    def local(self) -> str:
+        """What it is called in its system."""
+        return self.name.text.rpartition("/")[2]
+
+    @property
+    def program(self) -> Name | None:
+        """What says that it is a program of somebody's own, if it is one."""
+        return self.path or self.existing
 
     @property
     def runs_in(self) -> Name:
@@ -134,16 +147,17 @@ class Deployment:
     name: Name
     span: Span
     instances: tuple[Instance, ...]
+    """Also those in systems, as they are written."""
     middleware: Name | None = None
     namespace: str = ""
     hosts: tuple[Host, ...] = ()
     systems: tuple[System, ...] = ()
+    """Also those in others, which come behind the one they are in."""
     restart: Restart | None = None
     """What holds for all that say nothing themselves."""
     escalation: Name | None = None
     security: Name | None = None
-    later: tuple[Name, ...] = ()
     clauses: tuple[Clause, ...] = ()
-    """All but the instances, in order."""
+    """All but hosts, systems and instances, in order."""
     skipped: frozenset[str] = frozenset()
     """The words that syntax errors left out of the model."""

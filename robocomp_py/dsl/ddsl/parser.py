@@ -7,13 +7,16 @@ from typing import Any
 
 from lark import Token, Tree
 
-from ..cdsl.parser import setting_of
+from ..cdsl.model import Setting
+from ..cdsl.parser import amount_of, setting_of
 from ..diagnostics import Report
 from ..source import Name, Source, Span
 from ..syntax import Grammar, Parsed, name_of, tree_span
 from . import model as m
+from .scope import meanings, whole
 
 _GRAMMAR = Grammar("ddsl")
+_BLOCKS = ("component", "system", "machine")
 
 
 def parse(source: Source, report: Report) -> m.Deployment | None:
@@ -25,38 +28,58 @@ def parse(source: Source, report: Report) -> m.Deployment | None:
 class _Builder:
     def __init__(self, parsed: Parsed) -> None:
         self._parsed, self._source = parsed, parsed.comments.source
+        self._instances: list[m.Instance] = []
+        self._systems: list[m.System] = []
 
     def deployment(self, tree: Tree[Token]) -> m.Deployment:
         *imports, deployment = tree.children
         assert isinstance(deployment, Tree)
         name, *items = deployment.children
         trees = [each for each in items if isinstance(each, Tree)]
-        clauses = [each for each in trees if each.data != "component"]
+        self._read_blocks(trees, ())
+        clauses = [each for each in trees if each.data not in _BLOCKS]
         model = m.Deployment(
             self._source,
             tuple(self._name(each.children[0]) for each in imports if isinstance(each, Tree)),
             self._name(name),
             self._span(deployment),
-            tuple(self._instance(each) for each in trees if each.data == "component"),
+            self._resolved(),
+            hosts=tuple(self._host(each) for each in trees if each.data == "machine"),
+            systems=tuple(self._systems),
             clauses=self._clauses(clauses),
             skipped=self._parsed.skipped,
         )
         for clause in clauses:
-            match clause.data:
-                case "middleware":
-                    model = replace(model, middleware=_middleware([self._name(each) for each in clause.children]))
-                case "namespace":
-                    model = replace(model, namespace="/".join(map(str, clause.children)))
-                case "later":
-                    model = replace(model, later=(*model.later, self._name(clause.children[0])))
+            model = replace(model, **self._said(clause))
         return model
 
-    def _instance(self, tree: Tree[Any]) -> m.Instance:
+    def _read_blocks(self, trees: list[Tree[Any]], system: tuple[str, ...]) -> None:
+        """The instances and systems of a system, or of the network, as they are written."""
+        for tree in trees:
+            if tree.data == "component":
+                self._instances.append(self._instance(tree, system))
+            elif tree.data == "system":
+                inside = [each for each in tree.children if isinstance(each, Tree)]
+                clauses = [each for each in inside if each.data not in _BLOCKS]
+                name = self._within(self._name(tree.children[0]), system)
+                found = m.System(name, self._span(tree), clauses=self._clauses(clauses))
+                for clause in clauses:
+                    found = replace(found, **self._said(clause))
+                self._systems.append(found)
+                self._read_blocks(inside, tuple(name.text.split("/")))
+
+    def _host(self, tree: Tree[Any]) -> m.Host:
+        name, *clauses = tree.children
+        host = m.Host(self._name(name), self._span(tree), clauses=self._clauses(clauses))
+        for clause in clauses:
+            host = replace(host, **self._said(clause))
+        return host
+
+    def _instance(self, tree: Tree[Any], system: tuple[str, ...]) -> m.Instance:
         names = [self._name(child) for child in tree.children if isinstance(child, Token)]
         clauses = [child for child in tree.children if isinstance(child, Tree)]
-        instance = m.Instance(
-            names[0], self._span(tree), names[1] if len(names) > 1 else None, clauses=self._clauses(clauses)
-        )
+        kind = names[1] if len(names) > 1 else None
+        instance = m.Instance(self._within(names[0], system), self._span(tree), kind, clauses=self._clauses(clauses))
         for clause in clauses:
             instance = self._with(instance, clause)
         return instance
@@ -74,15 +97,51 @@ class _Builder:
                 changed = {"wirings": (*instance.wirings, m.Wiring(names[0], names[1], names[2], span))}
             case "qos":
                 *verb, port = names
-                settings = tuple(setting_of(self._source, each) for each in clause.children if isinstance(each, Tree))
-                changed = {"qos": (*instance.qos, m.Quality(verb[0] if verb else None, port, settings, span))}
-            case "later":
-                changed = {"later": (*instance.later, names[0])}
-            case "middleware":
-                changed = {"middleware": _middleware(names)}
-            case one:  # path, ip, port, config, process
-                changed = {one: names[0]}
+                changed = {
+                    "qos": (*instance.qos, m.Quality(verb[0] if verb else None, port, self._settings(clause), span))
+                }
+            case "process":
+                changed = {"process": self._within(names[0], instance.system)}
+            case _:
+                changed = self._said(clause)
         return replace(instance, **changed)
+
+    def _said(self, clause: Tree[Any]) -> dict[str, Any]:
+        """What a clause says that says one thing, by its field."""
+        names = [self._name(each) for each in clause.children if isinstance(each, Token)]
+        match str(clause.data):
+            case "middleware":
+                return {"middleware": _middleware(names)}
+            case "namespace":
+                return {"namespace": "/".join(name.text for name in names)}
+            case "restart":
+                return {"restart": m.Restart(names[0], self._settings(clause), self._span(clause))}
+            case "grace":
+                return {"grace": amount_of(self._source, clause.children[0])}
+            case one:  # it has the name of the field
+                return {one: names[0]}
+
+    def _resolved(self) -> tuple[m.Instance, ...]:
+        """The instances, with the whole names of those they name. Who is not there keeps the name that is written."""
+        known = {each.name.text for each in self._instances}
+
+        def meant(name: Name, instance: m.Instance) -> Name:
+            return Name(next(iter(meanings(name.text, instance.system, known)), name.text), name.span)
+
+        return tuple(
+            replace(
+                instance,
+                dependences=tuple(meant(name, instance) for name in instance.dependences),
+                wirings=tuple(replace(each, instance=meant(each.instance, instance)) for each in instance.wirings),
+            )
+            for instance in self._instances
+        )
+
+    def _within(self, name: Name, system: tuple[str, ...]) -> Name:
+        return Name(whole(system, name.text), name.span)
+
+    def _settings(self, clause: Tree[Any]) -> tuple[Setting, ...]:
+        return tuple(setting_of(self._source, each) for each in clause.children if isinstance(each, Tree))
 
     def _clauses(self, trees: list[Tree[Any]]) -> tuple[m.Clause, ...]:
         return tuple(m.Clause(str(each.data), self._span(each)) for each in trees)

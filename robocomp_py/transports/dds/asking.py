@@ -38,6 +38,7 @@ from ..base import (
 from ..crew import Job
 from ..exclusive import is_claimed
 from ..pending import Pending
+from ..replies import Numbered
 from .bus import Reader
 from .endpoints import Endpoint
 from .library import LARGE
@@ -273,10 +274,14 @@ class Caller(AskingLink):
         self._crew_receives = self._asynchronous = False
         self._waiting = self.bus.waiting()
 
-    def call(self, payload: Payload, deadline: float) -> Future[Reply]:
+    def question(self, payload: Payload) -> Numbered:
+        """What is asked under one number, however often."""
+        return Numbered(self, payload, next(self._numbers))
+
+    def call(self, payload: Payload, deadline: float, number: int = 0) -> Future[Reply]:
         end = monotonic() + deadline
         found = self.server(end)
-        number = next(self._numbers)
+        number = number or next(self._numbers)
         future = self._pending.add(number, deadline)
         try:
             self._still(found)
@@ -291,10 +296,10 @@ class Caller(AskingLink):
         self.bus.loop.due(end)
         return future
 
-    def ask(self, payload: Payload, deadline: float) -> Reply:
+    def ask(self, payload: Payload, deadline: float, number: int = 0) -> Reply:
         end = monotonic() + deadline
         found = self._found or self.server(end)
-        number, asker = next(self._numbers), _Asker()
+        number, asker = number or next(self._numbers), _Asker()
         self._askers[number] = asker
         try:
             if self._found is not found:

@@ -10,7 +10,7 @@ import socket
 import struct
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from urllib.parse import unquote, urlparse
 from xml.etree import ElementTree
@@ -26,8 +26,11 @@ from .library import creating, forget
 log = logging.getLogger("robocomp.transport.dds")
 
 
-def settings(interface: str, domain: int = 0) -> dict[tuple[str, str], str]:
-    """Our configuration of a domain: elements by section and name."""
+def settings(interface: str, domain: int = 0, peers: Sequence[str] = ()) -> dict[tuple[str, str], str]:
+    """Our configuration of a domain: elements by section and name.
+
+    `interface` is a name, or an IPv4 address of this host; `peers` are the hosts to meet, without multicast.
+    """
     here = interface == "lo"
     found = {
         ("General", "MaxMessageSize"): "65500B" if here else "1400B",
@@ -43,7 +46,14 @@ def settings(interface: str, domain: int = 0) -> dict[tuple[str, str], str]:
         ("Tracing", "OutputFile"): "stderr",  # not a file in whatever folder we are in
     }
     if interface:
-        found["General", "Interfaces"] = f"<NetworkInterface name={quoteattr(interface)}/>"
+        kind = "address" if is_address(interface) else "name"
+        found["General", "Interfaces"] = f"<NetworkInterface {kind}={quoteattr(interface)}/>"
+    if peers:
+        found["General", "AllowMulticast"] = "false"
+        found["Discovery", "MaxAutoParticipantIndex"] = "120"  # so many ports of each peer are told that we are here
+        # One that was out of reach is told again when it is back, whoever of us was there first.
+        told = (f'<Peer Address={quoteattr(peer)} PruneDelay="inf"/>' for peer in peers)
+        found["Discovery", "Peers"] = "".join(told)
     if here:
         found["General", "FragmentSize"] = "63000B"
         found["Internal", "NackDelay"] = "10ms"  # what is lost here did not fit the socket's buffer: ask at once
@@ -63,6 +73,11 @@ def _beacon(domain: int, address: str) -> str:
     leaves the host as little as what we send to 127.0.0.1.
     """
     return f'<Peer Address="{address}:{7400 + 250 * domain}" PruneDelay="inf"/>'
+
+
+def is_address(interface: str) -> bool:
+    """Whether that is the IPv4 address of an interface, and not its name."""
+    return re.fullmatch(r"\d{1,3}(\.\d{1,3}){3}", interface) is not None
 
 
 def _own() -> list[str]:
@@ -192,7 +207,10 @@ def _sections(element: ElementTree.Element, domain: int) -> Iterator[ElementTree
             yield child
 
 
-_domains: dict[int, tuple[Domain | None, tuple[str, str], int]] = {}
+_Asked = tuple[str, tuple[str, ...], str]
+"""Interface, peers, and what the user's own configuration is."""
+
+_domains: dict[int, tuple[Domain | None, _Asked, int]] = {}
 """By id: the domain (None if somebody else in this process made it), of what settings, and how many use it."""
 
 
@@ -200,10 +218,10 @@ def any_open() -> bool:
     return bool(_domains)
 
 
-def open_domain(id: int, interface: str) -> None:
+def open_domain(id: int, interface: str, peers: tuple[str, ...] = ()) -> None:
     with creating:
-        asked = interface, os.environ.get("CYCLONEDDS_URI", "")
-        config = compose(settings(interface, id), asked[1], id)
+        asked = interface, peers, os.environ.get("CYCLONEDDS_URI", "")
+        config = compose(settings(interface, id, peers), asked[2], id)
         domain, used, users = _domains.get(id, (None, asked, 0))
         if users == 0:
             keep_memory()
@@ -216,7 +234,7 @@ def open_domain(id: int, interface: str) -> None:
         _domains[id] = domain, used, users + 1
 
 
-def _new_domain(id: int, config: str, asked: tuple[str, str]) -> Domain | None:
+def _new_domain(id: int, config: str, asked: _Asked) -> Domain | None:
     try:
         return Domain(id, config)
     except DDSException as exc:
@@ -226,9 +244,9 @@ def _new_domain(id: int, config: str, asked: tuple[str, str]) -> Domain | None:
     return None
 
 
-def _why(id: int, config: str, asked: tuple[str, str]) -> TransportError | ConfigurationError:
+def _why(id: int, config: str, asked: _Asked) -> TransportError | ConfigurationError:
     """Why a domain could not be opened, and what to do about it."""
-    interface, _ = asked
+    interface, *_ = asked
     lines = _complaints(id, config)
     said = "; ".join(line.rstrip(".") for line in lines) or "Cyclone DDS says why on standard error"
     if any(line.startswith("config: ") for line in lines):

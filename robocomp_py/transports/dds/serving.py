@@ -31,6 +31,7 @@ from ..base import (
 from ..crew import Job, Lane, Servant
 from ..exclusive import Claim, claim
 from ..ledger import Ledger
+from ..replies import Replies
 from .asking import client_of
 from .bus import Reader, Writer
 from .endpoints import Endpoint
@@ -119,7 +120,7 @@ class ServingLink(Link):
         message = self._message
         try:
             fields = request_fields(sample)
-            start, _, ms, fingerprint, client, sequence, _ = fields
+            start, flags, ms, fingerprint, client, sequence, _ = fields
             if start != START:
                 raise unreadable(sample)
             if fingerprint != self._fingerprint:
@@ -131,9 +132,13 @@ class ServingLink(Link):
         except (DecodeError, struct.error) as exc:
             self.malformed(exc)
             return None
-        if self._ledger.admit(client, sequence):
+        if self._ledger.admit(client, sequence) or (flags & Flag.IDEMPOTENT and self.forgotten((client, sequence), ms)):
             return (client, sequence), payload, monotonic() + ms / 1000 if ms != NO_DEADLINE else _FOREVER
         return None
+
+    def forgotten(self, call: _Call, remaining_ms: int) -> bool:
+        """Whether a request of an idempotent operation that was seen before has to be executed again."""
+        return False
 
     def _stranger(self, request: Request) -> TypeRef:
         asking = self.bus.endpoints.find(self.facing, self.channel.name)
@@ -200,6 +205,7 @@ class Server(ServingLink):
         self._turned_away: deque[tuple[_Call, float, Reply]] = deque(maxlen=QUERIES_WAITING)
         self._full_until = 0.0
         """When the next of those under way expires, if there were too many when we last looked."""
+        self._replies = Replies() if channel.idempotent else None
         self._beginning = self._refusing = False
         """Whether somebody will call `_begin`, and `_send_refusals`."""
 
@@ -254,6 +260,14 @@ class Server(ServingLink):
             text = dressed(self.channel.type.text.encode())
             call = request.client, request.sequence
             self._turned_away.append((call, monotonic() + PATIENCE, Reply(Status.MISMATCH, text)))
+
+    def forgotten(self, call: _Call, remaining_ms: int) -> bool:
+        if self._replies is None or call in self._under_way:
+            return False
+        reply = self._replies.find(call)
+        if reply:
+            self._turned_away.append((call, monotonic() + min(remaining_ms / 1000, PATIENCE), reply))
+        return reply is None
 
     def _jobs(self) -> list[Job]:
         """What is to be done, and is not being done."""
@@ -313,6 +327,8 @@ class Server(ServingLink):
 
     def _answer(self, call: _Call, expires: float, reply: Reply) -> None:
         self._under_way.pop(call, None)
+        if self._replies is not None:
+            self._replies.keep(call, reply)
         client, sequence = call
         status, payload = reply
         response = self._response

@@ -58,13 +58,17 @@ def domain_of_user(number: int) -> int:
 
 
 class DDSTransport:
-    """Options `domain` (of the user, on this host alone; else 0) and `interface` ("lo": this host alone; "" lets
-    Cyclone DDS choose)."""
+    """Options:
+
+    `domain`      a number; of the user, on this host alone, else 0
+    `interface`   its name, or its IPv4 address: "lo" is this host alone; "" lets Cyclone DDS choose
+    `peers`       addresses of the hosts to meet, this one among them, instead of looking for them by multicast
+    """
 
     capabilities = ANY_QOS | Capability.CROSS_PROCESS
 
     def __init__(self, config: TransportConfig) -> None:
-        options = options_of(config, domain=None, interface="lo")
+        options = options_of(config, domain=None, interface="lo", peers=[])
         domain, interface = options["domain"], options["interface"]
         if domain is None:
             domain = domain_of_user(os.getuid()) if interface == "lo" else 0
@@ -72,6 +76,9 @@ class DDSTransport:
             raise ConfigurationError(f"transport option `domain` is a number from 0 to {LAST_DOMAIN}, not {domain!r}")
         if type(interface) is not str:
             raise ConfigurationError(f"transport option `interface` is a name like 'lo', not {interface!r}")
+        peers = options["peers"]
+        if not isinstance(peers, list) or not all(isinstance(peer, str) for peer in peers):
+            raise ConfigurationError(f"transport option `peers` is a list of addresses, not {peers!r}")
         self.local = interface == "lo"
         """Whether all are on this host."""
         if not self.local:
@@ -86,7 +93,7 @@ class DDSTransport:
         self._links: list[Link] = []
         self._ids: set[int] = set()
         self.gone = "the link is closed"
-        self.bus = Bus(domain, interface)
+        self.bus = Bus(domain, interface, tuple(peers))
         self.bus.on_loss = self._lose
         self.bus.endpoints.on_change = self._look
         self.bus.loop.tick = self._tick

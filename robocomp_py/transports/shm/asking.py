@@ -17,6 +17,8 @@ from ..base import STATUSES, Channel, Reply, Status, TypeRef, answered, mismatch
 from ..directory import Entry, Member
 from ..finding import FindingLink
 from ..pending import Pending
+from ..replies import Numbered
+from .loop import TICK
 from .mail import KNOCK, Line, Post, packed, persist
 from .samples import HEAD_BYTES, size_of
 
@@ -96,8 +98,9 @@ class AskingLink(FindingLink["ShmTransport", Peer, int]):
     def drop(self, peer: Peer) -> None:
         self.transport.drop(peer)
 
-    def request(self, flags: int, remaining: float) -> tuple[int, bytes]:
-        number = next(self._sequence)
+    def request(self, flags: int, remaining: float, number: int = 0) -> tuple[int, bytes]:
+        """A new one, or that of a number which was asked before; its number and its header."""
+        number = number or next(self._sequence)
         return number, pack_request(flags, self.channel.type.fingerprint, self.client, number, remaining)
 
 
@@ -142,11 +145,15 @@ class Caller(AskingLink):
     def met(self, peer: Peer) -> None:
         self._met[peer.id] = peer
 
-    def call(self, payload: Payload, deadline: float) -> Future[Reply]:
+    def question(self, payload: Payload) -> Numbered:
+        """What is asked under one number, however often."""
+        return Numbered(self, payload, next(self._sequence))
+
+    def call(self, payload: Payload, deadline: float, number: int = 0) -> Future[Reply]:
         self.check_open()
         end = time.monotonic() + deadline
         peer, to = self.server()
-        number, header = self.request(self._flags, deadline)
+        number, header = self.request(self._flags, deadline, number)
         key = peer.key, number
         future = self._pending.add(key, deadline)
         try:
@@ -160,12 +167,12 @@ class Caller(AskingLink):
         self.transport.wake()
         return future
 
-    def ask(self, payload: Payload, deadline: float) -> Reply:
+    def ask(self, payload: Payload, deadline: float, number: int = 0) -> Reply:
         end = time.monotonic() + deadline
         try:
             while True:
                 peer, to = self.server()
-                reply = self._ask(peer, to, payload, end, deadline)
+                reply = self._ask(peer, to, payload, end, deadline, number)
                 if reply.status is not Status.REFUSED or not self.lost(peer):
                     return reply  # else it was not executed, and may be asked for where it is served now
         except TransportError:
@@ -194,6 +201,7 @@ class Caller(AskingLink):
             for peer in [peer for peer in list(self._met.values()) if not peer.alive()]:
                 self.transport.drop(peer)
                 self._pending.fail_all(left, only=partial(_is_to, peer.key), do=self.transport.do)
+            wait = TICK if wait is None else min(TICK, wait)
         for peer in [peer for peer in list(self._met.values()) if peer.closed]:
             del self._met[peer.id]
         return wait
@@ -203,10 +211,10 @@ class Caller(AskingLink):
         self.transport.desk.callers.pop(self.client, None)
         self._pending.close(Closed(f"{self.channel.name}: the link is closed"))
 
-    def _ask(self, peer: Peer, to: int, payload: Payload, end: float, deadline: float) -> Reply:
+    def _ask(self, peer: Peer, to: int, payload: Payload, end: float, deadline: float, number: int) -> Reply:
         line = peer.take()
         try:
-            number, header = self.request(self._flags, max(0.0, end - time.monotonic()))
+            number, header = self.request(self._flags, max(0.0, end - time.monotonic()), number)
             size = size_of(payload)
             if not peer.post.send(line.number, to, header, payload, size):
                 send = partial(peer.post.send, line.number, to, header, payload, size)

@@ -103,9 +103,7 @@ class Desk:
         if request.fingerprint != link.channel.type.fingerprint:
             link.refuse_stranger(request)
             return partial(answer, Reply(Status.MISMATCH, link.channel.type.text.encode()))
-        if not link.ledger.admit(request.client, request.sequence):
-            return None
-        return link.accept(message.payload, expires, answer)
+        return link.take(request, message.payload, expires, answer)
 
     def _forward(self, message: Message) -> Job | None:
         header = reply_at(message.octets, HEAD_BYTES)

@@ -11,10 +11,15 @@ from typing import Protocol
 
 from ...errors import TransportError
 from ..crew import Job
-from .bells import LOOK, MAIL, Bell, Rope
-from .node import BELLS
+from .bells import BELLS, LOOK, MAIL, NEWS, Bell, Rope
 
 log = logging.getLogger("robocomp.transport.shm")
+
+TICK = 0.1
+"""Seconds between two looks at those we wait for; and into the directory, where nobody tells that it has changed."""
+
+MOMENT = 0.01
+"""Seconds between two looks into a directory that keeps changing."""
 
 TURNS = 16
 """After so many letters in a row, topics have their turn."""
@@ -81,6 +86,8 @@ class Loop:
                 self._mail = True
             elif number == LOOK:
                 self._next_tick = 0.0
+            elif number == NEWS:
+                self._next_tick = min(self._next_tick, time.monotonic() + MOMENT)
             else:
                 self._ready.extend(self._attending[number])
         if self._mail and not self._ready and not self._jobs and (job := self._letter()):

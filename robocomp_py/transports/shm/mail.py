@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 from ...errors import TransportError
 from ...wire.codec import Payload
-from .bells import MAIL, Bell, Rope
+from .bells import MAIL, Bell, Rope, bell_path
 from .node import PORTS, Node
 from .samples import Reader, Writer
 
@@ -49,7 +49,7 @@ def unpacked(member: int) -> str:
 
 
 def queue_of(member_id: str, line: int) -> str:
-    """The name of a queue, and of its bell; line 0 is for everybody."""
+    """The name of a queue; line 0 is for everybody."""
     return f"{member_id}/{line}" if line else member_id
 
 
@@ -67,9 +67,8 @@ class Line:
 
     def __init__(self, node: Node, member_id: str, number: int) -> None:
         self.number = number
-        name = queue_of(member_id, number)
-        self._reader = Reader(node.new_queue(name, ANSWERS, KEPT + 1, 2, lossy=True), KEPT)
-        self._bell = Bell(node, name)
+        self._reader = Reader(node.new_queue(queue_of(member_id, number), ANSWERS, KEPT + 1, 2, lossy=True), KEPT)
+        self._bell = Bell(bell_path(node.folder, member_id, number))
         self.read, self.rung = self._reader.read, self._bell.rung
 
     def close(self) -> None:
@@ -81,11 +80,10 @@ class Post:
     """By which letters are sent to one queue, from any thread."""
 
     def __init__(self, node: Node, own: int, member_id: str, line: int) -> None:
-        name = queue_of(member_id, line)
         self._own = own
         self._closed = False
-        self._rope = Rope(node, name)
-        self._writer = Writer(node.queue(name, _LOANS))
+        self._rope = Rope(bell_path(node.folder, member_id, line))
+        self._writer = Writer(node.queue(queue_of(member_id, line), _LOANS))
 
     def send(self, line: int, to: int, header: bytes, payload: Payload, size: int) -> bool:
         """Whether it was sent; if not, there is no room now, or nobody reads there any more."""

@@ -2,7 +2,6 @@
 
     a queue     one reads, several write; what finds no room in it is not taken
     a topic     one writes, several read; who is slow loses the oldest
-    a bell      one waits, several ring
 
 What iceoryx2 keeps in files is below a folder of the user's own, and what it keeps in shared memory has
 names that begin with a prefix made of that folder: users, and run-time folders, do not meet. What killed
@@ -28,13 +27,10 @@ import iceoryx2
 from ...errors import ConfigurationError, TransportError
 
 PORTS = 512
-"""So many may write to one queue, or ring one bell: other transports of this host, and threads of theirs."""
+"""So many may write to one queue: other transports of this host, and threads of theirs."""
 
 READERS = 128
 """So many may read one topic."""
-
-BELLS = 64
-"""Different ways in which one bell can be rung."""
 
 OPENING = 8 * 1024 * 1024
 """Bytes of shared memory that must be free when something is opened. It takes a small part of that."""
@@ -63,10 +59,10 @@ def as_transport_error(doing: str) -> Iterator[None]:
     try:
         yield
     except _FAILURES as exc:
-        raise TransportError(f"shm: {doing}: {exc}{_what_is_short()}") from exc
+        raise TransportError(f"shm: {doing}: {exc}{what_is_short()}") from exc
 
 
-def _what_is_short() -> str:
+def what_is_short() -> str:
     """What iceoryx2 calls an internal failure, and can be mended."""
     limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     try:
@@ -87,7 +83,7 @@ class Node:
     """This process, or one of its transports, as iceoryx2 sees it. Names are unique among all nodes of the folder."""
 
     def __init__(self, folder: Path) -> None:
-        self._root = folder / "i"
+        self.folder, self._root = folder, folder / "i"
         self._prefix = prefix(folder)
         longest = len(os.fsencode(self._root / f"{self._prefix}{2**128}.event"))
         if longest > 107:
@@ -179,17 +175,6 @@ class Node:
             service = _bytes(self._service(name)).open()
             history: int = service.static_config.history_size
             return service, service.subscriber_builder().history_request(min(missed, history)).create()
-
-    def new_bell(self, name: str) -> Any:
-        check_room(OPENING)
-        with as_transport_error(f"opening the bell of {name}"):
-            service = self._service(name).event().max_listeners(1).max_notifiers(PORTS).max_nodes(PORTS + 1)
-            return service.event_id_max_value(BELLS - 1).create().listener_builder().create()
-
-    def bell(self, name: str) -> Any:
-        check_room(OPENING)
-        with as_transport_error(f"opening the bell of {name}"):
-            return self._service(name).event().open().notifier_builder().create()
 
     def _service(self, name: str) -> Any:
         if self._node is None:

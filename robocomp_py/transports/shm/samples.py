@@ -326,6 +326,11 @@ class Reader:
                 payload = memoryview(lent).cast("B")[:size].toreadonly()
             return _message((to, member, line, octets, payload))
 
+    @property
+    def spent(self) -> bool:
+        """Whether as many samples are out as may be: the next one is copied."""
+        return len(self._out) >= self.share
+
     def close(self) -> None:
         """Let go of the port; what was read stays where it is."""
         self._receive = _no_sample

@@ -339,6 +339,9 @@ class Subscriber(AnnouncedLink["ShmTransport"]):
                 if message is None:
                     break
                 taken += self._take(heard, message)
+                if heard.reader.spent:  # what follows would be copied; once the handler had these, it need not be
+                    self.transport.attend(self)
+                    break
             else:
                 self.transport.attend(self)
             if self._receipts and heard.last != heard.noted:
@@ -398,7 +401,8 @@ class Subscriber(AnnouncedLink["ShmTransport"]):
         return self._lane.put(payload)
 
     def _drain(self) -> None:
-        self._lane.drain()
+        if self._lane.drain(once=True):
+            self.transport.do(self._drain)
         if self._paused:
             self.transport.attend(self)
 

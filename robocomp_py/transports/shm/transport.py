@@ -17,12 +17,13 @@ from ..base import ANY_QOS, Capability, Channel, Service, Sink, TransportConfig,
 from ..crew import Crew, Job, abandoned
 from ..directory import Directory, Member, runtime_dir
 from ..exclusive import sweep
+from ..inotify import FolderWatch
 from ..served import CommandInlet, Server, ServingLink
 from .asking import Caller, CommandOutlet, Peer
-from .bells import Bell, Rope, bell_of
+from .bells import Bell, Rope, bell_of, bell_path
 from .codec import ApartCdr
 from .desk import Desk
-from .loop import Attending, Loop
+from .loop import TICK, Attending, Loop
 from .mail import LINGER, Line, Mailbox
 from .node import Node
 from .samples import let_go
@@ -30,8 +31,8 @@ from .topics import Publisher, Subscriber
 
 log = logging.getLogger("robocomp.transport.shm")
 
-TICK = 0.1
-"""Seconds between two looks into the directory, and at those we wait for."""
+IDLE_TICK = 0.5
+"""Seconds between two looks at what should be as it was."""
 
 ROLL_CALL = 1.0
 """Seconds between two looks whether those we deal with still live; who is killed does not take leave."""
@@ -66,9 +67,12 @@ class ShmTransport(Announcing):
             self.node = Node(self.folder)
             sweep(self.served)
             undo.callback(self.node.close)
-            self._bell = Bell(self.node, self.member.id)
+            self._watch = FolderWatch(self.folder)
+            undo.callback(self._watch.close)
+            path = bell_path(self.folder, self.member.id)
+            self._bell = Bell(path, self._watch)
             undo.callback(self._bell.close)
-            self._own = Rope(self.node, self.member.id)
+            self._own = Rope(path)
             undo.callback(self._own.close)
             self._mailbox = Mailbox(self.node, self.member.id)
             undo.callback(self._mailbox.close)
@@ -126,7 +130,7 @@ class ShmTransport(Announcing):
             held: list[Peer | Rope] = [*self._peers.values(), *self._ropes.values()]
             self._peers.clear()
             self._ropes.clear()
-        for each in (*held, self._mailbox, self._own, self._bell):
+        for each in (*held, self._mailbox, self._own, self._bell, self._watch):
             each.close()
 
     # What links use.
@@ -154,7 +158,7 @@ class ShmTransport(Announcing):
                 raise Closed("the transport is closed")
             if member.id not in self._ropes:
                 try:
-                    self._ropes[member.id] = Rope(self.node, member.id)
+                    self._ropes[member.id] = Rope(bell_path(self.folder, member.id))
                 except TransportError:
                     if self.directory.alive(member.id):
                         raise
@@ -222,6 +226,8 @@ class ShmTransport(Announcing):
             log.warning("%s: not closed at the end of the program; closing", self.owner or "shm")
             self.close()
             return TICK
+        if not self._watch.working:
+            self._watch.renew()
         version = self.directory.version()
         if version != self._known or time.monotonic() >= self._call_at:
             self._call_at = time.monotonic() + ROLL_CALL
@@ -232,7 +238,10 @@ class ShmTransport(Announcing):
             self.node.bury()
             sweep(self.served)
             self._known = -1  # publishers let go of readers that are gone when they look who is there
-        return min([TICK, *waits])
+        if self._bury_at:
+            waits.append(max(0.0, self._bury_at - time.monotonic()))
+        usual = IDLE_TICK if self._watch.working and self._known == version else TICK
+        return min([usual, *waits])
 
     def _forget_the_gone(self) -> None:
         with self._lock:

@@ -139,6 +139,11 @@ class _OwnLine(Line):
         self.end = inf
         """Until when somebody waits here."""
 
+    def begin(self, end: float) -> None:
+        """Somebody asks; it may be a question that was over before."""
+        self._over = None
+        self.end = end
+
     def over(self, number: int, error: TransportError) -> None:
         self._over = number, error
         self.wake()
@@ -194,12 +199,23 @@ class Caller(Asking):
     def address(self, server: Token) -> str:
         return self.transport.address("rc_to", server.link)
 
+    def question(self, payload: Payload) -> _Question:
+        """What is asked under one number, however often."""
+        self.check_open()
+        return _Question(self, payload)
+
     def ask(self, payload: Payload, deadline: float) -> Reply:
+        self.check_open()
+        line = self.take()
+        try:
+            return self.ask_on(line, next(line.numbers), payload, deadline)
+        finally:
+            self.give(line)
+
+    def ask_on(self, line: _OwnLine, number: int, payload: Payload, deadline: float) -> Reply:
         end = time.monotonic() + deadline
         self.check_open()
-        line = self._take()
-        number = next(line.numbers)
-        line.end = end
+        line.begin(end)
         try:
             self._put(line, number, payload, end)
             if deadline < TICK:
@@ -213,14 +229,13 @@ class Caller(Asking):
             raise self.failed(exc) from exc
         finally:
             self._under_way.pop((line, number), None)
-            self._idle.append(line)
         raise Timeout(f"{self.channel.name}: no answer in {deadline:g} s")
 
-    def call(self, payload: Payload, deadline: float) -> Future[Reply]:
+    def call(self, payload: Payload, deadline: float, number: int = 0) -> Future[Reply]:
         end = time.monotonic() + deadline
         self.check_open()
         line = self._common_line()
-        number = next(line.numbers)
+        number = number or next(line.numbers)
         future = self._pending.add(number, deadline)
         future.add_done_callback(lambda _: self._under_way.pop((line, number), None))
         try:
@@ -259,7 +274,15 @@ class Caller(Asking):
             line.over(number, closed)
         self._pending.close(closed)
 
-    def _take(self) -> _OwnLine:
+    def new_number(self) -> int:
+        """One for `call`."""
+        return next(self._common_line().numbers)
+
+    def give(self, line: _OwnLine) -> None:
+        self._idle.append(line)
+
+    def take(self) -> _OwnLine:
+        """A line for the calling thread alone; it must `give` it back."""
         with self._lock:
             if self._idle:
                 return self._idle.pop()
@@ -313,3 +336,27 @@ class Caller(Asking):
             self._pending.settle(number, self._accepted(reply))
         except ContractMismatch as exc:
             self._pending.fail(number, exc)
+
+
+class _Question:
+    """Keeps the line that it was asked on, since that is what servers know it by."""
+
+    def __init__(self, caller: Caller, payload: Payload) -> None:
+        self._caller, self._payload = caller, payload
+        self._line: _OwnLine | None = None
+        self._number = 0
+
+    def ask(self, deadline: float) -> Reply:
+        if self._line is None:
+            self._line = self._caller.take()
+            self._number = next(self._line.numbers)
+        return self._caller.ask_on(self._line, self._number, self._payload, deadline)
+
+    def call(self, deadline: float) -> Future[Reply]:
+        self._number = self._number or self._caller.new_number()
+        return self._caller.call(self._payload, deadline, self._number)
+
+    def close(self) -> None:
+        if self._line:
+            self._caller.give(self._line)
+            self._line = None

@@ -13,6 +13,7 @@ import zenoh
 from ...errors import DecodeError, TransportError
 from ...wire.header import (
     NO_DEADLINE,
+    Flag,
     Request,
     pack_reply,
     read_request,
@@ -27,6 +28,7 @@ from ..base import (
 from ..crew import Lane, Servant
 from ..exclusive import Claim, claim
 from ..ledger import Ledger
+from ..replies import Replies
 from .link import INBOX, Link, Receiving
 from .messages import QUERIES_WAITING, Inbox, Message, Query, Sender, direct, octets
 
@@ -39,6 +41,9 @@ SETTLED = 1.0
 """Seconds for which a server that is leaving may still be seen when the next one begins."""
 
 COMMANDS_WAITING = 1000
+
+_SILENCE = Reply(Status.OK)
+"""What is not answered."""
 
 
 class CommandInlet(Receiving):
@@ -85,6 +90,7 @@ class Server(Link):
         self._ledger = Ledger(self.stats, ordered=False)
         self._lock = threading.Lock()
         self._waiting = Inbox(INBOX)
+        self._replies = Replies() if channel.idempotent else None
         self._under_way: dict[tuple[int, int], tuple[Query | Sender, float]] = {}
 
     def open(self) -> None:
@@ -132,24 +138,33 @@ class Server(Link):
             payload = question.payload
             self._serve(request, payload.to_bytes() if payload is not None else b"", expires)
             return
-        if refusal.status is not Status.OK:
+        if refusal is not _SILENCE:
             self._send(asked, request, refusal)
         asked.close()
 
     def _admit(self, request: Request, asked: Query | Sender, expires: float) -> Reply | None:
-        """Note that a request is under way, or say how to refuse it; OK means without a word."""
+        """Note that a request is under way, or say how to answer it instead."""
         mine = self.channel.type
         if request.fingerprint != mine.fingerprint:
             self.meet_stranger(request.client, request.fingerprint)
             return Reply(Status.MISMATCH, mine.text.encode())
         with self._lock:
             if not self._ledger.admit(request.client, request.sequence):
-                return Reply(Status.OK)
+                known = self._known(request)
+                if known:
+                    return known
             if len(self._under_way) >= QUERIES_WAITING or len(self._waiting) >= QUERIES_WAITING:
                 self.stats.dropped += 1
                 return Reply(Status.BUSY)
             self._under_way[request.client, request.sequence] = asked, expires
         return None
+
+    def _known(self, request: Request) -> Reply | None:
+        """How to answer a request that was seen before; None if it has to be executed again."""
+        asked = request.client, request.sequence
+        if not request.flags & Flag.IDEMPOTENT or self._replies is None or asked in self._under_way:
+            return _SILENCE
+        return self._replies.find(asked)
 
     def _serve(self, request: Request, payload: bytes, expires: float) -> None:
         answer = partial(self._answer, request)
@@ -159,6 +174,8 @@ class Server(Link):
     def _answer(self, request: Request, reply: Reply) -> None:
         with self._lock:
             asked, _ = self._under_way.pop((request.client, request.sequence), (None, 0.0))
+        if self._replies is not None:
+            self._replies.keep((request.client, request.sequence), reply)
         if asked:
             self._send(asked, request, reply)
             asked.close()

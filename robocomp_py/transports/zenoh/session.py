@@ -1,6 +1,7 @@
 """How the Zenoh transport reaches the others: a client's session, and the router it needs.
 
-Every component is a client of one router. Told an address (`connect`), it uses the router there.
+Every component is a client of one router. Told an address (`connect`), it uses the router there; `here/NAME` is one
+that somebody runs behind a socket of that name in the run-time folder, as `rcdeploy` does on each host of a network.
 Otherwise the components of a run-time folder find or host one behind a socket in that folder:
 whoever claims it runs the router; when that process ends, another one claims it, and Zenoh's
 clients reconnect by themselves. Who ran it from the beginning uses it as its own session: a client
@@ -18,7 +19,7 @@ import logging
 import os
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,8 @@ log = logging.getLogger("robocomp.transport.zenoh")
 
 OPEN_PATIENCE = 10.0
 """Seconds after which opening gives up to reach a router."""
+
+HERE = "here"
 
 LOST = 1.0
 """Seconds without a connection to the router after which that is told: a new one is there sooner."""
@@ -99,6 +102,38 @@ def open_client(endpoint: str) -> zenoh.Session:
 
 
 @contextlib.contextmanager
+def named_router(name: str, settings: Mapping[str, Any]) -> Iterator[None]:
+    """Run the router `here/NAME`, which listens and connects elsewhere, too, as the settings say, in Zenoh's own words.
+
+    Raises TransportError if there is one.
+    """
+    folder = _folder(f"{name}.sock")
+    claim = try_claim(folder, f"router {name}", name)
+    if claim is None:
+        raise TransportError(f"zenoh: the router `{name}` is run by {holder(folder, f'router {name}')} already")
+    socket = folder / f"{name}.sock"
+    session: zenoh.Session | None = None
+    try:
+        socket.unlink(missing_ok=True)  # left by one that was killed
+        listen = [f"unixsock-stream/{socket}", *settings.get("listen/endpoints", ())]
+        apart = {"connect/timeout_ms": -1, "connect/exit_on_failure": False, "connect/retry": _RETRY}  # they come later
+        with as_transport_error(f"listening at {', '.join(listen)}"):
+            session = zenoh.open(_config("router", {**apart, **settings, "listen/endpoints": listen}))
+        yield
+    finally:
+        if session:
+            session.close()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
+        socket.unlink(missing_ok=True)
+        claim.close()
+
+
+def resolved(connect: str) -> str:
+    """An endpoint as Zenoh knows it."""
+    kind, _, name = connect.partition("/")
+    return f"unixsock-stream/{_folder(f'{name}.sock') / f'{name}.sock'}" if kind == HERE else connect
+
+
+@contextlib.contextmanager
 def shared_router(owner: str) -> Iterator[None]:
     """Run the router of the run-time folder, unless somebody does; one of those who need it takes over at the end."""
     router = _SharedRouter(owner)
@@ -115,7 +150,7 @@ class Network:
     def __init__(self, connect: str, owner: str) -> None:
         self._owner = owner
         self._router = None if connect else _SharedRouter(owner)
-        self.endpoint = connect or _SharedRouter.endpoint()
+        self.endpoint = resolved(connect) if connect else _SharedRouter.endpoint()
         self._connected_at = time.monotonic()
         self._told = False
         """That the connection is lost."""
@@ -207,9 +242,9 @@ class _SharedRouter:
                 self._claim.close()
 
 
-def _folder() -> Path:
+def _folder(socket_name: str = "router.sock") -> Path:
     folder = runtime_dir() / "zenoh"
-    socket = folder / "router.sock"
+    socket = folder / socket_name
     if len(os.fsencode(socket)) > 107:
         raise ConfigurationError(
             f"run-time folder {folder}: the path of the socket in it would have {len(os.fsencode(socket))} bytes, "

@@ -42,7 +42,7 @@ from .asking import Caller, CommandOutlet
 from .link import TICK, Link
 from .messages import BLOCK, DATA, NO_CONSOLIDATION, QUERIES_WAITING, SMALL, URGENT, Inbox, Message, Query, direct
 from .serving import CommandInlet, Server
-from .session import Network, as_transport_error, shared_router
+from .session import HERE, Network, as_transport_error, named_router, shared_router
 from .table import Table
 from .topics import Publisher, Subscriber
 
@@ -61,7 +61,9 @@ class ZenohTransport:
 
     `connect`   the endpoint of a router to use instead of the one of this run-time folder, as Zenoh
                 writes it: `tcp/192.168.1.5:7447`. Only this reaches other hosts.
+                `here/NAME` is the one that somebody runs under that name in this run-time folder.
     `domain`    a number from 0. Those of different domains share the router, but do not meet.
+    `router`    for who runs `here/NAME` for others (see `host`): more settings of that router, in Zenoh's own words
 
     While the router hangs, which is noticed after 2 s, and then logged, all that waits keeps its
     deadline, except for what is larger than the queue to the router (about 1 MB): handing it over
@@ -104,6 +106,10 @@ class ZenohTransport:
     def host(config: TransportConfig) -> contextlib.AbstractContextManager[None]:
         """See `base.hosting`: run the router, unless it is one elsewhere, or somebody runs it."""
         connect, _ = _options(config)
+        kind, _, name = connect.partition("/")
+        router = config.options.get("router")
+        if kind == HERE and router is not None:
+            return named_router(name, router)
         return contextlib.nullcontext() if connect else shared_router(config.owner)
 
     def outlet(self, channel: Channel) -> Publisher | CommandOutlet:
@@ -287,7 +293,7 @@ def _nothing() -> None: ...
 
 
 def _options(config: TransportConfig) -> tuple[str, int]:
-    options = options_of(config, connect="", domain=0)
+    options = options_of(config, connect="", domain=0, router=None)
     connect, domain = options["connect"], options["domain"]
     if type(connect) is not str or not re.fullmatch(r"([\w-]+/\S+)?", connect):
         raise ConfigurationError(

@@ -40,8 +40,11 @@ from ..crew import Job
 from ..directory import Entry, Member
 from ..finding import FindingLink
 from ..pending import Pending
+from ..replies import Numbered
+from .curve import Secure
 from .frames import Frames, joined, read_reply_frames, topic
 from .link import TICK
+from .remote import TO_FAR, FarStream, is_far
 from .sockets import Socket, as_transport_error, persist
 from .zmtp import SLICE_MS, Gone, Stream, Wait
 
@@ -61,19 +64,20 @@ _TO_SERVER = {"IMMEDIATE": 1, "RECONNECT_IVL": -1, "SNDHWM": 1000, "RCVHWM": 100
 class Peer:
     """The process behind an address: a shared line to it, and streams for synchronous calls."""
 
-    def __init__(self, transport: ZeroMQTransport, member_id: str, address: str) -> None:
-        self.id, self._address, self._transport = member_id, address, transport
-        self.closed = False
+    def __init__(self, transport: ZeroMQTransport, member_id: str, address: str, secure: Secure | None = None) -> None:
+        self.id, self._address, self._transport, self._secure = member_id, address, transport, secure
+        self.closed, self.is_far = False, is_far(address)
         self.callers: dict[int, Caller] = {}
-        self._idle: list[Stream] = []
-        self.line = transport.socket(zmq.DEALER, self._on_reply, **_TO_SERVER)
+        self._idle: list[Stream | FarStream] = []
+        options = _TO_SERVER | (TO_FAR if self.is_far else {})
+        self.line = transport.socket(zmq.DEALER, self._on_reply, secure, **options)
         with as_transport_error(f"connecting to {address}"), self.line.lock:
             self.line.raw.connect(address)
 
     def alive(self) -> bool:
         return not self.closed and self._transport.directory.alive(self.id)
 
-    def take(self, wait: Wait) -> Stream:
+    def take(self, wait: Wait) -> Stream | FarStream:
         """A stream for the calling thread alone; it must `give` it back, or close it."""
         try:
             return self._idle.pop()
@@ -81,6 +85,8 @@ class Peer:
             pass
         if self.closed:
             raise Unreachable(f"{self._address}: its server left")
+        if self.is_far:
+            return FarStream(self._transport.context, self._address, self._secure)
         try:
             return Stream(self._address.removeprefix("ipc://"), wait)
         except TransportError:  # by `wait`; some are OSErrors, too
@@ -90,7 +96,7 @@ class Peer:
         except OSError as exc:
             raise TransportError(f"zeromq: connecting to {self._address}: {exc.strerror}") from exc
 
-    def give(self, stream: Stream) -> None:
+    def give(self, stream: Stream | FarStream) -> None:
         self._idle.append(stream)
         if self.closed:
             self._close_idle()
@@ -130,8 +136,16 @@ class AskingLink(FindingLink["ZeroMQTransport", Peer, bytes]):
     def drop(self, peer: Peer) -> None:
         self.transport.drop(peer)
 
-    def request(self, channel: bytes, flags: int, remaining: float, payload: Payload) -> tuple[int, Frames]:
-        number = next(self._sequence)
+    def lost(self, peer: Peer) -> bool:
+        if peer.is_far:
+            self.transport.directory.deny(peer.id, self.facing, self.channel.name)
+        return super().lost(peer)
+
+    def request(
+        self, channel: bytes, flags: int, remaining: float, payload: Payload, number: int = 0
+    ) -> tuple[int, Frames]:
+        """A new one, or that of a number which was asked before; its number, and what to send."""
+        number = number or next(self._sequence)
         header = pack_request(flags, self.channel.type.fingerprint, self.client, number, remaining)
         return number, joined(channel + header, payload)
 
@@ -174,11 +188,15 @@ class Caller(AskingLink):
         self._met[peer.id] = peer
         peer.callers[self.client] = self
 
-    def call(self, payload: Payload, deadline: float) -> Future[Reply]:
+    def question(self, payload: Payload) -> Numbered:
+        """What is asked under one number, however often."""
+        return Numbered(self, payload, next(self._sequence))
+
+    def call(self, payload: Payload, deadline: float, number: int = 0) -> Future[Reply]:
         self.check_open()
         end = time.monotonic() + deadline
         peer, channel = self.server()
-        number, frames = self.request(channel, self._flags, deadline, payload)
+        number, frames = self.request(channel, self._flags, deadline, payload, number)
         key = peer.id, number
         future = self._pending.add(key, deadline)
         try:
@@ -192,12 +210,12 @@ class Caller(AskingLink):
         self.transport.wake()
         return future
 
-    def ask(self, payload: Payload, deadline: float) -> Reply:
+    def ask(self, payload: Payload, deadline: float, number: int = 0) -> Reply:
         end = time.monotonic() + deadline
         try:
             while True:
                 peer, channel = self.server()
-                reply = self._ask(peer, channel, payload, end, deadline)
+                reply = self._ask(peer, channel, payload, end, deadline, number)
                 if reply.status is not Status.REFUSED or not self.lost(peer):
                     return reply  # else it was not executed, and may be asked for where it is served now
         except (Gone, TransportError) as exc:
@@ -238,7 +256,7 @@ class Caller(AskingLink):
             peer.callers.pop(self.client, None)
         self._pending.close(Closed(f"{self.channel.name}: the link is closed"))
 
-    def _ask(self, peer: Peer, channel: bytes, payload: Payload, end: float, deadline: float) -> Reply:
+    def _ask(self, peer: Peer, channel: bytes, payload: Payload, end: float, deadline: float, number: int) -> Reply:
         def wait() -> None:
             self.still(peer)
             if time.monotonic() >= end:
@@ -246,7 +264,8 @@ class Caller(AskingLink):
 
         stream = peer.take(wait)
         try:
-            number, frames = self.request(channel, self._flags, max(0.0, end - time.monotonic()), payload)
+            left = max(0.0, end - time.monotonic())
+            number, frames = self.request(channel, self._flags, left, payload, number)
             stream.send(frames, wait)
             reply = self._reply(peer, stream, number, end, deadline)
         except BaseException:  # what comes there later is nobody's, and may have begun
@@ -255,7 +274,7 @@ class Caller(AskingLink):
         peer.give(stream)
         return reply if reply.status is Status.OK else self._understood(reply)
 
-    def _reply(self, peer: Peer, stream: Stream, number: int, end: float, deadline: float) -> Reply:
+    def _reply(self, peer: Peer, stream: Stream | FarStream, number: int, end: float, deadline: float) -> Reply:
         while True:
             frames = self._receive(peer, stream, end, deadline)
             try:
@@ -267,7 +286,7 @@ class Caller(AskingLink):
             except KeyError as exc:
                 self.malformed(f"status {exc}")
 
-    def _receive(self, peer: Peer, stream: Stream, end: float, deadline: float) -> Frames:
+    def _receive(self, peer: Peer, stream: Stream | FarStream, end: float, deadline: float) -> Frames:
         while True:
             left = end - time.monotonic()
             if left <= 0:

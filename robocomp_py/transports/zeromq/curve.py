@@ -1,15 +1,20 @@
-"""CURVE: encryption, and who may talk to us, for sockets that others than our own user can reach.
+"""CURVE: encryption, and who may talk to whom, for sockets that others than our own user can reach.
 
     curve_key         file of our own key pair, as `zmq.auth.create_certificates` writes it (`NAME.key_secret`); 0600
     curve_admitted    folder with the public keys (`*.key`) of those who may talk to us
+    curve_peers       folder with the public keys (`NAME.key`) of those whom `connect` names
+    keys              a folder with all of them: `curve.key_secret`, `admitted`, `peers`; `rcdeploy keys` makes it
 
-Sockets in files need none: the run-time folder is open to its user alone. Whoever connects is asked for by ZeroMQ at
-`ZAP`, an address within the process; the folder is read each time, so a key that is removed admits nobody any more.
+A public key's file may say in a line `channels = "A B"` which channels that one may use of ours, or offer us; without
+that line, all. Sockets in files need no keys: the run-time folder is open to its user alone. Whoever connects is asked
+for by ZeroMQ at `ZAP`, an address within the process; the folder is read each time, so a key that is removed admits
+nobody any more.
 """
 
 from __future__ import annotations
 
 import contextlib
+import logging
 import stat
 import struct
 from collections.abc import Callable, Mapping
@@ -21,6 +26,9 @@ import zmq
 from zmq.utils import z85
 
 from ...errors import ConfigurationError
+from ...wire.names import matches
+
+log = logging.getLogger("robocomp.transport.zeromq")
 
 Secure = Callable[["zmq.Socket[Any]"], object]
 """Prepares a socket, before it is bound or connected."""
@@ -28,6 +36,7 @@ Secure = Callable[["zmq.Socket[Any]"], object]
 ZAP = "inproc://zeromq.zap.01"
 
 _DOMAIN = b"robocomp"
+"""For sockets behind which more than one channel is; one for a single channel has its name as domain."""
 
 _REASONS = {
     zmq.EVENT_HANDSHAKE_FAILED_AUTH: "its key is not admitted",
@@ -38,18 +47,33 @@ _REASONS = {
 
 
 @dataclass(frozen=True)
+class Rights:
+    """What somebody with a key may use of ours, or offer us."""
+
+    channels: frozenset[str] | None = None
+    """None: everything."""
+
+    def allow(self, channel: str) -> bool:
+        """Whether a channel is among them; it may have `*` for its instance."""
+        if self.channels is None or channel in self.channels:
+            return True
+        return any(matches(channel, each) for each in self.channels)
+
+
+@dataclass(frozen=True)
 class Curve:
     """Our key pair, and where the keys of others are."""
 
     public: bytes
     secret: bytes = field(repr=False)
-    admitted: Path
+    admitted: Path | None = None
+    peers: Path | None = None
 
-    def serve(self, socket: zmq.Socket[Any]) -> None:
-        """Let in whom we admit."""
+    def serve(self, socket: zmq.Socket[Any], channel: str = "") -> None:
+        """Let in whom we admit; if it is for one channel, those who may use that."""
         socket.setsockopt(zmq.CURVE_SERVER, 1)
         socket.setsockopt(zmq.CURVE_SECRETKEY, self.secret)
-        socket.setsockopt(zmq.ZAP_DOMAIN, _DOMAIN)
+        socket.setsockopt(zmq.ZAP_DOMAIN, channel.encode()[:255] or _DOMAIN)
 
     def ask(self, server: bytes) -> Secure:
         """For sockets that connect to one who has that public key."""
@@ -61,34 +85,74 @@ class Curve:
 
         return secure
 
-    def admits(self, public: bytes) -> bool:
-        keys = []
-        with contextlib.suppress(OSError):  # gone since we started: then nobody is
-            keys = [path for path in self.admitted.iterdir() if path.suffix == ".key"]
-        return any(public_key(path) == public for path in keys)
+    def rights(self, public: bytes) -> Rights | None:
+        """Of who has that key; None if we do not admit it."""
+        paths: list[Path] = []
+        if self.admitted:
+            with contextlib.suppress(OSError):  # gone since we started: then nobody is
+                paths = [path for path in self.admitted.iterdir() if path.suffix == ".key"]
+        for path in paths:
+            key, rights = read_public(path)
+            if key == public:
+                return rights
+        return None
+
+    def peer(self, name: str) -> tuple[bytes, Rights]:
+        """The key of somebody to connect to, and what we take from it. Raises ConfigurationError."""
+        path = (self.peers or Path()) / f"{name.replace('/', '.')}.key"
+        key, rights = read_public(path) if self.peers else (b"", Rights())
+        if not key:
+            raise ConfigurationError(f"zeromq: no public key of `{name}` in {path}; make keys again: rcdeploy keys")
+        return key, rights
+
+
+class Gate:
+    """Answers ZeroMQ's questions whether to let somebody in (RFC 27), and knows who was."""
+
+    def __init__(self, curve: Curve) -> None:
+        self._curve = curve
+        self._inside: dict[str, Rights] = {}
+        """By public key, which is what ZeroMQ calls the user of a message."""
 
     def judge(self, frames: list[Any]) -> list[bytes]:
-        """The answer to a question of ZeroMQ's whether to let somebody in (RFC 27)."""
         version, request, domain, _, _, mechanism, *credentials = map(bytes, frames)
-        known = mechanism == b"CURVE" and domain == _DOMAIN and len(credentials) == 1
-        if known and self.admits(z85.encode(credentials[0])):
-            return [version, request, b"200", b"OK", z85.encode(credentials[0]), b""]
+        if mechanism == b"CURVE" and len(credentials) == 1:
+            public = z85.encode(credentials[0])
+            rights = self._curve.rights(public)
+            if rights and (domain == _DOMAIN or rights.allow(domain.decode(errors="replace"))):
+                self._inside[public.decode()] = rights
+                return [version, request, b"200", b"OK", public, b""]
+            self._inside.pop(public.decode(), None)
         return [version, request, b"400", b"not admitted", b"", b""]
+
+    def rights(self, user: str) -> Rights:
+        """Of somebody who was let in."""
+        return self._inside.get(user, _NONE)
+
+
+_NONE = Rights(frozenset())
 
 
 def configured(options: Mapping[str, Any]) -> Curve | None:
-    """What `curve_key` and `curve_admitted` say; raises ConfigurationError."""
-    key, admitted = str(options["curve_key"]), str(options["curve_admitted"])
-    if not key and not admitted:
+    """What the options say; raises ConfigurationError."""
+    if keys := str(options["keys"]):
+        folder = Path(keys)
+        if not folder.is_dir():
+            raise ConfigurationError(f"zeromq: `keys`: {folder} is not a folder; rcdeploy keys makes it")
+        return Curve(*key_pair(folder / "curve.key_secret"), folder / "admitted", folder / "peers")
+    key, admitted, peers = (str(options[name]) for name in ("curve_key", "curve_admitted", "curve_peers"))
+    if not key and not admitted and not peers:
         return None
-    if not key or not admitted:
+    if not key or not (admitted or peers):
         raise ConfigurationError(
             "`curve_key` and `curve_admitted` go together: our own key, and the folder with those of who may talk to us"
+            " (or `curve_peers`, with those to whom we connect)"
         )
-    if not Path(admitted).is_dir():
-        raise ConfigurationError(f"`curve_admitted`: {admitted} is not a folder")
+    for name, given in (("curve_admitted", admitted), ("curve_peers", peers)):
+        if given and not Path(given).is_dir():
+            raise ConfigurationError(f"`{name}`: {given} is not a folder")
     public, secret = key_pair(Path(key))
-    return Curve(public, secret, Path(admitted))
+    return Curve(public, secret, Path(admitted) if admitted else None, Path(peers) if peers else None)
 
 
 def key_pair(path: Path) -> tuple[bytes, bytes]:
@@ -100,7 +164,7 @@ def key_pair(path: Path) -> tuple[bytes, bytes]:
         raise ConfigurationError(f"`curve_key`: {path} cannot be read: {exc}") from exc
     if stat.S_IMODE(mode) & 0o077:
         raise ConfigurationError(f"`curve_key`: {path} is open to other users; chmod 600 {path}")
-    public, secret = _value(text, "public-key"), _value(text, "secret-key")
+    public, secret = _key(text, "public-key"), _key(text, "secret-key")
     if not public or not secret:
         raise ConfigurationError(
             f"`curve_key`: {path} has no key pair; zmq.auth.create_certificates(FOLDER, NAME) makes NAME.key_secret"
@@ -108,12 +172,14 @@ def key_pair(path: Path) -> tuple[bytes, bytes]:
     return public, secret
 
 
-def public_key(path: Path) -> bytes:
-    """The public key in a file; empty if there is none."""
+def read_public(path: Path) -> tuple[bytes, Rights]:
+    """The public key in a file, and what it is good for; an empty key if there is none."""
     try:
-        return _value(path.read_text(encoding="utf-8"), "public-key")
+        text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
-        return b""
+        return b"", Rights()
+    channels = _value(text, "channels")
+    return _key(text, "public-key"), Rights() if channels is None else Rights(frozenset(channels.split()))
 
 
 def why_not(event: list[Any]) -> str:
@@ -126,11 +192,16 @@ WATCHED = int(sum(int(event) for event in _REASONS))
 """The events that a monitor is to tell."""
 
 
-def _value(text: str, name: str) -> bytes:
-    """From lines like `public-key = "…"`: forty characters of Z85, as ZeroMQ takes them."""
+def _key(text: str, name: str) -> bytes:
+    """Forty characters of Z85, as ZeroMQ takes them."""
+    found = (_value(text, name) or "").encode(errors="replace")
+    return found if len(found) == 40 else b""
+
+
+def _value(text: str, name: str) -> str | None:
+    """From lines like `public-key = "…"`."""
     for line in text.splitlines():
-        key, _, value = line.strip().partition("=")
-        if key.strip() == name:
-            found = value.strip().strip('"').encode(errors="replace")
-            return found if len(found) == 40 else b""
-    return b""
+        key, equals, value = line.strip().partition("=")
+        if equals and key.strip() == name:
+            return value.strip().strip('"')
+    return None

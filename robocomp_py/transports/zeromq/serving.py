@@ -7,7 +7,7 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -28,9 +28,10 @@ from ..base import (
 )
 from ..crew import Crew, Job
 from ..served import ServingLink
-from .curve import WATCHED, Secure
+from .curve import WATCHED, Gate, Secure
 from .frames import Frames, joined, read_request_frames, topic, topic_of
-from .sockets import as_transport_error, lend_frames, new_socket, receive_frames
+from .remote import AT_FAR, DIRECTORY, SILENT
+from .sockets import as_transport_error, lend_frames, new_socket, receive_frames, receive_signed
 
 if TYPE_CHECKING:
     from .transport import ZeroMQTransport
@@ -45,6 +46,8 @@ REPLIES_WAITING = 10_000
 _LOOK_MS = 1000
 """Who waits for requests looks this often whether it is to stop, though it is told."""
 
+_FORBIDDEN_TOLD, _ACQUAINTED = 100, 1000
+
 _NOBLOCK = int(zmq.NOBLOCK)
 
 
@@ -57,10 +60,17 @@ class Router:
     """
 
     def __init__(
-        self, transport: ZeroMQTransport, addresses: Sequence[str], secure: Secure | None = None, watched: str = ""
+        self,
+        transport: ZeroMQTransport,
+        addresses: Sequence[str],
+        secure: Secure | None = None,
+        watched: str = "",
+        introduce: Callable[[bytes, str], bytes] | None = None,
+        gate: Gate | None = None,
     ) -> None:
-        """`watched` is the address at which a monitor tells who was not let in, and why."""
-        self._transport = transport
+        """`watched` is the address at which a monitor tells who was not let in, and why. `introduce` answers those who
+        tell who they are; `gate` knows what each may use."""
+        self._transport, self._introduce, self._gate = transport, introduce, gate
         self._routes: dict[bytes, ServingLink] = {}
         self._inside = threading.Lock()
         """Held by whoever uses the socket, also while it waits there."""
@@ -69,10 +79,16 @@ class Router:
         self._closed = False
         self._told = False
         """Whether it was said that there are malformed requests."""
+        self._acquainted: dict[bytes, tuple[Request, str, float]] = {}
+        """Who told us who they are, by what question, and when."""
+        self._forbidden: set[str] = set()
+        """Those of whom it was said that they wanted what they have no right to."""
         self.address = addresses[0]
         bell = f"inproc://bell of {self.address}"
         with contextlib.ExitStack() as undo:
-            options = {"ROUTER_MANDATORY": 1, "ROUTER_HANDOVER": 1, "RCVTIMEO": _LOOK_MS}
+            options = {"ROUTER_MANDATORY": 1, "ROUTER_HANDOVER": 1, "RCVTIMEO": _LOOK_MS} | (
+                AT_FAR if introduce else {}
+            )
             self._socket = new_socket(transport.context, zmq.ROUTER, secure, **options)
             undo.callback(self._socket.close)
             if watched:
@@ -120,6 +136,15 @@ class Router:
         else:
             log.warning("a reply was dropped: %d wait to be sent", REPLIES_WAITING)
 
+    def tell(self, news: Callable[[str], bytes]) -> None:
+        """What those who ask who we are would be answered now, without waiting for their next question."""
+        now = time.monotonic()
+        for identity, (request, user, when) in list(self._acquainted.items()):
+            if now - when > SILENT:
+                self._acquainted.pop(identity, None)
+            else:
+                self.reply(identity, request, Reply(Status.OK, [news(user)]))
+
     # By whoever is inside.
 
     def _send_late(self) -> None:
@@ -146,21 +171,36 @@ class Router:
     def _receive(self) -> list[Job]:
         with self._inside:
             self._send_late()
+            user = ""
             try:
-                frames = receive_frames(self._socket)
+                if self._gate:
+                    user, frames = receive_signed(self._socket)
+                else:
+                    frames = receive_frames(self._socket)
             except zmq.Again:
                 return []
         identity, *message = frames
         if not message or not message[0]:
             return []  # the bell
-        job = self._accept(identity, message)  # whether there is more is found out after this one was answered
+        job = self._accept(identity, message, user)  # whether there is more is found out after this one was answered
         return [job] if job else []
 
-    def _accept(self, identity: bytes, frames: Frames) -> Job | None:
+    def _accept(self, identity: bytes, frames: Frames, user: str) -> Job | None:
         try:
             named, request, payload = read_request_frames(frames)
+            if named == DIRECTORY and self._introduce:
+                answer = self._introduce(bytes(payload[0]) if payload else b"", user)
+                if len(self._acquainted) < _ACQUAINTED:
+                    self._acquainted[identity] = request, user, time.monotonic()
+                self.reply(identity, request, Reply(Status.OK, [answer]))
+                return None
         except DecodeError as exc:
             self._malformed(frames, exc)
+            return None
+        if self._gate and not self._gate.rights(user).allow(named[:-1].decode(errors="replace")):
+            self._forbid(named, user)
+            if not request.flags & Flag.ONEWAY:
+                self.reply(identity, request, Reply(Status.REFUSED))
             return None
         link = self._routes.get(named)
         if link is None:
@@ -171,10 +211,16 @@ class Router:
             link.refuse_stranger(request)
             self.reply(identity, request, Reply(Status.MISMATCH, [link.channel.type.text.encode()]))
             return None
-        if not link.ledger.admit(request.client, request.sequence):
-            return None
         remaining = float("inf") if request.remaining_ms == NO_DEADLINE else request.remaining_ms / 1000
-        return link.accept(payload, time.monotonic() + remaining, partial(self.reply, identity, request))
+        return link.take(request, payload, time.monotonic() + remaining, partial(self.reply, identity, request))
+
+    def _forbid(self, named: bytes, user: str) -> None:
+        if user not in self._forbidden and len(self._forbidden) < _FORBIDDEN_TOLD:
+            self._forbidden.add(user)
+            channel = named[:-1].decode(errors="replace")
+            log.warning(
+                "refused %r to who has the key %s: it has no right to it (told once for each key)", channel, user
+            )
 
     def _malformed(self, frames: Frames, why: DecodeError) -> None:
         link = self._routes.get(topic_of(frames[0]))

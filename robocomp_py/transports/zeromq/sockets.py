@@ -10,7 +10,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import zmq
 
@@ -22,6 +22,9 @@ from ..crew import Job
 from .curve import Secure
 from .frames import Frames
 from .zmtp import Feed, Gone
+
+if TYPE_CHECKING:
+    from .remote import FarFeed
 
 log = logging.getLogger("robocomp.transport.zeromq")
 
@@ -99,6 +102,19 @@ def receive_frames(socket: zmq.Socket[Any], flags: int = 0) -> Frames:
         frame = socket.recv(flags, copy=False)
         frames.append(frame.bytes if len(frame) < _SHORT else frame.buffer.toreadonly())
     return frames
+
+
+def receive_signed(socket: zmq.Socket[Any]) -> tuple[str, Frames]:
+    """The same, and who sent it, as those are called whom `curve.Gate` lets in; "" for who comes from this process."""
+    frame = socket.recv(0, copy=False)
+    frames: Frames = [frame.bytes]
+    while frame.more:
+        frame = socket.recv(0, copy=False)
+        frames.append(frame.bytes if len(frame) < _SHORT else frame.buffer.toreadonly())
+    try:
+        return str(frame.get("User-Id")), frames
+    except zmq.ZMQError:
+        return "", frames
 
 
 class Socket:
@@ -209,7 +225,7 @@ def persist(send: Callable[[], bool], end: float, still: Callable[[], None], clo
 class Subscription:
     """A feed whose input is attended to like that of a socket. A thread may close it while another one receives."""
 
-    def __init__(self, feed: Feed, on_input: Callable[[Subscription], list[Job]]) -> None:
+    def __init__(self, feed: Feed | FarFeed, on_input: Callable[[Subscription], list[Job]]) -> None:
         self.lock = threading.RLock()
         self.fileno = feed.fileno()
         self.closed = False

@@ -7,6 +7,7 @@ import itertools
 import threading
 import time
 from collections import deque
+from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -31,16 +32,21 @@ from ..base import (
     depth_of,
 )
 from ..crew import Job, Lane
+from ..directory import Member
 from ..ledger import Ledger
 from ..reception import Reception, living
 from .frames import OWN_TOPIC_BYTES, Frames, joined, read_publication_frames, topic
 from .link import TICK, Link
+from .remote import FarFeed, is_far
 from .sockets import Socket, Subscription, as_transport_error, persist
 from .zmtp import Feed, Garbled, Gone
 
 if TYPE_CHECKING:
     from .transport import ZeroMQTransport
 
+
+_LAST_WORDS = 1.0
+"""Seconds for which somebody on another host who has left is still heard."""
 
 BATCH = 32
 """Messages taken from one socket before the others have their turn."""
@@ -49,6 +55,10 @@ BATCH = 32
 class Publisher(Link):
     role, facing = "publishes", "subscribes"
     _socket: Socket | None = None
+    _far: Socket | None = None
+    """For those on other hosts, if there may be any."""
+    _sent_here: Frames | None = None
+    """What has gone to those on this host, and not to the others yet."""
 
     def open(self) -> None:
         qos = self.channel.qos
@@ -59,13 +69,15 @@ class Publisher(Link):
         self._subscribers = 0
         self._order = threading.Lock()
         self._lossy = not qos.reliable
-        self._socket = self.transport.socket(
-            zmq.XPUB, self._on_subscription, SNDHWM=depth, XPUB_VERBOSER=1, XPUB_NODROP=1
-        )
-        path = self.transport.member.address(_ending(self._source))
+        options = {"SNDHWM": depth, "XPUB_VERBOSER": 1, "XPUB_NODROP": 1}
+        self._socket = self.transport.socket(zmq.XPUB, self._on_subscription, **options)
+        ending = _ending(self._source)
+        path = self.transport.member.address(ending)
+        self._here = f"ipc://{path}"
         with as_transport_error(f"binding {path}"), self._socket.lock:
-            self._socket.raw.bind(f"ipc://{path}")
-        self.announce(f"ipc://{path}")
+            self._socket.raw.bind(self._here)
+        self._far = self.transport.far_topic(self.channel, self._here, ending, self._on_subscription, **options)
+        self.announce(self._here)
 
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
         end = 0.0
@@ -77,9 +89,10 @@ class Publisher(Link):
             self.check_open()
             header = pack_publication(self.channel.type.fingerprint, self._source, next(self._sequence), time.time_ns())
             frames = joined(self._topic + header, payload)
-            if not self._send(frames):
+            send = self._send if self._far is None else self._send_everywhere
+            if not send(frames):
                 end = end or time.monotonic() + deadline
-                if not persist(partial(self._send, frames), end, self.check_open, self.closed):
+                if not persist(partial(send, frames), end, self.check_open, self.closed):
                     self.check_open()
                     raise Timeout(f"{self.channel.name}: a subscriber did not keep up for {deadline:g} s")
         except zmq.ZMQError as exc:
@@ -99,8 +112,21 @@ class Publisher(Link):
         return self._subscribers > 0 or bool(self._history.maxlen)
 
     def release(self) -> None:
+        if self._far:
+            self.transport.end_topic(self._here)
+            self.transport.forget(self._far)
         if self._socket:
             self.transport.forget(self._socket)
+
+    def _send_everywhere(self, frames: Frames) -> bool:
+        """The same to those on other hosts as well; who has it does not get it again if the others have no room."""
+        assert self._far
+        if self._sent_here is not frames:
+            if not self._send(frames):
+                return False
+            self._sent_here = frames
+        self._on_subscription(self._far)
+        return self._far.send_only(frames) or (self._lossy and self._far.send_to_some(frames))
 
     def _send(self, frames: Frames) -> bool:
         assert self._socket
@@ -117,8 +143,9 @@ class Publisher(Link):
 
     def _count(self) -> None:
         """Take note of subscriptions now, whether or not we were told that there are some."""
-        if self._socket:
-            self._on_subscription(self._socket)
+        for socket in (self._socket, self._far):
+            if socket:
+                self._on_subscription(socket)
 
     def _on_subscription(self, socket: Socket) -> list[Job]:
         with socket.lock:
@@ -152,6 +179,8 @@ class Subscriber(Link):
         self._channels: dict[str, str] = {}
         """By what the address of a publisher ends with."""
         self._muted: deque[Subscription] = deque()
+        self._ending: dict[str, float] = {}
+        """Addresses on other hosts where nobody is any more, and until when we listen all the same."""
 
     def open(self) -> None:
         self.look()
@@ -161,6 +190,7 @@ class Subscriber(Link):
         with self._looking:  # of two who look, the later one must not connect the earlier
             found = self.counterparts()
             there = {entry.address: entry.channel for _, entry in found}
+            self._end_far_ones(there)
             connected = {address[-6:] for address in self._feeds}  # some have left, and are heard to their last word
             self._channels = {end: channel for end, channel in self._channels.items() if end in connected}
             self._channels |= {address[-6:]: channel for address, channel in there.items()}
@@ -168,13 +198,19 @@ class Subscriber(Link):
             self._garbled &= there.keys()
             if self.closed.is_set():
                 return True
-            for address in there.keys() - self._feeds.keys() - self._garbled:
-                self._connect(address, there[address])
+            for member, entry in found:
+                if entry.address not in self._feeds and entry.address not in self._garbled:
+                    self._connect(member, entry.address, entry.channel)
         return True
 
     def tick(self) -> float | None:
+        if self._ending:
+            now = time.monotonic()
+            for address in [address for address, end in self._ending.items() if end <= now]:
+                del self._ending[address]
+                self._leave(address)
         if not self._incomplete:
-            return super().tick()
+            return _LAST_WORDS if self._ending else super().tick()
         self._incomplete = False
         self.look()
         return TICK
@@ -194,12 +230,26 @@ class Subscriber(Link):
                 for address in list(self._feeds):
                     self._leave(address)
 
-    def _connect(self, address: str, channel: str) -> None:
+    def _end_far_ones(self, there: Mapping[str, str]) -> None:
+        """Connections to other hosts do not end by themselves, as they are made again; what was sent may still come."""
+        end = time.monotonic() + _LAST_WORDS
+        self._ending = {
+            address: self._ending.get(address, end)
+            for address in self._feeds
+            if is_far(address) and address not in there
+        }
+
+    def _connect(self, member: Member, address: str, channel: str) -> None:
         topics = [topic(channel)]
         if self.channel.qos.latched:
             topics.append(b"\0" + random_id().to_bytes(8, "little"))
+        feed: Feed | FarFeed
         try:
-            feed = Feed(address.removeprefix("ipc://"), topics)
+            if is_far(address):
+                secure, context = self.transport.secure_to(member), self.transport.context
+                feed = FarFeed(context, address, topics, secure, max(self._depth, 8))
+            else:
+                feed = Feed(address.removeprefix("ipc://"), topics)
         except (ConnectionError, FileNotFoundError, BlockingIOError):
             self._incomplete = True  # it has gone, or lets nobody in just now
         except OSError as exc:

@@ -6,7 +6,8 @@ import contextlib
 import logging
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -35,13 +36,14 @@ from ..base import (
     options_of,
 )
 from ..crew import Crew, Job
-from ..directory import Directory, Member, runtime_dir
+from ..directory import Entry, Member, runtime_dir
 from ..inotify import FolderWatch
 from ..memory import keep_memory
 from ..served import CommandInlet, Server, ServingLink
 from .asking import Caller, CommandOutlet, Peer
-from .curve import ZAP, Curve, configured, why_not
+from .curve import ZAP, Gate, Rights, Secure, configured, why_not
 from .link import TICK
+from .remote import AT_FAR, SILENT, FarFeed, Inquirer, Neighbours, host_of, is_far, read_record, record
 from .serving import Router
 from .sockets import Attended, Loop, Socket, Subscription, as_transport_error, new_socket
 from .topics import Publisher, Subscriber
@@ -59,17 +61,33 @@ L = TypeVar("L", bound=AnnouncedLink[Any])
 
 
 class ZeroMQTransport(Announcing):
-    """Option `bind`: TCP address at which operations are served as well, `tcp://127.0.0.1:5555`; `curve_key` and
-    `curve_admitted`: see `curve`."""
+    """Options:
+
+    `bind`      TCP address at which others find all that is provided here as well, `tcp://127.0.0.1:5555`; topics get
+                further ports of the same host.
+    `connect`   table of such addresses of others, under names for them: those that are used here.
+    `keys`, `curve_key`, `curve_admitted`, `curve_peers`: see `curve`; for these addresses alone.
+    """
 
     capabilities = ANY_QOS | Capability.CROSS_PROCESS
 
     def __init__(self, config: TransportConfig) -> None:
         super().__init__()
-        options = options_of(config, bind="", curve_key="", curve_admitted="")
-        self._bind, self._curve = options["bind"], configured(options)
-        if self._curve and not self._bind:
-            raise ConfigurationError("zeromq: `curve_key` is for the address that `bind` names, and there is none")
+        options = options_of(config, bind="", connect={}, keys="", curve_key="", curve_admitted="", curve_peers="")
+        self._bind, connect = options["bind"], _addresses(options["connect"])
+        self._curve = configured(options) if self._bind or connect or not options["keys"] else None
+        if self._curve and not (self._bind or connect):
+            raise ConfigurationError(
+                "zeromq: `curve_key` is for the addresses that `bind` and `connect` name, and there are none"
+            )
+        if self._curve and self._bind and not self._curve.admitted:
+            raise ConfigurationError("zeromq: `bind` with keys needs `curve_admitted`: the keys of who may come there")
+        if self._bind or connect:
+            self.capabilities |= Capability.CROSS_HOST
+        self._gate = Gate(self._curve) if self._curve else None
+        self._topic_ports: dict[str, str] = {}
+        """By the addresses of topics on this host: where others get them."""
+        self._told_entries: tuple[Entry, ...] = ()
         self._told_at = 0.0
         self.codec: Codec = MessagePack()
         self.incarnation = random_id()
@@ -77,7 +95,7 @@ class ZeroMQTransport(Announcing):
         self.served = self.folder / "served"
         self._peers: dict[str, Peer] = {}
         self._routers: list[Router] = []
-        self.directory = Directory(self.folder)
+        self.directory = Neighbours(self.folder)
         self.member = self.directory.join(config.owner)
         try:
             self._loop = Loop(self._tick)
@@ -89,8 +107,22 @@ class ZeroMQTransport(Announcing):
         self.context = zmq.Context()
         if self._watch.fileno >= 0:
             self._loop.add(_Changes(self._watch, self._loop))
+        self._inquirers: list[Inquirer] = []
+        try:
+            for name, address in connect.items():
+                self._inquirers.append(Inquirer(self, name, address))
+        except BaseException:
+            self._close_unstarted()
+            raise
         self._crew = Crew("zeromq", self._loop.receive, self._loop.wake)
         self._crew.start()
+
+    def _close_unstarted(self) -> None:
+        for each in self._loop.sockets():
+            each.close()
+        self.context.destroy(linger=0)
+        self.member.close()
+        self._loop.close()
 
     def outlet(self, channel: Channel) -> Publisher | CommandOutlet:
         kind = Publisher if channel.pattern is Pattern.PUBLISH else CommandOutlet
@@ -137,13 +169,15 @@ class ZeroMQTransport(Announcing):
 
     # What links use.
 
-    def socket(self, kind: int, on_input: Callable[[Socket], list[Job]], **options: int) -> Socket:
+    def socket(
+        self, kind: int, on_input: Callable[[Socket], list[Job]], secure: Secure | None = None, **options: int
+    ) -> Socket:
         """A shared socket, whose input the crew attends to from now on."""
-        socket = Socket(new_socket(self.context, kind, None, **options), on_input, self._loop.attend)
+        socket = Socket(new_socket(self.context, kind, secure, **options), on_input, self._loop.attend)
         self._loop.add(socket)
         return socket
 
-    def subscription(self, feed: Feed, on_input: Callable[[Subscription], list[Job]]) -> Subscription:
+    def subscription(self, feed: Feed | FarFeed, on_input: Callable[[Subscription], list[Job]]) -> Subscription:
         """A feed, whose input the crew attends to from now on."""
         subscription = Subscription(feed, on_input)
         self._loop.add(subscription)
@@ -179,16 +213,13 @@ class ZeroMQTransport(Announcing):
         self._loop.do(job)
 
     def routers(self) -> list[Router]:
-        """The one for this host, and a guarded one for others."""
+        """The one for this host, and one for others."""
         with self._lock:
             if not self._routers:
                 here = f"ipc://{self.member.address('router')}"
-                if self._curve is None:
-                    self._routers = [Router(self, [here, *filter(None, [self._bind])])]
-                else:
-                    guarded = self._guarded_router(self._curve)
-                    self._routers = [guarded]  # to be closed whatever happens to the other one
-                    self._routers = [Router(self, [here]), guarded]
+                if self._bind:
+                    self._routers = [self._far_router()]  # to be closed whatever happens to the other one
+                self._routers = [Router(self, [here]), *self._routers]
             return self._routers
 
     def enlist(self, link: ServingLink) -> str:
@@ -201,14 +232,16 @@ class ZeroMQTransport(Announcing):
         for router in self._routers:
             router.remove(link)
 
-    def _guarded_router(self, curve: Curve) -> Router:
+    def _far_router(self) -> Router:
+        if self._curve is None or self._gate is None:
+            return Router(self, [self._bind], introduce=self._introduce)
         monitor = "inproc://monitor"
-        asked, told = self.socket(zmq.REP, partial(self._judge, curve)), self.socket(zmq.PAIR, self._tell)
+        asked, told = self.socket(zmq.REP, self._judge), self.socket(zmq.PAIR, self._tell)
         try:
             with as_transport_error(f"guarding {self._bind}"), asked.lock:
                 asked.raw.bind(ZAP)
                 asked.look()  # what is done with a socket may swallow that there is input
-            router = Router(self, [self._bind], curve.serve, monitor)
+            router = Router(self, [self._bind], self._curve.serve, monitor, self._introduce, self._gate)
             with as_transport_error(f"guarding {self._bind}"), told.lock:
                 told.raw.connect(monitor)
                 told.look()
@@ -218,9 +251,72 @@ class ZeroMQTransport(Announcing):
             raise
         return router
 
-    def _judge(self, curve: Curve, socket: Socket) -> list[Job]:
+    def far_topic(
+        self, channel: Channel, here: str, ending: str, on_input: Callable[[Socket], list[Job]], **options: int
+    ) -> Socket | None:
+        """Where those on other hosts hear a topic that is heard at `here` on this one; None if they do not."""
+        if not self._bind:
+            return None
+        self.routers()  # which tells them, and lets them in
+        secure = partial(self._curve.serve, channel=channel.name) if self._curve else None
+        socket = self.socket(zmq.XPUB, on_input, secure, **(AT_FAR | options))
+        with as_transport_error(f"binding a port of {host_of(self._bind)}"), socket.lock:
+            socket.raw.bind(f"tcp://{host_of(self._bind)}:*")
+            bound = socket.raw.getsockopt_string(zmq.LAST_ENDPOINT)
+        self._topic_ports[here] = f"tcp://*:{bound.rpartition(':')[2]}#{ending}"
+        return socket
+
+    def end_topic(self, here: str) -> None:
+        self._topic_ports.pop(here, None)
+
+    def secure_for(self, name: str) -> tuple[Secure | None, Rights]:
+        """How to connect to somebody whom `connect` names, and what to take from it."""
+        if self._curve is None:
+            return None, Rights()
+        key, rights = self._curve.peer(name)
+        return self._curve.ask(key), rights
+
+    def secure_to(self, member: Member) -> Secure | None:
+        """How to connect to a member that is far away."""
+        name = member.id.partition("@")[0]
+        return next((each.secure for each in self._inquirers if each.name == name), None)
+
+    def record(self, allowed: Rights | None = None) -> bytes:
+        """What we tell of ourselves, to those who may use so much."""
+        told = [
+            replace(entry, address=self._topic_ports.get(entry.address, ""))
+            for entry in self.member.entries
+            if allowed is None or allowed.allow(entry.channel)
+        ]
+        return record(self.member.id, self.owner, os.getpid(), told)
+
+    def _introduce(self, payload: bytes, user: str) -> bytes:
+        """What to answer to somebody who tells that of itself. Raises DecodeError."""
+        member = read_record(payload, user or "tcp", at="", rights=self._rights(user))
+        if self.directory.hear(member):
+            self.wake()
+        return self._record_for(user)
+
+    def _record_for(self, user: str) -> bytes:
+        return self.record(self._rights(user))
+
+    def _rights(self, user: str) -> Rights:
+        return self._gate.rights(user) if self._gate else Rights()
+
+    def _tell_news(self) -> None:
+        """Tell those on other hosts what has changed with us."""
+        entries = self.member.entries
+        if entries != self._told_entries:
+            self._told_entries = entries
+            for inquirer in self._inquirers:
+                inquirer.ask_now()
+            for router in self._routers[1:]:
+                router.tell(self._record_for)
+
+    def _judge(self, socket: Socket) -> list[Job]:
         while (frames := socket.receive()) is not None:
-            socket.send(curve.judge(frames))
+            if self._gate:
+                socket.send(self._gate.judge(frames))
         return []
 
     def _tell(self, socket: Socket) -> list[Job]:
@@ -236,7 +332,8 @@ class ZeroMQTransport(Announcing):
             if self.closed:
                 raise Closed("the transport is closed")
             if member.id not in self._peers:
-                self._peers[member.id] = Peer(self, member.id, address)
+                secure = self.secure_to(member) if is_far(address) else None
+                self._peers[member.id] = Peer(self, member.id, address, secure)
             return self._peers[member.id]
 
     def drop(self, peer: Peer) -> None:
@@ -262,10 +359,16 @@ class ZeroMQTransport(Announcing):
         """Do what is due; seconds until the next time."""
         if not self._watch.working:
             self._watch.renew()
+        if self.directory.has_far_ones:
+            self.directory.lose(lambda _: False)
         version = self.directory.version()
         if version != self._known:
             self._drop_the_dead()
+        if self._bind or self._inquirers:
+            self._tell_news()
         waits = self._look_after(version)
+        waits += [inquirer.tick() for inquirer in self._inquirers]
+        waits += [SILENT / 4] if self.directory.has_far_ones else []
         usual = IDLE_TICK if self._watch.working and self._known == version else TICK
         return min([usual, *waits])
 
@@ -288,6 +391,18 @@ class _Changes:
 
     def close(self) -> None:
         self._watch.close()
+
+
+def _addresses(given: Any) -> dict[str, str]:
+    """What `connect` says. Raises ConfigurationError."""
+    if not isinstance(given, Mapping):
+        raise ConfigurationError(f"zeromq: `connect` is a table of addresses under names, not {given!r}")
+    for name, address in given.items():
+        if not isinstance(address, str) or host_of(address) in ("", "*"):
+            raise ConfigurationError(
+                f"zeromq: `connect.{name}` is an address like tcp://192.168.1.5:7501, not {address!r}"
+            )
+    return dict(given)
 
 
 def _short_enough(folder: Path) -> Path:

@@ -149,7 +149,46 @@ SEEDS = [
         {"ip localhost;\n        port 10003;": "ip «localhost»;"},
         "warning",
     ),
-    Seed("a word that has no effect yet", "not-yet", _FILE, {"port 10004;": "port 10004; «restart» always;"}),
+    Seed(
+        "a host misspelt",
+        "unknown-host",
+        _FILE,
+        {
+            "namespace robot1;": 'namespace robot1;\n    host onboard { address "192.168.1.10"; };',
+            "port 10004;": "host «onbord»;",
+        },
+    ),
+    Seed(
+        "a host without an address",
+        "bad-host",
+        _FILE,
+        {"namespace robot1;": "namespace robot1;\n    host «onboard» { user robot; };"},
+    ),
+    Seed(
+        "a setting of a restart misspelt",
+        "bad-restart",
+        _FILE,
+        {"port 10004;": "port 10004; restart always(«intensty» 5);"},
+    ),
+    Seed(
+        "a command for a shell",
+        "bad-command",
+        _FILE,
+        {"{ port 10004; }": '{ existing "«sleep 60 | cat»"; }'},
+    ),
+    Seed(
+        "a program that is not there",
+        "missing-file",
+        _FILE,
+        {"{ port 10004; }": '{ existing "«no-such-program --fast»"; }'},
+    ),
+    Seed(
+        "others started again with none",
+        "ineffective-escalation",
+        _FILE,
+        {"namespace robot1;": "namespace robot1;\n    escalation «one_for_all»;"},
+        "warning",
+    ),
 ]
 
 TOGETHER = {

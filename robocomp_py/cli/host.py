@@ -1,0 +1,80 @@
+"""`rc host`: what the components of one machine share."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import threading
+
+from .common import FINE, USAGE, complain
+
+NAME = "host"
+HELP = "run what the components of this machine share: the router of Zenoh"
+
+_EXAMPLES = """\
+examples:
+  rc host zenoh                                           the router that this user's components here use
+  rc host zenoh --set transports.zenoh.connect=here/net   ... the one of a network, as its components are told
+
+exit status: 0 there is nothing to run, 1 it cannot be run, 2 usage, 130/143 stopped by a signal
+"""
+
+
+def add_arguments(to: argparse.ArgumentParser) -> None:
+    to.description = (
+        "Run what the components of this machine share, until stopped. rcdeploy does so for its networks; this is for "
+        "components that something else starts."
+    )
+    to.epilog = _EXAMPLES
+    to.formatter_class = argparse.RawDescriptionHelpFormatter
+    to.add_argument("middleware", metavar="MIDDLEWARE", help="whose; zenoh, say")
+    to.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="set a key of the configuration, as for a component; may be repeated",
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    from ..errors import ConfigurationError, TransportError
+    from ..runtime import settings
+    from ..runtime.document import Document
+    from ..runtime.notify import notify
+    from ..runtime.signals import Signals
+    from ..transports.base import TransportConfig, hosting
+
+    middleware = options.middleware
+    document = Document()
+    try:
+        for assignment in options.set:
+            settings.override(document, assignment)
+    except ConfigurationError as exc:
+        print(f"rc host: {exc}", file=sys.stderr)
+        return USAGE
+    own = document.data.get("transports", {}).get(middleware, {})
+    received: list[int] = []
+    ended = threading.Event()
+
+    def end(number: int) -> None:
+        received.append(number)
+        ended.set()
+
+    try:
+        with Signals(end), hosting(middleware, TransportConfig(own, f"rc host {middleware}")):
+            if not _hosts(middleware):
+                print(f"rc host: components share nothing that has to be run for {middleware}", file=sys.stderr)
+                return FINE
+            notify("READY=1", f"STATUS=hosting {middleware}")
+            ended.wait()
+            notify("STOPPING=1")
+    except (ConfigurationError, TransportError) as exc:
+        return complain(f"rc host: {exc}")
+    return 128 + received[0]
+
+
+def _hosts(middleware: str) -> bool:
+    from ..transports.base import find_transport
+
+    return hasattr(find_transport(middleware), "host")
