@@ -12,7 +12,7 @@ import random
 import signal
 import time
 from collections import deque
-from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass
 from typing import Protocol
@@ -133,8 +133,8 @@ async def run_plan(
 ) -> int:
     """Start a network, watch it, stop it.
 
-    Returns the exit code: 0; 1 if something was given up; 3 if a host was out of reach; or 128 + the signal that stopped
-    it.
+    Returns the exit code: 0; 1 if something failed and was not started again; 3 if a host was out of reach; or 128 + the
+    signal that stopped it.
     """
     return await _Run(plan, options, display, agents, clock, chance).run(services)
 

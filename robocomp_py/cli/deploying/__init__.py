@@ -1,0 +1,1 @@
+"""The commands of `rcdeploy`, a module each: what to parse, and one function to call. See `rcdeploy.COMMANDS`."""

@@ -1,0 +1,80 @@
+"""A network that goes on without the terminal it was started from.
+
+The process that was started at the terminal forks before it has imported anything that could have threads. Its child,
+in a session of its own, does all the work, and goes on; it itself only waits until everything is ready.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+_GOES_ON = b"+"
+
+
+class Parent:
+    """Who waits at the terminal, as its child sees it."""
+
+    def __init__(self, pipe: int) -> None:
+        self._pipe = pipe
+
+    def leave(self, complaints: Path) -> None:
+        """Let it go, and the terminal; what Python itself has to say from now on goes into a file."""
+        sys.stdout.flush()
+        sys.stderr.flush()
+        nowhere = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
+        try:
+            complaints.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            file = os.open(complaints, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o600)
+        except OSError:  # a full disk is no reason to stop
+            file = os.dup(nowhere)
+        for number, target in ((1, nowhere), (2, file)):
+            os.dup2(target, number)
+        os.close(file)
+        os.close(nowhere)
+        with contextlib.suppress(OSError):  # it has gone already
+            os.write(self._pipe, _GOES_ON)
+        os.close(self._pipe)
+
+
+def detached(work: Callable[[Parent], int]) -> int:
+    """Have a child do the work. Returns 0 once it goes on without us, or the exit code it ended with before.
+
+    Ctrl-C, and whatever else ends us meanwhile, ends the child, too.
+    """
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(reading)
+        os.setsid()
+        _let_go_of_input()
+        return work(Parent(writing))
+    os.close(writing)
+    try:
+        return _wait(child, reading)
+    finally:
+        os.close(reading)
+
+
+def _let_go_of_input() -> None:
+    nowhere = os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC)
+    os.dup2(nowhere, 0)
+    os.close(nowhere)
+
+
+def _wait(child: int, reading: int) -> int:
+    while True:
+        try:
+            if os.read(reading, 1) == _GOES_ON:
+                return 0
+            return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        except KeyboardInterrupt:
+            os.kill(child, signal.SIGINT)
+        except SystemExit as exc:  # a signal came: see `common.command`
+            os.kill(child, signal.SIGTERM)
+            os.waitpid(child, 0)
+            raise exc

@@ -1,0 +1,50 @@
+"""`rcdeploy --import`: networks of other tools, written as DDSL."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+
+from ..common import FINE, WRONG, complain, show
+
+
+def import_network(path: Path, output: Path | None) -> int:
+    """Write a network as DDSL. A file that is there is never written over: it may have been edited."""
+    from ...deploy.importers import FORMATS, import_deployment
+    from ...deploy.importers.finding import Finder
+    from ...dsl.workspace import Workspace
+
+    if path.suffix.lower() not in FORMATS:
+        return complain(f"rcdeploy: --import {path}: give it rcmanager's XML (.xml) or a sub.toml (.toml)")
+    if output and output.suffix.lower() != ".ddsl":
+        return complain(f"rcdeploy: -o {output}: a network is a .ddsl file")
+    workspace = Workspace()
+    source = workspace.source(path)
+    folder = output.parent if output else Path.cwd()
+    text = import_deployment(source, Finder(path), folder, workspace.report) if source else None
+    show(workspace.report.diagnostics)
+    if text is None:
+        return WRONG
+    if output is None:
+        print(text, end="")
+        return FINE
+    try:
+        _write_new(output, text)
+    except FileExistsError:
+        return complain(f"rcdeploy: {output} exists, and stays as it is; give another name, or move it away")
+    except OSError as exc:
+        return complain(f"rcdeploy: {output} cannot be written: {exc.strerror}")
+    print(f"{output} is written; read its comments, then: rc lint {shlex.quote(str(output))}", file=sys.stderr)
+    return FINE
+
+
+def _write_new(path: Path, text: str) -> None:
+    """Write a file that is not there: all of it, or none, for what is there would be in the way of another try."""
+    with path.open("x", encoding="utf-8") as file:
+        try:
+            file.write(text)
+            file.flush()
+        except BaseException:
+            path.unlink()
+            raise

@@ -1,0 +1,105 @@
+"""What the commands that read a whole network do first: have it checked, and told what is wrong with it."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...dsl.diagnostics import Diagnostic
+from ..common import USAGE, WRONG, show
+from ..network import add_overrides, overrides_of, tell_notes
+
+if TYPE_CHECKING:
+    from ...deploy.plan import Plan
+    from ...dsl.workspace import LinkedComponent, Workspace
+
+
+def add_network(to: argparse.ArgumentParser) -> None:
+    """The network, and the options that change it."""
+    to.add_argument("network", type=Path, metavar="NET.ddsl", help="the network")
+    add_overrides(to)
+
+
+def planned(options: argparse.Namespace, *, as_json: bool = False) -> Plan | int:
+    """The plan of `options.network`; the exit code if there is none, why having been told.
+
+    `as_json` is for what is wrong then, one diagnostic a line on standard output.
+    """
+    from ...deploy.auto import usable
+    from ...deploy.planner import make_plan
+    from ...dsl.workspace import Workspace
+
+    try:
+        overrides = overrides_of(options)
+    except ValueError as exc:
+        print(f"rcdeploy: {exc}", file=sys.stderr)
+        return USAGE
+    workspace = Workspace(options.include)
+    plan = make_plan(options.network, workspace, overrides, usable)
+    if plan and not _check_generated(options.network, workspace):
+        plan = None
+    _show(workspace.report.diagnostics, as_json=as_json and plan is None)
+    if plan is None:
+        return WRONG
+    tell_notes(plan)
+    return plan
+
+
+def _show(diagnostics: Iterable[Diagnostic], *, as_json: bool) -> None:
+    """Print diagnostics. That nobody can read them is no reason not to run a network that is right."""
+    from ...deploy.terminal import discard
+
+    stream = sys.stdout if as_json else sys.stderr
+    try:
+        show(diagnostics, as_json=as_json)
+        stream.flush()
+    except BrokenPipeError:
+        raise
+    except OSError:
+        discard(stream)
+
+
+# What was generated.
+
+
+def _check_generated(path: Path, workspace: Workspace) -> bool:
+    """Whether every generic part is what its models come to; those that are not are reported."""
+    model = workspace.deployment(path)
+    paths = workspace.components_of(path)
+    components = {linked.component.name.lower(): linked for each in paths if (linked := workspace.component(each))}
+    seen: set[str] = set()
+    for instance in model.instances if model else ():
+        kind = instance.component.text.lower()
+        if instance.path or kind in seen or kind not in components:
+            continue  # a program of one's own is none of ours
+        seen.add(kind)
+        lines = _outdated(components[kind])
+        if lines:
+            message = "\n  ".join((f"`{instance.component}` is not generated from its models as they are now", *lines))
+            hint = f"run: rcgen {shlex.quote(str(path))}"
+            workspace.report.error("out-of-date", message, instance.component.span, hint)
+    return not workspace.report.errors
+
+
+def _outdated(linked: LinkedComponent) -> list[str]:
+    from ... import __version__
+    from ...codegen.generate import DEFAULT_MIDDLEWARE, GenerationError, Model, Owner, generate
+    from ...codegen.write import compare
+    from ...deploy.routes import generated_for
+
+    folder = linked.path.parent
+    try:
+        first = (
+            (folder / "generic" / "genericworker.py").read_text(encoding="utf-8", errors="replace").partition("\n")[0]
+        )
+        if f" by rcgen {__version__}:" not in first:
+            return []  # another version writes other text for the same models: nothing can be told from that
+        middleware = generated_for(folder) or DEFAULT_MIDDLEWARE
+        artifacts = generate(Model(linked.component, linked.modules, linked.path.name, linked.params, middleware))
+        return compare([each for each in artifacts if each.owner is Owner.GENERATOR], folder).lines(folder)
+    except (OSError, GenerationError) as exc:
+        return [str(exc)]

@@ -1,0 +1,424 @@
+"""`python -m robocomp_py.deploy.agent NAME`: the agent of another host, which `rcdeploy` starts there over SSH.
+
+The same launcher as on the machine of `rcdeploy`, behind lines of JSON on standard input and output (`hosts/lines.py`).
+When nobody is there any more (end of input, or silence), everything is stopped; unless the network says `lost keep`:
+then all goes on, and whoever comes next takes it over, by a socket beside the lock of the network. That one is always
+there: an agent that finds another one at work is its messenger, and nothing else.
+
+Nothing of this imports what reads networks: it is not there.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import sys
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..errors import ConfigurationError, DeploymentError, TransportError
+from .agents import Listener
+from .hosts.lines import BEAT, SILENCE, VERSION, Lines, Message, packed, process_of, usage_told
+from .launcher.local import Launcher
+from .place import AlreadyRuns, Place
+from .process import Process
+from .sockets import address, listening
+
+GRACE = 4.0
+"""Seconds that a process has to end by itself when nobody is there any more, if the network does not say."""
+
+AWAY = 1000
+"""Lines of output that are kept for who comes next."""
+
+BACKLOG = 4 * 1024 * 1024
+"""Octets that may wait to be sent before lines of output are dropped, and counted."""
+
+PATIENCE = 20.0
+"""Seconds for an agent that is just ending to be gone."""
+
+
+class Session:
+    """Whoever tells us what to do, or their messenger."""
+
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._reader, self._writer, self._lines = reader, writer, Lines()
+        self.heard_at = time.monotonic()
+        self.controller = ""
+        self._dropped = 0
+
+    async def messages(self, take: Callable[[Message], Any]) -> None:
+        """Have all that comes taken, until nothing does any more."""
+        with contextlib.suppress(OSError, DeploymentError):
+            while data := await self._reader.read(65536):
+                self.heard_at = time.monotonic()
+                for message in self._lines.feed(data):
+                    await take(message)
+
+    def send(self, **message: Any) -> None:
+        """Lines of output are dropped, and counted, while too much waits; nothing else is."""
+        if self._writer.is_closing():
+            return
+        if message.get("tell") == "output":
+            if self._writer.transport.get_write_buffer_size() > BACKLOG:
+                self._dropped += 1
+                return
+            if self._dropped:
+                self._writer.write(packed({"tell": "lost_lines", "count": self._dropped}))
+                self._dropped = 0
+        self._writer.write(packed(message))
+
+    async def close(self) -> None:
+        with contextlib.suppress(OSError, TimeoutError):
+            async with asyncio.timeout(BEAT):
+                await self._writer.drain()
+        self._writer.close()
+
+
+@dataclass
+class _Kept:
+    """A process that runs, for who comes next."""
+
+    told: Message
+    ready: bool = False
+    status: str = ""
+    left: list[str] = field(default_factory=list)
+    ended: asyncio.Event = field(default_factory=asyncio.Event)
+
+
+class Agent(Listener):
+    def __init__(self, name: str) -> None:
+        self._name, self._place = name, Place(name)
+        self._launcher: Launcher | None = None
+        self._hosted = contextlib.ExitStack()
+        self._session: Session | None = None
+        self._keep = False
+        self._kept: dict[str, _Kept] = {}
+        self._away: deque[tuple[str, str]] = deque(maxlen=AWAY)
+        self._ended = asyncio.Event()
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    async def run(self, first: Session) -> None:
+        """Until told to close, or until nobody is there any more."""
+        self._task(self._converse(first))
+        self._task(self._watch())
+        await self._ended.wait()
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    # Who is there.
+
+    async def arrived(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """By the socket."""
+        task = asyncio.current_task()
+        if task:
+            self._tasks.add(task)
+        await self._converse(Session(reader, writer))
+
+    async def _converse(self, session: Session) -> None:
+        session.send(tell="hello", version=VERSION, kept=sorted(self._kept))
+        await session.messages(lambda message: self._take(session, message))
+        await session.close()
+        if session is self._session:
+            self._session = None
+            await self._alone()
+        elif self._launcher is None and self._session is None:
+            self._ended.set()  # who came has left before saying what to do
+
+    async def _watch(self) -> None:
+        while True:
+            await asyncio.sleep(BEAT)
+            session = self._session
+            if session is None:
+                continue
+            session.send(tell="usage", of=usage_told(self._launcher.usage() if self._launcher else {}))
+            if time.monotonic() - session.heard_at > SILENCE:
+                self._session = None
+                self._task(session.close())
+                self._task(self._alone())
+
+    async def _alone(self) -> None:
+        """Nobody is there any more."""
+        if not self._keep:
+            await self._stop(list(self._kept))
+            await self._close()
+
+    async def _stop(self, names: list[str]) -> None:
+        """End these, within their grace."""
+        if not self._launcher:
+            return
+        there = [self._kept[name] for name in names if name in self._kept]
+        graces = [each.told["grace"] for each in there]
+        for each in there:
+            self._launcher.stop(each.told["name"])
+        if await _all_ended(there, max([GRACE if grace is None else grace for grace in graces], default=0)):
+            return
+        for each in there:
+            self._launcher.kill(each.told["name"])
+        await _all_ended(there, GRACE)
+
+    async def _close(self) -> None:
+        launcher, self._launcher = self._launcher, None
+        try:
+            if launcher:
+                await launcher.close()
+        finally:
+            await asyncio.to_thread(self._hosted.close)
+            session, self._session = self._session, None
+            if session:
+                session.send(tell="closed")
+                await session.close()
+            self._ended.set()
+
+    # What is asked.
+
+    async def _take(self, session: Session, message: Message) -> None:
+        try:
+            await self._do(session, message)
+        except (DeploymentError, KeyError, TypeError, ValueError) as exc:
+            why = str(exc) if isinstance(exc, DeploymentError) else f"{message.get('do')} is not understood: {exc!r}"
+            session.send(tell="refused", why=why)
+
+    async def _do(self, session: Session, message: Message) -> None:
+        if message["do"] == "alive":
+            return
+        if message["do"] == "open":
+            await self._open(session, message)
+            return
+        if session is not self._session or not self._launcher:
+            return  # somebody else has taken over meanwhile
+        match message["do"]:
+            case "start":
+                await self._start(session, message["process"])
+            case "stop":
+                self._launcher.stop(message["name"])
+            case "kill":
+                self._launcher.kill(message["name"])
+            case "close":
+                await self._close()
+
+    async def _open(self, session: Session, message: Message) -> None:
+        now, other = time.monotonic(), self._session
+        is_another = other is not None and other is not session and other.controller != message["controller"]
+        if other and is_another and now - other.heard_at < SILENCE:
+            raise DeploymentError(f"{message['network']} is run by somebody else there, who is still in touch")
+        self._session, session.controller = session, message["controller"]
+        if other and other is not session:
+            await other.close()
+        self._keep = bool(message["keep"])
+        if self._launcher is None:
+            try:
+                await self._begin(message)
+            except BaseException:
+                await self._close_after(session)
+                raise
+        await self._stop([name for name in self._kept if name not in message["names"]])
+        session.send(tell="opened", kept=sorted(self._kept))
+        while self._away:
+            name, line = self._away.popleft()
+            session.send(tell="output", name=name, line=line)
+
+    async def _begin(self, message: Message) -> None:
+        middlewares = [name for name, _ in message["hosted"]]
+        launcher = Launcher(self, self._name, middlewares, place=self._place, command=message["command"])
+        end = time.monotonic() + PATIENCE
+        while True:
+            try:
+                await launcher.open()
+                break
+            except AlreadyRuns:
+                if time.monotonic() >= end:
+                    raise
+                await asyncio.sleep(BEAT / 4)  # the agent of a controller that was lost a moment ago
+        self._launcher = launcher
+        try:
+            await asyncio.to_thread(self._host, message["hosted"], f"rcdeploy {message['network']}")
+        except (TransportError, ConfigurationError) as exc:
+            raise DeploymentError(str(exc)) from exc
+
+    async def _close_after(self, session: Session) -> None:
+        """End, once it was told why: by who raises now."""
+        self._session = None
+
+        async def later() -> None:
+            await session.close()
+            await self._close()
+
+        self._task(later())
+
+    def _host(self, hosted: list[tuple[str, dict[str, Any]]], owner: str) -> None:
+        """Run what the components' middlewares share on this host."""
+        from ..transports.base import TransportConfig, hosting
+
+        for name, options in hosted:
+            self._hosted.enter_context(hosting(name, TransportConfig(options, owner)))
+
+    async def _start(self, session: Session, told: Message) -> None:
+        assert self._launcher
+        process, known = process_of(told), self._kept.get(told["name"])
+        if known and known.told != told:
+            await self._stop([process.name])
+            known = self._kept.get(process.name)
+        if known:
+            self._take_over(session, process, known)
+            return
+        self._kept[process.name] = _Kept(told)
+        try:
+            await self._launcher.start(process)
+        except DeploymentError as exc:
+            self._kept.pop(process.name, None)
+            session.send(tell="failed", name=process.name, why=str(exc))
+        else:
+            session.send(tell="started", name=process.name)
+
+    def _take_over(self, session: Session, process: Process, known: _Kept) -> None:
+        session.send(tell="started", name=process.name)
+        if known.ready:
+            session.send(tell="ready", name=process.name)
+        if known.status:
+            session.send(tell="status", name=process.name, text=known.status)
+        for instance in known.left:
+            session.send(tell="left", name=process.name, instance=instance)
+
+    # What the launcher tells.
+
+    def output(self, name: str, line: str) -> None:
+        if self._session:
+            self._session.send(tell="output", name=name, line=line)
+        else:
+            self._away.append((name, line))
+
+    def ready(self, name: str) -> None:
+        if name in self._kept:
+            self._kept[name].ready = True
+        self._tell("ready", name=name)
+
+    def status(self, name: str, text: str) -> None:
+        if name in self._kept:
+            self._kept[name].status = text
+        self._tell("status", name=name, text=text)
+
+    def left(self, name: str, instance: str) -> None:
+        if name in self._kept:
+            self._kept[name].left.append(instance)
+        self._tell("left", name=name, instance=instance)
+
+    def hung(self, name: str) -> None:
+        self._tell("hung", name=name)
+
+    def exited(self, name: str, code: int) -> None:
+        kept = self._kept.pop(name, None)
+        if kept:
+            kept.ended.set()
+        self._tell("exited", name=name, code=code)
+
+    def lost(self, host: str, why: str) -> None:
+        raise AssertionError("this machine is not lost to itself")
+
+    def back(self, host: str) -> None:
+        raise AssertionError("this machine is not lost to itself")
+
+    def _tell(self, what: str, **more: Any) -> None:
+        if self._session:
+            self._session.send(tell=what, **more)
+
+    def _task(self, work: Any) -> None:
+        task = asyncio.ensure_future(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+
+async def _all_ended(there: list[_Kept], seconds: float) -> bool:
+    waiting = [asyncio.ensure_future(each.ended.wait()) for each in there]
+    if not waiting:
+        return True
+    _, late = await asyncio.wait(waiting, timeout=seconds)
+    for each in late:
+        each.cancel()
+    return not late
+
+
+# Standard input and output, and the socket.
+
+
+async def _main(name: str, into: int, out: int) -> int:
+    reader, writer = await _pipes(into, out)
+    place = Place(name)
+    path = place.folder / "agent"
+    try:
+        there = await asyncio.open_unix_connection(address(path))
+    except OSError:
+        agent = Agent(name)
+    else:
+        await _carry((reader, writer), there)
+        return 0
+    place.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    _say_into(place.folder / "agent.log")
+    path.unlink(missing_ok=True)
+    server = await asyncio.start_unix_server(agent.arrived, sock=listening(path))
+    try:
+        await agent.run(Session(reader, writer))
+    finally:
+        server.close()
+        path.unlink(missing_ok=True)
+    return 0
+
+
+async def _pipes(into: int, out: int) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+    loop = asyncio.get_running_loop()
+    reader = asyncio.StreamReader()
+    protocol = asyncio.StreamReaderProtocol(reader)
+    await loop.connect_read_pipe(lambda: protocol, os.fdopen(into, "rb", 0))
+    transport, flow = await loop.connect_write_pipe(
+        lambda: asyncio.streams.FlowControlMixin(loop=loop), os.fdopen(out, "wb", 0)
+    )
+    return reader, asyncio.StreamWriter(transport, flow, None, loop)
+
+
+async def _carry(
+    here: tuple[asyncio.StreamReader, asyncio.StreamWriter], there: tuple[asyncio.StreamReader, asyncio.StreamWriter]
+) -> None:
+    """Be the messenger between who came and the agent that is there, until one of them leaves."""
+
+    async def carry(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        with contextlib.suppress(OSError):
+            while data := await reader.read(65536):
+                writer.write(data)
+                await writer.drain()
+
+    ways = [asyncio.ensure_future(carry(here[0], there[1])), asyncio.ensure_future(carry(there[0], here[1]))]
+    await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
+    for way in ways:
+        way.cancel()
+    for _, writer in (here, there):
+        writer.close()
+
+
+def _say_into(path: Path) -> None:
+    """What is said to people from now on goes there: nobody may be there to read it, later."""
+    log = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND | os.O_NOFOLLOW, 0o600)
+    for descriptor in (1, 2):
+        os.dup2(log, descriptor)
+    os.close(log)
+
+
+def main(arguments: list[str]) -> int:
+    into, out = os.dup(0), os.dup(1)  # for us alone: what else prints must not come between
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.close(nothing)
+    os.dup2(2, 1)
+    try:
+        return asyncio.run(_main(arguments[0], into, out))
+    except DeploymentError as exc:
+        print(f"rcdeploy's agent: {exc}", file=sys.stderr)
+        return 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))

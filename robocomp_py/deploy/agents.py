@@ -1,0 +1,82 @@
+"""Who starts processes, one for each host: what is asked of it, and what it tells.
+
+An agent does and decides nothing: when what is started, stopped and started again is for who asks it (`run.py`,
+by `policy.py`). Everything here is called on the event loop, and nothing blocks it. One instance of a process runs
+at a time under a name; until `exited` was told of it, the name is taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from .process import Process
+
+
+@dataclass(frozen=True, slots=True)
+class Usage:
+    """What a process uses, with all that it started, as far as that is known."""
+
+    pid: int
+    cpu_s: float = 0.0
+    """Of processor time, since it was started."""
+    memory: int = 0
+    """Bytes, where what several processes share counts for each of them in part (PSS), or whole (RSS)."""
+    calls_per_s: float = 0.0
+    """How many operations its components answer, as they say it themselves."""
+    worst_ms: float = 0.0
+    """How long the slowest of those took, of the last interval."""
+
+
+class Listener(Protocol):
+    """Who is told what becomes of the processes. What it raises is not caught."""
+
+    def output(self, name: str, line: str) -> None:
+        """A line of what it printed, without its end; a long one in pieces."""
+
+    def ready(self, name: str) -> None:
+        """It said so (READY=1); or it runs, if it is none that says so. At most once a start."""
+
+    def status(self, name: str, text: str) -> None:
+        """What it says it does (STATUS=)."""
+
+    def left(self, name: str, instance: str) -> None:
+        """One of several components in a process has ended well; the process goes on."""
+
+    def hung(self, name: str) -> None:
+        """It did not feed its watchdog. It has been sent SIGABRT, has a little time to say where it was, and is killed
+        then: `exited` follows."""
+
+    def exited(self, name: str, code: int) -> None:
+        """It has ended, with all that it started; told once, after the last line of its output.
+
+        `code` is negative for a signal, as in subprocess.
+        """
+
+    def lost(self, host: str, why: str) -> None:
+        """A host is out of reach, and so are its processes: nothing more is told of them, `exited` neither."""
+
+    def back(self, host: str) -> None:
+        """A host that was lost is within reach again. None of its processes is to be taken as running: start what
+        should run; an agent that kept them takes over what runs there, and tells `ready` of it once more."""
+
+
+class Agent(Protocol):
+    async def open(self) -> None:
+        """Get ready to start processes. Raises DeploymentError, also if this network runs there already."""
+
+    async def start(self, process: Process) -> None:
+        """Raises DeploymentError if it cannot be started. May be called again once `exited` was told."""
+
+    def stop(self, name: str) -> None:
+        """Ask it, and all that it started, to end (SIGTERM). Nothing happens if it does not run."""
+
+    def kill(self, name: str) -> None:
+        """End it, and all that it started, now (SIGKILL). Nothing happens if it does not run."""
+
+    def usage(self) -> Mapping[str, Usage]:
+        """Of those that run, by name; as of a moment ago, and at no cost."""
+
+    async def close(self) -> None:
+        """Afterwards none of its processes is left, and no file of theirs; may be called twice."""

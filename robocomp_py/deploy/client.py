@@ -1,0 +1,243 @@
+"""Asks a network that runs how it is, and tells it what to do: what is behind `rcdeploy status|logs|restart|down`.
+
+Blocking, with a deadline on every wait, and quick to import. `control.py` is who answers.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import socket
+import time
+from collections.abc import Callable, Collection, Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from ..errors import DeploymentError, HostUnreachable
+from ..transports.directory import runtime_dir
+from .naming import meant
+from .place import Place
+from .policy import State
+from .snapshot import HostStatus, ProcessStatus, Snapshot
+from .sockets import connected
+
+PATIENCE_S = 5.0
+"""Within which a controller answers; it has nothing else to do that takes long."""
+
+LOOK_S = 0.1
+"""Between two looks at how far something has come."""
+
+_COMING_S = 3.0
+"""For which a network that has just been started, or is just ending, may have no socket."""
+
+_WORDS = re.compile(r"//[^\n]*|/\*.*?\*/|\"(?:[^\"\\\n]|\\.)*\"|\bDeployment\s+(\w+)", re.DOTALL)
+
+
+class NotRunning(DeploymentError):
+    """Nobody runs this network."""
+
+
+class Stuck(DeploymentError):
+    """Something did not come in time."""
+
+
+def network_of(text: str) -> str:
+    """The name of a network by its file, or by itself. Raises DeploymentError, with what to do.
+
+    The file is only looked into, not checked: it may be half changed while the network runs.
+    """
+    path = Path(text)
+    if re.fullmatch(r"\w+", text) and not path.exists():
+        return text
+    try:
+        found = _WORDS.finditer(path.read_text(encoding="utf-8", errors="replace"))
+    except OSError as exc:
+        raise DeploymentError(f"{path} cannot be read: {exc.strerror}; give it a network (.ddsl)") from exc
+    name = next((each[1] for each in found if each[1]), "")
+    if not name:
+        raise DeploymentError(f"{path} is no network: there is no `Deployment` in it")
+    return name
+
+
+def networks() -> list[str]:
+    """The names of those that run on this machine, of this user."""
+    folder = runtime_dir() / "deploy"
+    return [each.name for each in sorted(folder.glob("*")) if each.is_dir() and Place(each.name).runner()]
+
+
+class Connection:
+    """To who runs a network; to be closed. Raises NotRunning if nobody does, Stuck if there is no answer."""
+
+    def __init__(self, network: str) -> None:
+        self.network = network
+        self._socket = _connect(Place(network))
+        self._rest = b""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._socket.close()
+
+    def ask(self, do: str, **more: Any) -> dict[str, Any]:
+        """Have something done. Raises DeploymentError, with the reason, if it is refused."""
+        self.tell(do, **more)
+        answer = self.answer(PATIENCE_S)
+        if answer is None:
+            raise NotRunning(f"network `{self.network}` has just ended")
+        return answer
+
+    def tell(self, do: str, **more: Any) -> None:
+        request = json.dumps({"do": do, **more}).encode() + b"\n"
+        try:
+            self._socket.settimeout(PATIENCE_S)
+            self._socket.sendall(request)
+        except TimeoutError as exc:
+            raise Stuck(self._stuck()) from exc
+        except OSError as exc:
+            raise NotRunning(f"network `{self.network}` has just ended") from exc
+
+    def answer(self, patience_s: float | None) -> dict[str, Any] | None:
+        """The next answer; None if the other side has gone. Without patience: however long that takes."""
+        end = time.monotonic() + patience_s if patience_s is not None else None
+        while b"\n" not in self._rest:
+            left = None if end is None else end - time.monotonic()
+            try:
+                if left is not None and left <= 0:
+                    raise TimeoutError
+                self._socket.settimeout(left)
+                chunk = self._socket.recv(1 << 16)
+            except TimeoutError as exc:
+                raise Stuck(self._stuck()) from exc
+            except ConnectionError:
+                return None
+            if not chunk:
+                return None
+            self._rest += chunk
+        line, _, self._rest = self._rest.partition(b"\n")
+        answer: dict[str, Any] = json.loads(line)
+        if "error" in answer:
+            raise DeploymentError(answer["error"])
+        return answer
+
+    def status(self) -> Snapshot:
+        return _snapshot(self.ask("status")["status"])
+
+    def _stuck(self) -> str:
+        runner = Place(self.network).runner()
+        whose = f" (process {runner.pid})" if runner and runner.pid else ""
+        return f"who runs network `{self.network}`{whose} does not answer: it is stopped, or has too much to do"
+
+
+def _connect(place: Place) -> socket.socket:
+    end = time.monotonic() + _COMING_S
+    while True:
+        try:
+            return connected(place.control, PATIENCE_S)
+        except TimeoutError as exc:
+            raise Stuck(f"who runs network `{place.network}` does not answer") from exc
+        except OSError as exc:
+            if place.runner() is None:
+                raise NotRunning(f"network `{place.network}` is not running on this machine") from exc
+            if time.monotonic() > end:
+                raise Stuck(f"network `{place.network}` is just being started, or is ending; try again") from exc
+        time.sleep(LOOK_S)
+
+
+def _snapshot(found: Any) -> Snapshot:
+    try:
+        processes = tuple(
+            ProcessStatus(
+                **each | {"instances": tuple(each["instances"]), "ended": tuple(each["ended"]),
+                          "state": State(each["state"])}
+            )
+            for each in found["processes"]
+        )  # fmt: skip
+        return Snapshot(
+            **found | {"processes": processes, "hosts": tuple(HostStatus(**host) for host in found["hosts"])}
+        )
+    except (TypeError, KeyError, ValueError) as exc:
+        raise DeploymentError("the network is run by another version of rcdeploy, which says other things") from exc
+
+
+# What takes its time.
+
+
+def restart(
+    connection: Connection, names: Collection[str], patience_s: float, tell: Callable[[list[str]], object]
+) -> list[ProcessStatus]:
+    """Have processes started again, and wait until they are ready, or have ended. Returns how they are then.
+
+    `tell` is told whenever there are others that are not yet. Raises HostUnreachable, Stuck, or DeploymentError with
+    the reason if it is refused.
+    """
+    before = {each.name: each.starts for each in _reachable(connection.status(), names)}
+    connection.ask("restart", names=list(names))
+    end, told = time.monotonic() + patience_s, list[str]()
+    while True:
+        now = [each for each in connection.status().processes if each.name in before]
+        missing = [each.name for each in now if not _has_come(each, before[each.name])]
+        if not missing:
+            return now
+        if time.monotonic() > end:
+            raise Stuck(f"not ready after {patience_s:g} s: {', '.join(missing)}; see: rcdeploy logs")
+        if missing != told:
+            tell(missing)
+            told = missing
+        time.sleep(LOOK_S)
+
+
+def _reachable(snapshot: Snapshot, names: Collection[str]) -> list[ProcessStatus]:
+    processes = meant(names, snapshot.processes)
+    lost = {host.name: host for host in snapshot.hosts if not host.reachable}
+    for each in processes:
+        if each.host in lost:
+            host = lost[each.host]
+            raise HostUnreachable(f"{each.name} is on {host.name} ({host.address}), which is out of reach: {host.why}")
+    return processes
+
+
+def _has_come(process: ProcessStatus, starts: int) -> bool:
+    return process.starts > starts and process.state in (State.READY, State.ENDED, State.FAILED)
+
+
+def down(connection: Connection, grace_s: float | None, patience_s: float, tell: Callable[[int, int], object]) -> None:
+    """Stop a network, and wait until nothing of it is left.
+
+    `tell` is told how many of how many processes are still there, whenever that changes. Raises Stuck if it does not
+    for so long.
+    """
+    connection.ask("down", **({} if grace_s is None else {"grace": grace_s}))
+    place, last, end = Place(connection.network), -1, 0.0
+    while place.runner() is not None:
+        try:
+            processes = connection.status().processes
+            there = sum(not each.state.gone for each in processes)
+        except NotRunning:
+            there, processes = 0, ()  # it only cleans up
+        if there != last:
+            last, end = there, time.monotonic() + patience_s
+            if processes:
+                tell(there, len(processes))
+        if time.monotonic() > end:
+            raise Stuck(f"{there} processes of network `{connection.network}` have not ended for {patience_s:g} s")
+        time.sleep(LOOK_S)
+
+
+def lines(connection: Connection, names: Collection[str], count: int, *, follow: bool) -> Iterator[tuple[str, str]]:
+    """What processes printed, with their names: the newest lines, and then what they print until the network ends.
+
+    A line of nobody says how many were lost on the way.
+    """
+    connection.tell("logs", names=list(names), count=count, follow=follow)
+    while True:
+        answer = connection.answer(None if follow else PATIENCE_S)
+        if answer is None or "end" in answer:
+            return
+        if "dropped" in answer:
+            yield "", f"({answer['dropped']} lines were lost: they came faster than they were read)"
+        else:
+            yield answer["name"], answer["line"]

@@ -1,0 +1,241 @@
+"""The socket at which a running network is asked how it is, and told what to do. `client.py` is who asks.
+
+A request is a JSON object on a line, and so is each answer; who asks may ask again on the same connection:
+
+    {"do": "status"}                                          {"status": {a Snapshot}}
+    {"do": "restart", "names": ["laser"]}                     {"accepted": true}
+    {"do": "down", "grace": 0}                                {"accepted": true}; ends when the network has
+    {"do": "logs", "names": [], "count": 20, "follow": true}  {"name": "laser", "line": "…"} for each, then
+                                                              {"dropped": 3} where some were lost, {"end": true}
+    anything wrong                                            {"error": "a sentence for people"}
+
+Nobody who asks can hurt the network: lines are bounded, so is the number of those who are connected (who has been
+silent for longest goes), and who does not read what was asked for is disconnected.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import math
+from collections import deque
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from ..errors import DeploymentError
+from .naming import DEPLOYER, meant
+from .policy import RestartRequested, StopRequested
+from .snapshot import Network
+from .sockets import listening
+
+LINE = 65536
+"""Bytes that a request may have."""
+
+CLIENTS = 32
+"""How many may be connected at a time."""
+
+SLOW_S = 5.0
+"""Seconds after which who has not taken an answer is disconnected."""
+
+BEHIND = 5000
+"""Lines of output that are kept for somebody who follows them and does not keep up."""
+
+MOST_LINES = 10000
+"""Lines of the past that are told."""
+
+_TOGETHER = 200
+"""Lines that are sent at once."""
+
+
+class Lines(Protocol):
+    """What the processes of a network have printed. To be used on the event loop only."""
+
+    def last(self, names: Collection[str], count: int) -> Sequence[tuple[str, str]]:
+        """The newest lines of these processes (of all, if none is named), with their names, the oldest first."""
+
+    def follow(self, sink: Callable[[str, str], None]) -> Callable[[], None]:
+        """Have each line told from now on, with its name. Returns what ends that."""
+
+
+class Control:
+    """Open while the network runs. To be used on its event loop only."""
+
+    def __init__(self, network: Network, lines: Lines) -> None:
+        self._network, self._lines = network, lines
+        self._clients: list[_Client] = []
+        self._server: asyncio.Server | None = None
+
+    async def open(self, path: Path) -> None:
+        """Raises OSError if there can be no socket of this path."""
+        self._server = await asyncio.start_unix_server(self._connected, sock=listening(path), limit=LINE)
+
+    async def close(self) -> None:
+        """Disconnect everybody. Idempotent."""
+        if self._server:
+            self._server.close()
+        tasks = [client.task for client in self._clients]
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _connected(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        task = asyncio.current_task()
+        assert task
+        if len(self._clients) >= CLIENTS:
+            self._clients.pop(0).task.cancel()
+        client = _Client(task, reader, writer)
+        self._clients.append(client)
+        try:
+            await self._serve(client)
+        except (TimeoutError, OSError):
+            pass  # it has gone, or does not listen: nobody is there to be told
+        finally:
+            if client in self._clients:
+                self._clients.remove(client)
+            writer.transport.abort()  # what was sent has left the process: `send` waits for that
+
+    async def _serve(self, client: _Client) -> None:
+        while True:
+            try:
+                line = await client.reader.readuntil()
+            except asyncio.IncompleteReadError:
+                return
+            except asyncio.LimitOverrunError:
+                await client.send({"error": f"a request has at most {LINE} bytes"})
+                return
+            self._clients.remove(client)  # to where those are who were heard last
+            self._clients.append(client)
+            try:
+                await self._answer(read_request(line), client)
+            except DeploymentError as exc:
+                await client.send({"error": str(exc)})
+
+    async def _answer(self, request: Request, client: _Client) -> None:
+        match request.do:
+            case "status":
+                await client.send({"status": asdict(self._network.snapshot())})
+            case "restart":
+                self._network.ask(RestartRequested(request.names))
+                await client.send({"accepted": True})
+            case "down":
+                self._network.ask(StopRequested(grace=request.grace))
+                await client.send({"accepted": True})
+            case "logs":
+                await self._tell_lines(request, client)
+            case other:
+                raise DeploymentError(f"there is no request `{other}`")
+
+    async def _tell_lines(self, request: Request, client: _Client) -> None:
+        with contextlib.ExitStack() as following:
+            others = [name for name in request.names if name != DEPLOYER]
+            names = {each.name for each in meant(others, self._network.snapshot().processes)} if others else set[str]()
+            names |= {DEPLOYER} & set(request.names)
+            followed = _Followed(names)
+            if request.follow:
+                following.callback(self._lines.follow(followed.take))
+            await client.send(*map(_line, self._lines.last(names, request.count) if request.count else ()))
+            if request.follow:
+                await self._follow(followed, client)
+        await client.send({"end": True})
+
+    async def _follow(self, followed: _Followed, client: _Client) -> None:
+        gone = asyncio.create_task(client.reader.read(1))  # who follows says nothing more until it has heard enough
+        try:
+            while not gone.done():
+                news = asyncio.create_task(followed.news.wait())
+                try:
+                    await asyncio.wait((gone, news), return_when=asyncio.FIRST_COMPLETED)
+                finally:
+                    news.cancel()
+                await client.send(*followed.taken())
+        finally:
+            gone.cancel()
+
+
+@dataclass(eq=False)
+class _Client:
+    task: asyncio.Task[Any]
+    reader: asyncio.StreamReader
+    writer: asyncio.StreamWriter
+
+    def __post_init__(self) -> None:
+        self.writer.transport.set_write_buffer_limits(high=0)  # to drain is to have everything sent
+
+    async def send(self, *answers: Mapping[str, Any]) -> None:
+        """Raises TimeoutError if nobody takes it, OSError if nobody is there any more."""
+        for start in range(0, len(answers), _TOGETHER):
+            part = answers[start : start + _TOGETHER]
+            self.writer.write(b"".join(json.dumps(answer).encode() + b"\n" for answer in part))
+            async with asyncio.timeout(SLOW_S):
+                await self.writer.drain()
+
+
+class _Followed:
+    """What was printed since somebody was told, as far as there is room."""
+
+    def __init__(self, names: Collection[str]) -> None:
+        self._names = names
+        self._waiting: deque[tuple[str, str]] = deque()
+        self._dropped = 0
+        self.news = asyncio.Event()
+
+    def take(self, name: str, text: str) -> None:
+        if self._names and name not in self._names:
+            return
+        if len(self._waiting) < BEHIND:
+            self._waiting.append((name, text))
+        else:
+            self._dropped += 1
+        self.news.set()
+
+    def taken(self) -> list[Mapping[str, Any]]:
+        """Answers for all there is."""
+        lines, dropped = list(map(_line, self._waiting)), self._dropped
+        self._waiting.clear()
+        self._dropped = 0
+        self.news.clear()
+        return [*lines, {"dropped": dropped}] if dropped else lines
+
+
+def _line(line: tuple[str, str]) -> Mapping[str, Any]:
+    return {"name": line[0], "line": line[1]}
+
+
+@dataclass(frozen=True)
+class Request:
+    do: str
+    names: tuple[str, ...] = ()
+    """Whom it is about; nobody named is all."""
+    count: int = 0
+    follow: bool = False
+    grace: float | None = None
+
+
+def read_request(line: bytes) -> Request:
+    """Raises DeploymentError, with a sentence for people, if it is none."""
+    try:
+        found = json.loads(line)
+    except (ValueError, RecursionError) as exc:
+        raise DeploymentError("a request is a JSON object on a line") from exc
+    if not isinstance(found, dict) or "do" not in found:
+        raise DeploymentError('a request is a JSON object with a key "do"')
+    for key, value in found.items():
+        fits, what = _FIELDS.get(key, (None, ""))
+        if fits is None:
+            raise DeploymentError(f"a request has no {json.dumps(key)}; it may have: {', '.join(_FIELDS)}")
+        if not fits(value):
+            raise DeploymentError(f'"{key}" of a request is {what}')
+    fields: dict[str, Any] = {key: tuple(value) if key == "names" else value for key, value in found.items()}
+    return Request(**fields)
+
+
+_FIELDS: Mapping[str, tuple[Callable[[Any], bool], str]] = {
+    "do": (lambda value: isinstance(value, str), "a word"),
+    "names": (lambda value: isinstance(value, list) and all(isinstance(n, str) for n in value), "a list of names"),
+    "count": (lambda value: type(value) is int and 0 <= value <= MOST_LINES, f"a whole number up to {MOST_LINES}"),
+    "follow": (lambda value: isinstance(value, bool), "true or false"),
+    "grace": (lambda value: type(value) in (int, float) and 0 <= value < math.inf, "a number of seconds"),
+}

@@ -1,0 +1,161 @@
+"""One connection and one channel to a host, and what goes wrong with that, for people.
+
+The user's own configuration of SSH holds (`~/.ssh/config`, keys, agent). Nobody is asked for a password: what starts a
+network again at night has nobody to ask. No terminal, no forwarding of whatever kind.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import shlex
+from collections.abc import Sequence
+from typing import Any
+
+import asyncssh
+
+from ...errors import HostUnreachable
+from ..plan import Host
+from .trusting import Presented, known_keys
+
+PATIENCE = 15.0
+"""Seconds for a host to let us in."""
+
+
+class Channel:
+    """A program on a host: what it reads and writes."""
+
+    def __init__(self, connection: asyncssh.SSHClientConnection, process: asyncssh.SSHClientProcess[bytes]) -> None:
+        self._connection, self._process = connection, process
+        self.reader, self.writer = process.stdout, process.stdin
+
+    async def said(self) -> str:
+        """What the program, or the shell that was to start it, said about what went wrong; and how it ended."""
+        try:
+            async with asyncio.timeout(PATIENCE):
+                text = (await self._process.stderr.read(4000)).decode(errors="replace").strip()
+                await self._process.wait_closed()
+        except (TimeoutError, OSError, asyncssh.Error):
+            return ""
+        return text or f"it ended with exit status {self._process.returncode}"
+
+    async def close(self) -> None:
+        """Idempotent."""
+        self._process.close()
+        self._connection.abort() if self._connection.is_closed() else self._connection.close()
+        try:
+            async with asyncio.timeout(PATIENCE):
+                await self._connection.wait_closed()
+        except TimeoutError:
+            self._connection.abort()
+
+    def abort(self) -> None:
+        """Let go of it without a word."""
+        self._connection.abort()
+
+
+async def run(host: Host, command: Sequence[str], **options: Any) -> Channel:
+    """Start a program there. Raises HostUnreachable; `options` are further ones of asyncssh's."""
+    connection = await connect(host, **options)
+    try:
+        line = f"exec {shlex.join(command)}"
+        process = await connection.create_process(line, encoding=None, request_pty=False)
+    except (OSError, asyncssh.Error) as exc:
+        connection.abort()
+        raise HostUnreachable(f"{called(host)}: it starts no programs: {_reason(exc)}") from exc
+    return Channel(connection, process)
+
+
+async def connect(host: Host, **options: Any) -> asyncssh.SSHClientConnection:
+    """Be let in. Raises HostUnreachable, with what to try."""
+    asked: dict[str, Any] = {
+        "known_hosts": known_keys,
+        "agent_forwarding": False,
+        "password_auth": False,
+        "kbdint_auth": False,
+        "connect_timeout": PATIENCE,
+        "login_timeout": PATIENCE,
+        "keepalive_interval": 5,
+        "keepalive_count_max": 3,
+    }
+    asked |= {"username": host.user} if host.user else {}
+    asked |= {"port": host.port} if host.port else {}
+    watch = _KeyWatch()
+    try:
+        connection, _ = await asyncssh.create_connection(lambda: watch, host.address, **(asked | options))
+    except asyncssh.HostKeyNotVerifiable as exc:
+        raise HostUnreachable(_distrusted(host, watch.presented, str(exc))) from exc
+    except asyncssh.PermissionDenied as exc:
+        hint = f"`ssh {_target(host)} true` must work without a question: give it your key (ssh-copy-id), or load yours"
+        raise HostUnreachable(f"{called(host)}: it does not let us in: {_reason(exc)}; {hint} (ssh-add)") from exc
+    except (OSError, asyncssh.Error, ValueError) as exc:
+        hint = f"is it on, and does `ssh {_target(host)}` work?"
+        raise HostUnreachable(f"{called(host)} cannot be reached: {_reason(exc)}; {hint}") from exc
+    return connection
+
+
+async def key_of(host: Host, **options: Any) -> Presented:
+    """The key that a host shows, whoever it is; nobody logs in. Raises HostUnreachable."""
+    watch = _KeyWatch()
+    asked = {"known_hosts": _nothing_known, "connect_timeout": PATIENCE, "login_timeout": PATIENCE}
+    asked |= {"port": host.port} if host.port else {}
+    try:
+        connection, _ = await asyncssh.create_connection(lambda: watch, host.address, **(asked | options))
+        connection.abort()
+    except asyncssh.HostKeyNotVerifiable:
+        pass
+    except (OSError, asyncssh.Error, ValueError) as exc:
+        raise HostUnreachable(f"{called(host)} cannot be reached: {_reason(exc)}; is it on?") from exc
+    if watch.presented is None:
+        raise HostUnreachable(
+            f"{called(host)} has shown no key of its own, as one with a certificate has none to trust"
+        )
+    return watch.presented
+
+
+def called(host: Host) -> str:
+    """A host, for people."""
+    return host.name if host.name == host.address else f"{host.name} ({host.address})"
+
+
+class _KeyWatch(asyncssh.SSHClient):
+    """Takes note of a key that is not known."""
+
+    presented: Presented | None = None
+
+    def validate_host_public_key(self, host: str, addr: str, port: int, key: asyncssh.SSHKey) -> bool:
+        text = " ".join(key.export_public_key("openssh").decode().split()[:2])
+        keys = known_keys(host, addr, port)[0]
+        self.presented = Presented(host, port, text, key.get_fingerprint(), tuple(k.get_fingerprint() for k in keys))
+        return False
+
+
+def _nothing_known(_host: str, _address: str, _port: int | None) -> Any:
+    return [], [], [], [], [], [], []
+
+
+def _distrusted(host: Host, presented: Presented | None, why: str) -> str:
+    if presented is None:
+        return f"{called(host)} is not who we know: {why}"
+    trust = f"rcdeploy trust {_target(host, for_us=True)}"
+    if presented.known:
+        return (
+            f"{called(host)} has another key than the one we know: {presented.fingerprint}, and not "
+            f"{' or '.join(presented.known)}; somebody may be in between. If it was set up anew: {trust}"
+        )
+    return f"{called(host)} is not known; its key is {presented.fingerprint}. If that is right: {trust}"
+
+
+def _target(host: Host, *, for_us: bool = False) -> str:
+    """As it is written for ssh, or for `rcdeploy trust`."""
+    named = f"{host.user}@{host.address}" if host.user else host.address
+    if not host.port:
+        return named
+    return f"{named}:{host.port}" if for_us else f"-p {host.port} {named}"
+
+
+def _reason(exc: Exception) -> str:
+    if isinstance(exc, TimeoutError):
+        return f"no answer in {PATIENCE:g} s"
+    if isinstance(exc, OSError):
+        return exc.strerror or str(exc) or type(exc).__name__
+    return getattr(exc, "reason", "") or str(exc) or type(exc).__name__

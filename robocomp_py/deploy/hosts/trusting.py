@@ -1,0 +1,74 @@
+"""Which keys hosts have: what the user's SSH knows, and what `rcdeploy trust` was told.
+
+    $XDG_CONFIG_HOME/robocomp/known_hosts    ours, as OpenSSH writes such files; 0600
+    ~/.ssh/known_hosts                       the user's
+
+A host that is in ours is what it is there: an older key of it in the user's counts no more.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import asyncssh
+
+from ...errors import DeploymentError
+
+
+@dataclass(frozen=True)
+class Presented:
+    """The key of a host, as it has shown it."""
+
+    host: str
+    port: int
+    key: str
+    """Algorithm and key, as files have them."""
+    fingerprint: str
+    known: tuple[str, ...] = ()
+    """Fingerprints of the keys that we know it by."""
+
+
+def own_file() -> Path:
+    base = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
+    return Path(base, "robocomp", "known_hosts")
+
+
+def user_file() -> Path:
+    return Path.home() / ".ssh" / "known_hosts"
+
+
+def known_keys(host: str, address: str, port: int | None) -> asyncssh.known_hosts._KnownHostsResult:
+    """What asyncssh asks: keys, authorities and what is revoked, of a host."""
+    for path in (own_file(), user_file()):
+        found = _read(path).match(host, address, port if port != asyncssh.DEFAULT_PORT else None)
+        if any(found):
+            return found
+    return asyncssh.import_known_hosts("").match(host, address, port)
+
+
+def remember(presented: Presented) -> Path:
+    """Have a host known by this key and no other; the file it is written to. Raises DeploymentError."""
+    path = own_file()
+    name = presented.host if presented.port == asyncssh.DEFAULT_PORT else f"[{presented.host}]:{presented.port}"
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+        kept = [line for line in lines if line.split(" ", 1)[0] != name]
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        draft = path.with_suffix(".draft")
+        draft.touch(mode=0o600)
+        draft.write_text("".join(f"{line}\n" for line in (*kept, f"{name} {presented.key}")), encoding="utf-8")
+        draft.replace(path)
+    except (OSError, UnicodeError) as exc:
+        raise DeploymentError(f"{path} cannot be written: {exc}") from exc
+    return path
+
+
+def _read(path: Path) -> asyncssh.SSHKnownHosts:
+    try:
+        return asyncssh.import_known_hosts(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return asyncssh.import_known_hosts("")
+    except (OSError, ValueError) as exc:
+        raise DeploymentError(f"{path} cannot be read: {exc}") from exc

@@ -1,0 +1,526 @@
+"""Keys, certificates and permissions of a network: who takes part in it, and who may talk to whom, from its graph.
+
+    KEYS/                         0700, as all folders; files 0600
+      ca/                         the authority of this deployment; its key never leaves this folder
+        ca.pem  ca.key
+      PROCESS/                    for each process, called as in the network, `left.arm` for `left/arm`; all it gets
+        identity.json             its name, and a number that no other process of the network has
+        ca.pem  certificate.pem  key.pem
+        curve.key  curve.key_secret
+        admitted/CLIENT.key       public keys of those who use it, with the channels that they use
+        peers/PROVIDER.key        those of the instances that it uses, likewise
+      router@HOST/                for each host with a Zenoh router (`router@` on the machine that launches)
+        ca.pem  certificate.pem  key.pem
+
+A process has one identity, since its instances share what they open. Made again is what is missing, has expired or soon
+will; the permissions always follow the graph, and what is no part of it any more is removed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import datetime
+import hashlib
+import json
+import os
+import re
+import shutil
+import stat
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..contract.interface import Verb
+from ..errors import DeploymentError
+from . import certificates
+from .certificates import Certificate, Issued
+
+if TYPE_CHECKING:
+    from .plan import Plan
+
+DAYS = 365.0
+"""For which certificates are valid, unless told otherwise."""
+
+SOON = datetime.timedelta(days=30)
+"""Before the end: from then on certificates are made again; those with a shorter life, in its last third."""
+
+_ROUTER = "router@"
+_NUMBERS = 0x10000
+
+
+@dataclass(frozen=True)
+class Principal:
+    """A process, as those who check keys know it."""
+
+    name: str
+    instances: tuple[str, ...]
+    host: str
+    channels: tuple[str, ...] = ()
+    """What the channels begin with that it provides."""
+
+    @property
+    def folder(self) -> str:
+        return _file_name(self.name)
+
+
+@dataclass(frozen=True)
+class Edge:
+    """What one process may use of another one."""
+
+    client: str
+    provider: str
+    instance: str
+    """Of the provider."""
+    channel: str
+    verb: Verb
+    """Of the client."""
+
+
+@dataclass(frozen=True)
+class Graph:
+    """Who takes part, and who uses what of whom."""
+
+    name: str
+    principals: tuple[Principal, ...]
+    edges: tuple[Edge, ...]
+    routers: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    """By host with a Zenoh router, the addresses at which it is reached."""
+
+    def uses(self, client: str) -> tuple[Edge, ...]:
+        return tuple(edge for edge in self.edges if edge.client == client)
+
+    def used_by(self, provider: str) -> tuple[Edge, ...]:
+        return tuple(edge for edge in self.edges if edge.provider == provider)
+
+
+@dataclass(frozen=True)
+class Made:
+    """Something that was made, or is there: what, whether it is new, and until when it holds (None: for ever)."""
+
+    what: str
+    is_new: bool
+    expires: datetime.datetime | None
+
+
+def graph_of(plan: Plan) -> Graph:
+    """Who may talk to whom: what the processes of a network are wired to, and nothing else."""
+    process_of = {instance: process.name for process in plan.processes for instance in process.instances}
+    edges = dict.fromkeys(
+        Edge(process_of[way.client], process_of[way.provider], way.provider, way.channel, way.verb)
+        for way in plan.ways
+        if process_of.get(way.client, "") != process_of.get(way.provider, "")
+    )
+    prefixes: dict[str, dict[str, None]] = {}
+    for way in plan.ways:
+        prefixes.setdefault(process_of[way.provider], {})[way.channel.rpartition("/")[0].rpartition("/")[0]] = None
+    principals = tuple(
+        Principal(each.name, each.instances, each.host, tuple(prefixes.get(each.name, ()))) for each in plan.processes
+    )
+    return Graph(plan.name, principals, tuple(edges), {host: _tls_hosts(o) for host, o in plan.routers.items()})
+
+
+def make_keys(
+    plan: Plan, folder: Path, now: datetime.datetime, *, days: float = DAYS, renew: bool = False
+) -> tuple[Made, ...]:
+    """Make what is missing, has expired or soon will; all of it with `renew`, but for the authority.
+
+    Raises DeploymentError.
+    """
+    graph = graph_of(plan)
+    try:
+        return tuple(_Maker(graph, folder, now, days, renew).make())
+    except OSError as exc:
+        raise DeploymentError(f"keys: {exc.filename or folder}: {exc.strerror}") from exc
+
+
+def troubles(plan: Plan, folder: Path, now: datetime.datetime) -> tuple[list[str], list[str]]:
+    """Why a network cannot be started with the keys in a folder, and what is to be told all the same."""
+    graph = graph_of(plan)
+    errors: list[str] = []
+    warnings: list[str] = []
+    again = f"run: rcdeploy keys NET.ddsl -o {folder}"
+    if not folder.is_dir():
+        return [f"there are no keys in {folder}; {again}"], []
+    if stat.S_IMODE(folder.stat().st_mode) & 0o077:
+        errors.append(f"{folder} is open to other users; chmod 700 {folder}")
+    owners = [(each.folder, each.name) for each in graph.principals]
+    owners += [(_router_folder(host), _router_folder(host)) for host in graph.routers]
+    for name, what in owners:
+        found = _certificate(folder / name / "certificate.pem")
+        if found is None:
+            errors.append(f"there is no certificate of `{what}` in {folder / name}; {again}")
+        elif found.expires <= now:
+            errors.append(f"the certificate of `{what}` expired on {_date(found.expires)}; {again} --renew")
+        elif found.expires - now <= _soon(found):
+            warnings.append(f"the certificate of `{what}` expires on {_date(found.expires)}; {again} --renew")
+    if not errors and not _is_current(graph, folder):
+        errors.append(f"the keys in {folder} are those of an older version of the network; {again}")
+    return errors, warnings
+
+
+def folder_of(folder: Path, process: str) -> Path:
+    """All that a process gets: its `keys`."""
+    return folder / _file_name(process)
+
+
+def router_folder(folder: Path, host: str) -> Path:
+    """All that the Zenoh router of a host gets."""
+    return folder / _router_folder(host)
+
+
+def files_of(plan: Plan, host: str, folder: Path) -> tuple[Path, ...]:
+    """The folders that a host gets: those of its processes, and that of its router. Never the authority's key."""
+    found = [folder_of(folder, each.name) for each in plan.processes if each.host == host]
+    return (*found, *([router_folder(folder, host)] if host in plan.routers else []))
+
+
+def router_settings(plan: Plan, host: str, folder: Path, there: str = "") -> dict[str, Any]:
+    """What Zenoh's router on a host needs: its keys, and who may do what there.
+
+    `there` is what its folder of keys is called on that host, if not as here.
+    """
+    own = there or str(router_folder(folder, host))
+    graph = graph_of(plan)
+    numbers = {each.name: _identity(folder / each.folder)["number"] for each in graph.principals}
+    tls = {
+        "root_ca_certificate": f"{own}/ca.pem",
+        "listen_certificate": f"{own}/certificate.pem",
+        "listen_private_key": f"{own}/key.pem",
+        "connect_certificate": f"{own}/certificate.pem",
+        "connect_private_key": f"{own}/key.pem",
+        "enable_mtls": True,
+        "verify_name_on_connect": True,
+        "close_link_on_expiration": True,
+    }
+    return {
+        **{f"transport/link/tls/{key}": value for key, value in tls.items()},
+        "transport/link/protocols": ["tls"],
+        "access_control": access_control(graph, host, numbers),
+    }
+
+
+def access_control(graph: Graph, host: str, numbers: Mapping[str, int]) -> dict[str, Any]:
+    """Zenoh's rules for the router of a host: each may do what its edges need, and nothing else.
+
+    Its own processes are known by their certificates; those of another host come through that host's router, and may
+    do there what they may do here.
+    """
+    rules, policies, subjects = [], [], []
+    named = {each.name: each for each in graph.principals}
+    speakers = {each.name: (each.name,) for each in graph.principals if each.host == host}
+    for other in graph.routers:
+        if other != host:
+            speakers[_router_folder(other)] = tuple(each.name for each in graph.principals if each.host == other)
+    for number, (speaker, members) in enumerate(speakers.items()):
+        keys: dict[str, set[str]] = {}
+        for member in members:
+            for act, key in _needs(graph, named[member], numbers):
+                keys.setdefault(key, set()).add(act)
+        by_acts: dict[tuple[str, ...], list[str]] = {}
+        for key, acts in keys.items():
+            by_acts.setdefault(tuple(sorted(acts)), []).append(key)
+        ids = []
+        for index, (messages, expressions) in enumerate(sorted(by_acts.items())):
+            ids.append(f"{number}-{index}")
+            rules.append(_rule(ids[-1], messages, "ingress", sorted(expressions)))
+        if ids:
+            subjects.append({"id": str(number), "cert_common_names": [_common_name(speaker)]})
+            policies.append({"rules": ids, "subjects": [str(number)]})
+    rules.append(_rule("out", _ALL, "egress", ["**"]))
+    known = [_common_name(speaker) for speaker in speakers]
+    if known:
+        subjects.append({"id": "known", "cert_common_names": known})
+        policies.append({"rules": ["out"], "subjects": ["known"]})
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": subjects,
+        "policies": policies,
+    }
+
+
+_ALL = (
+    "declare_liveliness_subscriber",
+    "declare_queryable",
+    "declare_subscriber",
+    "delete",
+    "liveliness_query",
+    "liveliness_token",
+    "put",
+    "query",
+    "reply",
+)
+_WATCH = "declare_liveliness_subscriber", "liveliness_query"
+_HEAR, _ANSWER, _SEND, _ASK = ("declare_subscriber",), ("declare_queryable", "reply"), ("put",), ("query",)
+_BE_SEEN = ("liveliness_token",)
+_PROVIDING, _USING = ("serves", "receives", "publishes"), ("calls", "commands", "subscribes")
+"""The roles in liveliness tokens."""
+
+
+def _needs(graph: Graph, principal: Principal, numbers: Mapping[str, int]) -> Iterator[tuple[str, str]]:
+    """What a process does on Zenoh, and where. See docs/protocol-zenoh.md for the keys."""
+
+    def on(acts: Iterable[str], *keys: str) -> Iterator[tuple[str, str]]:
+        return ((act, key) for act in acts for key in keys)
+
+    mine, own = _links_of(numbers[principal.name]), principal.channels
+    yield from on(_WATCH, "rc_lv/*/**")
+    yield from on(_HEAR, f"rc_ack/*/{mine}/*", f"rc_to/*/{mine}/*")
+    yield from on(_ANSWER, f"rc_ask/*/{mine}/*/*")
+    for prefix in own:  # what it provides, it provides under its own name
+        yield from on((*_HEAR, *_ANSWER, *_SEND), f"rc/*/{prefix}/**")
+        yield from on(_BE_SEEN, *(f"rc_lv/*/{role}/*/*/*/{mine}/{prefix}/**" for role in _PROVIDING))
+    for edge in graph.uses(principal.name):
+        theirs = _links_of(numbers[edge.provider])
+        yield from on(_ASK, f"rc_ask/*/{theirs}/*/*")
+        for channel in (edge.channel, _any_instance(edge.channel, ".")):
+            yield from on(_BE_SEEN, *(f"rc_lv/*/{role}/*/*/*/{mine}/{channel}" for role in _USING))
+        if edge.verb is Verb.SUBSCRIBES:
+            yield from on(_HEAR, f"rc/*/{edge.channel}", f"rc/*/{_any_instance(edge.channel, '*')}")
+            yield from on(_SEND, f"rc_ack/*/{theirs}/*")
+        else:
+            yield from on((*_ASK, *_SEND), f"rc/*/{edge.channel}")
+            yield from on(_SEND, f"rc_to/*/{theirs}/*")
+    for edge in graph.used_by(principal.name):
+        theirs = _links_of(numbers[edge.client])
+        yield from on(_ASK, f"rc_ask/*/{theirs}/*/*")
+        yield from on(_SEND, f"rc_to/*/{theirs}/*", f"rc_ack/*/{theirs}/*")
+
+
+def _links_of(number: int) -> str:
+    """The links of a process, in a key: their ids begin with its number."""
+    return f"{number:04x}$*"
+
+
+def _any_instance(channel: str, word: str) -> str:
+    """What those look for who are to reach all instances."""
+    *namespace, _, interface, operation = channel.split("/")
+    return "/".join((*namespace, word, interface, operation))
+
+
+def _rule(name: str, messages: Sequence[str], flow: str, keys: Sequence[str]) -> dict[str, Any]:
+    return {"id": name, "permission": "allow", "flows": [flow], "messages": list(messages), "key_exprs": list(keys)}
+
+
+class _Maker:
+    def __init__(self, graph: Graph, folder: Path, now: datetime.datetime, days: float, renew: bool) -> None:
+        self._graph, self._folder, self._now, self._days, self._renew = graph, folder, now, days, renew
+
+    def make(self) -> Iterator[Made]:
+        _folder(self._folder)
+        self._check_names()
+        authority, made = self._authority()
+        yield made
+        taken = {number for number in self._numbers().values() if number is not None}
+        for principal in self._graph.principals:
+            yield from self._principal(principal, authority, taken)
+        for host, addresses in self._graph.routers.items():
+            yield self._certificate(_router_folder(host), _router_folder(host), authority, addresses)
+        self._permissions()
+        yield from self._remove_others()
+
+    def _check_names(self) -> None:
+        names = [each.folder for each in self._graph.principals]
+        clash = next((name for name in names if names.count(name) > 1 or name == "ca"), None)
+        if clash:
+            raise DeploymentError(f"keys: `{clash}` is no name for a process with keys of its own; call it otherwise")
+
+    def _authority(self) -> tuple[Issued, Made]:
+        folder = self._folder / "ca"
+        found = _certificate(folder / "ca.pem")
+        if found and (folder / "ca.key").is_file() and found.expires - self._now > SOON:
+            issued = Issued((folder / "ca.pem").read_bytes(), (folder / "ca.key").read_bytes())
+            return issued, Made("the authority", False, found.expires)
+        _folder(folder)
+        issued = certificates.make_authority(self._graph.name, self._now)
+        _write(folder / "ca.key", issued.key)
+        _write(folder / "ca.pem", issued.certificate)
+        return issued, Made("the authority", True, certificates.read(issued.certificate).expires)
+
+    def _numbers(self) -> dict[str, int | None]:
+        return {each.name: _identity(self._folder / each.folder).get("number") for each in self._graph.principals}
+
+    def _principal(self, principal: Principal, authority: Issued, taken: set[int]) -> Iterator[Made]:
+        folder = _folder(self._folder / principal.folder)
+        identity = _identity(folder)
+        if identity.get("name") != principal.name:
+            number = next(each for each in _candidates(principal.name) if each not in taken)
+            taken.add(number)
+            _write(folder / "identity.json", json.dumps({"name": principal.name, "number": number}).encode() + b"\n")
+        yield self._certificate(principal.folder, principal.name, authority, ())
+        yield self._curve(folder, principal.name)
+
+    def _certificate(self, folder_name: str, name: str, authority: Issued, addresses: Collection[str]) -> Made:
+        folder = _folder(self._folder / folder_name)
+        what, serves = f"certificate of {name}", bool(addresses)
+        pem, found = folder / "certificate.pem", _certificate(folder / "certificate.pem")
+        if (
+            found
+            and not self._renew
+            and (folder / "key.pem").is_file()
+            and found.name == _common_name(name)
+            and found.addresses == frozenset(addresses)
+            and found.expires - self._now > _soon(found)
+            and certificates.is_signed_by(pem.read_bytes(), authority.certificate)
+        ):
+            return Made(what, False, found.expires)
+        issued = certificates.issue(authority, _common_name(name), addresses, self._now, self._days, serves=serves)
+        _write(folder / "key.pem", issued.key)
+        _write(pem, issued.certificate)
+        _write(folder / "ca.pem", authority.certificate)
+        return Made(what, True, certificates.read(issued.certificate).expires)
+
+    def _curve(self, folder: Path, name: str) -> Made:
+        import zmq
+
+        what, secret = f"CURVE keys of {name}", folder / "curve.key_secret"
+        if secret.is_file() and (folder / "curve.key").is_file() and not self._renew:
+            return Made(what, False, None)
+        public, private = zmq.curve_keypair()
+        _write(secret, _curve_file(name, public, private))
+        _write(folder / "curve.key", _curve_file(name, public))
+        return Made(what, True, None)
+
+    def _permissions(self) -> None:
+        for name, files in permissions(self._graph, self._public_keys()).items():
+            folder = _folder(self._folder / name)
+            there = {path.name for path in folder.iterdir()}
+            for file, text in files.items():
+                if file not in there or (folder / file).read_bytes() != text:
+                    _write(folder / file, text)
+            for file in there - files.keys():
+                (folder / file).unlink()
+
+    def _public_keys(self) -> dict[str, bytes]:
+        return {each.name: _public_key(self._folder / each.folder) for each in self._graph.principals}
+
+    def _remove_others(self) -> Iterator[Made]:
+        """What belonged to processes that are no part of the network any more."""
+        wanted = {"ca", *(each.folder for each in self._graph.principals), *map(_router_folder, self._graph.routers)}
+        for folder in sorted(self._folder.iterdir()):
+            is_ours = (folder / "certificate.pem").is_file() and (folder / "key.pem").is_file()
+            if folder.name not in wanted and folder.is_dir() and not folder.is_symlink() and is_ours:
+                shutil.rmtree(folder)
+                yield Made(f"{folder.name} removed: it is no part of the network any more", True, None)
+
+
+def permissions(graph: Graph, public_keys: Mapping[str, bytes]) -> dict[str, dict[str, bytes]]:
+    """The files that say whom each process admits, and to whom it connects, by folder."""
+    found: dict[str, dict[str, bytes]] = {}
+    for principal in graph.principals:
+        clients: dict[str, set[str]] = {}
+        providers: dict[tuple[str, str], set[str]] = {}
+        for edge in graph.used_by(principal.name):
+            clients.setdefault(edge.client, set()).add(edge.channel)
+        for edge in graph.uses(principal.name):
+            providers.setdefault((edge.instance, edge.provider), set()).add(edge.channel)
+        found[f"{principal.folder}/admitted"] = {
+            f"{_file_name(name)}.key": _curve_file(name, public_keys[name], channels=channels)
+            for name, channels in clients.items()
+        }
+        found[f"{principal.folder}/peers"] = {
+            f"{_file_name(instance)}.key": _curve_file(instance, public_keys[name], channels=channels)
+            for (instance, name), channels in providers.items()
+        }
+    return found
+
+
+def _is_current(graph: Graph, folder: Path) -> bool:
+    """Whether the permissions are those of this graph."""
+    keys = {each.name: _public_key(folder / each.folder) for each in graph.principals}
+    for name, files in permissions(graph, keys).items():
+        try:
+            there = {path.name: path.read_bytes() for path in (folder / name).iterdir()}
+        except OSError:
+            return False
+        if there != files:
+            return False
+    return True
+
+
+# Files.
+
+
+def _file_name(name: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_-]", ".", name)
+
+
+def _router_folder(host: str) -> str:
+    return _ROUTER + re.sub(r"[^A-Za-z0-9_-]", ".", host)
+
+
+def _common_name(name: str) -> str:
+    """What certificates call somebody: they have room for 64 octets."""
+    if len(name.encode()) <= certificates.LONGEST_NAME:
+        return name
+    return f"{name[:40]}-{hashlib.sha256(name.encode()).hexdigest()[:16]}"
+
+
+def _candidates(name: str) -> Iterator[int]:
+    """Numbers for a process: the same ones for the same name, as long as they are free."""
+    first = int.from_bytes(hashlib.sha256(name.encode()).digest()[:2], "big")
+    return ((first + step) % _NUMBERS for step in range(_NUMBERS))
+
+
+def _folder(path: Path) -> Path:
+    path.mkdir(mode=0o700, parents=True, exist_ok=True)
+    path.chmod(0o700)
+    return path
+
+
+def _write(path: Path, data: bytes) -> None:
+    """As a whole, and never readable for others, not even for a moment."""
+    draft = path.with_name(f".{path.name}.draft")
+    with contextlib.suppress(FileNotFoundError):
+        draft.unlink()
+    with os.fdopen(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+        file.write(data)
+    draft.replace(path)
+
+
+def _identity(folder: Path) -> dict[str, Any]:
+    try:
+        told = json.loads((folder / "identity.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return told if isinstance(told, dict) and type(told.get("number")) is int else {}
+
+
+def _certificate(path: Path) -> Certificate | None:
+    try:
+        return certificates.read(path.read_bytes())
+    except (OSError, ValueError):
+        return None
+
+
+def _curve_file(name: str, public: bytes, secret: bytes = b"", channels: Collection[str] | None = None) -> bytes:
+    """In the form of `zmq.auth`."""
+    lines = [f"# {'Secret: for its owner alone.' if secret else 'Public key'} of {name}", "metadata"]
+    lines += [f'    channels = "{" ".join(sorted(channels))}"'] if channels is not None else []
+    lines += ["curve", f'    public-key = "{public.decode()}"']
+    lines += [f'    secret-key = "{secret.decode()}"'] if secret else []
+    return "\n".join([*lines, ""]).encode()
+
+
+def _public_key(folder: Path) -> bytes:
+    from ..transports.zeromq.curve import read_public
+
+    return read_public(folder / "curve.key")[0]
+
+
+def _tls_hosts(options: Mapping[str, Any]) -> frozenset[str]:
+    """The addresses at which a router listens."""
+    router = options.get("router", {})
+    listening = [*router.get("listen/endpoints", ()), str(options.get("connect", ""))]
+    found = [re.fullmatch(r"tls/\[?([^\]]*?)\]?:\d+.*", each) for each in listening]
+    return frozenset(each[1] for each in found if each) | {"127.0.0.1"}
+
+
+def _soon(found: Certificate) -> datetime.timedelta:
+    return min(SOON, (found.expires - found.begins) / 3)
+
+
+def _date(when: datetime.datetime) -> str:
+    return f"{when:%Y-%m-%d}"

@@ -1,0 +1,75 @@
+"""What one host is asked to do, one start after the other.
+
+A start may take its time, over a network say. Who is to stop before its turn has come is not started at all.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+from collections import deque
+from collections.abc import Callable
+
+from ..errors import DeploymentError
+from .agents import Agent, Listener
+from .process import Process
+
+CANNOT_BE_STARTED = 127
+"""The exit code of a process of which there was none, as in shells."""
+
+
+class Lane:
+    """`run` does what the others ask for."""
+
+    def __init__(self, agent: Agent, listener: Listener) -> None:
+        self.agent, self._listener = agent, listener
+        self._starts: deque[Process] = deque()
+        self._news = asyncio.Event()
+        self._starting = ""
+        self._afterwards: list[Callable[[str], None]] = []
+
+    def start(self, process: Process) -> None:
+        self._starts.append(process)
+        self._news.set()
+
+    def stop(self, name: str) -> None:
+        self._end(name, self.agent.stop)
+
+    def kill(self, name: str) -> None:
+        self._end(name, self.agent.kill)
+
+    def forget(self) -> None:
+        """Start nothing of what waits for it: the host is out of reach."""
+        self._starts.clear()
+
+    async def run(self) -> None:
+        """For ever, until cancelled."""
+        while True:
+            await self._news.wait()
+            self._news.clear()
+            while self._starts:
+                await self._start(self._starts.popleft())
+
+    async def _start(self, process: Process) -> None:
+        self._starting = process.name
+        try:
+            await self.agent.start(process)
+        except DeploymentError as exc:
+            self._listener.output(process.name, str(exc))
+            self._listener.exited(process.name, CANNOT_BE_STARTED)
+        else:
+            for deed in self._afterwards:
+                deed(process.name)
+        finally:
+            self._starting = ""
+            self._afterwards.clear()
+
+    def _end(self, name: str, deed: Callable[[str], None]) -> None:
+        waiting = next((each for each in self._starts if each.name == name), None)
+        if waiting:
+            self._starts.remove(waiting)
+            self._listener.exited(name, -signal.SIGTERM)
+        elif name == self._starting:
+            self._afterwards.append(deed)
+        else:
+            deed(name)

@@ -1,0 +1,79 @@
+"""What a new process does to itself before it becomes its program. Standard library only, and ready before a fork."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import fcntl
+import os
+import resource
+import signal
+import sys
+from dataclasses import dataclass
+
+from . import cgroups
+
+_PR_SET_PDEATHSIG = 1
+_PR_SET_CHILD_SUBREAPER = 36
+_F_SETSIG = 10
+
+PADDING = "-" * 4096
+"""An argument of the zygote: room for the command line that a component shows."""
+
+_prctl = ctypes.PyDLL(None).prctl if sys.platform.startswith("linux") else lambda *arguments: -1
+
+
+@dataclass(frozen=True, slots=True)
+class Birth:
+    """How a process is to live. `parent` is who is to outlive it."""
+
+    parent: int
+    lifeline: int
+    """A pipe's end, opened for this process alone, of which nobody holds the other once launcher and keeper are gone;
+    -1 for none."""
+    cgroup: str = ""
+    files: tuple[int, int] | None = None
+    """The limits of open files as they were before the launcher raised its own."""
+
+    def prepare(self) -> None:
+        """In the new process: a session, a group, and an end with those who launched it."""
+        os.setsid()
+        _prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
+        if os.getppid() != self.parent:  # it has ended already
+            os._exit(1)
+        if self.lifeline >= 0:
+            self._die_with_lifeline()
+        if self.cgroup:
+            with contextlib.suppress(OSError):  # it was removed by somebody; session and mark tell, too
+                cgroups.enter(self.cgroup)
+        if self.files:
+            with contextlib.suppress(ValueError, OSError):
+                resource.setrlimit(resource.RLIMIT_NOFILE, self.files)
+
+    def _die_with_lifeline(self) -> None:
+        """Have the kernel end our group when the last of the other ends is closed.
+
+        Nothing is written there, so all that can happen to the pipe is that; and no code of ours has to run.
+        """
+        with contextlib.suppress(OSError):
+            os.set_inheritable(self.lifeline, True)
+            fcntl.fcntl(self.lifeline, fcntl.F_SETOWN, -os.getpid())
+            fcntl.fcntl(self.lifeline, _F_SETSIG, signal.SIGKILL)
+            fcntl.fcntl(self.lifeline, fcntl.F_SETFL, fcntl.fcntl(self.lifeline, fcntl.F_GETFL) | os.O_ASYNC)
+
+
+def lifeline_of_its_own(shared: int) -> int:
+    """Open a pipe's end once more: whom the kernel ends is said of the open file, not of its number."""
+    try:
+        return os.open(f"/proc/self/fd/{shared}", os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError:  # no /proc
+        return -1
+
+
+def adopt_orphans(on: bool) -> None:
+    """Whether those whose parents end become children of this process, rather than of the first one."""
+    _prctl(_PR_SET_CHILD_SUBREAPER, int(on), 0, 0, 0)
+
+
+def is_linux() -> bool:
+    return sys.platform.startswith("linux")

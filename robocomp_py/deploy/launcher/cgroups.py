@@ -1,0 +1,118 @@
+"""Control groups (version 2): who is in one cannot leave it, so with it all that a process started can be ended.
+
+Where there are none, or none that we may make, everything goes on without. Standard library only.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import time
+from pathlib import Path
+
+
+def make(name: str) -> Path | None:
+    """A group of our own, below the one that this process is in; None if there can be none."""
+    own = _own()
+    if own is None:
+        return None
+    group = own / name
+    try:
+        group.mkdir()
+    except OSError:
+        return None
+    if _can_kill(own, group):
+        return group
+    remove(group)
+    return None
+
+
+def child(group: Path, name: str) -> Path | None:
+    """A group inside of one for a process; None if it cannot be made."""
+    made = group / name
+    try:
+        made.mkdir(exist_ok=True)
+    except OSError:
+        return None
+    return made
+
+
+def enter(group: str) -> None:
+    """Have the calling process be in it, and all that it starts from now on. Raises OSError."""
+    with open(f"{group}/cgroup.procs", "w") as members:
+        members.write("0")
+
+
+def populated(group: Path) -> bool:
+    """Whether somebody lives in it or below it."""
+    try:
+        return "populated 1" in (group / "cgroup.events").read_text()
+    except OSError:
+        return False
+
+
+def kill(group: Path) -> None:
+    """End all that is in it and below it, at once."""
+    with contextlib.suppress(OSError):
+        (group / "cgroup.kill").write_text("1")
+
+
+def members(group: Path) -> list[int]:
+    """Who is in it, and below it."""
+    found: list[int] = []
+    for file in (group / "cgroup.procs", *group.glob("*/**/cgroup.procs")):
+        with contextlib.suppress(OSError, ValueError):
+            found += map(int, file.read_text().split())
+    return found
+
+
+def remove(group: Path) -> bool:
+    """Remove it with those below it, if nobody lives there any more. Whether it is gone."""
+    with contextlib.suppress(OSError):
+        for inner in sorted(group.glob("**/"), key=lambda each: len(each.parts), reverse=True):
+            if inner != group:
+                inner.rmdir()
+    with contextlib.suppress(OSError):
+        group.rmdir()
+    return not group.exists()
+
+
+def end(group: Path, within: float = 2.0) -> bool:
+    """Kill what is in it and remove it; blocks for so many seconds at most. Whether it is gone."""
+    give_up = time.monotonic() + within
+    kill(group)
+    while not remove(group) and time.monotonic() < give_up:
+        time.sleep(0.01)
+    return not group.exists()
+
+
+def _own() -> Path | None:
+    try:
+        mounts = Path("/proc/self/mountinfo").read_text()
+        groups = Path("/proc/self/cgroup").read_text()
+    except OSError:
+        return None
+    return where(mounts, groups)
+
+
+def where(mountinfo: str, groups: str) -> Path | None:
+    """The folder of the group that a process is in, from what /proc says of it."""
+    inside = next((line.removeprefix("0::") for line in groups.splitlines() if line.startswith("0::")), None)
+    for line in mountinfo.splitlines():
+        before, _, after = line.partition(" - ")
+        if inside is not None and after.split(" ")[:1] == ["cgroup2"]:
+            root, point = (_unescaped(word) for word in before.split(" ")[3:5])
+            if root == "/" or inside == root or inside.startswith(f"{root}/"):
+                below = inside if root == "/" else inside.removeprefix(root)
+                return Path(point + below) if below != "/" else Path(point)
+    return None
+
+
+def _unescaped(word: str) -> str:
+    return re.sub(r"\\([0-7]{3})", lambda found: chr(int(found[1], 8)), word)
+
+
+def _can_kill(own: Path, group: Path) -> bool:
+    """Whether processes can be moved from one into the other, and the kernel can end it whole."""
+    return (group / "cgroup.kill").exists() and all(os.access(each / "cgroup.procs", os.W_OK) for each in (own, group))

@@ -1,0 +1,135 @@
+"""Asks the zygote for processes, from the event loop."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from ...errors import DeploymentError
+from ..process import Process
+from .birth import PADDING, Birth
+
+_COMMAND = (sys.executable, "-m", "robocomp_py.cli.rc")
+
+_EARLY = ("PYTHON", "LD_", "OMP_", "OPENBLAS_", "MKL_", "BLIS_", "NUMEXPR_", "MALLOC_", "GLIBC_", "NPY_")
+"""How variables begin that are read before our code runs, or when what is imported already was."""
+
+_ANSWER = 30.0
+"""Seconds within which the zygote answers, its own start included."""
+
+
+class Unavailable(DeploymentError):
+    """There is no zygote, or it does not answer, or not with a process."""
+
+
+def forkable(process: Process) -> bool:
+    """Whether a process is one of our components, under this interpreter and with an environment that is read late."""
+    return process.command[: len(_COMMAND) + 1] == (*_COMMAND, "run") and not any(
+        name.startswith(_EARLY) for name in process.env
+    )
+
+
+class Zygote:
+    """The process that imports once. Its end is no matter to those it has started."""
+
+    def __init__(self, middlewares: Iterable[str], lifeline: int, environment: Mapping[str, str]) -> None:
+        """Raises OSError if it cannot be started."""
+        self._channel, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._channel.setblocking(False)
+        with theirs:
+            numbers = (str(theirs.fileno()), str(lifeline))
+            self._running = subprocess.Popen(
+                (sys.executable, "-P", "-m", "robocomp_py.deploy.launcher.zygote", *numbers, *middlewares, PADDING),
+                stdin=subprocess.DEVNULL,
+                env=environment,
+                pass_fds=(theirs.fileno(), lifeline),
+                start_new_session=True,
+            )
+        self._asked: dict[int, asyncio.Future[int]] = {}
+        self._number = 0
+        self.ended = False
+        asyncio.get_running_loop().add_reader(self._channel, self._answered)
+
+    @property
+    def pid(self) -> int:
+        return self._running.pid
+
+    async def start(self, process: Process, environment: Mapping[str, str], output: int, birth: Birth) -> int:
+        """The id of the new process, which is a child of ours. Raises Unavailable."""
+        if self.ended:
+            raise Unavailable("the process that starts components quickly has ended")
+        self._number += 1
+        number = self._number
+        request = {
+            "id": number,
+            "name": process.name,
+            "arguments": process.command[len(_COMMAND) :],
+            "cwd": str(process.cwd),
+            "env": dict(environment),
+            "parent": birth.parent,
+            "cgroup": birth.cgroup,
+            "files": birth.files,
+        }
+        answer = asyncio.get_running_loop().create_future()
+        self._asked[number] = answer
+        try:
+            await self._send(json.dumps(request).encode(), output)
+            return await asyncio.wait_for(answer, _ANSWER)
+        except TimeoutError as exc:
+            self.close()  # a late answer would be a process nobody knows
+            raise Unavailable(f"the process that starts components quickly does not answer for {_ANSWER:g} s") from exc
+        except OSError as exc:
+            raise Unavailable(f"the process that starts components quickly: {exc.strerror}") from exc
+        finally:
+            self._asked.pop(number, None)
+
+    def close(self) -> None:
+        """End it; it is waited for. May be called twice."""
+        if not self.ended:
+            self.ended = True
+            asyncio.get_running_loop().remove_reader(self._channel)
+            self._channel.close()
+            self._running.kill()
+        if self._running.returncode is None:
+            self._running.wait()
+        for answer in self._asked.values():
+            if not answer.done():
+                answer.set_exception(Unavailable("the process that starts components quickly has ended"))
+
+    async def _send(self, request: bytes, output: int) -> None:
+        end = asyncio.get_running_loop().time() + _ANSWER
+        while True:
+            try:
+                socket.send_fds(self._channel, [request], [output])
+                return
+            except BlockingIOError:  # it has so many already
+                if asyncio.get_running_loop().time() > end:
+                    raise TimeoutError from None
+                await asyncio.sleep(0.005)
+
+    def _answered(self) -> None:
+        try:
+            message = self._channel.recv(65536)
+        except BlockingIOError:
+            return
+        except OSError:
+            message = b""
+        if not message:
+            self.close()
+            return
+        told: dict[str, Any] = json.loads(message)
+        answer = self._asked.get(told["id"])
+        if answer is None or answer.done():
+            with contextlib.suppress(OSError, KeyError):
+                os.kill(told["pid"], 9)
+        elif "pid" in told:
+            answer.set_result(told["pid"])
+        else:
+            answer.set_exception(Unavailable(f"it cannot be started quickly: {told['error']}"))

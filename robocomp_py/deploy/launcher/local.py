@@ -1,0 +1,531 @@
+"""The agent of this machine: processes are started, listened to, watched, ended, and never left behind.
+
+What holds each of them, so that one of these may fail:
+
+    a session of its own                 a signal reaches it and its children
+    the death of its parent              the kernel tells it when the launcher ends, however that happens (SIGTERM)
+    a lifeline                           the kernel ends it when launcher and keeper are both gone (SIGKILL)
+    a control group, where there may be  ends all that it started, whatever that did to get away
+    a mark in its environment            finds what it started without such groups
+    the keeper                           ends all of that when the launcher is killed
+    the leftovers, on disk               let the next launch do it, if the keeper was killed as well
+
+Orphans become children of this process, which waits for them. Processes are waited for by a descriptor (pidfd).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+import resource
+import secrets
+import signal
+import subprocess
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ...errors import DeploymentError
+from ..agents import Agent, Listener, Usage
+from ..place import Place, file_name
+from ..process import Process
+from . import birth, cgroups, traces
+from .birth import Birth
+from .forking import Unavailable, Zygote, forkable
+from .keeping import Keeper
+from .leftovers import Record, load
+from .notes import Note
+from .notified import Notified
+from .output import Output
+from .usage import Meter
+from .watchdogs import Watchdogs
+
+log = logging.getLogger("robocomp.deploy")
+
+WATCHDOG = 30.0
+"""Seconds after which a process that fed its watchdog, and does so no more, is taken for stuck; components set theirs
+by `component.watchdog`."""
+
+_DRAIN = 1.0
+"""Seconds for which what a process said before it ended is still read."""
+
+_TRACES = 5.0
+"""Seconds in which a stuck process says where it is."""
+
+_ENDED = 5.0
+"""Seconds within which what was killed is gone."""
+
+_NOT_HANDED_DOWN = ("NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID", "LISTEN_FDS", "LISTEN_PID", "LISTEN_FDNAMES")
+"""Between us and whoever launched us."""
+
+
+@dataclass
+class _Running:
+    process: Process
+    pid: int
+    started: int
+    group: Path | None
+    output: Output
+    notified: Notified
+    main: int
+    """The process that counts: another one, if it says so (MAINPID)."""
+    handles: dict[int, int] = field(default_factory=dict)
+    """Descriptors of the processes we wait for, by id."""
+    ready: bool = False
+    stopping: bool = False
+    access: str = "main"
+    calls: tuple[float, float] = (0.0, 0.0)
+    warned: bool = False
+
+    @property
+    def name(self) -> str:
+        return self.process.name
+
+    def groups(self) -> set[int]:
+        """The process groups that are still its: nobody else has their ids as long as we have not waited for it."""
+        return {self.pid, self.main} & self.handles.keys()
+
+
+class Launcher(Agent):
+    """The agent of this machine, for one network. It has to be used on the main thread: that one's end is the
+    launcher's, to what it started."""
+
+    def __init__(
+        self,
+        listener: Listener,
+        network: str,
+        middlewares: Iterable[str] = (),
+        *,
+        place: Place | None = None,
+        command: str = "",
+    ) -> None:
+        """`middlewares` are imported before processes start, `command` is told to who starts this network again.
+
+        Raises DeploymentError if there can be no run-time folder.
+        """
+        self._listener, self._network, self._middlewares = listener, network, tuple(middlewares)
+        self.place = place or Place(network)
+        self._command = command
+        self._launch = secrets.token_hex(8)
+        self._running: dict[str, _Running] = {}
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._undo = contextlib.AsyncExitStack()
+        self._zygote: Zygote | None = None
+        self._was_told = False
+        self._group: Path | None = None
+        self._lifeline = -1
+        self._files: tuple[int, int] | None = None
+        self._sockets = 0
+        self._meter = Meter()
+        self._strays: dict[str, int] = {}
+        self._search: asyncio.Task[dict[str, list[traces.Trace]]] | None = None
+
+    # Opening and closing.
+
+    async def open(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        try:
+            await self._open()
+        except BaseException:
+            await self.close()
+            raise
+
+    async def _open(self) -> None:
+        self.place.take(self._command)
+        self._undo.callback(self.place.release)
+        await self._sweep()
+        self._raise_limits()
+        birth.adopt_orphans(True)
+        self._undo.callback(birth.adopt_orphans, False)
+        self._lifeline, held = os.pipe()
+        self._undo.callback(os.close, self._lifeline)
+        self._undo.callback(os.close, held)
+        if group := cgroups.make(f"robocomp.{file_name(self._network)}.{self._launch}"):
+            self._group = group
+            self._undo.callback(cgroups.end, group)
+        try:
+            self.place.notify.mkdir(mode=0o700, exist_ok=True)
+            self._record = Record(self.place.leftovers, self._launch, self._group)
+            self._undo.callback(self._record.close)
+            self._keeper = Keeper(self._network, self.place.folder, held, self._record.content)
+        except OSError as exc:
+            raise DeploymentError(f"{self.place.folder}: {exc.strerror}; set ROBOCOMP_RUNTIME_DIR") from exc
+        self._undo.callback(self._keeper.close)
+        self._undo.push_async_callback(self._end_all)
+        self._watchdogs = Watchdogs(self._loop, self._is_hung)
+        self._undo.callback(self._watchdogs.close)
+        tidy = self._loop.create_task(self._tidy(), name="tidy")
+        self._undo.callback(tidy.cancel)
+
+    async def close(self) -> None:
+        await self._undo.aclose()
+
+    async def _sweep(self) -> None:
+        """End what a launch of this network left that was killed together with its keeper."""
+        left = load(self.place.leftovers)
+        if left:
+            ended = await asyncio.to_thread(left.end)
+            if ended:
+                log.warning("%s: %d processes were left by a launch that was killed; ended them", self._network, ended)
+
+    def _raise_limits(self) -> None:
+        """Each process takes some descriptors of ours. Those that we start have the limits we were started with."""
+        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+        if soft != hard:
+            with contextlib.suppress(ValueError, OSError):
+                resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+                self._files = soft, hard
+                self._undo.callback(resource.setrlimit, resource.RLIMIT_NOFILE, (soft, hard))
+
+    async def _end_all(self) -> None:
+        for name in list(self._running):
+            self.kill(name)
+        if self._tasks or self._running:
+            end = self._loop.time() + _ENDED
+            while (self._tasks or self._running) and self._loop.time() < end:
+                await asyncio.sleep(0.01)
+        for task in self._tasks:
+            task.cancel()
+        if self._zygote:
+            self._zygote.close()
+        if self._group:
+            cgroups.kill(self._group)
+        end = self._loop.time() + _ENDED
+        while (found := traces.marked(self._launch)) and self._loop.time() < end:
+            traces.send_all(found, signal.SIGKILL)
+            await asyncio.sleep(0.01)
+            _reap(each.pid for each in found)
+
+    # Starting.
+
+    async def start(self, process: Process) -> None:
+        if process.name in self._running:
+            raise DeploymentError(f"{process.name} runs already")
+        self._sockets += 1
+        path = self.place.notify / str(self._sockets)
+        early: list[tuple[Note, int]] = []
+        try:
+            notified = Notified(path, lambda note, pid: early.append((note, pid)))
+        except OSError as exc:
+            why = exc.strerror or str(exc)
+            raise DeploymentError(f"{process.name}: no socket {path}: {why}; set ROBOCOMP_RUNTIME_DIR") from exc
+        told = {
+            **process.env,
+            "NOTIFY_SOCKET": str(path),
+            "WATCHDOG_USEC": str(round(WATCHDOG * 1e6)),
+            traces.LAUNCH: self._launch,
+            traces.NAME: process.name,
+        }
+        group = cgroups.child(self._group, file_name(process.name)) if self._group else None
+        out, into = os.pipe()
+        output = Output(out, lambda line: self._listener.output(process.name, line))
+        try:
+            pid = await self._begin(process, told, into, group)
+        except BaseException:
+            output.close()
+            notified.close()
+            if group:
+                cgroups.remove(group)
+            raise
+        finally:
+            os.close(into)
+        trace = traces.look(pid)
+        running = _Running(process, pid, trace.started if trace else 0, group, output, notified, pid)
+        self._running[process.name] = running
+        self._record.add(pid, running.started)
+        self._keeper.started(pid, running.started)
+        self._wait_for(running, pid)
+        notified.heed = lambda note, sender: self._heed(running, note, sender)
+        for note, sender in early:
+            self._heed(running, note, sender)
+        if not process.notifies:
+            self._ready(running)
+
+    async def _begin(self, process: Process, told: Mapping[str, str], into: int, group: Path | None) -> int:
+        own = Birth(os.getpid(), -1, str(group or ""), self._files)
+        if forkable(process):
+            try:
+                self._zygote = self._zygote or Zygote(self._middlewares, self._lifeline, self._environment())
+                return await self._zygote.start(process, told, into, own)
+            except (Unavailable, OSError) as exc:
+                if not self._was_told:
+                    self._was_told = True
+                    log.warning("%s; from now on, components are started the slow way", exc)
+        return self._execute(process, told, into, own)
+
+    def _execute(self, process: Process, told: Mapping[str, str], into: int, own: Birth) -> int:
+        lifeline = birth.lifeline_of_its_own(self._lifeline)
+        own = Birth(own.parent, lifeline, own.cgroup, own.files)
+        try:
+            popen = subprocess.Popen(
+                process.command,
+                cwd=process.cwd,
+                env={**self._environment(), **told},
+                stdin=subprocess.DEVNULL,
+                stdout=into,
+                stderr=subprocess.STDOUT,
+                pass_fds=(lifeline,) if lifeline >= 0 else (),
+                preexec_fn=own.prepare,
+            )
+        except (OSError, subprocess.SubprocessError) as exc:
+            what, why = getattr(exc, "filename", ""), getattr(exc, "strerror", "") or str(exc)
+            raise DeploymentError(f"{process.name}: {what or process.command[0]} cannot be started: {why}") from exc
+        finally:
+            if lifeline >= 0:
+                os.close(lifeline)
+        popen.returncode = 0  # we wait for it, not that object
+        return popen.pid
+
+    def _environment(self) -> dict[str, str]:
+        mine = {name: value for name, value in os.environ.items() if name not in _NOT_HANDED_DOWN}
+        return {**mine, "PYTHONUNBUFFERED": "1", traces.LAUNCH: self._launch}
+
+    # Ending.
+
+    def stop(self, name: str) -> None:
+        running = self._running.get(name)
+        if running is None:
+            return
+        running.stopping = True
+        self._watchdogs.forget(name)
+        groups = running.groups()
+        for pid in groups:
+            _send_group(pid, signal.SIGTERM)
+        for pid in cgroups.members(running.group) if running.group else ():
+            with contextlib.suppress(OSError):
+                if os.getpgid(pid) not in groups:
+                    os.kill(pid, signal.SIGTERM)
+        for pid in groups:
+            _send_group(pid, signal.SIGCONT)  # one that is stopped would not hear of it
+
+    def kill(self, name: str) -> None:
+        running = self._running.get(name)
+        if running:
+            running.stopping = True
+            self._watchdogs.forget(name)
+            self._kill(running)
+
+    def _kill(self, running: _Running) -> None:
+        if running.group:
+            cgroups.kill(running.group)
+        for pid in running.groups():
+            _send_group(pid, signal.SIGKILL)
+        for handle in running.handles.values():
+            _send(handle, signal.SIGKILL)
+
+    def _wait_for(self, running: _Running, pid: int) -> None:
+        try:
+            handle = os.pidfd_open(pid)
+        except ProcessLookupError:  # somebody else has waited for it
+            self._conclude_later(running, 0)
+            return
+        running.handles[pid] = handle
+        self._loop.add_reader(handle, self._left, running, pid)
+
+    def _left(self, running: _Running, pid: int, tries: int = 100) -> None:
+        """One of the processes that we wait for has ended."""
+        handle = running.handles.get(pid)
+        if handle is None:
+            return
+        self._loop.remove_reader(handle)
+        if pid == running.main:
+            for group in running.groups():
+                _send_group(group, signal.SIGKILL)  # what it started may outlive it, and hold the pipe
+        code = _code(handle)
+        if code is None and tries and _parent(pid) != os.getpid() and traces.look(pid):  # not yet ours to wait for
+            self._loop.call_later(0.01, self._left, running, pid, tries - 1)
+            return
+        running.notified.read()  # it may have said before that another one counts from now on
+        os.close(running.handles.pop(pid))
+        if pid == running.main:
+            self._conclude_later(running, code or 0)
+
+    def _conclude_later(self, running: _Running, code: int) -> None:
+        task = self._loop.create_task(self._conclude(running, code), name=f"conclude {running.name}")
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _conclude(self, running: _Running, code: int) -> None:
+        """It has ended: end what it started, read what it said, tell."""
+        self._watchdogs.forget(running.name)
+        await (self._clear_group(running.group) if running.group else self._clear_family(running))
+        await running.output.drain(_DRAIN)  # somebody who left its process group may hold the pipe
+        running.notified.read()
+        running.notified.close()
+        for pid, handle in running.handles.items():
+            self._loop.remove_reader(handle)
+            os.close(handle)
+            _reap([pid])
+        running.handles.clear()
+        del self._running[running.name]
+        self._record.remove(running.pid)
+        self._keeper.ended(running.pid)
+        self._listener.exited(running.name, code)
+
+    async def _clear_group(self, group: Path) -> None:
+        end = self._loop.time() + _ENDED
+        ended: list[int] = []
+        while cgroups.populated(group) and self._loop.time() < end:
+            ended = cgroups.members(group) or ended
+            cgroups.kill(group)
+            await asyncio.sleep(0.005)
+        _reap(ended)
+        if not cgroups.remove(group):
+            log.warning("%s cannot be removed", group)
+
+    async def _clear_family(self, running: _Running) -> None:
+        end = self._loop.time() + _ENDED
+        while (found := await self._family(running)) and self._loop.time() < end:
+            traces.send_all(found, signal.SIGKILL)
+            await asyncio.sleep(0.005)
+            _reap(each.pid for each in found)
+
+    async def _family(self, running: _Running) -> list[traces.Trace]:
+        """Who lives of those it started. One look at all processes serves whoever asks at about the same time."""
+        self._strays[running.name] = running.pid
+        if self._search is None:
+            self._search = self._loop.create_task(self._look_around(), name="look around")
+        return (await asyncio.shield(self._search)).get(running.name, [])
+
+    async def _look_around(self) -> dict[str, list[traces.Trace]]:
+        await asyncio.sleep(0.02)
+        asked, self._strays, self._search = self._strays, {}, None
+        return traces.family(asked, self._launch)
+
+    async def _tidy(self) -> None:
+        """Wait for orphans that have ended and that nobody else has waited for in a while."""
+        seen = 0
+        while True:
+            await asyncio.sleep(5.0)
+            known = {pid for running in self._running.values() for pid in running.handles}
+            ended = _ended_child()
+            while ended and ended == seen and ended not in known:
+                _reap([ended])
+                seen = ended = _ended_child()
+            seen = ended
+
+    # Hearing.
+
+    def _heed(self, running: _Running, note: Note, sender: int) -> None:
+        if not self._counts(running, sender):
+            if not running.warned:
+                running.warned = True
+                self._listener.output(
+                    running.name,
+                    f"(what process {sender} says of how this is does not count, as it is not {running.main}, which was "
+                    "started: start it by `exec`, or have that say NOTIFYACCESS=all)",
+                )
+            return
+        if note.main_pid and note.main_pid != running.main and self._is_of(running, note.main_pid):
+            running.main = note.main_pid
+            self._wait_for(running, note.main_pid)
+        running.access = note.access or running.access
+        if note.stopping:
+            self._watchdogs.forget(running.name)
+        elif not running.stopping:
+            self._watch(running, note)
+        if note.status is not None:
+            self._listener.status(running.name, note.status)
+        running.calls = note.calls or running.calls
+        for instance in note.ended:
+            self._listener.left(running.name, instance)
+        if note.ready:
+            self._ready(running)
+
+    def _ready(self, running: _Running) -> None:
+        if not running.ready:
+            running.ready = True
+            self._listener.ready(running.name)
+
+    def _watch(self, running: _Running, note: Note) -> None:
+        if note.watchdog_s is not None:
+            self._watchdogs.limit(running.name, note.watchdog_s)
+        if note.stuck:
+            self._is_hung(running.name)
+        elif note.fed:
+            self._watchdogs.feed(running.name, WATCHDOG)
+
+    def _is_hung(self, name: str) -> None:
+        running = self._running.get(name)
+        if running is None or running.stopping:
+            return
+        running.stopping = True
+        self._watchdogs.forget(name)
+        self._listener.hung(name)
+        handle = running.handles.get(running.main)
+        if handle is not None:
+            _send(handle, signal.SIGABRT)
+            _send(handle, signal.SIGCONT)
+        self._loop.call_later(_TRACES, self._kill_if, running)
+
+    def _kill_if(self, running: _Running) -> None:
+        if self._running.get(running.name) is running:
+            self._kill(running)
+
+    def _counts(self, running: _Running, sender: int) -> bool:
+        match running.access:
+            case "none":
+                return False
+            case "all":
+                return sender == running.main or self._is_of(running, sender)
+            case _:
+                return sender == running.main
+
+    def _is_of(self, running: _Running, pid: int) -> bool:
+        """Whether a process was started by this one."""
+        if running.group:
+            return pid in cgroups.members(running.group)
+        found = traces.family({running.name: running.pid}, self._launch)[running.name]
+        return any(each.pid == pid for each in found)
+
+    # Being asked.
+
+    def usage(self) -> Mapping[str, Usage]:
+        used = self._meter.read({name: (each.main, each.group) for name, each in self._running.items()})
+        return {
+            name: Usage(each.main, used[name].cpu_s, used[name].memory, *each.calls)
+            if name in used
+            else Usage(each.main, 0.0, 0, *each.calls)
+            for name, each in self._running.items()
+        }
+
+
+def _send(handle: int, number: signal.Signals) -> None:
+    with contextlib.suppress(OSError):
+        signal.pidfd_send_signal(handle, number)
+
+
+def _send_group(pid: int, number: signal.Signals) -> None:
+    with contextlib.suppress(OSError):
+        os.killpg(pid, number)
+
+
+def _parent(pid: int) -> int:
+    trace = traces.look(pid)
+    return trace.parent if trace else 0
+
+
+def _code(handle: int) -> int | None:
+    """As subprocess tells it; None if it cannot be told, since it is no child of ours."""
+    try:
+        found = os.waitid(os.P_PIDFD, handle, os.WEXITED | os.WNOHANG)
+    except ChildProcessError:
+        return None
+    if found is None:
+        return None
+    return found.si_status if found.si_code == os.CLD_EXITED else -found.si_status
+
+
+def _reap(pids: Iterable[int]) -> None:
+    for pid in pids:
+        with contextlib.suppress(OSError):
+            os.waitpid(pid, os.WNOHANG)
+
+
+def _ended_child() -> int:
+    with contextlib.suppress(ChildProcessError):
+        found = os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+        return found.si_pid if found else 0
+    return 0

@@ -1,0 +1,138 @@
+"""What /proc tells of processes: which are those we started, also when those between us and them are gone.
+
+Whoever was started carries a mark in its environment, which what it starts inherits. A process is known by its id
+and its start time: ids are used again. Standard library only.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+LAUNCH = "ROBOCOMP_LAUNCH"
+"""The environment variable with the mark of the launch, the same for all that it started."""
+
+NAME = "ROBOCOMP_LAUNCHED_AS"
+"""The environment variable with the name of the process in its network."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """A process as it was when somebody looked."""
+
+    pid: int
+    state: str
+    parent: int
+    session: int
+    started: int
+    """Ticks from the start of the machine."""
+    cpu_ticks: int = 0
+    memory_pages: int = 0
+
+
+def boot() -> str:
+    """Which start of the machine this is: before it, process ids and start times meant others."""
+    with contextlib.suppress(OSError), open("/proc/sys/kernel/random/boot_id") as told:
+        return told.read().strip()
+    return ""
+
+
+def look(pid: int) -> Trace | None:
+    """None if there is no such process."""
+    try:
+        with open(f"/proc/{pid}/stat", "rb") as stat:
+            return read(pid, stat.read())
+    except (OSError, ValueError, IndexError):
+        return None
+
+
+def read(pid: int, stat: bytes) -> Trace:
+    """A line of /proc/PID/stat. The name in it may contain anything."""
+    words = stat[stat.rindex(b")") + 2 :].split()
+    numbers = [int(words[at]) for at in (1, 3, 19, 11, 12, 13, 14, 21)]
+    parent, session, started, *ticks, pages = numbers
+    return Trace(pid, words[0].decode(), parent, session, started, sum(ticks), pages)
+
+
+def everybody() -> Iterator[Trace]:
+    with os.scandir("/proc") as entries:
+        pids = [int(entry.name) for entry in entries if entry.name.isdecimal()]
+    for pid in pids:
+        trace = look(pid)
+        if trace:
+            yield trace
+
+
+def environment(pid: int) -> Mapping[str, str]:
+    """With what it was started; empty if that is not for us to know, or it has ended."""
+    try:
+        with open(f"/proc/{pid}/environ", "rb") as told:
+            lines = told.read().split(b"\0")
+    except OSError:
+        return {}
+    return dict(os.fsdecode(line).split("=", 1) for line in lines if b"=" in line)
+
+
+def marked(launch: str) -> list[Trace]:
+    """All that a launch has started, directly or not, and that live."""
+    return [each for each in everybody() if each.state != "Z" and environment(each.pid).get(LAUNCH) == launch]
+
+
+def family(names: Mapping[str, int], launch: str) -> dict[str, list[Trace]]:
+    """Who lives of those that were started by these processes, by the name and id of each, themselves not.
+
+    Told by their session, by their descent, and, of those whose parents are gone, by their environment.
+    """
+    living = {each.pid: each for each in everybody() if each.state != "Z"}
+    heads = {pid: name for name, pid in names.items()}
+    found: dict[str, list[Trace]] = {name: [] for name in names}
+    for each in living.values():
+        if each.pid in heads:
+            continue
+        name = heads.get(each.session) or next((heads[above] for above in _above(each, living) if above in heads), None)
+        if name is None and each.parent in (1, os.getpid()):
+            told = environment(each.pid)
+            name = told.get(NAME) if told.get(LAUNCH) == launch else None
+        if name in found:
+            found[name].append(each)
+    return found
+
+
+def _above(trace: Trace, living: Mapping[int, Trace]) -> Iterator[int]:
+    seen: set[int] = set()
+    while trace.parent in living and trace.parent not in seen:
+        seen.add(trace.parent)
+        yield trace.parent
+        trace = living[trace.parent]
+
+
+def is_still(pid: int, started: int) -> bool:
+    """Whether it is that process, and lives."""
+    trace = look(pid)
+    return trace is not None and trace.started == started and trace.state not in ("Z", "X")
+
+
+def send(pid: int, started: int, number: signal.Signals) -> bool:
+    """Signal a process and its group, unless its id means another one by now. Whether it lives."""
+    try:
+        handle = os.pidfd_open(pid)
+    except OSError:
+        return False
+    try:
+        if not is_still(pid, started):
+            return False
+        with contextlib.suppress(OSError):
+            if os.getpgid(pid) == pid:
+                os.killpg(pid, number)
+            signal.pidfd_send_signal(handle, number)
+        return True
+    finally:
+        os.close(handle)
+
+
+def send_all(traces: Iterable[Trace], number: signal.Signals) -> bool:
+    """Whether any of them lives."""
+    return any([send(each.pid, each.started, number) for each in traces])

@@ -1,0 +1,166 @@
+"""Starts components of ours by fork: all that they need is imported here, once. Run as a program.
+
+    … zygote CHANNEL LIFELINE MIDDLEWARE… PADDING
+
+On the channel, a socket, come requests, one a datagram, with the pipe for the output; each is answered with the id of
+the new process, or why there is none. The new process is a grandchild whose parent has ended, so it belongs to
+whoever launched us (see `birth.adopt_orphans`), who waits for it and whose end ends it; ours changes nothing for it.
+
+Nothing is done here that a new process would have to undo: no thread is started, no socket or context made, no signal
+handled, no logging configured. When the channel closes, this ends.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import gc
+import importlib
+import io
+import json
+import os
+import runpy
+import signal
+import socket
+import sys
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from ...errors import ConfigurationError
+from ...transports.base import find_transport
+from .birth import PADDING, Birth, lifeline_of_its_own
+
+PROGRAM = "robocomp_py.cli.rc"
+
+_NEEDED = (
+    *(f"robocomp_py.cli.{name}" for name in ("common", "fmt", "graph", "links", "lint", "lsp", "run")),
+    *(f"robocomp_py.runtime.{name}" for name in ("api", "document", "load", "run", "together")),
+    "numpy.random",
+    "runpy",
+)
+"""What `rc run` and components import."""
+
+_MAX = 1 << 18
+"""Bytes of a request."""
+
+_ADOPTED = 5.0
+"""Seconds within which a new process belongs to who launched it."""
+
+_PR_SET_NAME = 15
+
+
+def main() -> None:
+    channel, lifeline = socket.socket(fileno=int(sys.argv[1])), int(sys.argv[2])
+    for module in _NEEDED:
+        importlib.import_module(module)
+    for name in sys.argv[3:-1]:
+        with contextlib.suppress(ConfigurationError):  # its components tell that
+            find_transport(name)
+    gc.collect()
+    gc.freeze()  # what is there now is not looked at, and so stays shared
+    request = serve(channel, lifeline)
+    if request is not None:
+        become(request)
+
+
+def serve(channel: socket.socket, lifeline: int) -> Mapping[str, Any] | None:
+    """Answer requests until the channel closes; returns None then, and a request in the process that is to do it."""
+    while True:
+        message, pipes, _, _ = socket.recv_fds(channel, _MAX, 4)
+        if not message:
+            return None
+        request = json.loads(message)
+        try:
+            middle = os.fork()
+        except OSError as exc:
+            _answer(channel, request, error=exc.strerror)
+        else:
+            if not middle:
+                return _born(channel, lifeline, request, pipes)
+            os.waitpid(middle, 0)
+        for pipe in pipes:
+            os.close(pipe)
+
+
+def threads() -> int:
+    return len(os.listdir("/proc/self/task"))
+
+
+def _born(channel: socket.socket, lifeline: int, request: Mapping[str, Any], pipes: list[int]) -> Mapping[str, Any]:
+    """In between: start the new process, tell its id, and leave it to who launched us. Returns in the new one."""
+    middle = os.getpid()
+    try:
+        if threads() > 1:  # whoever holds a lock now would never give it back
+            raise OSError(0, "the process that starts components has threads")
+        born = os.fork()
+    except OSError as exc:
+        _answer(channel, request, error=exc.strerror)
+        os._exit(1)
+    if born:
+        _answer(channel, request, pid=born)
+        os._exit(0)
+    channel.close()
+    end = time.monotonic() + _ADOPTED
+    while os.getppid() == middle and time.monotonic() < end:
+        time.sleep(0.0002)
+    with contextlib.suppress(BaseException):
+        files = tuple(request["files"]) if request["files"] else None
+        Birth(request["parent"], lifeline_of_its_own(lifeline), request["cgroup"], files).prepare()
+        for descriptor in (1, 2):
+            os.dup2(pipes[0], descriptor)
+        for each in (*pipes, lifeline):
+            os.close(each)
+        return request
+    os._exit(127)
+
+
+def _answer(channel: socket.socket, request: Mapping[str, Any], **told: Any) -> None:
+    with contextlib.suppress(OSError):  # it has gone, and we will
+        channel.send(json.dumps({"id": request["id"], **told}).encode())
+
+
+def become(request: Mapping[str, Any]) -> None:
+    """Be as a process is that was started with this command: `python -m robocomp_py.cli.rc …`."""
+    _renew_output()
+    arguments: list[str] = request["arguments"]
+    try:
+        os.chdir(request["cwd"])
+    except OSError as exc:
+        print(f"{request['cwd']}: {exc.strerror}", file=sys.stderr)
+        raise SystemExit(1) from None
+    os.environ.update(request["env"], WATCHDOG_PID=str(os.getpid()))
+    sys.argv = [PROGRAM, *arguments]  # runpy puts the file there
+    sys.path.insert(0, request["cwd"])
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    if "numpy.random" in sys.modules:
+        sys.modules["numpy.random"].seed()
+    _show([sys.executable, "-m", PROGRAM, *arguments], request["name"])
+    runpy.run_module(PROGRAM, run_name="__main__", alter_sys=True)
+
+
+def _renew_output() -> None:
+    """Open what was opened when it was something else. Unbuffered, as everything is that we launch."""
+    for number, stream in ((1, "stdout"), (2, "stderr")):
+        before: io.TextIOWrapper = getattr(sys, stream)
+        raw = io.FileIO(number, "w", closefd=False)
+        raw.name = f"<{stream}>"
+        renewed = io.TextIOWrapper(raw, before.encoding, before.errors, write_through=True)  # type: ignore[type-var]
+        setattr(sys, stream, renewed)
+        setattr(sys, f"__{stream}__", renewed)
+
+
+def _show(command: list[str], name: str) -> None:
+    """Have `ps` show this command, and `top` the name."""
+    prctl = ctypes.PyDLL(None).prctl
+    prctl(_PR_SET_NAME, ctypes.c_char_p(os.fsencode(name)[:15]), 0, 0, 0)
+    with contextlib.suppress(OSError, ValueError, IndexError), open("/proc/self/stat", "rb") as stat:
+        words = stat.read().rpartition(b")")[2].split()
+        begin, end = int(words[45]), int(words[46])
+        shown = b"\0".join(map(os.fsencode, command))[: end - begin - 1]
+        if begin and len(PADDING) < end - begin < 1 << 20:
+            ctypes.memmove(begin, shown.ljust(end - begin, b"\0"), end - begin)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,166 @@
+"""Where a network that runs keeps what belongs to it, on each of its hosts; and that it runs but once.
+
+    <run-time folder>/deploy/<network>/pid            locked as long as it runs, however it ends; who runs it
+                                       control        socket for who asks how it is
+                                       plan.json      what runs
+                                       leftovers      what was started, for whoever cleans up behind a killed launcher
+                                       notify/        sockets at which processes say how they are
+                                       logs/          their output
+
+The run-time folder is that of `transports/directory.py`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+import re
+import shutil
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from ..errors import ConfigurationError, DeploymentError
+
+_TRIES, _PAUSE = 10, 0.03
+"""How often the lock is tried: who cleans up behind a killed launcher has it for a moment."""
+
+
+class AlreadyRuns(DeploymentError):
+    """Somebody runs this network here."""
+
+
+@dataclass(frozen=True, slots=True)
+class Runner:
+    """Who runs a network."""
+
+    pid: int
+    since: float = 0.0
+    """Seconds since the Unix epoch."""
+    command: str = ""
+
+
+def file_name(instance: str) -> str:
+    """By what the files of an instance begin: `left.arm` for `left/arm`. Never a path, whatever it is called."""
+    return re.sub(r"[^A-Za-z0-9_.-]", "_", instance.replace("/", ".")).lstrip(".") or "_"
+
+
+class Place:
+    """The folder of one network. Nothing is made before `take`."""
+
+    def __init__(self, network: str, folder: Path | None = None) -> None:
+        """Raises DeploymentError if there can be no run-time folder."""
+        self.network = network
+        self.folder = (folder or _deployments()) / file_name(network)
+        self._held = -1
+
+    @property
+    def control(self) -> Path:
+        return self.folder / "control"
+
+    @property
+    def plan(self) -> Path:
+        return self.folder / "plan.json"
+
+    @property
+    def leftovers(self) -> Path:
+        return self.folder / "leftovers"
+
+    @property
+    def notify(self) -> Path:
+        return self.folder / "notify"
+
+    @property
+    def logs(self) -> Path:
+        return self.folder / "logs"
+
+    def take(self, command: str = "") -> None:
+        """Be the one that runs this network, until `release` or the end of this process.
+
+        Raises AlreadyRuns, or DeploymentError if nothing can be written there.
+        """
+        for _ in range(_TRIES):
+            try:
+                self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+                held = os.open(self._lock, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+            except OSError as exc:
+                raise DeploymentError(f"{self.folder}: {exc.strerror}; set ROBOCOMP_RUNTIME_DIR") from exc
+            if _lock(held, self._lock):
+                break
+            os.close(held)
+            time.sleep(_PAUSE)
+        else:
+            raise AlreadyRuns(self._taken())
+        self._held = held
+        told = json.dumps(asdict(Runner(os.getpid(), time.time(), command)))
+        with contextlib.suppress(OSError):  # on a full disk; the lock holds without it
+            os.ftruncate(held, 0)
+            os.pwrite(held, told.encode(), 0)
+
+    def runner(self) -> Runner | None:
+        """Who runs it now; None if nobody does."""
+        try:
+            probe = os.open(self._lock, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
+        except OSError:
+            return None
+        try:
+            fcntl.flock(probe, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            return None
+        except BlockingIOError:
+            return _read(os.pread(probe, 65536, 0))
+        finally:
+            os.close(probe)
+
+    def release(self) -> None:
+        """Let others run it. What is of no use any more is removed; the logs stay. May be called twice."""
+        if self._held < 0:
+            return
+        for each in (self.control, self.plan, self.leftovers, self._lock):
+            with contextlib.suppress(OSError):
+                each.unlink()
+        shutil.rmtree(self.notify, ignore_errors=True)
+        os.close(self._held)
+        self._held = -1
+        for folder in (self.folder, self.folder.parent):
+            with contextlib.suppress(OSError):  # there are logs in it, or other networks
+                folder.rmdir()
+
+    @property
+    def _lock(self) -> Path:
+        return self.folder / "pid"
+
+    def _taken(self) -> str:
+        runner = self.runner()
+        who = f"process {runner.pid}" if runner and runner.pid else "another process"
+        how = f" ({runner.command})" if runner and runner.command else ""
+        end = f"rcdeploy down, or kill {runner.pid}" if runner and runner.pid else "rcdeploy down"
+        return f"{self.network} runs already: {who}{how}; to end it: {end}"
+
+
+def _lock(held: int, path: Path) -> bool:
+    """Whether the file is ours now, and still the one of that name: who released it has removed it."""
+    try:
+        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return os.path.samestat(os.fstat(held), path.stat())
+    except OSError:
+        return False
+
+
+def _deployments() -> Path:
+    from ..transports.directory import runtime_dir  # the keeper is told where, and starts sooner without
+
+    try:
+        return runtime_dir() / "deploy"
+    except ConfigurationError as exc:
+        raise DeploymentError(str(exc)) from exc
+
+
+def _read(told: bytes) -> Runner:
+    """What stands in the lock; written by another version, perhaps, or not at all."""
+    try:
+        found = json.loads(told)
+        return Runner(int(found["pid"]), float(found["since"]), str(found["command"]))
+    except (ValueError, TypeError, KeyError):
+        return Runner(0)

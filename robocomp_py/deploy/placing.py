@@ -1,0 +1,122 @@
+"""Where the instances of a network run, and what becomes of them when they end: what its file says, as values.
+
+That what it says makes sense has been checked: see `robocomp_py.dsl.ddsl.check`.
+"""
+
+from __future__ import annotations
+
+import os
+import shlex
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from ..dsl.ddsl.model import Deployment, Instance
+from ..dsl.ddsl.model import Host as Block
+from ..dsl.ddsl.restarts import read_restart
+from ..dsl.ddsl.scope import HERE, host_of, restart_of
+from ..dsl.diagnostics import Report
+from ..dsl.numbers import whole
+from .plan import Host, Security
+from .policy import Escalation, Restart, When
+
+
+def host_name(model: Deployment, instance: Instance) -> str:
+    """The host it runs on, "" for this one. One that has an address only is called like it."""
+    said = host_of(model, instance)
+    if said is None or said.text in HERE:
+        return ""
+    if said is instance.ip:
+        return next((each.name.text for each in model.hosts if _is_at(each, said.text)), said.text)
+    return said.text
+
+
+def _is_at(host: Block, address: str) -> bool:
+    return host.address is not None and host.address.text.lower() == address.lower()
+
+
+def hosts_of(model: Deployment, instances: Sequence[Instance]) -> tuple[Host, ...]:
+    """Those that are used, in the order of the file."""
+    blocks = {host.name.text: _host(host) for host in model.hosts if host.address}
+    used = dict.fromkeys(host_name(model, each) for each in instances)
+    unnamed = {name: Host(name, name) for name in used if name and name not in blocks}
+    return tuple(host for name, host in {**blocks, **unnamed}.items() if name in used)
+
+
+def _host(block: Block) -> Host:
+    return Host(
+        block.name.text,
+        block.address.text if block.address else "",
+        block.user.text if block.user else "",
+        whole(block.port.text) if block.port else 0,
+        block.workdir.text if block.workdir else "",
+        block.python.text if block.python else Host.python,
+        bool(block.lost and block.lost.text == "keep"),
+    )
+
+
+def restart(model: Deployment, instance: Instance) -> Restart:
+    """Whether and how often it is started again."""
+    said = restart_of(model, instance)
+    if said is None:
+        return Restart()
+    given = read_restart(said, Report())
+    usual = Restart()
+    return Restart(
+        When(said.policy.text),
+        int(given.get("intensity", usual.intensity)),
+        given.get("period", usual.period),
+        given.get("delay", usual.delay),
+        given.get("max_delay", usual.max_delay),
+    )
+
+
+def escalations(model: Deployment) -> dict[tuple[str, ...], Escalation]:
+    """By system; that of the whole network by the empty one."""
+    said = {tuple(each.name.text.split("/")): each.escalation for each in model.systems if each.escalation}
+    if model.escalation:
+        said[()] = model.escalation
+    return {path: Escalation(name.text) for path, name in said.items()}
+
+
+def grace(together: Sequence[Instance]) -> float | None:
+    """Seconds that a process has to end: for each in it the longest that one of them is given; None if none is."""
+    said = [each.grace.seconds if each.grace.unit else each.grace.number for each in together if each.grace]
+    known = [seconds for seconds in said if seconds is not None]
+    return max(known) * len(together) if known else None
+
+
+def security(model: Deployment) -> Security:
+    return Security(model.security.text) if model.security else Security.LOCAL
+
+
+def port(instance: Instance) -> int:
+    """Of TCP, at which it can be called from outside; 0 if nothing says so."""
+    return whole(instance.port.text) if instance.port else 0
+
+
+def namespace(model: Deployment, instance: Instance) -> str:
+    """That of its channels: the systems around it are a part of it."""
+    return "/".join(filter(None, (model.namespace, *instance.system)))
+
+
+def channels(model: Deployment, instance: Instance) -> str:
+    """What its channels begin with, if nothing else configures its namespace."""
+    return "/".join(filter(None, (namespace(model, instance), instance.local)))
+
+
+def existing_command(command: str) -> list[str]:
+    """The words of an `existing`, split as a shell would, though none sees them; none if it cannot be split."""
+    try:
+        return shlex.split(command)
+    except ValueError:
+        return []
+
+
+def find_program(word: str, folder: Path, env: Mapping[str, str]) -> Path | None:
+    """What is run here if somebody asks for that program in a folder; None if there is nothing."""
+    if "/" in word:
+        path = folder / word
+        return path.absolute() if path.is_file() and os.access(path, os.X_OK) else None
+    found = shutil.which(word, path=env.get("PATH"))
+    return Path(found) if found else None

@@ -1,0 +1,437 @@
+"""A deployment to the plan of its network, or to all that is wrong with it.
+
+Nothing is started here, and nothing is started at all while there is an error.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path, PurePosixPath
+
+from .. import installed
+from ..contract.interface import Verb
+from ..contract.parameters import Complaint
+from ..dsl.cdsl.qos import read_qos as qos_of
+from ..dsl.ddsl.model import Deployment, Instance
+from ..dsl.ddsl.order import process_dependences, processes_of, start_order
+from ..dsl.diagnostics import Diagnostic, Report, did_you_mean, mistyped
+from ..dsl.source import Name, Source
+from ..dsl.workspace import LinkedComponent, Workspace, nearby
+from ..errors import ConfigurationError
+from ..runtime import settings
+from ..runtime.document import Document, NotToml
+from ..runtime.effective import toml
+from ..runtime.notify import BETWEEN
+from ..spelling import unknown
+from . import placing
+from .auto import Choice, Usable, choose, installed_here, unsupported_by_others
+from .configuration import check_text, span_of
+from .plan import Link, OpenedTransport, Overrides, Plan, Security
+from .process import Member, Process
+from .qos import unsupported
+from .routes import Configured, check_routes, generated_for, providers, stays_inside, unfit, unshared, worth_telling
+from .uses import Node, node_of, read_qos, wire
+from .waiting import Requirement, endless
+from .wiring import Network, Site, Wiring
+from .wiring import wire as wire_hosts
+
+Addresses = Callable[[Mapping[str, str]], Mapping[str, str]]
+"""Of hosts and their addresses as they are written, the number at which the others reach each; "" is this host."""
+
+
+def as_written(hosts: Mapping[str, str]) -> Mapping[str, str]:
+    """For who starts nothing, and so asks nobody."""
+    return {"": "127.0.0.1", **hosts}
+
+
+def make_plan(
+    path: Path,
+    workspace: Workspace,
+    overrides: Overrides | None = None,
+    usable: Usable = installed_here,
+    addresses: Addresses = as_written,
+) -> Plan | None:
+    """The plan of a DDSL file; None if anything is wrong, which the workspace's report then says.
+
+    `usable` tells which middlewares may be chosen where the network leaves that open; `addresses`, which may raise
+    OSError, where hosts are.
+    """
+    model = workspace.deployment(path)
+    if model is None:
+        return None
+    with installed.asked_once():
+        plan = _Planner(model, workspace, overrides or Overrides(), usable, addresses).plan()
+    return None if workspace.report.errors else plan
+
+
+class _Planner:
+    def __init__(
+        self, model: Deployment, workspace: Workspace, overrides: Overrides, usable: Usable, addresses: Addresses
+    ) -> None:
+        self._model, self._workspace, self._overrides = model, workspace, overrides
+        self._usable, self._addresses = usable, addresses
+        self._report: Report = workspace.report
+        self._folder = model.source.path.parent
+        self._instances = [instance.name.text for instance in model.instances]
+        self._together = processes_of(model)
+        self._links: list[Link] = []
+        self._configured: list[Configured] = []
+        self._programs: list[Configured] = []
+        self._choice, self._wiring = Choice(), Wiring()
+        self._unfit: set[str] = set()
+        """Middlewares that were complained about where the network names them."""
+
+    def plan(self) -> Plan:
+        self._check_network()
+        nodes = self._nodes()
+        self._links = wire(nodes, self._model, self._report)
+        for node in nodes:
+            read_qos(node, self._report)
+        ordered = self._in_order(nodes)
+        for node in (node for together in ordered.values() for node in together):
+            if node.instance.program:
+                self._note_program(node)
+            else:
+                self._configure(node)
+        self._check_routes(nodes)
+        self._check_waiting()
+        self._choice = choose([*self._configured, *self._programs], self._usable)
+        self._wire_hosts(ordered)
+        processes = [self._process(name, together) for name, together in ordered.items()]
+        named = self._overrides.middleware or (self._model.middleware.text if self._model.middleware else "")
+        return Plan(
+            self._model.name.text,
+            named or settings.AUTO,
+            tuple(each for each in processes if each),
+            tuple(self._links),
+            tuple(self._transports()),
+            self._choice.ways,
+            self._choice.notes,
+            placing.hosts_of(self._model, self._model.instances),
+            placing.escalations(self._model),
+            placing.security(self._model),
+            self._wiring.routers,
+        )
+
+    # The network as a whole.
+
+    def _check_network(self) -> None:
+        model = self._model
+        named = [instance for instance in model.instances if instance.middleware]
+        self._check_middleware(model.middleware, [each for each in model.instances if each not in named])
+        if self._overrides.middleware:
+            self._check_middleware(Name(self._overrides.middleware, model.name.span), model.instances, override=True)
+        for instance in model.instances:
+            self._check_instance(instance)
+        own_programs = {each.name.text: each.program for each in model.instances if each.program}
+        for name, _ in self._overrides.settings:
+            if name != "*" and name not in self._instances:
+                message = f"--set {name}.…: {unknown('instance', name, self._instances)}"
+                self._error("unknown-instance", message, model.name)
+            elif name in own_programs:
+                message = f"--set {name}.…: `{name}` is a program of your own, which is not configured from here"
+                self._error("configuration", message, own_programs[name], "give it `args` or `env`")
+        if not model.instances and not self._report.errors:
+            self._report.warning("empty-deployment", "there is nothing to run", model.name.span)
+
+    def _check_instance(self, instance: Instance) -> None:
+        self._check_middleware(instance.middleware, [instance])
+        for name in (instance.path, instance.config):
+            file = self._folder / name.text if name else None
+            if name is None or file is None or (name is instance.path and self._is_elsewhere(instance)):
+                continue
+            if not file.is_file():
+                self._error("missing-file", f"there is no file {file}", name, nearby(file, name.text))
+            elif name is instance.path and not os.access(file, os.X_OK):
+                self._error("not-executable", f"{file} is not executable", name)
+        command, here = instance.existing, not placing.host_name(self._model, instance)
+        words = placing.existing_command(command.text) if command else []
+        if command and words and here and not self._program(words[0], instance):
+            message = f"there is no program `{words[0]}` on this host"
+            self._error("missing-file", message, command, "install it, or write its path")
+
+    def _is_elsewhere(self, instance: Instance) -> bool:
+        """Whether its program is one that its host has, and not a file beside the network."""
+        return bool(instance.path and Path(instance.path.text).is_absolute()) and bool(
+            placing.host_name(self._model, instance)
+        )
+
+    def _program(self, word: str, instance: Instance) -> Path | None:
+        env = {each.name.text: each.value.text for each in instance.env}
+        return placing.find_program(word, self._folder, {**os.environ, **env})
+
+    def _check_middleware(self, name: Name | None, users: Iterable[Instance], *, override: bool = False) -> None:
+        """Whether a middleware can carry what those send for whom the network names it."""
+        carried = settings.carrier(name.text, "") if name else ""
+        if name is None or not carried:
+            return
+        fault = unfit(carried)
+        if fault is None and override is bool(self._overrides.middleware) and stays_inside(carried):
+            alone = [each.name.text for each in users if not each.program and not self._shared(each)]
+            fault = unshared(carried, alone[0]) if alone else None
+        if fault:
+            self._unfit.add(name.text)
+            message = f"--middleware {name}: {fault.message}" if override else fault.message
+            self._error(fault.code, message, name, fault.hint)
+
+    def _shared(self, instance: Instance) -> str:
+        """The process that it shares with others; "" if it has one of its own."""
+        name = instance.runs_in.text
+        return name if len(self._together[name]) > 1 else ""
+
+    def _nodes(self) -> list[Node]:
+        """The instances whose component could be read."""
+        known: dict[str, LinkedComponent] = {}
+        for path in self._workspace.components_of_model(self._model):
+            linked = self._workspace.component(path)
+            if linked:
+                known[linked.component.name.lower()] = linked
+        read = {linked.path.stem for linked in known.values()}
+        unread = {PurePosixPath(name.text).stem for name in self._model.imports} - read
+        complete = len(known) == len(self._model.imports)
+        nodes = []
+        for instance in self._model.instances:
+            found = known.get(instance.component.text.lower())
+            if found:
+                nodes.append(node_of(self._model, instance, found))
+                continue
+            hint = did_you_mean(instance.component.text, [each.component.name for each in known.values()])
+            if complete or (hint and not mistyped(instance.component.text, unread)):
+                message = f"unknown component `{instance.component}`"
+                self._error("unknown-component", message, instance.component, hint or "import its .cdsl")
+        return nodes
+
+    # In which order, and how.
+
+    def _in_order(self, nodes: Sequence[Node]) -> dict[str, list[Node]]:
+        """Processes, and who is in them: those others depend on first; else as written."""
+        first, _ = start_order({node.name: node.instance.dependences for node in nodes})
+        by_name = {node.name: node for node in nodes}
+        together: dict[str, list[Node]] = {}
+        for node in map(by_name.__getitem__, first):
+            together.setdefault(node.instance.runs_in.text, []).append(node)
+        order, _ = start_order(process_dependences(self._model))
+        return {name: together[name] for name in order if name in together}
+
+    def _process(self, name: str, together: Sequence[Node]) -> Process | None:
+        commands = [command for node in together if (command := self._command(node))]
+        if len(commands) < len(together):
+            return None
+        *_, only = together
+        instances = [node.instance for node in together]
+        own = only.instance.program is not None
+        return Process(
+            name,
+            ", ".join(node.component.name for node in together),
+            tuple(_joined(commands)),
+            self._folder.resolve() if own else Path.cwd(),
+            self._variables(only),
+            tuple(dict.fromkeys(other.text for other in process_dependences(self._model)[name])),
+            notifies=not own,
+            members=tuple(Member(node.name, node.component.name) for node in together) if only.instance.process else (),
+            host=only.host,
+            restart=placing.restart(self._model, only.instance),
+            grace=placing.grace(instances),
+            system=only.instance.system,
+            files=tuple(dict.fromkeys(path for node in together for path in self._files(node))),
+        )
+
+    def _files(self, node: Node) -> Iterator[Path]:
+        """What the command of an instance names of the files here."""
+        if node.instance.path and not self._is_elsewhere(node.instance):
+            yield (self._folder / node.instance.path.text).resolve()
+        if node.instance.program:
+            return
+        yield node.linked.path.parent.resolve()
+        if node.instance.config and (config := self._config(node)):
+            yield config.resolve()
+
+    def _variables(self, node: Node) -> dict[str, str]:
+        """The environment that the network gives to the process of an instance."""
+        together = self._together[node.instance.runs_in.text]
+        return {variable.name.text: variable.value.text for each in together for variable in each.env}
+
+    def _command(self, node: Node) -> list[str] | None:
+        """What starts an instance that has a process of its own."""
+        arguments = [name.text for name in node.instance.args]
+        if node.instance.existing:
+            return [*self._existing(node), *arguments]
+        if node.instance.path and self._is_elsewhere(node.instance):
+            return [node.instance.path.text, *arguments]
+        if node.instance.path:
+            return [str((self._folder / node.instance.path.text).resolve()), *arguments]
+        folder = node.linked.path.parent
+        config = self._config(node)
+        assignments = [*(each for each, _ in self._assignments(node)), *self._choice.settings.get(node.name, ())]
+        assignments += self._wiring.settings.get(node.name, ())
+        if not (folder / "generic" / "genericworker.py").is_file():
+            hint = f"run: rcgen {node.linked.path}"
+            self._error("not-generated", f"`{node.component.name}` has not been generated", node.instance.name, hint)
+            return None
+        command = [*_RUN, str(folder.resolve()), "--name", node.instance.local]
+        command += ["--config", str(config.resolve())] if node.instance.config and config else []
+        here = {each.name.text: each.local for each in self._together[node.instance.runs_in.text]}
+        before = [here[name.text] for name in node.instance.dependences if name.text in here]
+        command += [part for name in before for part in ("--after", name)]
+        return [*command, *(part for each in assignments for part in ("--set", each)), *arguments]
+
+    def _existing(self, node: Node) -> list[str]:
+        """The command of a program that is there already: one that is named by its place is one of this folder."""
+        words = placing.existing_command(node.instance.existing.text) if node.instance.existing else []
+        if words and not node.host and "/" in words[0] and (found := self._program(words[0], node.instance)):
+            return [str(found), *words[1:]]
+        return words
+
+    def _config(self, node: Node) -> Path | None:
+        if node.instance.config:
+            path = self._folder / node.instance.config.text
+            return path if path.is_file() else None
+        return settings.find(node.linked.path.parent)
+
+    def _assignments(self, node: Node) -> Iterator[tuple[str, str]]:
+        """What the deployment sets, weakest first, and who says so."""
+        network = str(self._model.source.path)
+        if node.namespace or self._model.systems:
+            yield f"namespace={node.namespace}", network
+        named = node.instance.middleware or self._model.middleware
+        if self._overrides.middleware:
+            yield f"middleware={self._overrides.middleware}", f"--middleware {self._overrides.middleware}"
+        elif named:
+            yield f"middleware={named}", network
+        if port := placing.port(node.instance):
+            yield f"transports.zeromq.bind=tcp://127.0.0.1:{port}", network
+        for used, (source, *others) in node.wires.items():
+            yield f"ports.{used}.from={source}", network
+            if others:
+                yield f"ports.{used}.also={toml([{'from': each} for each in others])}", network
+        for told, quality in node.qos.items():
+            line, _ = self._model.source.position(quality.span.start)
+            yield f"ports.{told}.qos={toml(qos_of(quality.settings, Report()))}", f"{network}:{line}"
+        for assignment in self._overrides.of(node.name) if not node.instance.program else ():
+            yield assignment, f"--set {assignment}"
+
+    def _note_program(self, node: Node) -> None:
+        """What is known of a program of somebody's own: what the network says of it."""
+        document = Document()
+        for assignment, origin in self._assignments(node):
+            settings.override(document, assignment, origin)
+        known, _ = settings.examine(node.component, document, node.instance.local)
+        middleware = generated_for(node.linked.path.parent)
+        self._programs.append(
+            Configured(node.name, node.component, known, document, middleware, is_program=True, host=node.host)
+        )
+
+    def _configure(self, node: Node) -> None:
+        at = node.place()
+        config = self._config(node)
+        try:
+            params = node.component.params
+            document = settings.read(config, params) if config else Document(params=params)
+            settings.environment(document, node.component, {**os.environ, **self._variables(node)})
+            for assignment, origin in self._assignments(node):
+                settings.override(document, assignment, origin)
+        except NotToml:
+            source = self._workspace.source(config) if config else None
+            if source:
+                check_text(source, node.component, self._workspace)
+            return
+        except ConfigurationError as exc:
+            self._error("configuration", f"`{node.name}` is configured wrongly: {exc}", at)
+            return
+        checked, complaints = settings.examine(node.component, document, node.instance.local)
+        for each in complaints:
+            self._report.extend([_complaint(node, config, document, each)])
+        if complaints:
+            return
+        middleware = generated_for(node.linked.path.parent)
+        shared = self._shared(node.instance)
+        self._configured.append(
+            Configured(node.name, node.component, checked, document, middleware, shared, host=node.host)
+        )
+
+    def _transports(self) -> Iterator[OpenedTransport]:
+        found: list[OpenedTransport] = []
+        for each in self._configured:
+            chosen = {way.middleware for way in self._choice.ways if each.name in (way.client, way.provider)}
+            for name in sorted((each.middlewares() | chosen) - {""}):
+                opened = OpenedTransport(name, each.settings.transports.get(name, {}))
+                if opened not in found:
+                    found.append(opened)
+                    yield opened
+
+    def _check_routes(self, nodes: Sequence[Node]) -> None:
+        named = {node.name: node for node in nodes}
+        channels = {each.name.text: placing.channels(self._model, each) for each in self._model.instances}
+        channels.update((each.name, each.channels) for each in (*self._configured, *self._programs))
+        faults = check_routes(self._configured, channels.values(), self._unfit)
+        unkept = (*unsupported(self._configured), *unsupported_by_others(self._configured))
+        for fault in (*faults, *worth_telling(unkept)):
+            blame = [("the publisher", named[fault.other].instance.name)] if fault.other else []
+            at = named[fault.instance].place(fault.port)
+            self._error(fault.code, fault.message, at, fault.hint, *blame)
+
+    def _wire_hosts(self, ordered: Mapping[str, Sequence[Node]]) -> None:
+        """How those on several hosts reach each other."""
+        hosts = placing.hosts_of(self._model, self._model.instances)
+        if not hosts:
+            return
+        try:
+            addresses = self._addresses({host.name: host.address for host in hosts})
+        except OSError as exc:
+            self._error("bad-host", f"the addresses of its hosts are not known: {exc}", self._model.name)
+            return
+        named = {node.name: node for together in ordered.values() for node in together}
+        sites = [
+            Site(node.name, process, node.host, placing.port(node.instance), node.instance.program is not None)
+            for process, together in ordered.items()
+            for node in together
+        ]
+        encrypted = placing.security(self._model) is Security.LAN
+        network = Network(self._model.name.text, addresses, sites, self._choice.ways, encrypted)
+        self._wiring = wire_hosts(network)
+        for fault in self._wiring.faults:
+            related = [("the other end", named[fault.other].instance.name)] if fault.other else []
+            self._error(fault.code, fault.message, named[fault.instance].place(fault.port), fault.hint, *related)
+
+    def _check_waiting(self) -> None:
+        for each in endless(self._model, self._requirements()):
+            what = each.requirement
+            message = (
+                f"`{each.waiting}` would never start: `{each.name}` is not ready before that, "
+                f"since `{what.client}` requires `{what.interface}` of `{what.provider}`"
+            )
+            hint = "components find each other in whatever order they start: leave this out"
+            self._error("dependence-cycle", message, each.name, hint)
+
+    def _requirements(self) -> Iterator[Requirement]:
+        """For whom each instance waits, where it is one that it waits for."""
+        for client in self._configured:
+            for port, operation in client.operations(providing=False):
+                own, *_ = client.aims(port, operation)
+                servers = [server.name for server, offers in providers(client, port, own, self._configured) if offers]
+                if port.verb is Verb.REQUIRES and len(servers) == 1:
+                    yield Requirement(client.name, port.interface.short, servers[0])
+
+    def _error(self, code: str, message: str, at: Name, hint: str = "", *related: tuple[str, Name]) -> None:
+        self._report.error(code, message, at.span, hint, *((text, name.span) for text, name in related))
+
+
+def _complaint(node: Node, config: Path | None, document: Document, complaint: Complaint) -> Diagnostic:
+    """Something wrong with a configuration, in its file, or else where the instance stands that somebody set it for."""
+    origin = document.overridden(complaint.key) if complaint.key else ""
+    if config and not origin:
+        source = Source(config, document.text)
+        return Diagnostic(complaint.code, complaint.message, span_of(source, document, complaint))
+    message = f"`{node.name}` is configured wrongly: {f'{origin}: ' if origin else ''}{complaint.message}"
+    return Diagnostic(complaint.code, message, node.place().span)
+
+
+_RUN = (sys.executable, "-m", "robocomp_py.cli.rc", "run")
+
+
+def _joined(commands: Sequence[Sequence[str]]) -> list[str]:
+    """One command for several instances, from those that would run each of them alone."""
+    first, *others = commands
+    return [*first, *(part for command in others for part in (BETWEEN, *command[len(_RUN) :]))]

@@ -1,0 +1,49 @@
+"""One process of a network, as whoever starts it needs to know it: also on a host where networks are not read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from .policy import Restart
+
+
+@dataclass(frozen=True)
+class Member:
+    """An instance in a process that has a name of its own."""
+
+    name: str
+    component: str
+
+
+@dataclass(frozen=True)
+class Process:
+    """One process to run."""
+
+    name: str
+    component: str
+    """Of what it is an instance; several, if it has several members."""
+    command: tuple[str, ...]
+    cwd: Path
+    env: Mapping[str, str] = field(default_factory=dict)
+    after: tuple[str, ...] = ()
+    """Those that must be ready before it is started."""
+    notifies: bool = True
+    """Whether it says itself when it is ready; else it counts as ready once it runs."""
+    members: tuple[Member, ...] = ()
+    """Those that are in it, in the order in which they start; none if it is that of the instance it is called like."""
+    host: str = ""
+    """Which of the plan's hosts it runs on; "" for the one that launches the network."""
+    restart: Restart = field(default_factory=Restart)
+    grace: float | None = None
+    """Seconds it has to end by itself, if the network says so."""
+    system: tuple[str, ...] = ()
+    """The systems around it, the outermost first."""
+    files: tuple[Path, ...] = ()
+    """What its command names of the files here, whole arguments: folders of components, configurations, a program."""
+
+    @property
+    def instances(self) -> tuple[str, ...]:
+        """Which instances of the network run in it."""
+        return tuple(member.name for member in self.members) or (self.name,)

@@ -1,0 +1,113 @@
+"""How a network that runs is at this moment, for `rcdeploy status` and the table on a terminal.
+
+Whoever runs the network (`run.py`) offers a `Network`. What is in a snapshot is text and numbers: `dataclasses.asdict`
+of it can be written as JSON as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from .agents import Usage
+from .policy import RestartRequested, State, StopRequested
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessStatus:
+    """One process of the plan, whether it runs or not."""
+
+    name: str
+    component: str
+    instances: tuple[str, ...]
+    """Those in it; of a process that shares its name with its only instance, that one."""
+    ended: tuple[str, ...]
+    """Those of them that have ended while others go on."""
+    host: str
+    """"" for the machine of the one that launched the network."""
+    state: State
+    how: str
+    """Why it is in this state, if that is worth a word: how it ended, or that its host is out of reach."""
+    pid: int | None
+    """None if it does not run, or nobody knows."""
+    in_state: float
+    """Seconds since the state changed."""
+    uptime: float | None
+    """Seconds since it was started; None if it does not run."""
+    next_start: float | None
+    """Seconds until it is started again, if it is going to be."""
+    starts: int
+    """How often it has been started."""
+    restarts: int
+    """How often it has been started again, for whatever reason."""
+    cpu: float | None
+    """Cores that it has used since the last look, as 0.25 is a quarter of one; None if that is not known (yet)."""
+    memory: int | None
+    """Bytes."""
+    calls: float | None
+    """Calls that it answered, per second; None if it does not say."""
+    worst: float | None
+    """Seconds that the slowest of them took."""
+    status: str
+    """What it said last about itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class HostStatus:
+    name: str
+    address: str
+    reachable: bool
+    why: str
+    """Why it is not reachable."""
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    network: str
+    up: bool
+    """Whether everything has been ready."""
+    stopping: bool
+    why: str
+    """Why it stops."""
+    uptime: float
+    """Seconds since it was launched."""
+    hosts: tuple[HostStatus, ...]
+    """Those besides the one that launched it."""
+    processes: tuple[ProcessStatus, ...]
+    """In the order in which they start."""
+
+
+class Network(Protocol):
+    """A network that runs. To be used on its event loop only."""
+
+    def snapshot(self) -> Snapshot: ...
+
+    def ask(self, event: RestartRequested | StopRequested) -> None:
+        """Have something done, soon.
+
+        Raises DeploymentError, with a sentence for the user, if there is nobody of that name or if it is too late.
+        A restart is done when the processes are ready and their `starts` are more than they were.
+        """
+
+
+class Meter:
+    """How much of the processor each process uses, from how much it has used altogether."""
+
+    def __init__(self) -> None:
+        self._read: dict[str, tuple[int, float, float]] = {}
+        """The process id, when it was read, and the seconds it had used by then."""
+        self._cores: dict[str, float] = {}
+
+    def read(self, now: float, usage: Mapping[str, Usage]) -> None:
+        for name, used in usage.items():
+            pid, then, before = self._read.get(name, (0, now, 0.0))
+            if pid != used.pid:
+                self._cores.pop(name, None)
+            elif now > then:
+                self._cores[name] = max(0.0, used.cpu_s - before) / (now - then)
+            self._read[name] = used.pid, now, used.cpu_s
+
+    def cores(self, name: str, pid: int) -> float | None:
+        """None if it has not been looked at twice since it was started."""
+        return self._cores.get(name) if self._read.get(name, (0,))[0] == pid else None

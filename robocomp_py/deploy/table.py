@@ -1,0 +1,254 @@
+"""How a network is, as a table for people: a snapshot in, lines of styled text out. Quick: no library lays it out.
+
+A line for each process, and below it, if it has several instances, one for each of them.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from .policy import State
+from .snapshot import ProcessStatus, Snapshot
+
+Span = tuple[str, str]
+"""Text and its style, in rich's words."""
+Line = list[Span]
+
+STYLES = {
+    State.WAITING: "dim",
+    State.STARTING: "yellow",
+    State.READY: "green",
+    State.HUNG: "bold red",
+    State.STOPPING: "yellow",
+    State.RESTARTING: "bold yellow",
+    State.LOST: "bold red",
+    State.ENDED: "dim",
+    State.FAILED: "bold red",
+}
+HERE = "here"
+"""What the machine of the controller is called in the column of hosts."""
+
+_GAP = "  "
+_LEAST_NOTE = 24
+"""Characters that are left for what is said of a process, or it is not said."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Column:
+    title: str
+    value: Callable[[ProcessStatus], str]
+    to_the_right: bool = True
+    leaves: int = 0
+    """When it goes if the lines are too long: the greatest number first; 0 stays."""
+
+
+def summary(snapshot: Snapshot) -> Line:
+    """One line about all of it."""
+    processes = snapshot.processes
+    instances = sum(len(each.instances) for each in processes)
+    counted: Counter[State] = Counter()
+    for each in processes:
+        counted[State.ENDED] += len(each.ended)
+        counted[each.state] += len(each.instances) - len(each.ended)
+    states = [(f"{number} {state}", STYLES[state]) for state, number in _in_order(counted)]
+    lost = [host for host in snapshot.hosts if not host.reachable]
+    line: Line = [(snapshot.network, "bold"), (f": {instances} {'component' if instances == 1 else 'components'}", "")]
+    for said, style in states:
+        line += [(", ", ""), (said, style)]
+    line.append((f", up {duration(snapshot.uptime)}", ""))
+    if snapshot.stopping:
+        line.append((f"; stopping: {snapshot.why}" if snapshot.why else "; stopping", "bold yellow"))
+    for host in lost:
+        line.append((f"; host {host.name} is out of reach: {host.why}", "bold red"))
+    return line
+
+
+def table(
+    snapshot: Snapshot,
+    *,
+    width: int | None = None,
+    height: int | None = None,
+    colours: Mapping[str, str] | None = None,
+) -> list[Line]:
+    """All processes, or as many as fit into so many lines: those go first that are well. How many those are is said.
+
+    Columns that tell least are left out where lines would be longer than `width`.
+    """
+    processes, others = _worth_a_line(snapshot.processes, height)
+    columns = [each for each in _COLUMNS if each.title in ("instance", "state") or any(map(each.value, processes))]
+    if not snapshot.hosts:
+        columns = [each for each in columns if each.title != "host"]
+    cells = {column: [column.title, *map(column.value, processes)] for column in columns}
+    for process in processes:
+        for name in process.instances if _is_shared(process) else ():
+            cells[columns[0]].append(f"  {name}")  # counts for the width; its line is made below
+    widths = {column: max(map(len, texts)) for column, texts in cells.items()}
+    note = columns[-1] if columns[-1].title == _NOTE.title else None
+    if width is not None:
+        _leave_out(columns, widths, note, width)
+    lines = [_line([(column.title, column, "dim") for column in columns], widths)]
+    for process in processes:
+        style = STYLES[process.state]
+        name = (colours or {}).get(process.name, "")
+        lines.append(
+            _line([(column.value(process), column, _style(column, name, style)) for column in columns], widths)
+        )
+        lines += [_member(process, each, columns, widths, name) for each in process.instances if _is_shared(process)]
+    if others:
+        lines.append([(_more(others), "dim")])
+    return lines
+
+
+def text(line: Line) -> str:
+    return "".join(part for part, _ in line)
+
+
+# Values.
+
+
+def duration(seconds: float) -> str:
+    """`4 s`, `3:07`, `2:03:07`, `5 d 02:03`."""
+    whole = int(seconds)
+    minutes, hours = whole // 60, whole // 3600
+    if whole < 60:
+        return f"{whole} s"
+    if hours < 1:
+        return f"{minutes}:{whole % 60:02}"
+    if hours < 24:
+        return f"{hours}:{minutes % 60:02}:{whole % 60:02}"
+    return f"{hours // 24} d {hours % 24:02}:{minutes % 60:02}"
+
+
+def memory(size: int) -> str:
+    """`812 kB`, `45 MB`, `1.2 GB`."""
+    for unit, power in (("GB", 1e9), ("MB", 1e6)):
+        if size >= power:
+            value = size / power
+            return f"{value:.1f} {unit}" if value < 10 else f"{value:.0f} {unit}"
+    return f"{size / 1e3:.0f} kB"
+
+
+def rate(value: float) -> str:
+    return f"{value:.1f}" if 0 < value < 10 else f"{value:.0f}"
+
+
+def milliseconds(seconds: float) -> str:
+    value = seconds * 1000
+    return f"{value:.2f} ms" if value < 1 else f"{value:.1f} ms" if value < 100 else f"{value:.0f} ms"
+
+
+def _note(process: ProcessStatus) -> str:
+    if process.next_start is not None:
+        again = f"again in {process.next_start:.1f} s"
+        return f"{process.how}; {again}" if process.how else again
+    return process.how or (process.status if process.state is State.STARTING else "")
+
+
+def _maybe(form: Callable[[float], str], value: float | None) -> str:
+    return "" if value is None else form(value)
+
+
+_NOTE = _Column("", _note, to_the_right=False)
+_COLUMNS = (
+    _Column("instance", lambda each: each.name, to_the_right=False),
+    _Column("host", lambda each: each.host or HERE, to_the_right=False, leaves=3),
+    _Column("state", lambda each: str(each.state), to_the_right=False),
+    _Column("pid", lambda each: str(each.pid or ""), leaves=6),
+    _Column("uptime", lambda each: _maybe(duration, each.uptime), leaves=5),
+    _Column("restarts", lambda each: str(each.restarts), leaves=2),
+    _Column("cpu", lambda each: _maybe(lambda cores: f"{cores * 100:.0f} %", each.cpu), leaves=1),
+    _Column("memory", lambda each: _maybe(lambda size: memory(int(size)), each.memory), leaves=4),
+    _Column("calls/s", lambda each: _maybe(rate, each.calls), leaves=7),
+    _Column("worst", lambda each: _maybe(milliseconds, each.worst), leaves=8),
+    _NOTE,
+)
+
+
+# Lines.
+
+
+def _worth_a_line(
+    processes: Sequence[ProcessStatus], height: int | None
+) -> tuple[Sequence[ProcessStatus], Sequence[ProcessStatus]]:
+    """Those that there is room for, in their order, and the others."""
+    if height is None or 1 + sum(map(_height, processes)) <= height:
+        return processes, ()
+    room = height - 2  # for the heads, and for how many more there are
+    shown: set[str] = set()
+    for each in sorted(processes, key=_urgency):
+        if _height(each) <= room:
+            shown.add(each.name)
+            room -= _height(each)
+    return [each for each in processes if each.name in shown], [each for each in processes if each.name not in shown]
+
+
+_URGENT = (
+    State.FAILED, State.HUNG, State.LOST, State.RESTARTING, State.STARTING, State.STOPPING, State.READY, State.WAITING,
+    State.ENDED,
+)  # fmt: skip
+
+
+def _urgency(process: ProcessStatus) -> tuple[int, float]:
+    """What is wrong first, then who has been restarted, then who uses most."""
+    return _URGENT.index(process.state), -process.restarts - (process.cpu or 0.0)
+
+
+def _height(process: ProcessStatus) -> int:
+    return 1 + (len(process.instances) if _is_shared(process) else 0)
+
+
+def _is_shared(process: ProcessStatus) -> bool:
+    return process.instances != (process.name,)
+
+
+def _leave_out(columns: list[_Column], widths: dict[_Column, int], note: _Column | None, width: int) -> None:
+    """Make lines short enough, by the notes first as far as they stay readable, then by whole columns."""
+
+    def room() -> int:
+        return width - sum(widths[each] + len(_GAP) for each in columns if each is not note) + len(_GAP)
+
+    wanted = min(widths[note], _LEAST_NOTE) + len(_GAP) if note else 0
+    while room() < wanted and any(each.leaves for each in columns):
+        columns.remove(max(columns, key=lambda each: each.leaves))
+    if note:
+        widths[note] = max(0, room() - len(_GAP))
+    widths[columns[0]] = max(1, widths[columns[0]] + min(0, room()))
+
+
+def _line(cells: Sequence[tuple[str, _Column, str]], widths: Mapping[_Column, int]) -> Line:
+    line: Line = []
+    for number, (cell, column, style) in enumerate(cells):
+        width = widths[column]
+        shown = cell if len(cell) <= width else cell[: width - 1] + "~" if width else ""
+        filled = f"{shown:>{width}}" if column.to_the_right else f"{shown:<{width}}"
+        line += [(filled, style), (_GAP, "")] if number < len(cells) - 1 else [(filled.rstrip(), style)]
+    while len(line) > 1 and not line[-1][0].strip():
+        line.pop()
+    return line
+
+
+def _style(column: _Column, name: str, state: str) -> str:
+    if column is _COLUMNS[0]:
+        return name
+    return state if column.title == "state" or column is _NOTE else ""
+
+
+def _member(
+    process: ProcessStatus, name: str, columns: Sequence[_Column], widths: Mapping[_Column, int], style: str
+) -> Line:
+    """An instance that shares its process."""
+    state = State.ENDED if name in process.ended else process.state
+    said = {"instance": (f"  {name}", style), "state": (str(state), STYLES[state])}
+    cells = [(*said.get(column.title, ("", "")), column) for column in columns]
+    return _line([(cell, column, how) for cell, how, column in cells], widths)
+
+
+def _more(others: Sequence[ProcessStatus]) -> str:
+    counted = ", ".join(f"{number} {state}" for state, number in _in_order(Counter(each.state for each in others)))
+    return f"... and {len(others)} more: {counted}"
+
+
+def _in_order(counted: Mapping[State, int]) -> list[tuple[State, int]]:
+    return [(state, counted[state]) for state in _URGENT if counted.get(state)]

@@ -1,0 +1,222 @@
+"""Who uses whom in a network: each port of an instance, and those that offer what it uses.
+
+A wiring of the network says it; else those of the same system do, if there are any, or else those of the system
+around it, and so on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from ..contract.component import Component, Port
+from ..contract.interface import Verb, differences
+from ..dsl.ddsl.model import Deployment, Instance, Quality, Wiring
+from ..dsl.ddsl.scope import around
+from ..dsl.diagnostics import Report, did_you_mean
+from ..dsl.source import Name
+from ..dsl.workspace import LinkedComponent
+from ..wire import names
+from . import placing
+from .plan import Link
+from .routes import unmet
+
+
+@dataclass
+class Node:
+    """An instance and what it is an instance of."""
+
+    instance: Instance
+    linked: LinkedComponent
+    host: str
+    """The one that it runs on; "" for the one that launches the network."""
+    namespace: str
+    wires: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    """Whom to use, as a `from` says it, by the name of the port that does."""
+    qos: dict[str, Quality] = field(default_factory=dict)
+    """What the network says, by the name of the port."""
+    places: dict[str, Name] = field(default_factory=dict)
+    """Where the network speaks of a port, by its name."""
+
+    def place(self, port: str = "") -> Name:
+        """Where to tell what is wrong with it, or with one of its ports."""
+        return self.places.get(port) or self.instance.config or self.instance.name
+
+    @property
+    def name(self) -> str:
+        return self.instance.name.text
+
+    @property
+    def component(self) -> Component:
+        return self.linked.component
+
+
+def node_of(model: Deployment, instance: Instance, linked: LinkedComponent) -> Node:
+    return Node(instance, linked, placing.host_name(model, instance), placing.namespace(model, instance))
+
+
+def wire(nodes: Sequence[Node], model: Deployment, report: Report) -> list[Link]:
+    """Who uses whom; each node is told its own part of it. What is wrong goes into the report."""
+    complete = len(nodes) == len(model.instances)
+    return [link for node in nodes for link in _Wirer(node, nodes, complete, report).links()]
+
+
+_Offer = tuple[Node, Port]
+
+
+@dataclass
+class _Wirer:
+    """The uses of one instance."""
+
+    node: Node
+    nodes: Sequence[Node]
+    complete: bool
+    """Whether the nodes are all instances of the network."""
+    report: Report
+
+    def links(self) -> Iterator[Link]:
+        node = self.node
+        wirings: dict[str, Wiring] = {}
+        astray: set[Verb] = set()
+        """Of wirings whose port is not there: they may be meant for any port that has none."""
+        for wiring in node.instance.wirings:
+            port = self._wired_port(wiring)
+            if port:
+                wirings[port.name] = wiring
+                node.places[port.name] = wiring.instance
+            else:
+                astray.add(Verb(wiring.verb.text))
+        there = {other.name for other in self.nodes}
+        for port in node.component.ports:
+            given = wirings.get(port.name)
+            lost = given.instance.text not in there if given else port.verb in astray
+            if not port.verb.provides and not lost:
+                yield from self._wire_port(port, given)
+
+    def _wired_port(self, wiring: Wiring) -> Port | None:
+        verb, component = Verb(wiring.verb.text), self.node.component
+        ports = {port.label: port for port in component.ports if port.verb is verb}
+        if wiring.port.text not in ports:
+            message = f"`{component.name}` has no `{verb} {wiring.port}`"
+            hint = did_you_mean(wiring.port.text, ports) or (f"it has: {', '.join(ports)}" if ports else "")
+            self._error("unknown-port", message, wiring.port, hint)
+        return ports.get(wiring.port.text)
+
+    def _wire_port(self, port: Port, wiring: Wiring | None) -> Iterator[Link]:
+        node = self.node
+        at = wiring.instance if wiring else node.instance.name
+        if wiring:
+            named = next(other for other in self.nodes if other.name == wiring.instance.text)
+            offers = [(named, theirs) for theirs in _offered(named, port)]
+            if not offers:
+                what = "implement" if port.verb is Verb.REQUIRES else "publish"
+                self._error("nobody-provides", f"`{wiring.instance}` does not {what} `{port.interface.short}`", at)
+                return
+        else:
+            offers = self._nearest(port)
+        if not offers:
+            self._report_nobody(port)
+            return
+        providers = {other.name: other for other, _ in offers}
+        if len(providers) > 1 and port.verb is Verb.REQUIRES:
+            self._report_several(port, providers)
+            return
+        for other, theirs in offers:
+            self._check_match(port, other, theirs, at)
+            yield Link(port.interface.short, other.name, node.name, port.verb)
+        if len(providers) == 1:
+            other, theirs = offers[0]
+            node.wires[port.name] = (self._source(port, other, theirs),)
+        elif any(other.namespace != node.namespace for other in providers.values()):
+            sources = dict.fromkeys(self._source(port, *offer) for offer in offers)
+            node.wires[port.name] = tuple(sources)  # "any instance" would be one of the own system
+
+    def _nearest(self, port: Port) -> list[_Offer]:
+        """Those that offer it, and are in the same system, or in the one around it, and so on."""
+        offers = [(other, theirs) for other in self.nodes if other is not self.node for theirs in _offered(other, port)]
+        for system in around(self.node.instance.system):
+            if near := [each for each in offers if each[0].instance.system[: len(system)] == system]:
+                return near
+        return []
+
+    def _source(self, port: Port, other: Node, theirs: Port) -> str:
+        segment = other.component.segment(theirs)
+        here = self.node.namespace, port.interface.short
+        return names.target(other.namespace, other.instance.local, segment, *here)
+
+    def _report_several(self, port: Port, providers: Mapping[str, Node]) -> None:
+        said = ", ".join(f"`{name}`" for name in providers)
+        likely = list(providers)[min(int(port.number or 0), len(providers) - 1)]
+        hint = f"write in its block: requires {port.label} from {likely};"
+        message = f"`{port.label}` for `{self.node.name}`: {said} implement it"
+        ones = [("one is here", other.instance.name) for other in providers.values()]
+        self._error("ambiguous-provider", message, self.node.instance.name, hint, *ones)
+
+    def _report_nobody(self, port: Port) -> None:
+        if not self.complete:
+            return  # an instance that could not be read may provide it
+        node = self.node
+        if port.verb is Verb.REQUIRES:
+            message = f"`{node.name}` requires `{port.interface.short}`, which nobody implements"
+            self._error("nobody-provides", message, node.instance.name)
+        else:
+            message = f"`{node.name}` subscribes to `{port.interface.short}`, which nobody publishes"
+            self.report.warning("nobody-publishes", message, node.instance.name.span)
+
+    def _check_match(self, port: Port, other: Node, theirs: Port, at: Name) -> None:
+        offered = {operation.name: operation for operation, _ in theirs.interface.under(theirs.verb)}
+        for operation, _ in port.interface.under(port.verb):
+            match = offered.get(operation.name)
+            if match is None or match.fingerprint != operation.fingerprint:
+                what = "; ".join(differences(operation.text, match.text)) if match else "it is absent there"
+                message = f"`{port.interface.short}.{operation.name}` means something else in `{other.name}`: {what}"
+                hint = "generate both from the same IDSL"
+                self._error("contract-mismatch", message, at, hint, ("the other one", other.instance.name))
+                return
+        programs = self.node.instance.program or other.instance.program  # the others are compared as configured
+        if port.verb.is_topic and programs:
+            for fault in unmet(port, port.qos, other.name, theirs.qos):
+                self._error(fault.code, fault.message, at, fault.hint, ("the publisher", other.instance.name))
+
+    def _error(self, code: str, message: str, at: Name, hint: str = "", *related: tuple[str, Name]) -> None:
+        self.report.error(code, message, at.span, hint, *((text, name.span) for text, name in related))
+
+
+def _offered(node: Node, wanted: Port) -> list[Port]:
+    """The ports of an instance that offer what a port uses."""
+    verb = Verb.IMPLEMENTS if wanted.verb is Verb.REQUIRES else Verb.PUBLISHES
+    return [p for p in node.component.ports if p.verb is verb and p.interface.short == wanted.interface.short]
+
+
+def read_qos(node: Node, report: Report) -> None:
+    """What the network says of the QoS of an instance; what is wrong with it goes into the report."""
+    for quality in node.instance.qos:
+        if node.instance.program:
+            message = f"`{node.name}` is a program of your own, whose QoS is not set from here"
+            report.error("configuration", message, quality.port.span, "remove it")
+        elif port := _port_of(node, quality, report):
+            node.qos[port.name] = quality
+            node.places[port.name] = quality.port
+
+
+def _port_of(node: Node, quality: Quality, report: Report) -> Port | None:
+    """The one whose QoS is said; None, and reported, if it is none, or may be two."""
+    verbs = [Verb(quality.verb.text)] if quality.verb else [Verb.PUBLISHES, Verb.SUBSCRIBES]
+    there = [port for port in node.component.ports if port.verb in verbs]
+    named = [port for port in there if port.label == quality.port.text]
+    if len(named) == 1:
+        return named[0]
+    at = quality.port
+    calls = [port.label for port in node.component.ports if not port.verb.is_topic]
+    if named:
+        ways = " or ".join(f"`qos {port.verb} {at}(…)`" for port in named)
+        message = f"`{node.component.name}` publishes and subscribes to `{at}`"
+        report.error("ambiguous-port", message, at.span, f"write {ways}")
+    elif at.text in calls and not quality.verb:
+        report.error("qos-of-calls", "only what is published or subscribed to has a QoS", at.span)
+    else:
+        what = " or ".join(f"`{verb} {at}`" for verb in verbs)
+        labels = dict.fromkeys(port.label for port in there)
+        hint = did_you_mean(at.text, labels) or (f"it has: {', '.join(labels)}" if labels else "")
+        report.error("unknown-port", f"`{node.component.name}` has no {what}", at.span, hint)
+    return None

@@ -1,0 +1,75 @@
+"""The settings between the parentheses of `restart on_failure( … )`, read into what a deployer keeps to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from ...contract.component import MAX_SECONDS
+from ..cdsl.model import Setting
+from ..diagnostics import Report, did_you_mean
+from . import model as m
+
+_MOST = 1_000_000
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """A setting: what it may be, and how that is said."""
+
+    fits: Callable[[float], bool]
+    said: str
+    timed: bool = True
+
+
+_KNOWN: Mapping[str, _Kind] = {
+    "intensity": _Kind(lambda x: 1 <= x <= _MOST and x % 1 == 0, f"how many restarts, 1 to {_MOST}", timed=False),
+    "period": _Kind(lambda x: 0 < x <= MAX_SECONDS, f"seconds, more than 0 and at most {MAX_SECONDS:.0f}"),
+    "delay": _Kind(lambda x: 0 <= x <= MAX_SECONDS, f"seconds, 0 to {MAX_SECONDS:.0f}"),
+    "max_delay": _Kind(lambda x: 0 <= x <= MAX_SECONDS, f"seconds, 0 to {MAX_SECONDS:.0f}"),
+}
+
+
+def read_restart(restart: m.Restart, report: Report) -> dict[str, float]:
+    """What it sets, by name; what is wrong with it goes into the report."""
+    given: dict[str, Setting] = {}
+    found: dict[str, float] = {}
+    if restart.settings and restart.policy.text == "never":
+        message = "`never` has no settings: there is nothing that they would be for"
+        report.error("bad-restart", message, restart.settings[0].span, "remove them, or write on_failure")
+        return found
+    for each in restart.settings:
+        name = each.name.text
+        kind = _KNOWN.get(name)
+        if kind is None:
+            hint = did_you_mean(name, _KNOWN) or f"there are {', '.join(_KNOWN)}"
+            report.error("bad-restart", f"`{name}` is no setting of `restart`", each.name.span, hint)
+            continue
+        if (first := given.setdefault(name, each)) is not each:
+            report.error("bad-restart", f"`{name}` is given twice", each.span, "", ("first here", first.span))
+            continue
+        number = value_of(each, timed=kind.timed)
+        if number is None or not kind.fits(number):
+            message = f"`{name}` is {kind.said}"
+            report.error("bad-restart", message, each.span, f"as in: {name} {_EXAMPLES[name]}")
+            continue
+        found[name] = number
+    least, most = found.get("delay", DEFAULTS["delay"]), found.get("max_delay", DEFAULTS["max_delay"])
+    if least > most:
+        at = given.get("max_delay") or given["delay"]
+        message = f"the first delay, {least:g} s, is longer than the longest, {most:g} s"
+        report.error("bad-restart", message, at.span, "delays grow from `delay` to `max_delay`")
+    return found
+
+
+_EXAMPLES = {"intensity": "5", "period": "60", "delay": "0.2", "max_delay": "30"}
+DEFAULTS: Mapping[str, float] = {name: float(text) for name, text in _EXAMPLES.items()}
+"""What holds where nothing is said."""
+
+
+def value_of(setting: Setting, *, timed: bool) -> float | None:
+    """A number, or of a time its seconds; None if it is neither."""
+    amount = setting.amount
+    if amount is None or (amount.unit and not timed):
+        return None
+    return amount.seconds if amount.unit else amount.number

@@ -1,0 +1,59 @@
+"""What holds for an instance, and whom it means: its own block first, then the systems around it, then the network."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from typing import Protocol
+
+from ..source import Name
+from . import model as m
+
+HERE = ("localhost", "127.0.0.1", "::1")
+"""How this machine is called."""
+
+
+class _Saying(Protocol):
+    @property
+    def host(self) -> Name | None: ...
+
+    @property
+    def restart(self) -> m.Restart | None: ...
+
+
+def whole(system: tuple[str, ...], name: str) -> str:
+    """What something in a system is called from everywhere."""
+    return "/".join((*system, name))
+
+
+def around(system: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+    """A system, the one it is in, and so on; the whole network, which is (), is the last."""
+    return (system[:depth] for depth in range(len(system), -1, -1))
+
+
+def meanings(written: str, system: tuple[str, ...], known: Collection[str]) -> list[str]:
+    """The whole names that a name in a system may stand for; the first one is meant."""
+    if written.startswith("/"):
+        return [written[1:]] if written[1:] in known else []
+    return [name for each in around(system) if (name := whole(each, written)) in known]
+
+
+def host_of(model: m.Deployment, instance: m.Instance) -> Name | None:
+    """What says on which host an instance runs, which may be an `ip`; None for the one that launches the network."""
+    return next((said for each in _saying(model, instance) if (said := _host(each))), None)
+
+
+def _host(each: _Saying) -> Name | None:
+    return each.host or (each.ip if isinstance(each, m.Instance) else None)
+
+
+def restart_of(model: m.Deployment, instance: m.Instance) -> m.Restart | None:
+    """What says whether an instance is started again."""
+    return next((each.restart for each in _saying(model, instance) if each.restart), model.restart)
+
+
+def _saying(model: m.Deployment, instance: m.Instance) -> Iterator[_Saying]:
+    yield instance
+    systems = {each.name.text: each for each in model.systems}
+    for path in around(instance.system):
+        if each := systems.get("/".join(path)):
+            yield each

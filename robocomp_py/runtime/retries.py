@@ -1,0 +1,200 @@
+"""Calls of idempotent operations, which are asked again if their server went away, or was not there.
+
+    at most three times, within their deadline, and only while few do: of all calls, one in ten may be a further attempt
+
+Who asks again waits for a server first, so a component that is restarted is hardly missed. What is asked again is the
+same question: a server that got it before, and whose answer was lost, answers it again, and does not execute it again.
+Operations that are not idempotent are never asked twice.
+"""
+
+from __future__ import annotations
+
+import random
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
+
+from ..errors import Unreachable
+from ..transports.base import Caller, Question, Reply, Statistics, step_aside
+from ..wire.codec import Payload
+
+ATTEMPTS = 3
+
+SHARE = 0.1
+"""Further attempts, of all calls."""
+
+SAVED = 10.0
+"""Further attempts that may be saved up; so many a caller has at first."""
+
+PAUSE = 0.02
+"""Seconds before the second attempt, and three times as many before each further one: about, so that not all come at
+once."""
+
+_THREADS = "retrying"
+
+_ASIDE = 4
+"""So many asynchronous calls are asked again at a time; others wait for their turn."""
+
+
+class Budget:
+    """How many further attempts there may be. Safe to use from any thread."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._left = SAVED
+
+    def earn(self) -> None:
+        with self._lock:
+            self._left = min(SAVED, self._left + SHARE)
+
+    def spend(self) -> bool:
+        with self._lock:
+            if self._left < 1.0:
+                return False
+            self._left -= 1.0
+            return True
+
+
+class Retrying:
+    """A `Caller` of an idempotent operation, in front of the one that does the work."""
+
+    def __init__(self, caller: Caller, budget: Budget | None = None) -> None:
+        self._caller, self._budget = caller, budget or Budget()
+        self.wait_peer = caller.wait_peer
+        self._aside: ThreadPoolExecutor | None = None
+        self._lock = threading.Lock()
+        self._closed = threading.Event()
+
+    @property
+    def stats(self) -> Statistics:
+        return self._caller.stats
+
+    def ask(self, payload: Payload, deadline: float) -> Reply:
+        end = time.monotonic() + deadline
+        self._budget.earn()
+        question = self._question(payload)
+        try:
+            try:
+                return question.ask(deadline)
+            except Unreachable as exc:
+                return self._again(question.ask, exc, end)
+        finally:
+            question.close()
+
+    def call(self, payload: Payload, deadline: float) -> Future[Reply]:
+        end = time.monotonic() + deadline
+        self._budget.earn()
+        question, answer = self._question(payload), _Answer()
+
+        def ask_again(why: Unreachable) -> None:
+            again = partial(self._again, partial(_called, question), why, end)
+            with self._lock:
+                if self._closed.is_set():
+                    answer.settle(lambda: _raise(why))
+                    return
+                self._aside = self._aside or ThreadPoolExecutor(_ASIDE, _THREADS)
+                self._aside.submit(answer.settle, again).add_done_callback(lambda _: question.close())
+
+        def over(first: Future[Reply]) -> None:
+            error = None if first.cancelled() else first.exception()
+            if isinstance(error, Unreachable) and not answer.cancelled():
+                ask_again(error)
+                return
+            question.close()
+            if not first.cancelled():
+                answer.settle(first.result)
+
+        try:
+            first = question.call(deadline)
+        except Unreachable as exc:
+            ask_again(exc)
+        except BaseException:
+            question.close()
+            raise
+        else:
+            answer.follow(first)
+            first.add_done_callback(over)
+        return answer
+
+    def close(self) -> None:
+        self._closed.set()
+        self._caller.close()  # who waits for a server, or for an answer, is released by this
+        with self._lock:
+            aside, self._aside = self._aside, None
+        if aside:
+            mine = threading.current_thread().name.startswith(_THREADS)  # a callback closes us
+            aside.shutdown(wait=not mine)
+
+    def _question(self, payload: Payload) -> Question:
+        question: Callable[[Payload], Question] | None = getattr(self._caller, "question", None)
+        return question(payload) if question else _Anew(self._caller, payload)
+
+    def _again(self, ask: Callable[[float], Reply], why: Unreachable, end: float) -> Reply:
+        """Raises why it failed at last; who finds no server in time, why it failed at first."""
+        pause = PAUSE
+        for _ in range(ATTEMPTS - 1):
+            if not self._budget.spend():
+                break
+            step_aside()
+            self._closed.wait(min(pause * random.uniform(0.5, 1.5), max(0.0, end - time.monotonic())))
+            pause *= 3
+            if not self._caller.wait_peer(max(0.0, end - time.monotonic())):
+                break
+            left = end - time.monotonic()
+            if left <= 0:
+                break
+            try:
+                return ask(left)
+            except Unreachable as exc:
+                why = exc
+        raise why
+
+
+class _Answer(Future[Reply]):
+    """What comes of a call in the end. Cancelling it gives up the attempt that is under way."""
+
+    _first: Future[Reply] | None = None
+
+    def follow(self, first: Future[Reply]) -> None:
+        self._first = first
+
+    def cancel(self) -> bool:
+        cancelled = super().cancel()
+        if cancelled and self._first:
+            self._first.cancel()
+        return cancelled
+
+    def settle(self, how: Callable[[], Reply]) -> None:
+        try:
+            reply = how()
+        except BaseException as exc:  # it is told to who waits
+            if self.set_running_or_notify_cancel():
+                self.set_exception(exc)
+        else:
+            if self.set_running_or_notify_cancel():
+                self.set_result(reply)
+
+
+class _Anew:
+    """A question of a transport that does not know one again: it may be executed twice, which does no harm."""
+
+    def __init__(self, caller: Caller, payload: Payload) -> None:
+        self._caller, self._payload = caller, payload
+
+    def ask(self, deadline: float) -> Reply:
+        return self._caller.ask(self._payload, deadline)
+
+    def call(self, deadline: float) -> Future[Reply]:
+        return self._caller.call(self._payload, deadline)
+
+    def close(self) -> None: ...
+
+
+def _called(question: Question, deadline: float) -> Reply:
+    return question.call(deadline).result()
+
+
+def _raise(error: Exception) -> Reply:
+    raise error

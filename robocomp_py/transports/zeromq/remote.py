@@ -1,0 +1,329 @@
+"""Those who are reached by TCP: members of the directory who have no file in our run-time folder.
+
+Who is given `connect` asks at each of these addresses, again and again, who is there and what it offers, and says what
+it wants itself; who is given `bind` answers. Each takes the other for a member of its directory as long as it hears
+from it, so that links find, miss and understand each other as they do on one machine.
+
+    question, answer      the topic `robocomp/directory` with a request's header, a reply's header; behind it JSON
+                          {"id": …, "owner": …, "pid": …, "entries": […]}, as in a file of the directory
+
+What is told of a topic bears the port of its own at the same host: `tcp://*:40123#a1b2c3`.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import re
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import zmq
+
+from ...errors import DecodeError
+from ...wire.header import Flag, pack_request, random_id
+from ..crew import Job
+from ..directory import Directory, Entry, Member, member_of
+from .curve import WATCHED, Rights, Secure, why_not
+from .frames import Frames, joined, read_reply_frames, topic
+from .sockets import Socket, as_transport_error, new_socket, receive_frames, send_frames
+from .zmtp import SLICE_MS, Wait
+
+if TYPE_CHECKING:
+    from .transport import ZeroMQTransport
+
+log = logging.getLogger("robocomp.transport.zeromq")
+
+DIRECTORY = topic("robocomp/directory")
+
+SILENT = 2.0
+"""Seconds without a word after which somebody has gone."""
+
+_EAGER, _USUAL = 0.1, 0.5
+"""Seconds between two questions, as long as there was no answer, and then."""
+
+_UNANSWERED = 3.0
+"""Seconds without an answer after which that is told."""
+
+_MOST = 1000
+"""So many may ask us; each is a few kilobytes."""
+
+_LONGEST = 4 * 1024 * 1024
+"""Octets of what somebody tells of itself."""
+
+_OFFERING, _WANTING = ("serves", "receives", "publishes"), ("calls", "commands", "subscribes")
+
+TO_FAR = {
+    "IMMEDIATE": 1,  # no queueing for who is not there
+    "RECONNECT_IVL": 100,
+    "RECONNECT_IVL_MAX": 1000,
+    "CONNECT_TIMEOUT": 2000,
+    "HEARTBEAT_IVL": 500,
+    "HEARTBEAT_TIMEOUT": 2000,
+}
+"""Of sockets that connect. Times in milliseconds."""
+
+AT_FAR = {"HEARTBEAT_IVL": 500, "HEARTBEAT_TIMEOUT": 2000}
+"""Of sockets to which others connect: a line that was cut is noticed."""
+
+_ADDRESS = re.compile(r"tcp://(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._*-]+):(\d{1,5})(?:#[0-9a-f]{6})?")
+
+
+def is_far(address: str) -> bool:
+    return address.startswith("tcp://")
+
+
+def host_of(address: str) -> str:
+    """Of an address `tcp://HOST:PORT`; empty if it is none."""
+    found = _ADDRESS.fullmatch(address)
+    return found[1] if found else ""
+
+
+class Neighbours(Directory):
+    """The members of one folder, and those who are heard from."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder)
+        self._far: dict[str, tuple[Member, float]] = {}
+        """With the time of its last word."""
+        self._changes = 0
+
+    def version(self) -> int:
+        return super().version() + self._changes
+
+    def find(self, role: str, channel: str) -> list[tuple[Member, Entry]]:
+        near = super().find(role, channel)
+        return near + [found for member, _ in list(self._far.values()) for found in member.facing(role, channel)]
+
+    def alive(self, member_id: str) -> bool:
+        if "@" not in member_id:
+            return super().alive(member_id)
+        heard = self._far.get(member_id)
+        return heard is not None and time.monotonic() - heard[1] < SILENT
+
+    def responds(self, member: Member, within: float) -> bool:
+        if "@" not in member.id:
+            return super().responds(member, within)
+        heard = self._far.get(member.id)
+        return heard is not None and time.monotonic() - heard[1] < within
+
+    def hear(self, member: Member) -> bool:
+        """Note that somebody is there; whether that is news."""
+        known = self._far.get(member.id)
+        if known is None and len(self._far) >= _MOST:
+            return False
+        news = known is None or known[0] != member
+        self._far[member.id] = member, time.monotonic()
+        self._changes += news
+        return news
+
+    def lose(self, gone: Callable[[Member], bool]) -> None:
+        """Forget who is like that, and who has been silent for too long."""
+        for member, _ in list(self._far.values()):
+            if gone(member) or not self.alive(member.id):
+                self._far.pop(member.id, None)
+                self._changes += 1
+
+    def deny(self, member_id: str, role: str, channel: str) -> None:
+        """Somebody far away does not do this any more; what it said of itself is older."""
+        if heard := self._far.get(member_id):
+            member, when = heard
+            gone = [entry for _, entry in member.facing(role, channel)]
+            if gone:
+                self._far[member_id] = replace(member, entries=tuple(e for e in member.entries if e not in gone)), when
+                self._changes += 1
+
+    @property
+    def has_far_ones(self) -> bool:
+        return bool(self._far)
+
+
+def record(member_id: str, owner: str, pid: int, entries: Iterable[Entry]) -> bytes:
+    """What somebody tells of itself."""
+    told = {"id": member_id, "owner": owner, "pid": pid, "entries": [asdict(each) for each in entries]}
+    return json.dumps(told).encode()
+
+
+def read_record(data: bytes, name: str, *, at: str, rights: Rights) -> Member:
+    """Who told that of itself: called NAME, and reached at that address, if we can reach it. Raises DecodeError.
+
+    What it has no right to is left out.
+    """
+    if len(data) > _LONGEST:
+        raise DecodeError(f"{name} tells too much of itself: {len(data)} octets")
+    try:
+        told = json.loads(data)
+        member = member_of(told, f"{name}@{told['id']}")
+    except (ValueError, TypeError, KeyError, RecursionError) as exc:
+        raise DecodeError(f"{name} tells nothing that makes sense of itself: {exc!r}") from exc
+    roles = (*_WANTING, *_OFFERING) if at else _WANTING
+    allowed = [each for each in member.entries if each.role in roles and rights.allow(each.channel)]
+    entries = (_reached(each, at) if each.role in _OFFERING else each for each in allowed)
+    return replace(member, entries=tuple(each for each in entries if each))
+
+
+def _reached(entry: Entry, at: str) -> Entry | None:
+    if entry.role != "publishes":
+        return replace(entry, address=at)
+    if not _ADDRESS.fullmatch(entry.address):
+        return None  # for those on its own machine
+    return replace(entry, address=f"tcp://{host_of(at)}:{entry.address.rpartition(':')[2]}")
+
+
+class Inquirer:
+    """Asks at one address who is there."""
+
+    def __init__(self, transport: ZeroMQTransport, name: str, address: str) -> None:
+        self.name, self.address = name, address
+        self._transport = transport
+        self.secure, self._rights = transport.secure_for(name)
+        self._client, self._sequence = random_id(), 0
+        self._asked = self._answered = time.monotonic() - _USUAL
+        self._there = self._told = False
+        self._id = ""
+        self._why = "nobody answers"
+        monitor = f"inproc://monitor of {name}"
+        self._socket = transport.socket(zmq.DEALER, self._on_answer, self.secure, SNDHWM=4, RCVHWM=16, **TO_FAR)
+        self._events = transport.socket(zmq.PAIR, self._on_event)
+        with as_transport_error(f"connecting to {address}"):
+            with self._socket.lock:
+                self._socket.raw.monitor(monitor, WATCHED)
+            with self._events.lock:
+                self._events.raw.connect(monitor)
+                self._events.look()
+            with self._socket.lock:
+                self._socket.raw.connect(address)
+
+    def tick(self) -> float:
+        """Ask if it is time to; seconds until it is."""
+        now = time.monotonic()
+        self._there = self._there and now - self._answered < SILENT
+        wait = self._asked + (_USUAL if self._there else _EAGER) - now
+        if wait <= 0:
+            self._ask()
+            wait = _USUAL if self._there else _EAGER
+        if not self._told and now - self._answered > _UNANSWERED:
+            self._told = True
+            log.warning("%s: %s at %s (%s)", self._transport.owner or "zeromq", self._why, self.address, self.name)
+        return wait
+
+    def ask_now(self) -> None:
+        """What we want has changed."""
+        self._asked = 0.0
+
+    def _ask(self) -> None:
+        self._asked = time.monotonic()
+        self._sequence += 1
+        header = pack_request(Flag.IDEMPOTENT, 0, self._client, self._sequence, SILENT)
+        self._socket.send(joined(DIRECTORY + header, [self._transport.record()]))
+
+    def _on_answer(self, socket: Socket) -> list[Job]:
+        while (frames := socket.receive()) is not None:
+            try:
+                header, payload = read_reply_frames(frames)
+                if header.client != self._client or not payload:
+                    continue
+                member = read_record(bytes(payload[0]), self.name, at=self.address, rights=self._rights)
+            except DecodeError as exc:
+                log.warning("%s: %s", self.address, exc)
+                continue
+            self._answered = time.monotonic()
+            if self._told:
+                log.info("%s: %s answers again", self._transport.owner or "zeromq", self.name)
+            self._there, self._told, self._why = True, False, "nobody answers any more"
+            if self._id != member.id:  # it was started again
+                self._transport.directory.lose(partial(_is, self._id))
+                self._id = member.id
+            if self._transport.directory.hear(member):
+                self._transport.within(0.0)
+        return []
+
+    def _on_event(self, socket: Socket) -> list[Job]:
+        while (event := socket.receive()) is not None:
+            number = int.from_bytes(event[0][:2], "little")
+            if number == zmq.EVENT_HANDSHAKE_FAILED_AUTH:
+                self._why = "our key is not admitted"
+            elif number == zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL:
+                self._why = "somebody answers who has not the key that we know"
+            elif not self._there:
+                self._why = why_not(event).replace("it did", "who is there did").replace("it does", "it does")
+        return []
+
+
+def _is(member_id: str, member: Member) -> bool:
+    return member.id == member_id
+
+
+class FarStream:
+    """What `zmtp.Stream` is for a socket in a file: one thread's own way to a server. It reconnects by itself."""
+
+    def __init__(self, context: zmq.Context[Any], address: str, secure: Secure | None) -> None:
+        self._socket = new_socket(context, zmq.DEALER, secure, **(TO_FAR | {"LINGER": 0}))
+        try:
+            with as_transport_error(f"connecting to {address}"):
+                self._socket.connect(address)
+        except BaseException:
+            self._socket.close()
+            raise
+
+    def readable(self, seconds: float) -> bool:
+        with as_transport_error("receiving"):
+            return bool(self._socket.poll(max(1, int(seconds * 1000))))
+
+    def send(self, frames: Frames, wait: Wait) -> None:
+        while True:
+            with as_transport_error("sending"):
+                try:
+                    return send_frames(self._socket, frames, int(zmq.NOBLOCK))
+                except zmq.Again:
+                    self._socket.poll(SLICE_MS, zmq.POLLOUT)
+            wait()
+
+    def receive(self) -> Frames:
+        """Raises BlockingIOError if nothing came for a while."""
+        with as_transport_error("receiving"):
+            if not self._socket.poll(SLICE_MS):
+                raise BlockingIOError
+            return receive_frames(self._socket, int(zmq.NOBLOCK))
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class FarFeed:
+    """What `zmtp.Feed` is for a socket in a file: a subscription, which never waits."""
+
+    def __init__(
+        self, context: zmq.Context[Any], address: str, topics: Iterable[bytes], secure: Secure | None, depth: int
+    ) -> None:
+        self.more = False
+        self._socket = new_socket(context, zmq.SUB, secure, **(TO_FAR | {"LINGER": 0, "RCVHWM": depth}))
+        try:
+            with as_transport_error(f"connecting to {address}"):
+                for each in topics:
+                    self._socket.setsockopt(zmq.SUBSCRIBE, each)
+                self._socket.connect(address.partition("#")[0])
+        except BaseException:
+            self._socket.close()
+            raise
+
+    def fileno(self) -> int:
+        return int(self._socket.FD)
+
+    def receive(self) -> Frames:
+        """Raises BlockingIOError if there is nothing."""
+        with as_transport_error("receiving"):
+            try:
+                frames = receive_frames(self._socket, int(zmq.NOBLOCK))
+            except zmq.Again:
+                self.more = False
+                raise BlockingIOError from None
+            self.more = bool(int(self._socket.get(zmq.EVENTS)) & int(zmq.POLLIN))
+            return frames
+
+    def close(self) -> None:
+        self._socket.close()

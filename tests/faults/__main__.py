@@ -1,0 +1,78 @@
+"""`make faults`: run the matrix, print one table, and exit with 1 if something did not hold."""
+
+from __future__ import annotations
+
+import argparse
+import random
+import sys
+import time
+import traceback
+from collections.abc import Iterable, Sequence
+
+from . import calls, report
+from .rows import Row, Run
+
+ROWS: list[Row] = [*calls.ROWS]
+
+_REDUCED = 0.06
+"""How long a few rounds take, of the whole row."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    options = _parsed(arguments)
+    chosen = [(row, each) for row in _rows(options) for each in row.transports if each in (options.over or [each])]
+    if not chosen:
+        print("nothing to do: no such row over that middleware; rows: " + ", ".join(row.name for row in ROWS))
+        return 2
+    full = not options.reduced
+    expected = sum(row.seconds for row, _ in chosen) * (1.0 if full else _REDUCED)
+    print(f"{len(chosen)} runs, about {expected / 60:.0f} minutes; seed {options.seed}", flush=True)
+    found = [_run(row, transport, options.seed, full) for row, transport in chosen]
+    print()
+    print(report.table(found))
+    if options.write:
+        report.write_page(found, options.seed)
+    missed = [each for each in found if each.misses]
+    if missed:
+        names = " ".join(sorted({f"--only {each.row.name}" for each in missed}))
+        print(f"\n{len(missed)} of {len(found)} missed; once more: python -m tests.faults {names} --seed {options.seed}")
+    return 1 if missed else 0
+
+
+def _run(row: Row, transport: str, seed: int, full: bool) -> report.Found:
+    def tell(what: str) -> None:
+        print(f"  {row.name} over {transport}: {what}", flush=True)
+
+    print(f"{row.name} over {transport}: {row.fault}", flush=True)
+    begun = time.monotonic()
+    result, why = None, ""
+    try:
+        result = row.run(Run(transport, seed, full, tell))
+    except Exception as exc:  # the other rows are run all the same
+        traceback.print_exc()
+        why = f"{type(exc).__name__}: {str(exc).splitlines()[0] if str(exc) else ''}"
+    found = report.Found(row, transport, result, why, time.monotonic() - begun, timed=full)
+    for miss in found.misses[:5]:
+        print(f"  MISSED: {miss}", flush=True)
+    return found
+
+
+def _rows(options: argparse.Namespace) -> Iterable[Row]:
+    for row in ROWS:
+        if (not options.only or row.name in options.only) and (row.reduced or not options.reduced):
+            yield row
+
+
+def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m tests.faults", description=__doc__)
+    names = [row.name for row in ROWS]
+    parser.add_argument("--only", action="append", choices=names, metavar="ROW", help=", ".join(names))
+    parser.add_argument("--over", action="append", metavar="MIDDLEWARE", help="only over these")
+    parser.add_argument("--seed", type=int, default=random.SystemRandom().randrange(10**6), help="repeat a run")
+    parser.add_argument("--reduced", action="store_true", help="a few rounds of each; no times are judged")
+    parser.add_argument("--write", action="store_true", help="write what is found to docs/reliability.md")
+    return parser.parse_args(arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

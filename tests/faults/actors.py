@@ -1,0 +1,303 @@
+"""The processes to which things are done: servers, clients, publishers and subscribers over one transport.
+
+    python -m tests.faults.actors nursery     forks an actor for each line that it is given, without loading anything twice
+
+An actor does what it is asked on its control socket, a JSON object a line, and ends when that is closed. What happens
+it writes to its journal, not to the socket: so it is there after `kill -9`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import os
+import signal
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from robocomp_py.contract.qos import QoS, Reliability
+from robocomp_py.errors import RobocompError, TransportError
+from robocomp_py.runtime.retries import Retrying
+from robocomp_py.testing.parts import blob, command, query, topic, unblob
+from robocomp_py.transports.base import Caller, Channel, Outlet, Reply, Statistics, Status, TransportConfig
+from robocomp_py.transports.base import TypeRef, find_transport
+from robocomp_py.wire.codec import Payload
+
+from .history import Asked, Counted, Ended, Executed, Heard, Journal, Published
+
+_END = b"|"
+"""Of what a message says; what follows makes it as large as it is to be."""
+
+_STUCK = 60.0
+"""Seconds after which work that was told to end is said to hang."""
+
+
+class Actor:
+    def __init__(self, name: str, transport: str, options: Mapping[str, Any], journal: Path) -> None:
+        self.name, self.journal = name, Journal(journal)
+        self.transport = find_transport(transport)(TransportConfig(dict(options), owner=name))
+        self._links: dict[str, Any] = {}
+        self._work: dict[str, threading.Thread] = {}
+        self._stop: dict[str, threading.Event] = {}
+        self._said: dict[str, Any] = {}
+
+    # Servers.
+
+    def serve(self, channel: str, pause: float = 0.0, idempotent: bool = False, later: bool = False) -> None:
+        """Answer with our name, after `pause` seconds; `later` by another thread, so that many are served at once."""
+
+        def service(payload: Payload, expires: float) -> Reply | Future[Reply]:
+            self._note_executed(payload)
+            reply = Reply(Status.OK, blob(self.transport, self.name.encode()))
+            if not later:
+                time.sleep(pause)
+                return reply
+            promise: Future[Reply] = Future()
+            threading.Timer(pause, promise.set_result, [reply]).start()
+            return promise
+
+        self._links[channel] = self.transport.server(_query(channel, idempotent), service)
+
+    def take(self, channel: str, pause: float = 0.0) -> None:
+        def sink(payload: Payload) -> None:
+            self._note_executed(payload)
+            time.sleep(pause)
+
+        self._links[channel] = self.transport.inlet(command(channel), sink)
+
+    # Clients.
+
+    def ask(
+        self,
+        channel: str,
+        calls: int,
+        deadline: float = 5.0,
+        pace: float = 0.005,
+        idempotent: bool = False,
+        how: str = "ask",
+        size: int = 0,
+    ) -> None:
+        """Call again and again, until told to stop, at most so many times."""
+        caller: Caller = self.transport.caller(_query(channel, idempotent))
+        if idempotent:
+            caller = Retrying(caller)
+        self._links[channel] = caller
+        kind = "idempotent" if idempotent else "query"
+
+        def ask(call: str) -> tuple[str, str]:
+            payload = _message(self.transport, call, size)
+            reply = caller.ask(payload, deadline) if how == "ask" else caller.call(payload, deadline).result(_STUCK)
+            server = unblob(self.transport, reply.payload).decode() if reply.status is Status.OK else ""
+            return reply.status.name.lower(), server
+
+        self._repeat(channel, calls, pace, kind, deadline, ask)
+
+    def command(self, channel: str, calls: int, deadline: float = 5.0, pace: float = 0.0, size: int = 0) -> None:
+        outlet = self._links[channel] = self.transport.outlet(command(channel))
+
+        def send(call: str) -> tuple[str, str]:
+            outlet.send(_message(self.transport, call, size), deadline)
+            return "ok", ""
+
+        self._repeat(channel, calls, pace, "command", deadline, send)
+
+    def _repeat(
+        self,
+        channel: str,
+        calls: int,
+        pace: float,
+        kind: str,
+        deadline: float,
+        do: Callable[[str], tuple[str, str]],
+    ) -> None:
+        def work(stop: threading.Event) -> int:
+            number = 0
+            while number < calls and not stop.is_set():
+                number += 1
+                call = f"{self.name}.{channel}.{number}"
+                self.journal.note(Asked(call, kind, deadline, time.monotonic()))
+                try:
+                    outcome, server = do(call)
+                except TransportError as exc:
+                    outcome, server = type(exc).__name__, ""
+                self.journal.note(Ended(call, outcome, time.monotonic(), server))
+                stop.wait(pace)
+            return number
+
+        self._begin(channel, work)
+
+    # Topics.
+
+    def publish(self, channel: str, count: int, pace: float = 0.0, size: int = 0, reliable: bool = False) -> None:
+        """Publish so many, or until told to stop; what each took is said at the end, in seconds, sorted."""
+        outlet: Outlet = self.transport.outlet(topic(channel, _qos(reliable)))
+        self._links[channel] = outlet
+
+        def work(stop: threading.Event) -> dict[str, Any]:
+            taken, number = [], 0
+            while number < count and not stop.is_set():
+                number += 1
+                payload = _message(self.transport, f"{self.name} {number}", size)
+                self.journal.note(Published(self.name, number))
+                begun = time.monotonic()
+                outlet.send(payload)
+                taken.append(time.monotonic() - begun)
+                if pace:
+                    stop.wait(pace)
+            taken.sort()
+            return {"count": number, "p99": taken[int(len(taken) * 0.99)], "worst": taken[-1]} if taken else {}
+
+        self._begin(channel, work)
+
+    def subscribe(self, channel: str, pause: float = 0.0, depth: int = 8, reliable: bool = False) -> None:
+        def sink(payload: Payload) -> None:
+            source, _, number = _said(self.transport, payload).partition(" ")
+            self.journal.note(Heard(self.name, source, int(number)))
+            if pause:
+                time.sleep(pause)
+
+        self._links[channel] = self.transport.inlet(topic(channel, _qos(reliable, depth)), sink)
+
+    def subscribe_other(self, channel: str) -> None:
+        """Mean something else by that name."""
+        other = replace(topic(channel), type=TypeRef("Conformance::Blob", 2, _OTHER))
+        self._links[channel] = self.transport.inlet(other, lambda _: self.journal.note(Heard(self.name, "?", 1)))
+
+    # About all of them.
+
+    def wait_peer(self, channel: str, timeout: float) -> bool:
+        return bool(self._links[channel].wait_peer(timeout))
+
+    def stats(self, channel: str, count: bool = False) -> dict[str, int]:
+        """What a link counted; with `count`, what it lost is part of the history."""
+        stats: Statistics = self._links[channel].stats
+        if count:
+            self.journal.note(Counted(self.name, stats.lost + stats.dropped + stats.expired + stats.malformed))
+        return asdict(stats)
+
+    def usage(self) -> dict[str, int]:
+        status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
+        return {
+            "threads": int(status["Threads"]),
+            "files": len(os.listdir("/proc/self/fd")) - 1,
+            "memory": int(status["VmRSS"].split()[0]) * 1024,
+        }
+
+    def stop(self, channel: str) -> Any:
+        """Have work end, and wait for it; what it said."""
+        self._stop[channel].set()
+        return self.wait(channel)
+
+    def wait(self, channel: str, timeout: float = _STUCK) -> Any:
+        self._work[channel].join(timeout)
+        if self._work[channel].is_alive():
+            raise RobocompError(f"{self.name}: {channel} hangs")
+        said = self._said[channel]
+        if isinstance(said, BaseException):
+            raise RobocompError(f"{self.name}: {channel}: {said!r}")
+        return said
+
+    def close_link(self, channel: str) -> None:
+        self._links.pop(channel).close()
+
+    def close(self) -> None:
+        for stop in self._stop.values():
+            stop.set()
+        self.transport.close()
+
+    def _begin(self, channel: str, work: Callable[[threading.Event], Any]) -> None:
+        stop = self._stop[channel] = threading.Event()
+
+        def run() -> None:
+            try:
+                self._said[channel] = work(stop)
+            except BaseException as exc:  # told to who waits
+                self._said[channel] = exc
+
+        self._work[channel] = threading.Thread(target=run, name=f"work-{channel}")
+        self._work[channel].start()
+
+    def _note_executed(self, payload: Payload) -> None:
+        self.journal.note(Executed(_said(self.transport, payload), self.name, time.monotonic()))
+
+
+_OTHER = "operation Conformance::Blob.send\nstruct Conformance::Blob\n  data sequence<int16>"
+
+
+def _query(channel: str, idempotent: bool) -> Channel:
+    return replace(query(channel), idempotent=idempotent)
+
+
+def _qos(reliable: bool, depth: int = 8) -> QoS:
+    return QoS(Reliability.RELIABLE if reliable else Reliability.BEST_EFFORT, depth=depth)
+
+
+def _message(transport: Any, text: str, size: int) -> Payload:
+    return blob(transport, (text.encode() + _END).ljust(size, b"."))
+
+
+def _said(transport: Any, payload: Payload) -> str:
+    return unblob(transport, payload).partition(_END)[0].decode()
+
+
+# -- processes ----------------------------------------------------------------
+
+
+def act(spec: Mapping[str, Any]) -> None:
+    """Do what is asked, until nobody is there to ask."""
+    log = logging.FileHandler(spec["log"])
+    log.setFormatter(logging.Formatter("%(relativeCreated)d %(levelname)s %(name)s: %(message)s"))
+    logging.basicConfig(handlers=[log], level=logging.INFO)
+    os.environ.update(spec.get("environment", {}))
+    with socket.socket(socket.AF_UNIX) as control:
+        control.connect(spec["control"])
+        actor = Actor(spec["name"], spec["transport"], spec["options"], Path(spec["journal"]))
+        control.sendall(b"{}\n")
+        with control.makefile("r") as asked:
+            for line in asked:
+                control.sendall(_answer(actor, json.loads(line)))
+        actor.close()
+
+
+def _answer(actor: Actor, asked: dict[str, Any]) -> bytes:
+    try:
+        answer = {"said": getattr(actor, asked.pop("do"))(**asked)}
+    except Exception as exc:  # told to who asked
+        answer = {"failed": f"{type(exc).__name__}: {exc}"}
+    return json.dumps(answer).encode() + b"\n"
+
+
+def nursery() -> None:
+    """Fork an actor for each line of the standard input, and say its process id."""
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody waits for them
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for line in sys.stdin:
+        spec = json.loads(line)
+        with contextlib.suppress(RobocompError):
+            find_transport(spec["transport"])
+        child = os.fork()
+        if child == 0:
+            os.close(0)
+            os.open(os.devnull, os.O_RDONLY)
+            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+            code = 1
+            try:
+                act(spec)
+                code = 0
+            except BaseException:
+                logging.getLogger("actor").exception("%s ends", spec["name"])
+            finally:
+                os._exit(code)
+        print(child, flush=True)
+
+
+if __name__ == "__main__":
+    nursery()

@@ -1,0 +1,78 @@
+"""The rows of the matrix, and what one run of a row is: see `calls`, `topics`, `frames`, `surroundings`, `network`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from .checker import Violation
+from .laboratory import Laboratory
+
+HERE = ("zeromq", "shm", "zenoh", "dds")
+"""Middlewares that reach other processes of this host."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One row over one transport. `full` has all the rounds that the row names; otherwise a few of them are enough."""
+
+    transport: str
+    seed: int
+    full: bool
+    tell: Callable[[str], None]
+
+    def laboratory(self) -> Laboratory:
+        return Laboratory(self.transport)
+
+    def rounds(self, all_of_them: int, few: int) -> int:
+        return all_of_them if self.full else few
+
+
+@dataclass(frozen=True)
+class Figure:
+    """What was measured; `limit` is what it may be at most."""
+
+    name: str
+    value: float
+    unit: str = ""
+    limit: float | None = None
+    timed: bool = False
+    """Whether it says how fast this machine is, too: then it is judged by `make faults` alone."""
+
+    @property
+    def kept(self) -> bool:
+        return self.limit is None or self.value <= self.limit
+
+    def __str__(self) -> str:
+        within = "" if self.limit is None else f" (≤ {self.limit:g})"
+        return f"{self.name} {_rounded(self.value)}{' ' + self.unit if self.unit else ''}{within}"
+
+
+@dataclass
+class Result:
+    figures: list[Figure] = field(default_factory=list)
+    violations: list[Violation] = field(default_factory=list)
+
+    def misses(self, timed: bool) -> list[str]:
+        """What did not hold; without `timed`, only what has nothing to do with speed."""
+        figures = [str(figure) for figure in self.figures if not figure.kept and (timed or not figure.timed)]
+        return [*figures, *map(str, self.violations)]
+
+
+@dataclass(frozen=True)
+class Row:
+    name: str
+    fault: str
+    must: str
+    transports: Sequence[str]
+    seconds: float
+    """What it takes over one transport, about: all of it."""
+    run: Callable[[Run], Result]
+    reduced: bool = True
+    """Whether a few rounds of it are part of `make faults-ci`."""
+    root: bool = False
+    """Whether it takes root, and programs that .ci/run installs."""
+
+
+def _rounded(value: float) -> str:
+    return f"{value:,.0f}" if value >= 100 or value == int(value) else f"{value:.3g}"
