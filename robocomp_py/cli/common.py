@@ -20,7 +20,7 @@ from typing import NoReturn, Protocol, TextIO
 from .. import __version__
 from ..dsl.diagnostics import Diagnostic, ordered
 
-FINE, WRONG, USAGE, INTERRUPTED = 0, 1, 2, 130
+FINE, WRONG, USAGE, UNREACHABLE, INTERRUPTED = 0, 1, 2, 3, 130
 
 
 class Main(Protocol):

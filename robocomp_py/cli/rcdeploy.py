@@ -12,12 +12,14 @@ from pathlib import Path
 
 from ..dsl.diagnostics import did_you_mean
 from .common import command, parser
-from .deploying import export, keys, plan, trust, up
+from .deploying import down, export, keys, logs, plan, restart, status, trust, up
 from .deploying.importing import import_network
 from .network import add_overrides
 from .rc import Command
 
-COMMANDS: dict[str, Command] = {each.NAME: each for each in (up, plan, export, keys, trust)}
+COMMANDS: dict[str, Command] = {
+    each.NAME: each for each in (up, plan, status, logs, restart, down, export, keys, trust)
+}
 
 _EXAMPLES = """\
 examples:
@@ -27,6 +29,8 @@ examples:
   rcdeploy net.ddsl --until mission              ... until that instance ends
   rcdeploy net.ddsl --set world.params.step=0.1  set a key of an instance's configuration (*: of all)
   rcdeploy plan net.ddsl                         show what would run, and start nothing
+  rcdeploy up net.ddsl --detach                  start everything, and return when it is ready
+  rcdeploy status net.ddsl                       ... how it is; see logs, restart and down, too
   rcdeploy plan --help                           how to use that command
   rcdeploy ./plan                                start a network whose file is called like a command
   rcdeploy --import deployment.xml -o net.ddsl   make a network of rcmanager's XML, or of a sub.toml

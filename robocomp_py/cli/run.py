@@ -31,6 +31,7 @@ _COMPONENT_OPTIONS = (
     ("--name", "NAME", "name of this instance"),
     ("--middleware", "NAME", "what carries its messages"),
     ("--set", "KEY=VALUE", "set one key of the configuration; may be repeated"),
+    ("--keys", "FOLDER", "its keys for what crosses hosts"),
 )
 """What a component takes that is followed by a value, which would be taken for DIR otherwise."""
 

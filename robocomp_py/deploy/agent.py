@@ -16,7 +16,7 @@ import os
 import sys
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -38,6 +38,9 @@ AWAY = 1000
 BACKLOG = 4 * 1024 * 1024
 """Octets that may wait to be sent before lines of output are dropped, and counted."""
 
+WAITING = 10_000
+"""What may wait to be done."""
+
 PATIENCE = 20.0
 """Seconds for an agent that is just ending to be gone."""
 
@@ -51,13 +54,20 @@ class Session:
         self.controller = ""
         self._dropped = 0
 
-    async def messages(self, take: Callable[[Message], Any]) -> None:
-        """Have all that comes taken, until nothing does any more."""
-        with contextlib.suppress(OSError, DeploymentError):
-            while data := await self._reader.read(65536):
-                self.heard_at = time.monotonic()
-                for message in self._lines.feed(data):
-                    await take(message)
+    async def messages(self, take: Callable[[Message], Awaitable[None]]) -> None:
+        """Have all that comes taken, one after the other, until nothing comes any more."""
+        waiting: asyncio.Queue[Message | None] = asyncio.Queue(WAITING)
+        async with asyncio.TaskGroup() as both:
+            taking = both.create_task(_each(waiting, take))
+            with contextlib.suppress(OSError, DeploymentError):
+                while data := await self._reader.read(65536):
+                    self.heard_at = time.monotonic()
+                    for message in self._lines.feed(data):
+                        await waiting.put(message)
+            while not waiting.empty():
+                waiting.get_nowait()  # of somebody who is not there any more
+            await waiting.put(None)
+            await taking
 
     def send(self, **message: Any) -> None:
         """Lines of output are dropped, and counted, while too much waits; nothing else is."""
@@ -77,6 +87,11 @@ class Session:
             async with asyncio.timeout(BEAT):
                 await self._writer.drain()
         self._writer.close()
+
+
+async def _each(waiting: asyncio.Queue[Message | None], take: Callable[[Message], Awaitable[None]]) -> None:
+    while (message := await waiting.get()) is not None:
+        await take(message)
 
 
 @dataclass
@@ -100,25 +115,40 @@ class Agent(Listener):
         self._kept: dict[str, _Kept] = {}
         self._away: deque[tuple[str, str]] = deque(maxlen=AWAY)
         self._ended = asyncio.Event()
+        self._ending = False
+        self._server: asyncio.Server | None = None
         self._tasks: set[asyncio.Task[None]] = set()
 
     async def run(self, first: Session) -> None:
         """Until told to close, or until nobody is there any more."""
+        self._server = await asyncio.start_unix_server(self._arrived, sock=listening(self.socket))
         self._task(self._converse(first))
         self._task(self._watch())
-        await self._ended.wait()
-        for task in self._tasks:
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        try:
+            await self._ended.wait()
+        finally:
+            self._leave()
+            for task in self._tasks:
+                task.cancel()
+            await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    @property
+    def socket(self) -> Path:
+        """Where others find us."""
+        return self._place.folder / "agent"
+
+    def _leave(self) -> None:
+        """Be found by nobody any more: who comes now is an agent of its own, as soon as we are gone."""
+        self._ending = True
+        server, self._server = self._server, None
+        if server:
+            server.close()
+            self.socket.unlink(missing_ok=True)
 
     # Who is there.
 
-    async def arrived(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """By the socket."""
-        task = asyncio.current_task()
-        if task:
-            self._tasks.add(task)
-        await self._converse(Session(reader, writer))
+    def _arrived(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._task(self._converse(Session(reader, writer)))
 
     async def _converse(self, session: Session) -> None:
         session.send(tell="hello", version=VERSION, kept=sorted(self._kept))
@@ -144,7 +174,8 @@ class Agent(Listener):
 
     async def _alone(self) -> None:
         """Nobody is there any more."""
-        if not self._keep:
+        if not self._keep and not self._ending:
+            self._leave()
             await self._stop(list(self._kept))
             await self._close()
 
@@ -163,6 +194,7 @@ class Agent(Listener):
         await _all_ended(there, GRACE)
 
     async def _close(self) -> None:
+        self._leave()
         launcher, self._launcher = self._launcher, None
         try:
             if launcher:
@@ -203,6 +235,8 @@ class Agent(Listener):
                 await self._close()
 
     async def _open(self, session: Session, message: Message) -> None:
+        if self._ending:
+            raise DeploymentError(f"{message['network']} is just ending there; try again")
         now, other = time.monotonic(), self._session
         is_another = other is not None and other is not session and other.controller != message["controller"]
         if other and is_another and now - other.heard_at < SILENCE:
@@ -349,23 +383,16 @@ async def _all_ended(there: list[_Kept], seconds: float) -> bool:
 async def _main(name: str, into: int, out: int) -> int:
     reader, writer = await _pipes(into, out)
     place = Place(name)
-    path = place.folder / "agent"
+    agent = Agent(name)
     try:
-        there = await asyncio.open_unix_connection(address(path))
+        with address(agent.socket) as path:
+            there = await asyncio.open_unix_connection(path)
     except OSError:
-        agent = Agent(name)
+        place.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        _say_into(place.folder / "agent.log")
+        await agent.run(Session(reader, writer))
     else:
         await _carry((reader, writer), there)
-        return 0
-    place.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    _say_into(place.folder / "agent.log")
-    path.unlink(missing_ok=True)
-    server = await asyncio.start_unix_server(agent.arrived, sock=listening(path))
-    try:
-        await agent.run(Session(reader, writer))
-    finally:
-        server.close()
-        path.unlink(missing_ok=True)
     return 0
 
 

@@ -28,6 +28,9 @@ PATIENCE_S = 5.0
 LOOK_S = 0.1
 """Between two looks at how far something has come."""
 
+_LATE_S = 60.0
+"""For which nothing may happen when a network stops, beyond the grace of its processes."""
+
 _COMING_S = 3.0
 """For which a network that has just been started, or is just ending, may have no socket."""
 
@@ -64,6 +67,18 @@ def networks() -> list[str]:
     """The names of those that run on this machine, of this user."""
     folder = runtime_dir() / "deploy"
     return [each.name for each in sorted(folder.glob("*")) if each.is_dir() and Place(each.name).runner()]
+
+
+def running_plan(network: str) -> dict[str, Any] | None:
+    """The plan that a network runs by, as JSON; None if it does not run. Raises DeploymentError."""
+    place = Place(network)
+    if place.runner() is None:
+        return None
+    try:
+        found = json.loads(place.plan.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as exc:
+        raise DeploymentError(f"network `{network}` runs, but its plan cannot be read: {place.plan}: {exc}") from exc
+    return found if isinstance(found, dict) else {}
 
 
 class Connection:
@@ -204,12 +219,13 @@ def _has_come(process: ProcessStatus, starts: int) -> bool:
     return process.starts > starts and process.state in (State.READY, State.ENDED, State.FAILED)
 
 
-def down(connection: Connection, grace_s: float | None, patience_s: float, tell: Callable[[int, int], object]) -> None:
+def down(connection: Connection, grace_s: float | None, tell: Callable[[int, int], object]) -> None:
     """Stop a network, and wait until nothing of it is left.
 
     `tell` is told how many of how many processes are still there, whenever that changes. Raises Stuck if it does not
-    for so long.
+    for longer than a process may take.
     """
+    patience_s = _LATE_S + (_longest_grace(connection.network) if grace_s is None else grace_s)
     connection.ask("down", **({} if grace_s is None else {"grace": grace_s}))
     place, last, end = Place(connection.network), -1, 0.0
     while place.runner() is not None:
@@ -225,6 +241,12 @@ def down(connection: Connection, grace_s: float | None, patience_s: float, tell:
         if time.monotonic() > end:
             raise Stuck(f"{there} processes of network `{connection.network}` have not ended for {patience_s:g} s")
         time.sleep(LOOK_S)
+
+
+def _longest_grace(network: str) -> float:
+    """Seconds that a process of a network may have to end by itself."""
+    processes = (running_plan(network) or {}).get("processes", ())
+    return max((float(each.get("grace") or 0.0) for each in processes), default=0.0)
 
 
 def lines(connection: Connection, names: Collection[str], count: int, *, follow: bool) -> Iterator[tuple[str, str]]:

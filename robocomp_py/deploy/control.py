@@ -121,7 +121,7 @@ class Control:
                 self._network.ask(RestartRequested(request.names))
                 await client.send({"accepted": True})
             case "down":
-                self._network.ask(StopRequested(grace=request.grace))
+                self._network.ask(StopRequested(grace=request.grace, why="asked to by rcdeploy down"))
                 await client.send({"accepted": True})
             case "logs":
                 await self._tell_lines(request, client)

@@ -195,7 +195,7 @@ def router_settings(plan: Plan, host: str, folder: Path, there: str = "") -> dic
     }
     return {
         **{f"transport/link/tls/{key}": value for key, value in tls.items()},
-        "transport/link/protocols": ["tls"],
+        "transport/link/protocols": ["tls", "unixsock-stream"],
         "access_control": access_control(graph, host, numbers),
     }
 

@@ -25,7 +25,7 @@ from ..runtime.document import Document, NotToml
 from ..runtime.effective import toml
 from ..runtime.notify import BETWEEN
 from ..spelling import unknown
-from . import placing
+from . import placing, security
 from .auto import Choice, Usable, choose, installed_here, unsupported_by_others
 from .configuration import check_text, span_of
 from .plan import Link, OpenedTransport, Overrides, Plan, Security
@@ -34,7 +34,7 @@ from .qos import unsupported
 from .routes import Configured, check_routes, generated_for, providers, stays_inside, unfit, unshared, worth_telling
 from .uses import Node, node_of, read_qos, wire
 from .waiting import Requirement, endless
-from .wiring import Network, Site, Wiring
+from .wiring import ZENOH, Network, Site, Wiring
 from .wiring import wire as wire_hosts
 
 Addresses = Callable[[Mapping[str, str]], Mapping[str, str]]
@@ -99,6 +99,8 @@ class _Planner:
         self._check_waiting()
         self._choice = choose([*self._configured, *self._programs], self._usable)
         self._wire_hosts(ordered)
+        self._check_security(nodes)
+        self._check_security(nodes)
         processes = [self._process(name, together) for name, together in ordered.items()]
         named = self._overrides.middleware or (self._model.middleware.text if self._model.middleware else "")
         return Plan(
@@ -394,6 +396,28 @@ class _Planner:
         for fault in self._wiring.faults:
             related = [("the other end", named[fault.other].instance.name)] if fault.other else []
             self._error(fault.code, fault.message, named[fault.instance].place(fault.port), fault.hint, *related)
+
+    def _check_security(self, nodes: Sequence[Node]) -> None:
+        named = {node.name: node for node in nodes}
+        openings = list(security.openings_of(self._configured, self._choice.ways, self._wiring.settings))
+        for fault in security.faults(placing.security(self._model), openings, self._choice.ways):
+            self._error(fault.code, fault.message, named[fault.instance].place(), fault.hint)
+
+    def _check_security(self, nodes: Sequence[Node]) -> None:
+        """Whether nothing is reached in ways that the network does not allow."""
+        allowed = placing.security(self._model)
+        ways, wired = self._choice.ways, self._wiring
+        openings = list(security.openings_of(self._configured, ways, wired.settings))
+        hosts = {node.name: node.host for node in nodes}
+        for way in ways:
+            if way.middleware == ZENOH and hosts[way.client] != hosts[way.provider]:
+                router = wired.routers.get(hosts[way.client], {}).get("router", {})
+                reached = router.get("listen/endpoints", ())
+                openings += [security.Opening(way.client, ZENOH, {"connect": each}) for each in reached]
+        faults = worth_telling(security.faults(allowed, openings, ways))
+        named = {node.name: node for node in nodes}
+        for fault in faults[:1] if allowed is Security.LOCAL else faults:  # there is one way out for all of them
+            self._error(fault.code, fault.message, named[fault.instance].place(), fault.hint)
 
     def _check_waiting(self) -> None:
         for each in endless(self._model, self._requirements()):

@@ -123,6 +123,7 @@ class Lost:
     """A host is out of reach, and its processes with it."""
 
     host: str
+    why: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -535,7 +536,7 @@ class Supervisor:
             if not path:
                 break
             path = path[:-1]
-        if len(those) == len(self.progress):
+        if len(those) == len(self.progress) > 1:
             return self._stop(f"nothing is of use without {given_up.child.name}", FAILED)
         dropped = [each for each in those if each.state not in (State.ENDED, State.FAILED)]
         for each in dropped:

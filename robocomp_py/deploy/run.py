@@ -112,14 +112,17 @@ class Options:
 Service = Callable[[Network], AbstractAsyncContextManager[object]]
 """What is open while a network runs, for others to look at it."""
 
-Agents = Callable[[Plan, Listener], Mapping[str, Agent]]
-"""Those of a plan, by host."""
+Agents = Callable[[Plan, Listener, Callable[[str], None]], Mapping[str, Agent]]
+"""Those of a plan, by host; what is called last is told what takes long. May raise DeploymentError."""
 
 
-def agents_of(plan: Plan, listener: Listener) -> dict[str, Agent]:
+def agents_of(plan: Plan, listener: Listener, note: Callable[[str], None]) -> dict[str, Agent]:
+    """This machine's, and one for each of the plan's hosts."""
+    from .hosts.fleet import remote_agents
     from .launcher.local import Launcher
 
-    return {"": Launcher(listener, plan.name, [each.middleware for each in plan.transports])}
+    here = Launcher(listener, plan.name, [each.middleware for each in plan.transports])
+    return {"": here, **remote_agents(plan, listener, note)}
 
 
 async def run_plan(
@@ -133,8 +136,8 @@ async def run_plan(
 ) -> int:
     """Start a network, watch it, stop it.
 
-    Returns the exit code: 0; 1 if something failed and was not started again; 3 if a host was out of reach; or 128 + the
-    signal that stopped it.
+    Returns the exit code: 0; 1 if something failed and was not started again; 3 if a host was out of reach; or 128 +
+    the signal that stopped it.
     """
     return await _Run(plan, options, display, agents, clock, chance).run(services)
 
@@ -186,7 +189,12 @@ class _Run(Listener, Network):
                 loop.remove_signal_handler(number)
 
     async def _with_agents(self, services: Sequence[Service]) -> int:
-        self._lanes = {host: Lane(agent, self) for host, agent in self._agents(self._plan, self).items()}
+        try:
+            agents = self._agents(self._plan, self, self._display.tell)
+        except DeploymentError as exc:
+            self._display.tell(str(exc))
+            return FAILED
+        self._lanes = {host: Lane(agent, self) for host, agent in agents.items()}
         try:
             code = await self._open()
             if code is not None:
@@ -212,8 +220,7 @@ class _Run(Listener, Network):
         finally:
             for each in (asked, opening):
                 each.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await opening
+            await asyncio.wait((asked, opening), timeout=CLOSING)
 
     def _stopped_early(self) -> int:
         while not self._events.empty():
@@ -262,7 +269,7 @@ class _Run(Listener, Network):
                     self._show()
                     return action.code
                 self._do(action)
-            if self._events.empty():
+            if self._events.empty() or self._supervisor.up is not self._was_up:
                 self._show()
             actions = self._handle(await self._event())
 
@@ -318,8 +325,9 @@ class _Run(Listener, Network):
                     self._display.tell(f"{name} is ready again")
             case Hung(name):
                 self._display.tell(f"{name} does not answer its watchdog, and is ended for that")
-            case Lost(host):
-                self._report_lost(host, [name for name, state in before.items() if self._is_there(name, host, state)])
+            case Lost(host, why):
+                gone = [name for name, state in before.items() if self._is_there(name, host, state)]
+                self._report_lost(host, why, gone)
             case Back(host):
                 self._display.tell(f"{host} is back")
             case StopRequested(_, grace):
@@ -352,7 +360,7 @@ class _Run(Listener, Network):
     def _next_step(self, action: Action) -> str:
         match action:
             case Retry(_, seconds):
-                return f"; started again in {seconds:.1f} s"
+                return f"; started again in {seconds:.1f} s" if seconds >= 0.05 else "; started again at once"
             case GaveUp(name, restarts):
                 period = self._processes[name].restart.period
                 return f"; given up after {_times(restarts, 'restart')} in {period:g} s"
@@ -362,8 +370,8 @@ class _Run(Listener, Network):
     def _is_there(self, name: str, host: str, state: State) -> bool:
         return self._processes[name].host == host and not state.gone
 
-    def _report_lost(self, host: str, names: Sequence[str]) -> None:
-        self._display.tell(f"{host} is out of reach: {self._unreachable.get(host, '')}")
+    def _report_lost(self, host: str, why: str, names: Sequence[str]) -> None:
+        self._display.tell(f"{host} is out of reach: {why}")
         if not names:
             return
         gone = {instance for name in names for instance in self._processes[name].instances}
@@ -474,7 +482,7 @@ class _Run(Listener, Network):
     def lost(self, host: str, why: str) -> None:
         self._unreachable[host] = why
         self._lanes[host].forget()
-        self._events.put_nowait(Lost(host))
+        self._events.put_nowait(Lost(host, why))
 
     def back(self, host: str) -> None:
         self._unreachable.pop(host, None)
@@ -583,5 +591,7 @@ def run(plan: Plan, options: Options, display: Display, services: Sequence[Servi
     with contextlib.ExitStack() as hosted, contextlib.suppress(asyncio.CancelledError):
         for opened in plan.transports:
             hosted.enter_context(hosting(opened.middleware, TransportConfig(opened.options, f"rcdeploy {plan.name}")))
+        if "" in plan.routers:
+            hosted.enter_context(hosting("zenoh", TransportConfig(plan.routers[""], f"rcdeploy {plan.name}")))
         return asyncio.run(run_plan(plan, options, display, services))
     return 1

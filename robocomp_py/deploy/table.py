@@ -159,9 +159,9 @@ _COLUMNS = (
     _Column("uptime", lambda each: _maybe(duration, each.uptime), leaves=5),
     _Column("restarts", lambda each: str(each.restarts), leaves=2),
     _Column("cpu", lambda each: _maybe(lambda cores: f"{cores * 100:.0f} %", each.cpu), leaves=1),
-    _Column("memory", lambda each: _maybe(lambda size: memory(int(size)), each.memory), leaves=4),
-    _Column("calls/s", lambda each: _maybe(rate, each.calls), leaves=7),
-    _Column("worst", lambda each: _maybe(milliseconds, each.worst), leaves=8),
+    _Column("memory", lambda each: memory(each.memory) if each.memory else "", leaves=4),
+    _Column("calls/s", lambda each: rate(each.calls) if each.calls else "", leaves=7),
+    _Column("worst", lambda each: milliseconds(each.worst) if each.worst else "", leaves=8),
     _NOTE,
 )
 

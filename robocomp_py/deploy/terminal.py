@@ -12,6 +12,7 @@ import json
 import os
 import sys
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from pathlib import Path
 from typing import IO, Any, TextIO, cast
 
 from rich.console import Console, Group
@@ -43,10 +44,10 @@ _DROPPED = dict.fromkeys(map(ord, "\a\b\v\f\r"))
 """Characters that would move what stands on a terminal already."""
 
 
-def run_on_terminal(plan: Plan, options: Options, leave: Callable[[], object] | None = None) -> int:
+def run_on_terminal(plan: Plan, options: Options, leave: Callable[[Path], object] | None = None) -> int:
     """Run a network, showing it on standard output for as long as that can be written. Returns the exit code.
 
-    `leave` is called when everything is ready, if nothing is to be shown from then on.
+    `leave` is called when everything is ready, if nothing is to be shown from then on; with a file for complaints.
     """
     console = Console(file=cast(IO[str], Output(sys.stdout, sys.stderr)), highlight=False, soft_wrap=True)
     terminal = Terminal(plan, console, leave)
@@ -97,16 +98,18 @@ def discard(stream: TextIO) -> None:
 class Terminal(Display):
     """Lines with coloured names; on a terminal, a table of all processes below them."""
 
-    def __init__(self, plan: Plan, console: Console, leave: Callable[[], object] | None = None) -> None:
+    def __init__(self, plan: Plan, console: Console, leave: Callable[[Path], object] | None = None) -> None:
         self._plan, self._console, self._leave = plan, console, leave
         names = [process.name for process in plan.processes]
-        self._width = max(map(len, [*names, DEPLOYER]))
+        self._width = max(map(len, names))
         self._called = {each.name: _called(each) for each in plan.processes}
         self._colours = {name: _COLOURS[n % len(_COLOURS)] for n, name in enumerate(names)}
         self._states: dict[str, State] = {}
         self._bar, self._rule = ("│", "─") if _can_show("│─", console.encoding) else ("|", "-")
         self._ring = Ring()
         self._place = Place(plan.name)
+        self._complaints = self._place.folder / "rcdeploy.err"
+        """What Python has to say when it goes wrong without a terminal."""
         self._live: _Live | None = None
         self._shown = True
 
@@ -128,6 +131,9 @@ class Terminal(Display):
         finally:
             self._end_live()
             await control.close()
+            with contextlib.suppress(OSError):  # there is none, mostly
+                if not self._complaints.stat().st_size:
+                    self._complaints.unlink()
 
     def line(self, name: str, text: str) -> None:
         self._ring.write(name, text)
@@ -150,7 +156,7 @@ class Terminal(Display):
         if self._leave:
             self._end_live()
             self._shown = False
-            self._leave()
+            self._leave(self._complaints)
 
     def waiting(self, whom: list[str]) -> None:
         self._say(f"not ready yet: {', '.join(whom)}", "yellow")

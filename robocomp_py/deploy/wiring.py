@@ -5,7 +5,7 @@
     dds       those that reach each other over DDS are on their host's address, and know the other hosts; no multicast
 
 Only what crosses between hosts leaves loopback: who is used on its own host alone gets no setting. Shared memory and
-`inproc` never cross. Ports follow from the network's name and the order of its processes, so that a restarted one is
+`inproc` never cross. Ports follow from the network's name and the order of its instances, so that a restarted one is
 found where it was, and a firewall can be told; an instance may be given another one (`port`).
 """
 
@@ -23,7 +23,7 @@ from .routes import Fault
 ZEROMQ, ZENOH, DDS = "zeromq", "zenoh", "dds"
 
 FIRST_PORT, BLOCK, BLOCKS = 20000, 100, 100
-"""Each network has a block of ports, below those that systems give away: the router's, then one a process."""
+"""Each network has a block of ports, below those that systems give away: the router's, then one an instance."""
 
 DDS_DOMAIN = 100
 """And a domain, from this one on, which programs that nobody configured are not in."""
@@ -122,23 +122,17 @@ class _Wirer:
 
     def _zeromq(self, crossing: Sequence[Way]) -> Iterator[tuple[str, str]]:
         ways = [way for way in crossing if way.middleware == ZEROMQ]
-        binding = {self._sites[way.provider].process for way in ways}
-        connecting: dict[str, dict[str, str]] = {}
-        for way in ways:
-            provider = self._sites[way.provider]
-            there = connecting.setdefault(self._sites[way.client].process, {})
-            there[way.provider] = self._bind(provider.process)
-        for site in self._configured():  # the instances of a process share what is opened with the same options
-            if site.process in binding:
-                yield site.instance, f"transports.zeromq.bind={toml(self._bind(site.process))}"
-            if site.process in connecting:
-                yield site.instance, f"transports.zeromq.connect={toml(dict(sorted(connecting[site.process].items())))}"
+        for site in self._configured():  # also those of one process have each their own
+            if any(way.provider == site.instance for way in ways):
+                yield site.instance, f"transports.zeromq.bind={toml(self._bind(site))}"
+            used = sorted({way.provider for way in ways if way.client == site.instance})
+            if used:
+                there = {provider: self._bind(self._sites[provider]) for provider in used}
+                yield site.instance, f"transports.zeromq.connect={toml(there)}"
 
-    def _bind(self, process: str) -> str:
-        sites = [site for site in self._network.sites if site.process == process]
-        given = next((site.port for site in sites if site.port), 0)
-        port = given or self._base() + 1 + self._processes.index(process)
-        return f"tcp://{_bracketed(self._address(sites[0]))}:{port}"
+    def _bind(self, site: Site) -> str:
+        port = site.port or self._base() + 1 + list(self._sites).index(site.instance)
+        return f"tcp://{_bracketed(self._address(site))}:{port}"
 
     # Zenoh.
 
@@ -158,7 +152,7 @@ class _Wirer:
             yield (
                 host,
                 {
-                    "connect": self._router_here(),
+                    "connect": f"here/{self._network.name}",
                     "router": {"listen/endpoints": listen, "connect/endpoints": others},
                 },
             )

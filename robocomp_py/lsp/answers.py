@@ -39,6 +39,8 @@ _SYMBOLS = {
     Kind.PARAMETER: lsp.SymbolKind.Property,
     Kind.CHOICE: lsp.SymbolKind.EnumMember,
     Kind.DEPLOYMENT: lsp.SymbolKind.Package,
+    Kind.HOST: lsp.SymbolKind.Constant,
+    Kind.SYSTEM: lsp.SymbolKind.Namespace,
     Kind.INSTANCE: lsp.SymbolKind.Object,
     Kind.MACHINE: lsp.SymbolKind.Class,
     Kind.STATE: lsp.SymbolKind.EnumMember,
@@ -51,6 +53,7 @@ _COMPLETIONS: dict[str, lsp.CompletionItemKind] = {
     Kind.INTERFACE: lsp.CompletionItemKind.Interface,
     **dict.fromkeys((Kind.COMPONENT, Kind.EXCEPTION), lsp.CompletionItemKind.Class),
     Kind.INSTANCE: lsp.CompletionItemKind.Variable,
+    Kind.HOST: lsp.CompletionItemKind.Constant,
     "keyword": lsp.CompletionItemKind.Keyword,
     "file": lsp.CompletionItemKind.File,
 }

@@ -17,6 +17,8 @@ from ..contract.qos import PRESETS, Durability, History, Liveliness, Reliability
 from ..dsl.cdsl.check import OPTIONS
 from ..dsl.cdsl.model import SECONDS
 from ..dsl.comments import find_comments
+from ..dsl.ddsl.restarts import DEFAULTS
+from ..dsl.ddsl.scope import meanings
 from ..dsl.idsl.check import BUILTIN
 from ..dsl.source import Source, Span
 from ..dsl.syntax import Grammar
@@ -292,7 +294,11 @@ def _in_ddsl(place: _Place) -> Iterator[Candidate]:
         yield from (_symbol(each) for each in _of(symbols, Kind.COMPONENT))
     elif words[:1] == ["dependences"] and last in ("dependences", ","):
         own = place.blocks[-1].head[1] if len(place.blocks[-1].head) > 1 else ""
-        yield from (_symbol(each) for each in _of(symbols, Kind.INSTANCE) if each.name.text != own)
+        yield from (each for each in _instances(place, symbols) if each.label != own)
+    elif words == ["host"]:
+        yield from (_symbol(each) for each in _of(symbols, Kind.HOST) if place.heads[-1:] != ["deployment"])
+    elif words[:1] == ["restart"] and _open_call(words):
+        yield from (Candidate(word, "word") for word in DEFAULTS if last in ("(", ","))
     elif last == "from":
         yield from _providers(place, symbols)
     elif len(words) == 1 and last in ("requires", "subscribesTo"):
@@ -330,8 +336,19 @@ def _providers(place: _Place, symbols: list[Symbol]) -> Iterator[Candidate]:
     interface = place.words[1].rstrip("0123456789") if len(place.words) > 2 else ""
     components = _of(symbols, Kind.COMPONENT)
     offering = {each.name.text.lower() for each in components if f"{verb} {interface}" in each.detail.split(", ")}
-    for each in _of(symbols, Kind.INSTANCE):
-        yield _symbol(each, 0 if each.detail.lower() in offering else 3)
+    for each in _instances(place, symbols):
+        yield replace(each, rank=0 if each.detail.lower() in offering else 3)
+
+
+def _instances(place: _Place, symbols: list[Symbol]) -> Iterator[Candidate]:
+    """All of the network, as they are named from here."""
+    systems = tuple(block.head[1] for block in place.blocks if block.head[:1] == ["System"] and len(block.head) > 1)
+    names = {"/".join((*each.within.split("::")[1:], each.name.text)): each for each in _of(symbols, Kind.INSTANCE)}
+    for whole, each in names.items():
+        parts = whole.split("/")
+        ways = ("/".join(parts[-count:]) for count in range(1, len(parts) + 1))
+        written = next((way for way in ways if meanings(way, systems, names)[:1] == [whole]), f"/{whole}")
+        yield replace(_symbol(each), label=written)
 
 
 def _in_pdsl(place: _Place) -> Iterator[Candidate]:

@@ -18,7 +18,7 @@ _MOST_LINES = 24
 
 _MOST_FILES = 8
 
-_WHOLE = (Kind.STRUCT, Kind.ENUM, Kind.EXCEPTION, Kind.INTERFACE, Kind.SEQUENCE, Kind.DICTIONARY, Kind.CONST)
+_WHOLE = (Kind.STRUCT, Kind.ENUM, Kind.EXCEPTION, Kind.INTERFACE, Kind.SEQUENCE, Kind.DICTIONARY, Kind.CONST, Kind.HOST)
 """What is shown as its file has it."""
 
 
@@ -99,7 +99,26 @@ def _of_word(word: str, ending: str) -> str:
     if ending in (".cdsl", ".ddsl") and word in PRESETS:
         qos = PRESETS[word]
         return f"`{word}`: {qos.reliability}, {qos.durability}, {qos.history}, depth {qos.depth}"
-    return ""
+    return f"`{word}`: {_NETWORK_WORDS[word]}" if ending == ".ddsl" and word in _NETWORK_WORDS else ""
+
+
+_NETWORK_WORDS = {
+    "never": "it is not started again",
+    "on_failure": "it is started again when it has failed",
+    "always": "it is started again whenever it has ended by itself",
+    "intensity": "how many restarts within a `period` are too many, 5 unless it is said",
+    "period": "the seconds within which restarts are counted, 60 unless it is said",
+    "delay": "the seconds before the first restart, 0.2 unless it is said; twice as many before each further one",
+    "max_delay": "the most seconds before a restart, 30 unless it is said",
+    "one_for_one": "who has failed is started again, and nobody else",
+    "rest_for_one": "with who has failed, those that start after it are started again",
+    "one_for_all": "with who has failed, all of its system, or of the network, are started again",
+    "local": "only this user on this machine takes part: loopback, sockets and shared memory of one folder",
+    "lan": "only who has a key takes part, and everything is encrypted: see `rcdeploy keys`",
+    "open": "whoever reaches the network takes part",
+    "stop": "what runs on the host ends when whoever launched the network is gone",
+    "keep": "what runs on the host goes on when whoever launched the network is gone",
+}
 
 
 def _word_at(text: str, offset: int) -> str:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from ..dsl.cdsl.model import Component
-from ..dsl.ddsl.model import Deployment, Instance
+from ..dsl.ddsl.model import Deployment, Instance, System
 from ..dsl.idsl import model as idsl
 from ..dsl.idsl.check import BUILTIN
 from ..dsl.pdsl import model as pdsl
@@ -43,6 +43,8 @@ class Kind(StrEnum):
     PARAMETER = "parameter"
     CHOICE = "choice"
     DEPLOYMENT = "deployment"
+    HOST = "host"
+    SYSTEM = "system"
     INSTANCE = "instance"
     MACHINE = "state machine"
     STATE = "state"
@@ -309,13 +311,18 @@ def _inside(scope: pdsl.Scope, within: str) -> str:
 
 def _of_deployment(model: Deployment) -> Outline:
     within = model.name.text
-    instances = tuple(
-        Symbol(Kind.INSTANCE, each.name, within, each.span, detail=each.component.text) for each in model.instances
+    hosts = tuple(
+        Symbol(Kind.HOST, each.name, within, each.span, detail=str(each.address or "")) for each in model.hosts
     )
+    children = (*hosts, *_parts(model, ()))
+    named = (*(each.host for each in model.systems), *(each.host for each in model.instances))
     return Outline(
         model.source,
-        (Symbol(Kind.DEPLOYMENT, model.name, "", model.span, children=instances),),
-        tuple(use for each in model.instances for use in _uses_of_instance(each, within)),
+        (Symbol(Kind.DEPLOYMENT, model.name, "", model.span, children=children),),
+        (
+            *(use for each in model.instances for use in _uses_of_instance(each, within)),
+            *(Use(name, (Kind.HOST,), within) for name in named if name),
+        ),
         (
             *(Link(each, ".cdsl") for each in model.imports),
             *(Link(name) for each in model.instances for name in (each.path, each.config) if name),
@@ -323,16 +330,40 @@ def _of_deployment(model: Deployment) -> Outline:
     )
 
 
+def _parts(model: Deployment, system: tuple[str, ...]) -> Iterator[Symbol]:
+    """The instances and systems of a system, or of the network, in the order of the file."""
+    within = "::".join((model.name.text, *system))
+    inside: list[Instance | System] = [each for each in model.instances if each.system == system]
+    inside += [each for each in model.systems if tuple(each.name.text.split("/")[:-1]) == system]
+    for each in sorted(inside, key=lambda each: each.span.start):
+        path = tuple(each.name.text.split("/"))
+        name = Name(path[-1], each.name.span)
+        if isinstance(each, Instance):
+            yield Symbol(Kind.INSTANCE, name, within, each.span, detail=each.component.text)
+        else:
+            yield Symbol(Kind.SYSTEM, name, within, each.span, children=tuple(_parts(model, path)))
+
+
 def _uses_of_instance(instance: Instance, within: str) -> Iterator[Use]:
     yield Use(instance.component, (Kind.COMPONENT,), "", implied=instance.kind is None)
     for name in instance.dependences:
-        yield Use(name, (Kind.INSTANCE,), within)
+        yield from _uses_of_whole(name, within)
     for port in (*(each.port for each in instance.wirings), *(each.port for each in instance.qos)):
         yield Use(_without_number(port), (Kind.INTERFACE,))
         if re.search(r"\d$", port.text):
             yield Use(port, (Kind.INTERFACE,))
     for wiring in instance.wirings:
-        yield Use(wiring.instance, (Kind.INSTANCE,), within)
+        yield from _uses_of_whole(wiring.instance, within)
+
+
+def _uses_of_whole(name: Name, within: str) -> Iterator[Use]:
+    """Each part that is written of the name of an instance: systems, and itself."""
+    path = name.text.split("/")
+    written = list(re.finditer(r"\w+", name.span.text))
+    for number, found in enumerate(written, len(path) - len(written)):
+        span = name.span.source.span(name.span.start + found.start(), name.span.start + found.end())
+        kind = Kind.INSTANCE if number == len(path) - 1 else Kind.SYSTEM
+        yield Use(Name(found[0], span), (kind,), "::".join((within, *path[:number])))
 
 
 def _without_number(port: Name) -> Name:

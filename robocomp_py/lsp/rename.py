@@ -28,6 +28,8 @@ _RENAMED = {
     Kind.PARAMETER,
     Kind.LIST,
     Kind.CHOICE,
+    Kind.HOST,
+    Kind.SYSTEM,
     Kind.INSTANCE,
     Kind.STATE,
 }
@@ -36,6 +38,9 @@ _WORDS_OF_IDSL = {"void", "sequence", "out", "idempotent", *BUILTIN}
 
 _LATER = "config"
 """So begin the codes of complaints about what is to be changed by hand afterwards."""
+
+_TAKEN = "shadowed-name"
+"""The code of a warning that a name means something else than before."""
 
 _MOST_CODE = 50
 """Python files of one component that are looked at."""
@@ -137,7 +142,8 @@ def _check_outcome(index: Index, symbol: Symbol, new: str, edits: tuple[Edit, ..
 
 def _errors(project: Project, path: Path) -> list[Diagnostic]:
     own = (each for each in project.check(path) if each.span.source.path == path)
-    return [each for each in own if each.severity is Severity.ERROR and not each.code.startswith(_LATER)]
+    wrong = (each for each in own if each.severity is Severity.ERROR or each.code == _TAKEN)
+    return [each for each in wrong if not each.code.startswith(_LATER)]
 
 
 def _worse(before: list[Diagnostic], after: list[Diagnostic]) -> Diagnostic | None:

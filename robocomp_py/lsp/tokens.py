@@ -52,6 +52,8 @@ _OF_KINDS = {
     Kind.PARAMETER: "property",
     Kind.CHOICE: "enumMember",
     Kind.DEPLOYMENT: "namespace",
+    Kind.HOST: "variable",
+    Kind.SYSTEM: "namespace",
     Kind.INSTANCE: "variable",
     Kind.MACHINE: "class",
     Kind.STATE: "enumMember",

@@ -57,6 +57,10 @@ STUCK = 2.0
 """Seconds after which somebody who asked a component to stop is told what it still does."""
 
 
+KEYED = "zeromq", "zenoh"
+"""The transports that have keys for what crosses hosts."""
+
+
 class Running:
     """One component of this process, from its start to its end.
 
@@ -424,6 +428,9 @@ def parser_of(component: Component) -> argparse.ArgumentParser:
         "--set", action="append", default=[], type=_assignment, metavar="KEY=VALUE", help="set one key; may be repeated"
     )
     parser.add_argument(
+        "--keys", metavar="FOLDER", help="its keys for what crosses hosts, as `rcdeploy keys` makes them"
+    )
+    parser.add_argument(
         "--print-config", action="store_true", help="print the configuration that holds, and who says so; run nothing"
     )
     parser.add_argument("--json", action="store_true", help="--print-config: for machines, one key a line")
@@ -460,7 +467,17 @@ def _document(worker_class: type[Worker[Any]], options: argparse.Namespace) -> s
     if options.middleware:
         origin = f"--middleware {options.middleware}"
         settings.override(document, f"middleware={options.middleware}", origin)
+    if options.keys:
+        _set_keys(document, options.keys)
     return document
+
+
+def _set_keys(document: settings.Document, folder: str) -> None:
+    from .effective import toml  # only who has keys needs it
+
+    for transport in KEYED:
+        value = toml(str(Path(folder).absolute()))
+        settings.override(document, f"transports.{transport}.keys={value}", f"--keys {folder}")
 
 
 def _print_config(

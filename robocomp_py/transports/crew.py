@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import sys
 import threading
 import time
 import weakref
@@ -350,21 +349,17 @@ class Lane:
             self._summoned = True
             return True
 
-    def drain(self, *, once: bool = False) -> bool:
-        """Give the sink what waits. Returns at once if another thread is doing so.
-
-        With `once`, only what waits by now, and whether more has come meanwhile: it did because another thread receives,
-        and that one had better go on with this, too, than compete for the interpreter.
-        """
+    def drain(self) -> None:
+        """Give the sink what waits. Returns at once if another thread is doing so."""
         with self._lock:
             self._summoned = False
             if self._draining:
-                return False
+                return
             self._draining = True
         waiting, gate = self._waiting, self._gate
         inside = gate.enter()
         try:
-            for _ in range(len(waiting) if once else sys.maxsize):
+            while True:
                 try:
                     payload = waiting.popleft()  # atomic, and quicker without the lock
                 except IndexError:
@@ -372,7 +367,7 @@ class Lane:
                         if waiting:
                             continue
                         self._draining = False
-                        return False
+                        return
                 if self._wanted:
                     with self._lock:
                         self._changed.notify_all()
@@ -383,9 +378,6 @@ class Lane:
                     self._sink(payload)
                 except BaseException:  # also SystemExit: the messages that follow are to be delivered all the same
                     log.exception("%s: a message was not handled", self._name)
-            with self._lock:
-                self._draining = False
-                return bool(waiting)
         finally:
             if inside:
                 gate.leave()

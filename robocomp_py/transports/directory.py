@@ -34,6 +34,17 @@ log = logging.getLogger("robocomp.transport")
 _SETTLED = 0.1
 """A folder changed less than so many seconds ago is read again: its time stamp is too coarse."""
 
+_FEW = 32
+"""So many members are looked at whenever something may have changed."""
+
+_LONGEST_PAUSE = 1.0
+"""Seconds; see `Directory.pause`."""
+
+_FORGET = 1.0
+"""Seconds after which what was not needed of the members' files is forgotten."""
+
+_MOST_ASKED = 10_000
+
 
 @dataclass(frozen=True, slots=True)
 class Entry:
@@ -92,11 +103,22 @@ def _temporary() -> Path:
         raise ConfigurationError(f"run-time folder: {exc.strerror}; set ROBOCOMP_RUNTIME_DIR") from exc
 
 
+@dataclass(slots=True)
+class _File:
+    """What a member wrote. It is taken apart only if it may contain what somebody looks for: of many, few do."""
+
+    stamp: tuple[int, int, int]
+    raw: bytes | None
+    """None: forgotten, since nothing new was looked for in a while."""
+
+
 class Directory:
     """The members of one transport. Safe to use from any thread.
 
     When it cannot be read for a while (no file descriptor is left, say), that is logged once, and
     what was read last holds until it can. A folder that was removed has no members.
+
+    Where members are many, what changes is seen a little later: else all of them together would do nothing but look.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -104,14 +126,20 @@ class Directory:
             folder.mkdir(mode=0o700, exist_ok=True)
         self._folder = folder
         self._lock = threading.Lock()
-        self._members: dict[str, tuple[tuple[int, int, int], Member]] = {}
+        self._files: dict[str, _File] = {}
+        self._found: dict[tuple[str, str], dict[str, list[tuple[Member, Entry]]]] = {}
+        """By role and channel that were looked for, and by member."""
         self._stopped: dict[str, float] = {}
         """By member: since when its process is known to be stopped."""
         self._unreadable = False
-        self._index: dict[tuple[str, str], list[tuple[Member, Entry]]] = {}
         self._version = 0
         self._stamp = 0
         self._changed_at = 0.0
+        self._asked_at = 0.0
+        """When something was looked for that had not been before."""
+        self._next_look = 0.0
+        self.pause = 0.0
+        """Seconds between two looks into it, by how many there are and how long that took."""
 
     def join(self, owner: str) -> Membership:
         """Become a member. What killed ones left before they were members is removed, too."""
@@ -123,28 +151,19 @@ class Directory:
         return Membership(self._folder, owner)
 
     def version(self) -> int:
-        """A number that grows when members or their entries change. Cheap while nothing does."""
+        """A number that grows when what was looked for here changes. Cheap while nothing does."""
         with self._lock:
-            try:
-                self._refresh()
-                self._unreadable = False
-            except OSError as exc:
-                self._stamp = -1  # whatever it is next, that is to be read
-                if not self._unreadable:
-                    log.warning("run-time folder %s cannot be read now: %s", self._folder, exc.strerror)
-                self._unreadable = True
+            self._update()
             return self._version
 
     def find(self, role: str, channel: str) -> list[tuple[Member, Entry]]:
         """Ends of a channel in that role; the channel, or theirs, may have `*` for its instance."""
-        self.version()
         with self._lock:
-            candidates = self._index.get((role, _tail(channel)), [])
-        return [
-            (member, entry)
-            for member, entry in candidates
-            if matches(channel, entry.channel) or matches(entry.channel, channel)
-        ]
+            self._update()
+            known = self._found.get((role, channel))
+            if known is None:
+                known = self._search(role, channel)
+            return [found for name in sorted(known) for found in known[name]]
 
     def alive(self, member_id: str) -> bool:
         """Whether a member's process lives. Removes what a dead one left."""
@@ -163,45 +182,104 @@ class Directory:
         now = time.monotonic()
         return self.alive(member.id) and now - self._stopped.setdefault(member.id, now) < within
 
+    def _update(self) -> None:
+        try:
+            self._refresh()
+            self._unreadable = False
+        except OSError as exc:
+            self._stamp = -1  # whatever it is next, that is to be read
+            if not self._unreadable:
+                log.warning("run-time folder %s cannot be read now: %s", self._folder, exc.strerror)
+            self._unreadable = True
+
     def _refresh(self) -> None:
+        now = time.monotonic()
+        if now < self._next_look:
+            return
         try:
             stamp = self._folder.stat().st_mtime_ns
         except FileNotFoundError:
             stamp = 0
-        now = time.monotonic()
         if stamp != self._stamp:
             self._stamp, self._changed_at = stamp, now
-        if now - self._changed_at < _SETTLED:
+        if now - self._changed_at < max(_SETTLED, 2 * self.pause):
             self._adopt(self._read() if stamp else {})
+            spent = time.monotonic() - now
+            self.pause = min(_LONGEST_PAUSE, spent * len(self._files)) if len(self._files) > _FEW else 0.0
+            self._next_look = now + self.pause
+        if now - self._asked_at > _FORGET:
+            for file in self._files.values():
+                file.raw = None
 
-    def _read(self) -> dict[str, tuple[tuple[int, int, int], Member]]:
-        found: dict[str, tuple[tuple[int, int, int], Member]] = {}
+    def _read(self) -> dict[str, _File]:
+        found: dict[str, _File] = {}
         with os.scandir(self._folder) as files:
             for file in files:
-                name, _, suffix = file.name.rpartition(".")
-                if suffix != "json":
+                if not file.name.endswith(".json"):
                     continue
+                name = file.name[:-5]
                 try:
                     info = file.stat()
-                    version = (info.st_ino, info.st_size, info.st_mtime_ns)  # the time alone is too coarse
-                    known = self._members.get(name)
-                    found[name] = known if known and known[0] == version else (version, _load(Path(file.path), name))
+                    stamp = (info.st_ino, info.st_size, info.st_mtime_ns)  # the time alone is too coarse
+                    known = self._files.get(name)
+                    found[name] = known if known and known.stamp == stamp else _File(stamp, _content(file.path))
                 except FileNotFoundError:
                     continue  # it left while we read
-                except (ValueError, TypeError, KeyError):
-                    continue  # written by another version of this package, or by another program
         return found
 
-    def _adopt(self, found: dict[str, tuple[tuple[int, int, int], Member]]) -> None:
-        alive = {name: known for name, known in found.items() if self.alive(name)}
-        if alive != self._members:
-            self._members = alive
-            self._stopped = {name: since for name, since in self._stopped.items() if name in alive}
-            self._version += 1
-            self._index = {}
-            for _, (_, member) in sorted(alive.items()):
-                for entry in member.entries:
-                    self._index.setdefault((entry.role, _tail(entry.channel)), []).append((member, entry))
+    def _adopt(self, files: dict[str, _File]) -> None:
+        before, self._files = self._files, files
+        gone = before.keys() - files.keys()
+        new = [name for name, file in files.items() if before.get(name) is not file]
+        for (role, channel), known in self._found.items():
+            was = dict(known)
+            for name in [name for name in known if name in gone or not self.alive(name)]:
+                del known[name]
+            for name in new:
+                known.pop(name, None)
+                self._look_into(name, role, channel, known)
+            self._version += known != was
+        for name in gone:
+            self._stopped.pop(name, None)
+
+    def _search(self, role: str, channel: str) -> dict[str, list[tuple[Member, Entry]]]:
+        self._asked_at = time.monotonic()
+        if len(self._found) >= _MOST_ASKED:
+            self._found.clear()
+        known: dict[str, list[tuple[Member, Entry]]] = {}
+        for name in self._files:
+            self._look_into(name, role, channel, known)
+        self._found[role, channel] = known
+        return known
+
+    def _look_into(self, name: str, role: str, channel: str, known: dict[str, list[tuple[Member, Entry]]]) -> None:
+        file = self._files[name]
+        if file.raw is None:
+            with contextlib.suppress(OSError):  # it has left
+                file.raw = _content(self._folder / f"{name}.json")
+        if file.raw is None or not _may_contain(file.raw, channel):
+            return
+        try:
+            found = list(_parse(file.raw, name).facing(role, channel))
+        except (ValueError, TypeError, KeyError):
+            return  # written by another version of this package, or by another program
+        if found and self.alive(name):
+            known[name] = found
+
+
+def _content(path: str | Path) -> bytes:
+    with open(path, "rb", buffering=0) as file:
+        return file.read()
+
+
+def _may_contain(raw: bytes, channel: str) -> bool:
+    """Whether it is worth the while to take apart what a member wrote. Quick."""
+    exact = channel.encode()
+    if exact in raw and b"*" not in exact:
+        return True
+    tail = _tail(channel).encode()
+    # In other spellings of a channel there is a star, or JSON's way to write any letter.
+    return (tail in raw and (b"*" in exact or b"*/" in raw)) or b"\\/" in raw or b"\\u" in raw
 
 
 def _tail(channel: str) -> str:
@@ -217,6 +295,8 @@ class Membership:
         self._file, self._lock_file = folder / f"{self.id}.json", folder / f"{self.id}.lock"
         self._owner = owner
         self._entries: list[Entry] = []
+        self._gathering = 0
+        self._unwritten = False
         self._lock = threading.Lock()
         with _as_transport_error(folder):
             self._held = os.open(self._lock_file, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600)
@@ -235,6 +315,19 @@ class Membership:
     def entries(self) -> tuple[Entry, ...]:
         """What is announced."""
         return tuple(self._entries)
+
+    @contextlib.contextmanager
+    def gathered(self) -> Iterator[None]:
+        """What is added while this is entered is written at once at its end: all others look at whatever is written."""
+        with self._lock:
+            self._gathering += 1
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._gathering -= 1
+                if not self._gathering and self._unwritten and self._held >= 0:
+                    self._write()
 
     def add(self, entry: Entry) -> None:
         """Announce; raises TransportError if that cannot be written."""
@@ -271,6 +364,9 @@ class Membership:
                 self._held = -1
 
     def _write(self) -> None:
+        self._unwritten = bool(self._gathering)
+        if self._gathering:
+            return
         record = {"owner": self._owner, "pid": os.getpid(), "entries": [asdict(e) for e in self._entries]}
         draft = self._file.with_suffix(".draft")
         with _as_transport_error(self._file.parent):
@@ -287,8 +383,8 @@ def _as_transport_error(folder: Path) -> Iterator[None]:
         raise TransportError(f"run-time folder {folder} cannot be written: {exc.strerror}") from exc
 
 
-def _load(path: Path, name: str) -> Member:
-    return member_of(json.loads(path.read_text()), name)
+def _parse(raw: bytes, name: str) -> Member:
+    return member_of(json.loads(raw), name)
 
 
 def member_of(record: Any, member_id: str) -> Member:

@@ -25,6 +25,10 @@ _LONGEST = 200
 _SIGNING = 0.1
 """Seconds for which whoever has just locked a file may not have signed it yet."""
 
+_MANY = 200
+_WHILE = 10.0
+"""Seconds within which a folder with many files is looked through once."""
+
 
 class Claim:
     """Held until it is closed, or its process has ended."""
@@ -67,9 +71,23 @@ _swept: set[Path] = set()
 def sweep(folder: Path) -> None:
     """Remove the files of processes that ended without giving back what they had claimed."""
     with contextlib.suppress(FileNotFoundError):
-        for path in list(folder.glob("*.lock")):
+        left = list(folder.glob("*.lock"))
+        if len(left) > _MANY and not _is_turn(folder):
+            return
+        for path in left:
             with contextlib.suppress(OSError):  # what cannot be removed now means nothing, and is removed another time
                 _remove_left(path)
+
+
+def _is_turn(folder: Path) -> bool:
+    """Whether nobody has looked through a folder for a while: where there are many files, one of all is enough."""
+    told = folder / "swept"
+    with contextlib.suppress(OSError):
+        if time.time() - told.stat().st_mtime < _WHILE:
+            return False
+    with contextlib.suppress(OSError):
+        told.touch()
+    return True
 
 
 def _remove_left(path: Path) -> None:

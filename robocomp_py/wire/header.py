@@ -1,20 +1,24 @@
 """The header that travels with every message of the `native` profile, little-endian, unpadded.
 
-    request       version u8 · flags u8 · fingerprint u64 · client u64 · sequence u64 · remaining_ms u32
+    request       version u8 · flags u8 · fingerprint u64 · client u64 · sequence u64 · remaining_ms u32 (· sent_ms u32)
     reply         version u8 · status u8 · client u64 · sequence u64 · server u64
     publication   version u8 · fingerprint u64 · source u64 · sequence u64 · stamp i64
 
 `client` and `source` are random and belong to one link of one process, so sequences count that
 link's messages from 1 without gaps; `server` is random per process start. `remaining_ms` is
 what is left of the caller's deadline when it sends; `stamp` is nanoseconds since the Unix epoch.
+
+A request to a server of the same host has the flag `SENT`, and says when it was sent: milliseconds of the clock that
+all processes of a host share, without their highest bits. For such a request, what is read as `remaining_ms` is what
+is left when it is read: one that lay in a queue while its server was stopped is not taken for a new one.
 """
 
 from __future__ import annotations
 
 import secrets
 import struct
+import time
 from collections.abc import Callable
-from enum import IntFlag
 from typing import Any, NamedTuple
 
 from ..errors import DecodeError
@@ -23,12 +27,19 @@ VERSION = 1
 NO_DEADLINE = 0xFFFFFFFF
 
 
-class Flag(IntFlag):
-    """`ONEWAY`: no reply is wanted. `IDEMPOTENT`: executing it twice does no harm."""
+class Flag:
+    """`ONEWAY`: no reply is wanted. `IDEMPOTENT`: executing it twice does no harm. `SENT`: see above.
+
+    Plain numbers: calculating with an enumeration takes as long as all the rest that is done with a header.
+    """
 
     NONE = 0
     ONEWAY = 1
     IDEMPOTENT = 2
+    SENT = 4
+
+
+_FLAG_SENT = int(Flag.SENT)
 
 
 class Request(NamedTuple):
@@ -57,6 +68,9 @@ class Publication(NamedTuple):
 
 
 _REQUEST, _REPLY, _PUBLICATION = struct.Struct("<BBQQQI"), struct.Struct("<BBQQQ"), struct.Struct("<BQQQq")
+_SENT = struct.Struct("<BBQQQII")
+_SENT_BYTES = _SENT.size - _REQUEST.size
+_CLOCK = 0xFFFFFFFF
 REQUEST_BYTES, REPLY_BYTES, PUBLICATION_BYTES = _REQUEST.size, _REPLY.size, _PUBLICATION.size
 
 
@@ -65,6 +79,8 @@ def pack_request(flags: int, fingerprint: int, client: int, sequence: int, remai
     ms = NO_DEADLINE
     if remaining is not None and remaining * 1000 < NO_DEADLINE:
         ms = max(0, int(remaining * 1000))
+    if flags & _FLAG_SENT:
+        return _SENT.pack(VERSION, flags, fingerprint, client, sequence, ms, int(time.monotonic() * 1000) & _CLOCK)
     return _REQUEST.pack(VERSION, flags, fingerprint, client, sequence, ms)
 
 
@@ -77,8 +93,14 @@ def pack_publication(fingerprint: int, source: int, sequence: int, stamp: int) -
 
 
 def read_request(data: bytes) -> Request:
-    _check_length(data, REQUEST_BYTES)
-    return request_at(data, 0)
+    request = request_at(data, 0)
+    _check_length(data, request_bytes(request))
+    return request
+
+
+def request_bytes(request: Request) -> int:
+    """How long its header is."""
+    return REQUEST_BYTES + _SENT_BYTES if request.flags & _FLAG_SENT else REQUEST_BYTES
 
 
 def read_reply(data: bytes) -> ReplyHeader:
@@ -102,7 +124,20 @@ for where messages come by the ten thousand."""
 def request_at(data: bytes, at: int) -> Request:
     if len(data) < at + REQUEST_BYTES or data[at] != VERSION:
         raise _unreadable(data, at)
+    if data[at + 1] & _FLAG_SENT:
+        return _sent(data, at)
     header: Request = _new(Request, _REQUEST.unpack_from(data, at))
+    return header
+
+
+def _sent(data: bytes, at: int) -> Request:
+    if len(data) < at + _SENT.size:
+        raise _unreadable(data, at)
+    *fields, ms, sent = _SENT.unpack_from(data, at)
+    if ms != NO_DEADLINE:
+        under_way = (int(time.monotonic() * 1000) - sent) & _CLOCK
+        ms = max(0, ms - under_way) if under_way <= _CLOCK // 2 else ms  # the clock was read by another core
+    header: Request = _new(Request, (*fields, ms))
     return header
 
 

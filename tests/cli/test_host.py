@@ -24,7 +24,7 @@ def test_it_says_when_it_is_ready_and_ends_by_a_signal(tmp_path: Path) -> None:
             "ROBOCOMP_RUNTIME_DIR": str(tmp_path / "r"),
         }
         command = [sys.executable, "-m", "robocomp_py.cli.rc", "host", "zenoh"]
-        with subprocess.Popen(command, env=os.environ | mine) as router:
+        with subprocess.Popen(command, env=environment) as router:
             try:
                 assert "READY=1" in told.recv(4096).decode()
                 assert list((tmp_path / "r" / "zenoh").iterdir())

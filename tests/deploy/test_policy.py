@@ -30,7 +30,6 @@ from robocomp_py.deploy.policy import (
     RestartRequested,
     Retry,
     Start,
-    State,
     Stop,
     StopRequested,
     Stuck,
@@ -78,9 +77,7 @@ def test_what_depends_on_nobody_starts_at_once() -> None:
 
 def test_asked_to_stop_it_goes_backwards() -> None:
     history = replay(Ready("lidar"), Ready("follow"), StopRequested(), Exited("follow", TERM), Exited("lidar", 0))
-    assert history == [[Start("lidar")], [Start("follow")], [Stop("follow")], [], [Stop("lidar")], [Finish(0)]][
-        :2
-    ] + [[], [Stop("follow")], [Stop("lidar")], [Finish(0)]]
+    assert history == [[Start("lidar")], [Start("follow")], [], [Stop("follow")], [Stop("lidar")], [Finish(0)]]
 
 
 def test_the_code_of_who_asked_is_the_exit_code_if_all_else_is_fine() -> None:
@@ -93,8 +90,8 @@ def test_a_process_that_does_not_stop_is_killed_and_counts_as_failed() -> None:
 
 
 def test_each_process_has_a_grace_of_its_own() -> None:
-    slow = Child("arm", grace=20.0)
-    history = replay(StopRequested(), (5.0, Tick()), (20.0, Tick()), network=(LIDAR, slow))
+    slow = Child("arm", grace=12.0)
+    history = replay(StopRequested(), (5.0, Tick()), (12.0, Tick()), network=(LIDAR, slow))
     assert history[1:] == [[Stop("arm"), Stop("lidar")], [Kill("lidar")], [Kill("arm")]]
 
 
@@ -318,8 +315,9 @@ def test_delays_are_a_little_more_or_less_and_never_above_the_limit() -> None:
 
 def test_after_so_many_restarts_within_the_period_it_is_given_up() -> None:
     assert len(crashes(*[0.0] * 9)) == 5
-    assert len(crashes(*[11.0] * 9)) == 5, "5 in 60 s and no more"
-    assert len(crashes(*[13.0] * 9)) == 9
+    steady = replace(ON_FAILURE, max_delay=0.2)
+    assert len(crashes(*[11.0] * 9, restart=steady)) == 5
+    assert len(crashes(*[13.0] * 9, restart=steady)) == 9
 
 
 def test_up_for_a_while_it_begins_with_the_first_delay_again() -> None:
@@ -456,7 +454,9 @@ def test_who_does_not_stop_to_be_started_again_is_killed_and_that_is_no_failure(
 def test_one_that_fails_while_it_is_to_be_stopped_uses_up_none_of_its_restarts() -> None:
     stubborn = Restart(When.ON_FAILURE, intensity=0)
     network = (A, replace(B, after=("a",), restart=stubborn), replace(C, after=("b",)))
-    history = group(Escalation.ONE_FOR_ALL, Exited("a", 1), Exited("b", 1), Exited("c", 0), (0.2, Tick()), network=network)
+    history = group(
+        Escalation.ONE_FOR_ALL, Exited("a", 1), Exited("b", 1), Exited("c", 0), (0.2, Tick()), network=network
+    )
     assert deeds(history) == [[Stop("c")], [], [], [Start("a")]]
 
 
@@ -487,7 +487,9 @@ def test_given_up_one_takes_those_along_that_are_of_no_use_without_it() -> None:
     network = (A, hopeless, C)
     one = group(Escalation.ONE_FOR_ONE, Exited("b", 1), network=network)
     assert one == [[GaveUp("b", 0)]]
-    rest = group(Escalation.REST_FOR_ONE, Exited("b", 1), Exited("c", 0), StopRequested(), Exited("a", 0), network=network)
+    rest = group(
+        Escalation.REST_FOR_ONE, Exited("b", 1), Exited("c", 0), StopRequested(), Exited("a", 0), network=network
+    )
     assert rest == [[GaveUp("b", 0), Along(("c",), "b", again=False), Stop("c")], [], [Stop("a")], [Finish(1)]]
     everybody = group(Escalation.ONE_FOR_ALL, Exited("b", 1), Exited("c", 0), Exited("a", 0), network=network)
     assert everybody == [[GaveUp("b", 0), Stop("c"), Stop("a")], [], [Finish(1)]]
@@ -548,7 +550,9 @@ def test_a_user_has_one_that_was_given_up_started_with_all_its_chances() -> None
 
 
 def test_a_user_does_not_wait_for_a_delay() -> None:
-    history = replay(Ready("lidar"), Exited("lidar", 1), RestartRequested(("lidar",)), (0.2, Tick()), network=(TENACIOUS,))
+    history = replay(
+        Ready("lidar"), Exited("lidar", 1), RestartRequested(("lidar",)), (0.2, Tick()), network=(TENACIOUS,)
+    )
     assert history[3:] == [[Start("lidar")], []]
 
 
@@ -573,7 +577,9 @@ def test_a_user_revives_those_that_were_dropped_with_one_that_was_given_up() -> 
 
 
 def test_a_user_may_have_one_started_that_ended_and_never_starts_again_by_itself() -> None:
-    history = replay(Ready("lidar"), Ready("speech"), Exited("lidar", 0), RestartRequested(("lidar",)), network=(LIDAR, SPEECH))
+    history = replay(
+        Ready("lidar"), Ready("speech"), Exited("lidar", 0), RestartRequested(("lidar",)), network=(LIDAR, SPEECH)
+    )
     assert history[-1] == [Start("lidar")]
 
 
@@ -684,7 +690,9 @@ moments = st.sampled_from([0.0, 0.0, 0.3, 5.0, 61.0])
 class World:
     """Plays events as the shell would: nobody speaks who does not run, and time does not pass a wake-up by."""
 
-    def __init__(self, network: tuple[Child, ...], until: str | None, escalations: Mapping[tuple[str, ...], Escalation]):
+    def __init__(
+        self, network: tuple[Child, ...], until: str | None, escalations: Mapping[tuple[str, ...], Escalation]
+    ):
         self.supervisor = Supervisor(network, until, escalations)
         self.children = {child.name: child for child in network}
         self.now = 0.0
@@ -728,6 +736,8 @@ class World:
             case _:
                 pass
         self.act(self.supervisor.handle(event, self.now, chance=0.7))
+        if not self.running and not self.lost and self.supervisor.wake is None:
+            assert self.finished is not None, "nobody runs or is going to, and that is not the end"
 
     def can_be(self, event: Event) -> bool:
         match event:
@@ -754,7 +764,7 @@ class World:
                     self.finished = code
                     assert not self.running
                 case Retry(name, seconds):
-                    assert 0 <= seconds
+                    assert seconds >= 0
                     self.own_ends[name].append(self.now + seconds)
                     self.check_limits(name)
                 case Stuck(name):
@@ -779,9 +789,7 @@ class World:
         assert len(recent) <= restart.intensity, "it was started again more often than it may be"
 
 
-ESCALATIONS = st.fixed_dictionaries(
-    {path: st.sampled_from(Escalation) for path in ((), ("left",), ("left", "hand"))}  # type: ignore[arg-type]  # paths differ in length
-)
+ESCALATIONS = st.fixed_dictionaries(dict.fromkeys(((), ("left",), ("left", "hand")), st.sampled_from(Escalation)))
 
 
 @given(
@@ -811,22 +819,3 @@ def test_whatever_happens_the_rules_are_kept_and_nobody_is_left_running(
     assert world.finished is not None, "the end was not reached"
     assert all(state.gone for state in world.supervisor.states.values())
     assert world.supervisor.wake is None
-
-
-@given(networks(), ESCALATIONS, st.lists(st.tuples(moments, likely), max_size=40))
-def test_a_network_of_which_nobody_runs_or_is_to_run_has_ended(
-    network: tuple[Child, ...], escalations: dict[tuple[str, ...], Escalation], history: list[tuple[float, Event]]
-) -> None:
-    world = World(network, None, escalations)
-    for seconds, event in history:
-        world.wait(seconds)
-        world.tell(event)
-    if world.lost:
-        world.tell(Back("onboard"))
-    for _ in range(200):  # every end is a failure, and no restart is endless
-        for name in sorted(world.running):
-            world.tell(Exited(name, 1))
-        world.wait(0.0)
-        if (wake := world.supervisor.wake) is not None:
-            world.wait(wake - world.now)
-    assert world.running or world.finished is not None or world.supervisor.wake is not None

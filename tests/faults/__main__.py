@@ -9,10 +9,11 @@ import time
 import traceback
 from collections.abc import Iterable, Sequence
 
-from . import calls, report
+from . import calls, report, topics
+from . import frames as about_frames
 from .rows import Row, Run
 
-ROWS: list[Row] = [*calls.ROWS]
+ROWS: list[Row] = [*calls.ROWS, *topics.ROWS, *about_frames.ROWS]
 
 _REDUCED = 0.06
 """How long a few rounds take, of the whole row."""
@@ -27,7 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     full = not options.reduced
     expected = sum(row.seconds for row, _ in chosen) * (1.0 if full else _REDUCED)
     print(f"{len(chosen)} runs, about {expected / 60:.0f} minutes; seed {options.seed}", flush=True)
-    found = [_run(row, transport, options.seed, full) for row, transport in chosen]
+    found = [_run(row, transport, options.seed, full, options.frames) for row, transport in chosen]
     print()
     print(report.table(found))
     if options.write:
@@ -39,7 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 1 if missed else 0
 
 
-def _run(row: Row, transport: str, seed: int, full: bool) -> report.Found:
+def _run(row: Row, transport: str, seed: int, full: bool, frames: int) -> report.Found:
     def tell(what: str) -> None:
         print(f"  {row.name} over {transport}: {what}", flush=True)
 
@@ -47,7 +48,7 @@ def _run(row: Row, transport: str, seed: int, full: bool) -> report.Found:
     begun = time.monotonic()
     result, why = None, ""
     try:
-        result = row.run(Run(transport, seed, full, tell))
+        result = row.run(Run(transport, seed, full, tell, frames))
     except Exception as exc:  # the other rows are run all the same
         traceback.print_exc()
         why = f"{type(exc).__name__}: {str(exc).splitlines()[0] if str(exc) else ''}"
@@ -70,6 +71,7 @@ def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--over", action="append", metavar="MIDDLEWARE", help="only over these")
     parser.add_argument("--seed", type=int, default=random.SystemRandom().randrange(10**6), help="repeat a run")
     parser.add_argument("--reduced", action="store_true", help="a few rounds of each; no times are judged")
+    parser.add_argument("--frames", type=int, default=0, metavar="N", help="so many malformed frames")
     parser.add_argument("--write", action="store_true", help="write what is found to docs/reliability.md")
     return parser.parse_args(arguments)
 

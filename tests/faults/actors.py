@@ -23,14 +23,17 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from robocomp_py.contract.qos import QoS, Reliability
-from robocomp_py.errors import RobocompError, TransportError
+from robocomp_py.errors import DecodeError, RobocompError, TransportError
 from robocomp_py.runtime.retries import Retrying
 from robocomp_py.testing.parts import blob, command, query, topic, unblob
 from robocomp_py.transports.base import Caller, Channel, Outlet, Reply, Statistics, Status, TransportConfig
 from robocomp_py.transports.base import TypeRef, find_transport
-from robocomp_py.wire.codec import Payload
+from robocomp_py.wire.codec import MAX_BYTES, Payload
 
+from .fuzzers import fuzz
 from .history import Asked, Counted, Ended, Executed, Heard, Journal, Published
 
 _END = b"|"
@@ -42,12 +45,13 @@ _STUCK = 60.0
 
 class Actor:
     def __init__(self, name: str, transport: str, options: Mapping[str, Any], journal: Path) -> None:
-        self.name, self.journal = name, Journal(journal)
+        self.name, self.journal, self.middleware = name, Journal(journal), transport
         self.transport = find_transport(transport)(TransportConfig(dict(options), owner=name))
         self._links: dict[str, Any] = {}
         self._work: dict[str, threading.Thread] = {}
         self._stop: dict[str, threading.Event] = {}
         self._said: dict[str, Any] = {}
+        self._published = 0
 
     # Servers.
 
@@ -55,7 +59,10 @@ class Actor:
         """Answer with our name, after `pause` seconds; `later` by another thread, so that many are served at once."""
 
         def service(payload: Payload, expires: float) -> Reply | Future[Reply]:
-            self._note_executed(payload)
+            try:
+                self._note_executed(payload)
+            except DecodeError:
+                return Reply(Status.FAILED)
             reply = Reply(Status.OK, blob(self.transport, self.name.encode()))
             if not later:
                 time.sleep(pause)
@@ -68,7 +75,8 @@ class Actor:
 
     def take(self, channel: str, pause: float = 0.0) -> None:
         def sink(payload: Payload) -> None:
-            self._note_executed(payload)
+            with contextlib.suppress(DecodeError):
+                self._note_executed(payload)
             time.sleep(pause)
 
         self._links[channel] = self.transport.inlet(command(channel), sink)
@@ -138,13 +146,13 @@ class Actor:
 
     def publish(self, channel: str, count: int, pace: float = 0.0, size: int = 0, reliable: bool = False) -> None:
         """Publish so many, or until told to stop; what each took is said at the end, in seconds, sorted."""
-        outlet: Outlet = self.transport.outlet(topic(channel, _qos(reliable)))
+        outlet: Outlet = self._links.get(channel) or self.transport.outlet(topic(channel, _qos(reliable)))
         self._links[channel] = outlet
 
         def work(stop: threading.Event) -> dict[str, Any]:
-            taken, number = [], 0
-            while number < count and not stop.is_set():
-                number += 1
+            taken: list[float] = []
+            while len(taken) < count and not stop.is_set():
+                number = self._published = self._published + 1
                 payload = _message(self.transport, f"{self.name} {number}", size)
                 self.journal.note(Published(self.name, number))
                 begun = time.monotonic()
@@ -153,9 +161,13 @@ class Actor:
                 if pace:
                     stop.wait(pace)
             taken.sort()
-            return {"count": number, "p99": taken[int(len(taken) * 0.99)], "worst": taken[-1]} if taken else {}
+            return {"p99": taken[int(len(taken) * 0.99)], "worst": taken[-1]} if taken else {}
 
         self._begin(channel, work)
+
+    def sent(self) -> int:
+        """How many messages were published."""
+        return self._published
 
     def subscribe(self, channel: str, pause: float = 0.0, depth: int = 8, reliable: bool = False) -> None:
         def sink(payload: Payload) -> None:
@@ -170,6 +182,37 @@ class Actor:
         """Mean something else by that name."""
         other = replace(topic(channel), type=TypeRef("Conformance::Blob", 2, _OTHER))
         self._links[channel] = self.transport.inlet(other, lambda _: self.journal.note(Heard(self.name, "?", 1)))
+
+    # Others.
+
+    def fuzz(self, channel: str, commands: str, seed: int, count: int) -> None:
+        """Send what is no message; `wait` tells how many seconds that took."""
+        caller = self.transport.caller(query(channel))
+        caller.wait_peer(10.0)
+
+        def work(stop: threading.Event) -> float:
+            begun = time.monotonic()
+            fuzz(self.transport, self.middleware, channel, commands, seed, count)
+            return time.monotonic() - begun
+
+        self._begin("fuzz", work)
+
+    def ask_too_much(self, channel: str) -> str:
+        """What comes of a call whose payload is larger than any may be."""
+        try:
+            self._links[channel].ask(blob(self.transport, np.zeros(MAX_BYTES + 1, np.uint8)), 30.0)
+        except RobocompError as exc:
+            return f"{type(exc).__name__}: {exc}"
+        return "ok"
+
+    def ask_once(self, channel: str) -> str:
+        """Who answers."""
+        call = f"{self.name}.once"
+        self.journal.note(Asked(call, "query", 10.0, time.monotonic()))
+        reply = self._links[channel].ask(_message(self.transport, call, 0), 10.0)
+        server = unblob(self.transport, reply.payload).decode()
+        self.journal.note(Ended(call, "ok", time.monotonic(), server))
+        return server
 
     # About all of them.
 
@@ -226,7 +269,8 @@ class Actor:
         self._work[channel].start()
 
     def _note_executed(self, payload: Payload) -> None:
-        self.journal.note(Executed(_said(self.transport, payload), self.name, time.monotonic()))
+        said = _said(self.transport, payload)
+        self.journal.note(Executed(said, self.name, time.monotonic()))
 
 
 _OTHER = "operation Conformance::Blob.send\nstruct Conformance::Blob\n  data sequence<int16>"
@@ -245,7 +289,7 @@ def _message(transport: Any, text: str, size: int) -> Payload:
 
 
 def _said(transport: Any, payload: Payload) -> str:
-    return unblob(transport, payload).partition(_END)[0].decode()
+    return unblob(transport, payload).partition(_END)[0].decode(errors="replace")
 
 
 # -- processes ----------------------------------------------------------------
@@ -287,6 +331,9 @@ def nursery() -> None:
         if child == 0:
             os.close(0)
             os.open(os.devnull, os.O_RDONLY)
+            said = os.open(spec["log"], os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+            os.dup2(said, 1)
+            os.dup2(said, 2)
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
             code = 1
             try:

@@ -58,7 +58,8 @@ class Laboratory:
     def __exit__(self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None) -> None:
         with self._undo:
             for actor in self._actors:
-                actor.kill()
+                if actor.alive():
+                    actor.kill()
             for nursery in self._nurseries.values():
                 assert nursery.stdin
                 nursery.stdin.close()
@@ -111,6 +112,9 @@ class Laboratory:
         self._journal.note(Done(what, whom, at))
         return at
 
+    def began(self, pid: int) -> str:
+        return self._started[pid][0]
+
     def log(self, name: str) -> str:
         path = self.folder / f"{name}.log"
         return path.read_text() if path.exists() else ""
@@ -153,11 +157,10 @@ class Remote:
     def __init__(
         self, laboratory: Laboratory, name: str, pid: int, connection: socket.socket, journal: Path
     ) -> None:
-        self.journal = journal
+        self.journal, self.began = journal, laboratory.began(pid)
         self.name, self.pid, self._laboratory, self._connection = name, pid, laboratory, connection
         connection.settimeout(PATIENCE)
         self._answers = connection.makefile("r")
-        self._ended = False
 
     def __getattr__(self, do: str) -> Any:
         return lambda *arguments, **named: self._do(do, arguments, named)
@@ -172,10 +175,11 @@ class Remote:
         return answer.get("said")
 
     def kill(self) -> float:
-        """`kill -9`; when."""
+        """`kill -9`, and wait until it is dead, as who restarts it does; when it was done."""
         at = self._laboratory.done("kill", self.name)
         self._signal(signal.SIGKILL)
         self._hang_up()
+        until(lambda: not self.alive(), PATIENCE, f"{self.name} is dead")
         return at
 
     def freeze(self) -> float:
@@ -193,7 +197,7 @@ class Remote:
         self._hang_up()
 
     def alive(self) -> bool:
-        return bool(_began(self.pid))
+        return _began(self.pid) == self.began
 
     def written(self) -> int:
         """How much its journal holds."""
@@ -206,12 +210,11 @@ class Remote:
         return self.hear()
 
     def _signal(self, number: int) -> None:
-        if not self._ended:
+        if self.alive():
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self.pid, number)
 
     def _hang_up(self) -> None:
-        self._ended = True
         with contextlib.suppress(OSError):
             self._connection.shutdown(socket.SHUT_RDWR)
         self._answers.close()
@@ -223,7 +226,7 @@ def until(condition: Any, seconds: float, what: str) -> None:
     while not condition():
         if time.monotonic() > end:
             raise RuntimeError(f"not in {seconds:g} s: {what}")
-        time.sleep(0.01)
+        time.sleep(0.002)
 
 
 @contextlib.contextmanager

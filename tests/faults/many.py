@@ -91,12 +91,12 @@ class Cost:
 
 def many_components(folder: Path, count: int, middleware: str) -> Path:
     """The DDSL of a network of so many components, generated into a folder."""
-    (folder / "Many.idsl").write_text(_IDSL)
     for name, text in (("offerer", _OFFERER), ("user", _USER)):
         home = folder / name
         home.mkdir()
+        (home / "Many.idsl").write_text(_IDSL)
         (home / f"{name}.cdsl").write_text(text)
-        command = [sys.executable, "-m", "robocomp_py.cli.rcgen", str(home / f"{name}.cdsl"), "-I", str(folder)]
+        command = [sys.executable, "-m", "robocomp_py.cli.rcgen", str(home / f"{name}.cdsl")]
         subprocess.run(command, check=True, capture_output=True, text=True)
         (home / "specificworker.py").write_text(_WORKERS[name])
     instances = (_instance(number) for number in range(count))
@@ -127,9 +127,13 @@ def cost(network: Path, patience: float = 120.0) -> Cost:
         try:
             assert running.stdout
             lines = _lines(running.stdout.fileno(), patience)
-            said = next(line for line in lines if re.search(r"components of \w+ are ready|\bstopping\b", line))
-            if "stopping" in said:
-                raise RuntimeError(f"the network did not come up: {said}\n" + "\n".join(lines))
+            said: list[str] = []
+            for line in lines:
+                said.append(line)
+                if re.search(r"components of \w+ are ready", line):
+                    break
+            else:
+                raise RuntimeError("the network did not come up:\n" + "\n".join(said))
             ready = time.monotonic()
             trace = traces.look(running.pid)
             processes = [running.pid, *descendants(running.pid)]

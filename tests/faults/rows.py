@@ -20,6 +20,8 @@ class Run:
     seed: int
     full: bool
     tell: Callable[[str], None]
+    frames: int = 0
+    """How many malformed ones, if that is said."""
 
     def laboratory(self) -> Laboratory:
         return Laboratory(self.transport)

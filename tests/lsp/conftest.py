@@ -125,6 +125,26 @@ Deployment game
 """,
 }
 
+FLEET = """\
+import "arm/arm.cdsl";
+import "chess/chess.cdsl";
+
+Deployment fleet
+{
+    host onboard { address "192.168.1.10"; };
+    Component spare : arm { host onboard; restart always(period 10); };
+    System north
+    {
+        host onboard;
+        escalation one_for_one;
+        Component hand : arm {};
+        System inner { Component chess { dependences hand; requires Arm from hand; }; };
+    };
+    System south { Component hand : arm {}; Component chess { dependences north/hand, hand; }; };
+};
+"""
+"""A network on several hosts, with systems. It is no file of the project: who needs it opens it."""
+
 
 def write_project(folder: Path) -> Path:
     for name, text in FILES.items():

@@ -172,6 +172,32 @@ def test_a_network_is_written_with_what_fits(editor: Editor, inside: str, expect
 
 
 @pytest.mark.parametrize(
+    ("inside", "expected", "absent"),
+    [
+        ("host base { address robot; }; Component chess { host |; };", {"base"}, {"left"}),
+        ("host base { | };", {"address", "user", "port", "workdir", "python", "lost"}, {"dependences"}),
+        ("host base { lost |; };", {"stop", "keep"}, {"base"}),
+        ("restart |;", {"never", "on_failure", "always"}, {"left"}),
+        ("Component chess { restart always(|); };", {"intensity", "period", "delay", "max_delay"}, {"left"}),
+        ("escalation |;", {"one_for_one", "rest_for_one", "one_for_all"}, {"left"}),
+        ("security |;", {"local", "lan", "open"}, {"left"}),
+        ("System a { | };", {"Component", "System", "host", "restart", "escalation"}, {"middleware"}),
+        ("System a { Component x : arm { }; Component chess { dependences |; }; };", {"left", "x"}, {"a/x", "chess"}),
+        ("System a { Component left : arm { }; Component b : arm { dependences |; }; };", {"left", "/left"}, {"b"}),
+        ("System a { Component x : arm { }; }; Component chess { requires Arm from |; };", {"left", "a/x"}, {"x"}),
+        ("| Component chess { };", {"System", "host", "security", "restart", "escalation"}, {"grace"}),
+        ("Component chess { | };", {"existing", "grace", "restart", "host"}, {"security"}),
+    ],
+)
+def test_a_network_on_several_hosts_is_written_with_what_fits(
+    editor: Editor, inside: str, expected: set[str], absent: set[str]
+) -> None:
+    found = set(items(editor, "d.ddsl", NETWORK % inside))
+    assert expected <= found
+    assert not absent & found
+
+
+@pytest.mark.parametrize(
     ("clause", "expected", "absent"),
     [
         ("qos |;", {"LaserPub", "BatteryStatusPub", "publishes", "subscribesTo"}, {"Laser"}),

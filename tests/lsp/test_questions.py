@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from lsprotocol import types as lsp
 
-from .conftest import write_project
+from .conftest import FLEET, write_project
 from .editor import Editor
 
 
@@ -58,6 +58,48 @@ def test_it_is_said_who_uses_something(reader: Editor) -> None:
 def test_an_instance_is_said_with_its_component(reader: Editor) -> None:
     text = said(reader, "game.ddsl", "dependences le|ft")
     assert "Component left : arm" in text
+
+
+@pytest.fixture
+def fleet(editor: Editor) -> Editor:
+    """A network on several hosts is open, too."""
+    editor.open("fleet.ddsl", FLEET)
+    return editor
+
+
+@pytest.mark.parametrize(
+    ("marked", "expected"),
+    [
+        ("Component spare : arm { host on|board", 'host onboard { address "192.168.1.10"; };'),
+        ("dependences north/ha|nd", "Component hand : arm"),
+        ("dependences nor|th/hand", "system of `fleet`, in fleet.ddsl"),
+        ("restart al|ways", "`always`: it is started again whenever it has ended by itself"),
+        ("escalation one_|for_one", "`one_for_one`: who has failed is started again, and nobody else"),
+    ],
+)
+def test_hosts_systems_and_the_words_of_supervision_are_said(fleet: Editor, marked: str, expected: str) -> None:
+    assert expected in said(fleet, "fleet.ddsl", marked)
+
+
+def test_a_name_leads_to_the_nearest_instance_that_has_it(fleet: Editor) -> None:
+    lines = FLEET.splitlines()
+    for marked, line in (
+        ("chess { dependences ha|nd; requires", "        Component hand : arm {};"),
+        ("dependences north/ha|nd", "        Component hand : arm {};"),
+        ("north/hand, ha|nd;", next(each for each in lines if "System south" in each)),
+    ):
+        parameters = lsp.DefinitionParams(**fleet.at("fleet.ddsl", marked))
+        found = fleet.ask(fleet.client.text_document_definition_async(parameters))
+        assert isinstance(found, list | tuple)
+        (only,) = found
+        assert lines[only.range.start.line] == line
+
+
+def test_what_is_in_a_system_is_below_it_in_the_outline(fleet: Editor) -> None:
+    parameters = lsp.DocumentSymbolParams(fleet.identifier("fleet.ddsl"))
+    assert tree(fleet.ask(fleet.client.text_document_document_symbol_async(parameters))) == [
+        ["fleet", "onboard", "spare", ["north", "hand", ["inner", "chess"]], ["south", "hand", "chess"]]
+    ]
 
 
 def test_a_component_is_said_with_its_ports(reader: Editor) -> None:

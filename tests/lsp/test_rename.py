@@ -8,14 +8,14 @@ import pytest
 from lsprotocol import types as lsp
 from pygls.exceptions import JsonRpcException
 
-from .conftest import FILES, write_project
+from .conftest import FILES, FLEET, write_project
 from .editor import Editor
 
 
 def renamed(editor: Editor, name: str, marked: str, new: str) -> dict[str, str]:
     """The texts that a rename changes, by the names of their files. Nothing is wrong with them afterwards."""
     edit = asked(editor, name, marked, new)
-    files = {editor.uri(each): each for each in FILES}
+    files = {editor.uri(each): each for each in (*FILES, *editor.texts)}
     texts = {}
     for change in edit.document_changes or ():
         assert isinstance(change, lsp.TextDocumentEdit)
@@ -109,6 +109,30 @@ def test_an_instance_that_is_renamed_stays_one_of_its_component(editor: Editor) 
     texts = renamed(editor, "game.ddsl", "Component ch|ess", "player")
     assert "Component player : chess\n" in texts["game.ddsl"]
     assert set(texts) == {"game.ddsl"}
+
+
+@pytest.mark.parametrize(
+    ("marked", "new", "expected"),
+    [
+        ("System nor|th", "west", ["System west", "dependences west/hand, hand;"]),
+        ("dependences nor|th", "west", ["System west", "dependences west/hand, hand;"]),
+        ("north/ha|nd", "grip", ["Component grip : arm", "requires Arm from grip;", "dependences north/grip, hand;"]),
+        ("host on|board {", "base", ["host base {", "arm { host base; restart", "{\n        host base;"]),
+    ],
+)
+def test_hosts_and_systems_and_what_is_in_them_are_renamed_wherever_they_are_named(
+    editor: Editor, marked: str, new: str, expected: list[str]
+) -> None:
+    editor.open("fleet.ddsl", FLEET)
+    text = renamed(editor, "fleet.ddsl", marked, new)["fleet.ddsl"]
+    for part in expected:
+        assert part in text
+
+
+def test_nothing_is_renamed_so_that_a_name_means_another_instance(editor: Editor) -> None:
+    editor.open("fleet.ddsl", FLEET.replace("requires Arm from hand", "requires Arm from spare"))
+    with pytest.raises(JsonRpcException, match="`hand` is `north/hand` here, and not `hand`"):
+        renamed(editor, "fleet.ddsl", "Component spa|re", "hand")
 
 
 # What is told.

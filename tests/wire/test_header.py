@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Callable
 
 import pytest
@@ -10,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robocomp_py.errors import DecodeError
+from robocomp_py.testing.patience import SOON
 from robocomp_py.wire import header
 
 U8, U32, U64 = st.integers(0, 2**8 - 1), st.integers(0, 2**32 - 1), st.integers(0, 2**64 - 1)
@@ -37,7 +39,7 @@ def test_a_publication_is_laid_out_as_the_protocol_says() -> None:
 
 
 @settings(deadline=None)
-@given(U8, U64, U64, U64, st.integers(0, 2**32 - 2))
+@given(U8.filter(lambda flags: not flags & header.Flag.SENT), U64, U64, U64, st.integers(0, 2**32 - 2))
 def test_a_request_is_read_as_it_was_written(flags: int, fingerprint: int, client: int, number: int, ms: int) -> None:
     packed = header.pack_request(flags, fingerprint, client, number, ms / 1000)
     read = header.read_request(packed)
@@ -73,6 +75,23 @@ REMAINING = [
 @pytest.mark.parametrize(("seconds", "ms"), REMAINING)
 def test_what_remains_of_a_deadline_is_in_whole_milliseconds(seconds: float | None, ms: int) -> None:
     assert header.read_request(header.pack_request(0, 0, 0, 0, seconds)).remaining_ms == ms
+
+
+def test_of_a_request_that_says_when_it_was_sent_the_time_on_its_way_is_over() -> None:
+    flags = header.Flag.SENT | header.Flag.IDEMPOTENT
+    packed = bytearray(header.pack_request(flags, 7, 8, 9, 5.0))
+    assert len(packed) == header.REQUEST_BYTES + 4
+    read = header.read_request(bytes(packed))
+    assert read[:5] == (1, flags, 7, 8, 9)
+    assert 5000 - SOON * 1000 < read.remaining_ms <= 5000
+    (sent,) = struct.unpack("<I", packed[-4:])
+    for ago, least, most in ((3000, 2000 - SOON * 1000, 2000), (6000, 0, 0), (-3000, 5000, 5000)):
+        packed[-4:] = struct.pack("<I", (sent - ago) % 2**32)
+        assert least <= header.read_request(bytes(packed)).remaining_ms <= most
+    with pytest.raises(DecodeError):
+        header.read_request(bytes(packed[:-1]))
+    forever = header.pack_request(flags, 7, 8, 9, None)
+    assert header.read_request(forever).remaining_ms == header.NO_DEADLINE
 
 
 READERS = [header.read_request, header.read_reply, header.read_publication]

@@ -1,4 +1,4 @@
-"""`rcdeploy plan`: what would run."""
+"""`rcdeploy plan`: what would run, and what is different from what runs."""
 
 from __future__ import annotations
 
@@ -6,12 +6,15 @@ import argparse
 import json
 import shlex
 import sys
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from ..common import FINE, complain
+from .asking import show
 from .planning import add_network, planned
 
 if TYPE_CHECKING:
+    from ...deploy.changes import Change
     from ...deploy.plan import Plan
 
 NAME = "plan"
@@ -19,11 +22,12 @@ HELP = "show what would run, and start nothing"
 
 _EXAMPLES = """\
 examples:
-  rcdeploy plan net.ddsl                      what would run, in which order, over what
+  rcdeploy plan net.ddsl                      what would run where, in which order, over what
   rcdeploy plan net.ddsl --middleware zeromq  ... over that middleware
   rcdeploy plan net.ddsl --json               ... for machines
 
-exit status: 0 fine, 1 the network is wrong, 2 usage
+If the network runs, it is also shown what starting it anew would change.
+Exit status: 0 fine, 1 the network is wrong, 2 usage
 """
 
 
@@ -34,15 +38,13 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    plan = planned(options, as_json=options.json)
-    return plan if isinstance(plan, int) else _print(plan, options.json)
-
-
-def _print(plan: Plan, as_json: bool) -> int:
     from ...deploy.terminal import discard
 
+    plan = planned(options, as_json=options.json)
+    if isinstance(plan, int):
+        return plan
     try:
-        _write(plan, as_json)
+        _write(plan, options.json)
         sys.stdout.flush()
     except BrokenPipeError:
         raise
@@ -53,15 +55,33 @@ def _print(plan: Plan, as_json: bool) -> int:
 
 
 def _write(plan: Plan, as_json: bool) -> None:
+    from ...deploy.overview import difference, overview
+
+    news = _news(plan)
     if as_json:
-        print(json.dumps(plan.to_json(), indent=2))
+        print(
+            json.dumps(
+                plan.to_json() | ({} if news is None else {"changes": [asdict(each) for each in news]}), indent=2
+            )
+        )
         return
-    from rich.console import Console
-    from rich.text import Text
-
-    from ...deploy.terminal import table_of
-
-    console = Console()
-    console.print(table_of(plan))
+    for line in overview(plan):
+        show(line)
+    print()
     for process in plan.processes:
-        console.print(Text(f"{process.name}: {shlex.join(process.command)}", style="dim"), soft_wrap=True)
+        show([(f"{process.name}: {shlex.join(process.command)}", "dim")])
+    if news is not None:
+        print()
+        differing = difference(news)
+        show([(f"{plan.name} runs" + ("; started anew, it would differ in this:" if news else " exactly so"), "bold")])
+        for line in differing:
+            show(line)
+
+
+def _news(plan: Plan) -> list[Change] | None:
+    """What is different from what runs; None if it does not run."""
+    from ...deploy.changes import changes
+    from ...deploy.client import running_plan
+
+    running = running_plan(plan.name)
+    return None if running is None else changes(running, json.loads(json.dumps(plan.to_json())))

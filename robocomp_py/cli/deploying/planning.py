@@ -30,6 +30,7 @@ def planned(options: argparse.Namespace, *, as_json: bool = False) -> Plan | int
     `as_json` is for what is wrong then, one diagnostic a line on standard output.
     """
     from ...deploy.auto import usable
+    from ...deploy.hosts.addresses import found
     from ...deploy.planner import make_plan
     from ...dsl.workspace import Workspace
 
@@ -39,7 +40,7 @@ def planned(options: argparse.Namespace, *, as_json: bool = False) -> Plan | int
         print(f"rcdeploy: {exc}", file=sys.stderr)
         return USAGE
     workspace = Workspace(options.include)
-    plan = make_plan(options.network, workspace, overrides, usable)
+    plan = make_plan(options.network, workspace, overrides, usable, found)
     if plan and not _check_generated(options.network, workspace):
         plan = None
     _show(workspace.report.diagnostics, as_json=as_json and plan is None)

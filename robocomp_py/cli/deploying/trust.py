@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import sys
 
-from ..common import complain
+from ..common import FINE, UNREACHABLE, WRONG, complain
 
 NAME = "trust"
 HELP = "remember the SSH key of a host"
@@ -13,6 +14,9 @@ _EXAMPLES = """\
 examples:
   rcdeploy trust 192.168.1.10           show the key of a host, ask, and remember it
   rcdeploy trust robot@onboard:2222     ... of one at another port
+  rcdeploy trust onboard --fingerprint SHA256:…
+                                        ... without a question, if it is this one
+  on the host itself: ssh-keygen -lf /etc/ssh/ssh_host_ed25519_key.pub
 
 exit status: 0 fine, 1 refused, 2 usage, 3 the host cannot be reached
 """
@@ -20,8 +24,58 @@ exit status: 0 fine, 1 refused, 2 usage, 3 the host cannot be reached
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = "Show the SSH key of a host, ask, and remember it.", _EXAMPLES
+    to.formatter_class = argparse.RawDescriptionHelpFormatter
     to.add_argument("host", metavar="HOST", help="[USER@]ADDRESS[:PORT]")
+    given = to.add_mutually_exclusive_group()
+    given.add_argument("--yes", action="store_true", help="do not ask")
+    given.add_argument("--fingerprint", metavar="SHA256:…", help="do not ask, and take this key alone")
 
 
 def run(options: argparse.Namespace) -> int:
-    return complain("rcdeploy trust: not in this version")  # SEAM for E: call deploy/hosts here
+    from ...deploy.hosts.fleet import check_ssh
+    from ...errors import DeploymentError, HostUnreachable
+
+    try:
+        check_ssh()
+        from ...deploy.hosts import trusting
+
+        presented = trusting.presented(options.host)
+        if not _agreed(options, presented):
+            return WRONG
+        path = trusting.remember(presented)
+    except HostUnreachable as exc:
+        complain(f"rcdeploy: {exc}")
+        return UNREACHABLE
+    except DeploymentError as exc:
+        return complain(f"rcdeploy: {exc}")
+    print(f"{presented.host} is known by this key from now on ({path})")
+    return FINE
+
+
+def _agreed(options: argparse.Namespace, presented: object) -> bool:
+    from ...deploy.hosts.trusting import Presented
+
+    assert isinstance(presented, Presented)
+    print(f"{presented.host} (port {presented.port}) has the key {presented.fingerprint}", flush=True)
+    if presented.fingerprint in presented.known:
+        print("it is known by this key already")
+    elif presented.known:
+        print(f"it has been known by {' and '.join(presented.known)}: somebody may be in between", flush=True)
+    if options.fingerprint:
+        if options.fingerprint != presented.fingerprint:
+            complain(f"rcdeploy: that is not {options.fingerprint}; nothing is remembered")
+        return bool(options.fingerprint == presented.fingerprint)
+    if options.yes:
+        return True
+    if not sys.stdin.isatty():
+        complain("rcdeploy: nobody is there to be asked; say --fingerprint, or --yes")
+        return False
+    print("On the host: ssh-keygen -lf /etc/ssh/ssh_host_ed25519_key.pub")
+    try:
+        answer = input("Is that right? [y/N] ")
+    except EOFError:
+        answer = ""
+    if answer.strip().lower() not in ("y", "yes"):
+        complain("rcdeploy: nothing is remembered")
+        return False
+    return True

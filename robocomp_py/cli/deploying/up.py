@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import os
+import shlex
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..common import FINE, USAGE, complain
@@ -11,6 +15,7 @@ from .planning import add_network, planned
 
 if TYPE_CHECKING:
     from ...deploy.plan import Plan
+    from .detached import Parent
 
 NAME = "up"
 HELP = "start a network; what `rcdeploy NET.ddsl` does"
@@ -18,6 +23,7 @@ HELP = "start a network; what `rcdeploy NET.ddsl` does"
 _EXAMPLES = """\
 examples:
   rcdeploy up net.ddsl                              start everything; Ctrl-C stops it, twice kills it
+  rcdeploy up net.ddsl --detach                     ... and return when it is ready; it goes on until rcdeploy down
   rcdeploy up net.ddsl --for 30                     ... for half a minute
   rcdeploy up net.ddsl --until mission              ... until that instance ends
   rcdeploy up net.ddsl --middleware zeromq          ... over that middleware and no other
@@ -36,12 +42,19 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 def add_options(to: argparse.ArgumentParser) -> None:
     """All options but those that change the network."""
     to.add_argument(
-        "--for", dest="duration", type=_seconds, metavar="SECONDS", help="stop so long after everything was ready"
+        "--for", dest="duration", type=seconds, metavar="SECONDS", help="stop so long after everything was ready"
     )
     to.add_argument("--until", metavar="INSTANCE", help="stop everything when this one ends")
+    to.add_argument("--detach", action="store_true", help="end when everything is ready, and leave the network running")
 
 
 def run(options: argparse.Namespace) -> int:
+    from .detached import detached
+
+    return detached(lambda parent: _run(options, parent)) if options.detach else _run(options)
+
+
+def _run(options: argparse.Namespace, parent: Parent | None = None) -> int:
     plan = planned(options)
     if isinstance(plan, int):
         return plan
@@ -49,23 +62,39 @@ def run(options: argparse.Namespace) -> int:
     if options.until and options.until not in ending:
         print(f"rcdeploy: --until {options.until}: there is no such instance", file=sys.stderr)
         return USAGE
-    return _run(plan, options)
-
-
-def _run(plan: Plan, options: argparse.Namespace) -> int:
-    from ...deploy.run import Options
-    from ...deploy.terminal import run_on_terminal
-    from ...errors import ConfigurationError, TransportError
-
     if not plan.processes:
         return FINE
+    return _up(plan, options, parent)
+
+
+def _up(plan: Plan, options: argparse.Namespace, parent: Parent | None) -> int:
+    from ...deploy.place import Place
+    from ...deploy.run import Options
+    from ...deploy.terminal import run_on_terminal
+    from ...errors import ConfigurationError, DeploymentError, TransportError
+
+    network = shlex.quote(str(options.network))
+
+    def leave(complaints: Path) -> None:
+        assert parent
+        with contextlib.suppress(OSError):
+            print(f"{plan.name} goes on (process {os.getpid()}); how it is: rcdeploy status {network}; "
+                  f"to stop it: rcdeploy down {network}", flush=True)  # fmt: skip
+        parent.leave(complaints)
+
     try:
-        return run_on_terminal(plan, Options(options.duration, options.until))
-    except (TransportError, ConfigurationError) as exc:
+        if runner := Place(plan.name).runner():
+            whose = f" (process {runner.pid})" if runner.pid else ""
+            return complain(
+                f"rcdeploy: {plan.name} runs already{whose}; how it is: rcdeploy status {network}; what would change: "
+                f"rcdeploy plan {network}; to stop it: rcdeploy down {network}"
+            )
+        return run_on_terminal(plan, Options(options.duration, options.until), leave if parent else None)
+    except (TransportError, ConfigurationError, DeploymentError) as exc:
         return complain(f"rcdeploy: {exc}")
 
 
-def _seconds(text: str) -> float:
+def seconds(text: str) -> float:
     try:
         value = float(text)
     except ValueError:

@@ -126,7 +126,7 @@ def remove_old(bundles: str, name: str) -> None:
 
 
 def main(asked: "dict[str, Any]") -> None:
-    if sys.version_info < (3, 11):
+    if sys.version_info < (3, 11):  # noqa: UP036  # that of another machine
         found = ".".join(map(str, sys.version_info[:2]))
         hint = 'if there is one of another name: python "NAME"; in its `host`'
         refuse(f"Python {found} is too old there, and 3.11 or newer is needed; {hint}")

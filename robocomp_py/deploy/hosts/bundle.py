@@ -113,7 +113,7 @@ def _is_ours(value: str) -> bool:
 
 
 def _walk(root: Path) -> Iterator[tuple[str, Path]]:
-    """The files of a folder, with their paths in it; of a file, itself alone. Links are followed, but not in circles."""
+    """The files of a folder, with their paths in it; of a file, itself alone. Links are followed, not in circles."""
     if not root.is_dir():
         yield "", root
         return
@@ -139,6 +139,8 @@ def _inside(folder: Path, at: PurePosixPath, around: set[Path]) -> Iterator[tupl
 
 def _read(path: Path) -> Content:
     try:
+        if path.stat().st_size > LARGEST:
+            raise DeploymentError(f"{path} is too large to be sent to a host; put it there once by other means")
         return Content(path.read_bytes(), os.access(path, os.X_OK))
     except OSError as exc:
         raise DeploymentError(f"{path} cannot be read: {exc.strerror}") from exc

@@ -1,8 +1,8 @@
 """What a controller and the agent of a host tell each other: objects of JSON, one a line.
 
     to the agent      open · start · stop · kill · close · alive, as `do`
-    from the agent    hello · opened · refused · started · failed · output · ready · status · left · hung · exited · usage
-                      · lost_lines · closed, as `tell`
+    from the agent    hello · opened · refused · started · failed · output · lost_lines · ready · status · left · hung ·
+                      exited · usage · closed, as `tell`
 
 Either side takes the other for gone when it has heard nothing for `SILENCE`.
 """

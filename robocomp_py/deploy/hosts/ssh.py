@@ -28,6 +28,10 @@ class Channel:
         self._connection, self._process = connection, process
         self.reader, self.writer = process.stdout, process.stdin
 
+    @property
+    def exit_status(self) -> int | None:
+        return self._process.returncode
+
     async def said(self) -> str:
         """What the program, or the shell that was to start it, said about what went wrong; and how it ended."""
         try:
@@ -41,7 +45,7 @@ class Channel:
     async def close(self) -> None:
         """Idempotent."""
         self._process.close()
-        self._connection.abort() if self._connection.is_closed() else self._connection.close()
+        self._connection.close()
         try:
             async with asyncio.timeout(PATIENCE):
                 await self._connection.wait_closed()
@@ -96,7 +100,7 @@ async def connect(host: Host, **options: Any) -> asyncssh.SSHClientConnection:
 async def key_of(host: Host, **options: Any) -> Presented:
     """The key that a host shows, whoever it is; nobody logs in. Raises HostUnreachable."""
     watch = _KeyWatch()
-    asked = {"known_hosts": _nothing_known, "connect_timeout": PATIENCE, "login_timeout": PATIENCE}
+    asked: dict[str, Any] = {"known_hosts": _nothing_known, "connect_timeout": PATIENCE, "login_timeout": PATIENCE}
     asked |= {"port": host.port} if host.port else {}
     try:
         connection, _ = await asyncssh.create_connection(lambda: watch, host.address, **(asked | options))

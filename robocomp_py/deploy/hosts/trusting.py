@@ -8,13 +8,16 @@ A host that is in ours is what it is there: an older key of it in the user's cou
 
 from __future__ import annotations
 
+import asyncio
 import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
 import asyncssh
 
 from ...errors import DeploymentError
+from ..plan import Host
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,24 @@ class Presented:
     fingerprint: str
     known: tuple[str, ...] = ()
     """Fingerprints of the keys that we know it by."""
+
+
+def presented(target: str) -> Presented:
+    """The key that `[USER@]ADDRESS[:PORT]` shows. Raises HostUnreachable, DeploymentError."""
+    from .ssh import key_of
+
+    return asyncio.run(key_of(host_of(target)))
+
+
+def host_of(target: str) -> Host:
+    """`[USER@]ADDRESS[:PORT]`; an IPv6 address with a port is in brackets. Raises DeploymentError."""
+    user, _, rest = target.rpartition("@")
+    found = re.fullmatch(r"\[([^\]]+)\](?::(\d+))?|([^:\s]+):(\d+)|([^\[\]\s]+)", rest)
+    port = int((found[2] or found[4] or 0) if found else 0)
+    if not found or rest.startswith("-") or port > 65535:
+        raise DeploymentError(f"`{target}` is no host; write [USER@]ADDRESS[:PORT]")
+    address = found[1] or found[3] or found[5]
+    return Host(address, address, user, port)
 
 
 def own_file() -> Path:

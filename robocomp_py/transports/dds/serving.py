@@ -65,6 +65,9 @@ PATIENCE = 60.0
 
 _FOREVER = float("inf")
 
+_LONG_UNDER_WAY = 60.0
+"""What seems to have been under way for longer was not, but the clock was set."""
+
 _FINE = Status.OK
 """Finding it in its class takes longer."""
 
@@ -120,7 +123,7 @@ class ServingLink(Link):
         message = self._message
         try:
             fields = request_fields(sample)
-            start, flags, ms, fingerprint, client, sequence, _ = fields
+            start, flags, ms, fingerprint, client, sequence, stamp = fields
             if start != START:
                 raise unreadable(sample)
             if fingerprint != self._fingerprint:
@@ -133,7 +136,13 @@ class ServingLink(Link):
             self.malformed(exc)
             return None
         if self._ledger.admit(client, sequence) or (flags & Flag.IDEMPOTENT and self.forgotten((client, sequence), ms)):
-            return (client, sequence), payload, monotonic() + ms / 1000 if ms != NO_DEADLINE else _FOREVER
+            if ms == NO_DEADLINE:
+                return (client, sequence), payload, _FOREVER
+            left = ms / 1000
+            if self.transport.local:
+                under_way = (time_ns() - stamp) / 1e9
+                left -= under_way if 0.0 < under_way < _LONG_UNDER_WAY else 0.0
+            return (client, sequence), payload, monotonic() + left
         return None
 
     def forgotten(self, call: _Call, remaining_ms: int) -> bool:

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from .transport import ShmTransport
 
 
+_COMMAND = int(Flag.ONEWAY | Flag.SENT)
+
+
 class Peer:
     """A transport that serves: the way into its queue, and lines for synchronous calls to it."""
 
@@ -118,7 +121,7 @@ class CommandOutlet(AskingLink):
         try:
             self.check_open()
             peer, to = self.server(fresh=True)  # nobody would tell that it does not serve this any more
-            _, header = self.request(Flag.ONEWAY, deadline)
+            _, header = self.request(_COMMAND, deadline)
             peer.unsettled = True
             send = partial(peer.post.send, 0, to, header, payload, size_of(payload))
             if not persist(send, end, partial(self.still, peer), self.closed):
@@ -134,7 +137,7 @@ class Caller(AskingLink):
     def __init__(self, transport: ShmTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
         self._pending = Pending(channel.name)
-        self._flags = Flag.IDEMPOTENT if channel.idempotent else Flag.NONE
+        self._flags = int(Flag.IDEMPOTENT | Flag.SENT if channel.idempotent else Flag.SENT)
         self._met: dict[str, Peer] = {}
         """Those we asked, and who may still answer."""
 

@@ -57,7 +57,8 @@ class Loop:
 
     def attend(self, link: Attending) -> None:
         """Look at this link next, whatever the bell says."""
-        self._ready.append(link)
+        if link not in self._ready:
+            self._ready.append(link)
         if self._sleeping:
             self._own.ring(MAIL)
 
@@ -89,7 +90,7 @@ class Loop:
             elif number == NEWS:
                 self._next_tick = min(self._next_tick, time.monotonic() + MOMENT)
             else:
-                self._ready.extend(self._attending[number])
+                self._ready.extend(link for link in self._attending[number] if link not in self._ready)
         if self._mail and not self._ready and not self._jobs and (job := self._letter()):
             return (job,)
         for _ in range(len(self._ready)):

@@ -401,8 +401,7 @@ class Subscriber(AnnouncedLink["ShmTransport"]):
         return self._lane.put(payload)
 
     def _drain(self) -> None:
-        if self._lane.drain(once=True):
-            self.transport.do(self._drain)
+        self._lane.drain()
         if self._paused:
             self.transport.attend(self)
 

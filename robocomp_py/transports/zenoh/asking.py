@@ -92,7 +92,8 @@ class CommandOutlet(Asking):
             if not self._credit.wait(end, self.check_open, len(payload)):
                 raise self._too_slow(deadline)
             fingerprint, left = self.channel.type.fingerprint, end - time.monotonic()
-            header = pack_request(Flag.ONEWAY, fingerprint, self.id, self._credit.sent, left)
+            flags = Flag.ONEWAY | self.transport.request_flags
+            header = pack_request(flags, fingerprint, self.id, self._credit.sent, left)
             with self.using_the_session():
                 self.server()[1].put(header, payload, in_order=True)
 
@@ -188,7 +189,7 @@ class Caller(Asking):
 
     def __init__(self, transport: ZenohTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
-        self._flags = Flag.IDEMPOTENT if channel.idempotent else Flag.NONE
+        self._flags = transport.request_flags | (Flag.IDEMPOTENT if channel.idempotent else 0)
         self._lock = threading.Lock()
         self._idle: list[_OwnLine] = []
         self._shared: _SharedLine | None = None

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("robocomp.transport.zenoh")
 
-SETTLED = 1.0
+SETTLED = 3.0
 """Seconds for which a server that is leaving may still be seen when the next one begins."""
 
 COMMANDS_WAITING = 1000
@@ -198,7 +198,7 @@ class Server(Link):
 
 def _expires(request: Request, arrived: float) -> float:
     remaining = float("inf") if request.remaining_ms == NO_DEADLINE else request.remaining_ms / 1000
-    return arrived + remaining
+    return (time.monotonic() if request.flags & Flag.SENT else arrived) + remaining
 
 
 def _claim(link: Link) -> Claim:

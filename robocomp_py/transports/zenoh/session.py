@@ -85,8 +85,8 @@ def open_router(endpoint: str) -> zenoh.Session:
         return zenoh.open(_config("router", {"listen/endpoints": [endpoint]}))
 
 
-def open_client(endpoint: str) -> zenoh.Session:
-    """A client of the router there, which need not stay there all the time.
+def open_client(endpoint: str, more: Mapping[str, Any] | None = None) -> zenoh.Session:
+    """A client of the router there, which need not stay there all the time; `more` are settings besides.
 
     Raises ZError if it does not answer within a second.
     """
@@ -98,7 +98,7 @@ def open_client(endpoint: str) -> zenoh.Session:
         "connect/retry": retry,
         "listen/endpoints": [],
     }
-    return zenoh.open(_config("client", settings))
+    return zenoh.open(_config("client", settings | dict(more or {})))
 
 
 @contextlib.contextmanager
@@ -147,8 +147,9 @@ def shared_router(owner: str) -> Iterator[None]:
 class Network:
     """A session that stays connected. `tick` has to be called now and then."""
 
-    def __init__(self, connect: str, owner: str) -> None:
-        self._owner = owner
+    def __init__(self, connect: str, owner: str, settings: Mapping[str, Any] | None = None) -> None:
+        """`settings` are more of a client's, in Zenoh's own words."""
+        self._owner, self._settings = owner, settings
         self._router = None if connect else _SharedRouter(owner)
         self.endpoint = resolved(connect) if connect else _SharedRouter.endpoint()
         self._connected_at = time.monotonic()
@@ -189,7 +190,7 @@ class Network:
             if self._router and self._router.session:
                 return self._router.session
             try:
-                return open_client(self.endpoint)
+                return open_client(self.endpoint, self._settings)
             except zenoh.ZError as exc:
                 if time.monotonic() >= end:
                     raise TransportError(f"no Zenoh router answers at {self._where()}") from exc

@@ -23,6 +23,7 @@ from ...errors import Closed, ConfigurationError
 from ...wire.cdr import Cdr
 from ...wire.codec import Codec, Payload
 from ...wire.header import (
+    Flag,
     random_id,
 )
 from ..base import (
@@ -44,6 +45,7 @@ from .messages import BLOCK, DATA, NO_CONSOLIDATION, QUERIES_WAITING, SMALL, URG
 from .serving import CommandInlet, Server
 from .session import HERE, Network, as_transport_error, named_router, shared_router
 from .table import Table
+from .tls import NUMBER_BITS, checked, client_settings, number
 from .topics import Publisher, Subscriber
 
 log = logging.getLogger("robocomp.transport.zenoh")
@@ -63,6 +65,8 @@ class ZenohTransport:
                 writes it: `tcp/192.168.1.5:7447`. Only this reaches other hosts.
                 `here/NAME` is the one that somebody runs under that name in this run-time folder.
     `domain`    a number from 0. Those of different domains share the router, but do not meet.
+    `keys`      folder with our certificate, for a router that asks for one (`tls/192.168.1.5:7447`):
+                `rcdeploy keys` makes it.
     `router`    for who runs `here/NAME` for others (see `host`): more settings of that router, in Zenoh's own words
 
     While the router hangs, which is noticed after 2 s, and then logged, all that waits keeps its
@@ -80,7 +84,10 @@ class ZenohTransport:
         self.owner, self.incarnation = config.owner, random_id()
         self.closed = False
         self.table = Table()
+        keys = checked(config.options.get("keys", "")) if connect.startswith("tls/") else None
         self._id, self._numbers = secrets.randbits(40), itertools.count(1)
+        if keys:  # the router's rules name its links by its number
+            self._id = number(keys) << (40 - NUMBER_BITS) | secrets.randbits(40 - NUMBER_BITS)
         self._links: dict[int, Link] = {}
         self._lock = threading.RLock()
         self._work: queue.SimpleQueue[Job] = queue.SimpleQueue()
@@ -90,8 +97,10 @@ class ZenohTransport:
         self.lines: dict[int, Link] = {}
         """Whose the numbers are that are no link's own."""
         self.claims, self._elsewhere = _claims(connect, self.domain), bool(connect)
+        self.request_flags = int(Flag.NONE if connect else Flag.SENT)
+        """Of all requests: without `connect` they do not leave this host."""
         keep_memory()
-        self._network = Network(connect, config.owner)
+        self._network = Network(connect, config.owner, client_settings(keys))
         self.session = self._network.session
         try:
             with as_transport_error("joining"):
@@ -293,7 +302,7 @@ def _nothing() -> None: ...
 
 
 def _options(config: TransportConfig) -> tuple[str, int]:
-    options = options_of(config, connect="", domain=0, router=None)
+    options = options_of(config, connect="", domain=0, keys="", router=None)
     connect, domain = options["connect"], options["domain"]
     if type(connect) is not str or not re.fullmatch(r"([\w-]+/\S+)?", connect):
         raise ConfigurationError(

@@ -67,6 +67,8 @@ class Peer:
     def __init__(self, transport: ZeroMQTransport, member_id: str, address: str, secure: Secure | None = None) -> None:
         self.id, self._address, self._transport, self._secure = member_id, address, transport, secure
         self.closed, self.is_far = False, is_far(address)
+        self.flags = int(Flag.NONE if self.is_far else Flag.SENT)
+        """Of all requests."""
         self.callers: dict[int, Caller] = {}
         self._idle: list[Stream | FarStream] = []
         options = _TO_SERVER | (TO_FAR if self.is_far else {})
@@ -142,10 +144,11 @@ class AskingLink(FindingLink["ZeroMQTransport", Peer, bytes]):
         return super().lost(peer)
 
     def request(
-        self, channel: bytes, flags: int, remaining: float, payload: Payload, number: int = 0
+        self, peer: Peer, channel: bytes, flags: int, remaining: float, payload: Payload, number: int = 0
     ) -> tuple[int, Frames]:
         """A new one, or that of a number which was asked before; its number, and what to send."""
         number = number or next(self._sequence)
+        flags |= peer.flags
         header = pack_request(flags, self.channel.type.fingerprint, self.client, number, remaining)
         return number, joined(channel + header, payload)
 
@@ -164,7 +167,7 @@ class CommandOutlet(AskingLink):
         try:
             self.check_open()
             peer, channel = self.server(fresh=True)  # nobody would tell that it does not serve this any more
-            _, frames = self.request(channel, Flag.ONEWAY, deadline, payload)
+            _, frames = self.request(peer, channel, Flag.ONEWAY, deadline, payload)
             with as_transport_error(f"sending {self.channel.name}"):
                 sent = persist(partial(peer.line.send, frames), end, partial(self.still, peer), self.closed)
             if not sent:
@@ -180,7 +183,7 @@ class Caller(AskingLink):
     def __init__(self, transport: ZeroMQTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
         self._pending = Pending(channel.name)
-        self._flags = Flag.IDEMPOTENT if channel.idempotent else Flag.NONE
+        self._flags = int(Flag.IDEMPOTENT if channel.idempotent else Flag.NONE)  # as numbers, which are quicker
         self._met: dict[str, Peer] = {}
         """Those we asked, and who may still answer."""
 
@@ -196,7 +199,7 @@ class Caller(AskingLink):
         self.check_open()
         end = time.monotonic() + deadline
         peer, channel = self.server()
-        number, frames = self.request(channel, self._flags, deadline, payload, number)
+        number, frames = self.request(peer, channel, self._flags, deadline, payload, number)
         key = peer.id, number
         future = self._pending.add(key, deadline)
         try:
@@ -265,7 +268,7 @@ class Caller(AskingLink):
         stream = peer.take(wait)
         try:
             left = max(0.0, end - time.monotonic())
-            number, frames = self.request(channel, self._flags, left, payload, number)
+            number, frames = self.request(peer, channel, self._flags, left, payload, number)
             stream.send(frames, wait)
             reply = self._reply(peer, stream, number, end, deadline)
         except BaseException:  # what comes there later is nobody's, and may have begun

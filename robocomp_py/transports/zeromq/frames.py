@@ -15,13 +15,13 @@ from ...wire.codec import Payload
 from ...wire.header import (
     PUBLICATION_BYTES,
     REPLY_BYTES,
-    REQUEST_BYTES,
     Publication,
     ReplyHeader,
     Request,
     publication_at,
     reply_at,
     request_at,
+    request_bytes,
 )
 
 Frames = list[Any]
@@ -56,7 +56,8 @@ def read_request_frames(frames: Frames) -> tuple[bytes, Request, Frames]:
     first = frames[0]
     begin = first if type(first) is bytes else bytes(first[:_LONGEST_NAME])
     at = begin.find(b"\0") + 1
-    return begin[:at], request_at(first, at), _payload(frames, at + REQUEST_BYTES)
+    request = request_at(first, at)
+    return begin[:at], request, _payload(frames, at + request_bytes(request))
 
 
 def read_reply_frames(frames: Frames) -> tuple[ReplyHeader, Frames]:

@@ -155,6 +155,8 @@ class ZeroMQTransport(Announcing):
                 everything.callback(link.close)
 
     def _close_routers(self) -> None:
+        for router in self._routers[1:]:
+            router.tell(self._record_for)  # all links are closed: that nothing is offered any more
         for router in self._routers:
             router.close()
 

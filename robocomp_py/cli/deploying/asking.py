@@ -1,0 +1,59 @@
+"""What the commands for a network that runs have in common: how it is named, and what is said if it does not run."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shlex
+import sys
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from ..common import UNREACHABLE, complain
+
+if TYPE_CHECKING:
+    from ...deploy.client import Connection
+    from ...deploy.table import Line
+
+NETWORK = "NET.ddsl"
+
+
+def add_network(to: argparse.ArgumentParser) -> None:
+    to.add_argument("network", metavar=NETWORK, help="the network, by its file or by its name")
+
+
+def asking(network: str, deed: Callable[[Connection], int]) -> int:
+    """Have something done with a network that runs. Says what is wrong if that cannot be, and what to do."""
+    from ...deploy.client import Connection, NotRunning, network_of
+    from ...errors import DeploymentError, HostUnreachable
+
+    try:
+        with Connection(network_of(network)) as connection:
+            return deed(connection)
+    except NotRunning as exc:
+        start = f"; start it: rcdeploy {shlex.quote(network)}" if os.path.exists(network) else ""
+        return complain(f"rcdeploy: {exc}{start}")
+    except HostUnreachable as exc:
+        complain(f"rcdeploy: {exc}")
+        return UNREACHABLE
+    except DeploymentError as exc:
+        return complain(f"rcdeploy: {exc}")
+
+
+# What is printed: styled without a library, for that would take longer than all the rest.
+
+_CODES = {
+    "bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "blue": "34", "magenta": "35", "cyan": "36",
+}  # fmt: skip
+
+
+def show(line: Line) -> None:
+    if sys.stdout.isatty() and "NO_COLOR" not in os.environ:
+        print("".join(_styled(text, style) for text, style in line))
+    else:
+        print("".join(text for text, _ in line))
+
+
+def _styled(text: str, style: str) -> str:
+    codes = ";".join(_CODES[word] for word in style.split())
+    return f"\033[{codes}m{text}\033[0m" if codes else text

@@ -1,0 +1,48 @@
+"""`rcdeploy down`: stop a network that runs."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from ..common import FINE
+from .asking import add_network, asking
+from .up import seconds
+
+if TYPE_CHECKING:
+    from ...deploy.client import Connection
+
+NAME = "down"
+HELP = "stop a network that runs"
+
+_EXAMPLES = """\
+examples:
+  rcdeploy down net.ddsl              stop everything in order, and wait until it is gone
+  rcdeploy down net.ddsl --grace 0.5  ... and kill what has not ended after half a second
+  rcdeploy down net.ddsl --now        ... at once
+
+exit status: 0 it is gone, 1 it was not running or does not end, 2 usage
+"""
+
+
+def add_arguments(to: argparse.ArgumentParser) -> None:
+    to.description, to.epilog = "Stop a network that runs, and wait until nothing of it is left.", _EXAMPLES
+    add_network(to)
+    to.add_argument("--grace", type=seconds, metavar="SECONDS", help="what each process gets to end by itself")
+    to.add_argument("--now", dest="grace", action="store_const", const=0.0, help="kill everything")
+
+
+def run(options: argparse.Namespace) -> int:
+    return asking(options.network, lambda connection: _down(connection, options.grace))
+
+
+def _down(connection: Connection, grace_s: float | None) -> int:
+    from ...deploy.client import down
+
+    down(connection, grace_s, _tell)
+    print(f"{connection.network} is down")
+    return FINE
+
+
+def _tell(there: int, all_of_them: int) -> None:
+    print(f"{there} of {all_of_them} processes are still there", flush=True)

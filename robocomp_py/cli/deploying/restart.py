@@ -1,0 +1,57 @@
+"""`rcdeploy restart`: start components of a network that runs again."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from ..common import FINE, complain
+from .asking import add_network, asking
+from .up import seconds
+
+if TYPE_CHECKING:
+    from ...deploy.client import Connection
+
+NAME = "restart"
+HELP = "start components of a network that runs again"
+
+_EXAMPLES = """\
+examples:
+  rcdeploy restart net.ddsl laser         stop it, start it, and wait until it is ready
+  rcdeploy restart net.ddsl laser camera  ... two of them
+  rcdeploy restart net.ddsl left          ... all of a system
+
+What shares a process is restarted with it. Exit status: 0 all are ready again, or have done their work; 1 one is not;
+2 usage; 3 its host is out of reach
+"""
+
+
+def add_arguments(to: argparse.ArgumentParser) -> None:
+    to.description, to.epilog = "Start components of a network that runs again.", _EXAMPLES
+    add_network(to)
+    to.add_argument("names", nargs="+", metavar="INSTANCE", help="an instance, a process or a system")
+    to.add_argument(
+        "--within", type=seconds, default=60.0, metavar="SECONDS", help="for how long to wait for it (default: 60)"
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    return asking(options.network, lambda connection: _restart(connection, options))
+
+
+def _restart(connection: Connection, options: argparse.Namespace) -> int:
+    from ...deploy.client import restart
+    from ...deploy.policy import State
+
+    done = restart(connection, options.names, options.within, _tell)
+    failed = [each for each in done if each.state is State.FAILED]
+    for each in done:
+        if each not in failed:
+            print(f"{each.name} is ready again" if each.state is State.READY else f"{each.name} has ended")
+    for each in failed:
+        complain(f"rcdeploy: {each.name} {each.how or 'has failed'}; see: rcdeploy logs {options.network} {each.name}")
+    return 1 if failed else FINE
+
+
+def _tell(missing: list[str]) -> None:
+    print(f"waiting for {', '.join(missing)}", flush=True)

@@ -1,0 +1,101 @@
+"""`rcdeploy status`: how a network that runs is."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import time
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+from ..common import FINE, UNREACHABLE, USAGE, WRONG
+from .asking import NETWORK, asking, show
+
+if TYPE_CHECKING:
+    from ...deploy.client import Connection
+    from ...deploy.snapshot import Snapshot
+
+NAME = "status"
+HELP = "show how a network that runs is"
+
+_EXAMPLES = """\
+examples:
+  rcdeploy status net.ddsl          a table of its processes
+  rcdeploy status net.ddsl --watch  ... again every second, until Ctrl-C or the end of the network
+  rcdeploy status net.ddsl --json   for machines, on one line
+  rcdeploy status                   all networks of yours that run on this machine, a line each
+
+exit status: 0 everything is ready, or has done its work; 1 something is not, or the network does not run; 2 usage;
+3 a host is out of reach
+"""
+
+_EVERY_S = 1.0
+
+
+def add_arguments(to: argparse.ArgumentParser) -> None:
+    to.description, to.epilog = "Show how a network that runs is.", _EXAMPLES
+    to.add_argument("network", nargs="?", metavar=NETWORK, help="the network, by its file or by its name")
+    to.add_argument("--watch", action="store_true", help="again every second")
+    to.add_argument("--json", action="store_true", help="for machines, on one line")
+
+
+def run(options: argparse.Namespace) -> int:
+    from ...deploy.client import networks
+
+    if options.network:
+        return asking(options.network, lambda connection: _show(connection, options))
+    if options.watch:
+        print("rcdeploy status: --watch is for one network; say which", file=sys.stderr)
+        return USAGE
+    found = networks()
+    if not found and not options.json:
+        print("no network of yours runs on this machine")
+    return max((asking(each, lambda connection: _tell(connection, options.json)) for each in found), default=FINE)
+
+
+def _show(connection: Connection, options: argparse.Namespace) -> int:
+    while True:
+        snapshot = connection.status()
+        _print(snapshot, as_json=options.json, again=options.watch)
+        sys.stdout.flush()
+        if not options.watch:
+            return _code(snapshot)
+        time.sleep(_EVERY_S)
+
+
+def _tell(connection: Connection, as_json: bool) -> int:
+    from ...deploy.table import summary
+
+    snapshot = connection.status()
+    if as_json:
+        print(json.dumps(asdict(snapshot)))
+    else:
+        show(summary(snapshot))
+    return _code(snapshot)
+
+
+def _print(snapshot: Snapshot, *, as_json: bool, again: bool) -> None:
+    from ...deploy.table import summary, table
+
+    if as_json:
+        print(json.dumps(asdict(snapshot)))
+        return
+    size = os.get_terminal_size(sys.stdout.fileno()) if sys.stdout.isatty() else None
+    if size and again:
+        print("\033[2J\033[H", end="")  # on a terminal, all is drawn anew from its first line
+    show(summary(snapshot))
+    for line in table(
+        snapshot, width=size.columns if size else None, height=size.lines - 2 if size and again else None
+    ):
+        show(line)
+
+
+def _code(snapshot: Snapshot) -> int:
+    from ...deploy.policy import State
+
+    if any(not host.reachable for host in snapshot.hosts):
+        return UNREACHABLE
+    fine = all(each.state in (State.READY, State.ENDED) for each in snapshot.processes)
+    return FINE if fine and not snapshot.stopping else WRONG

@@ -1,0 +1,361 @@
+"""The agent of another host, as `run.py` sees it: one connection, one channel, and a way back when it is lost."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import logging
+import secrets
+import shlex
+import sys
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import asyncssh
+
+from ...errors import DeploymentError, HostUnreachable
+from ..agents import Agent, Listener, Usage
+from ..plan import Host
+from ..process import Process
+from ..relocation import places, relocate
+from . import ssh
+from .bundle import FILES, KEYS, Bundle, collect, pack
+from .lines import BEAT, SILENCE, VERSION, Lines, Message, packed, told, usage_of
+
+log = logging.getLogger("robocomp.deploy")
+
+PATIENCE = 60.0
+"""Seconds for a host to get ready, and to start one process."""
+
+CLOSING = 25.0
+"""Seconds for it to end everything."""
+
+FIRST_PAUSE, LONGEST_PAUSE = 0.5, 10.0
+"""Seconds between two attempts to reach it again."""
+
+WORTH_TELLING = 1_000_000
+"""Octets from which on sending is told about."""
+
+_CHUNK = 256 * 1024
+
+
+@dataclass(frozen=True)
+class Share:
+    """What of a network is one host's business."""
+
+    network: str
+    processes: tuple[Process, ...]
+    hosted: tuple[tuple[str, Mapping[str, Any]], ...] = ()
+    """Middlewares whose shared part the agent runs there, with their options."""
+    needs: Mapping[str, str] = field(default_factory=dict)
+    """Modules that must be there, and the packages that have them."""
+    keys: Mapping[Path, str] = field(default_factory=dict)
+    """Files that only this host gets, and their places below `keys`."""
+    keys_folder: Path | None = None
+    """What their folder is called in commands; it is another one there."""
+
+
+class RemoteAgent(Agent):
+    def __init__(
+        self,
+        host: Host,
+        share: Share,
+        listener: Listener,
+        note: Callable[[str], None] = log.info,
+        **options: Any,
+    ) -> None:
+        """`note` is told what takes long; `options` are further ones of asyncssh's."""
+        self._host, self._share, self._listener = host, share, listener
+        self._note, self._options = note, options
+        self._controller = secrets.token_hex(8)
+        self._bundle: Bundle | None = None
+        self._places: Mapping[Path, str] = places(share.processes, FILES)
+        self._channel: ssh.Channel | None = None
+        self._root = self._python = self._folder = ""
+        self._starting: dict[str, asyncio.Future[None]] = {}
+        self._usage: dict[str, Usage] = {}
+        self._heard_at = 0.0
+        self._closed = asyncio.Event()
+        """Set when the other side has said that nothing is left."""
+        self._closing = False
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    # What run.py asks.
+
+    async def open(self) -> None:
+        """Raises HostUnreachable; DeploymentError if the network runs there already, or cannot."""
+        self._bundle = self._bundle or await asyncio.to_thread(self._pack)
+        await self._reach()
+
+    async def start(self, process: Process) -> None:
+        if self._channel is None:
+            raise DeploymentError(f"{process.name}: {ssh.called(self._host)} is out of reach")
+        answer = asyncio.get_running_loop().create_future()
+        self._starting[process.name] = answer
+        try:
+            self._send(do="start", process=told(process, self._command(process), self._folder))
+            async with asyncio.timeout(PATIENCE):
+                await answer
+        except TimeoutError as exc:
+            message = f"{process.name}: {ssh.called(self._host)} has not started it within {PATIENCE:g} s"
+            raise DeploymentError(message) from exc
+        finally:
+            self._starting.pop(process.name, None)
+
+    def stop(self, name: str) -> None:
+        self._send(do="stop", name=name)
+
+    def kill(self, name: str) -> None:
+        self._send(do="kill", name=name)
+
+    def usage(self) -> Mapping[str, Usage]:
+        return self._usage
+
+    async def close(self) -> None:
+        self._closing = True
+        channel = self._channel
+        if channel:
+            self._send(do="close")
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(CLOSING):
+                    await self._closed.wait()
+            self._channel = None
+        tasks = list(self._tasks)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        if channel:
+            await channel.close()
+
+    # Getting there.
+
+    def _pack(self) -> Bundle:
+        return pack(collect(self._places, self._share.keys))
+
+    async def _reach(self) -> None:
+        """Have the agent there, and be heard by it. Raises DeploymentError."""
+        assert self._bundle
+        asked = {
+            "bundle": self._bundle.name,
+            "needs": dict(self._share.needs),
+            "workdir": self._host.workdir,
+            "network": self._called,
+        }
+        source = Path(__file__).with_name("bootstrap.py").read_text(encoding="utf-8")
+        channel = await ssh.run(self._host, [self._host.python, "-c", source, json.dumps(asked)], **self._options)
+        try:
+            async with asyncio.timeout(PATIENCE):
+                told = _Told(channel)
+                boot = await self._told(told, channel, "boot")
+            self._root, self._python, self._folder = boot["root"], boot["python"], boot["folder"]
+            if not boot["there"]:
+                await self._deliver(channel, self._bundle)
+            async with asyncio.timeout(PATIENCE):
+                hello = await self._told(told, channel, "hello")
+                self._check_version(hello)
+                channel.writer.write(packed(self._opening()))
+                await self._told(told, channel, "opened")
+        except (OSError, asyncssh.Error, TimeoutError, KeyError) as exc:
+            channel.abort()
+            why = f"no answer within {PATIENCE:g} s" if isinstance(exc, TimeoutError) else exc
+            raise HostUnreachable(f"{ssh.called(self._host)}: the agent there did not start: {why}") from exc
+        except BaseException:
+            channel.abort()
+            raise
+        self._channel, self._heard_at = channel, asyncio.get_running_loop().time()
+        self._task(self._listen(channel, told), f"listen to {self._host.name}")
+        self._task(self._beat(channel), f"beat for {self._host.name}")
+
+    @property
+    def _called(self) -> str:
+        """What the network is called there: another host of it may be the same machine."""
+        return f"{self._share.network}.{self._host.name}"
+
+    async def _told(self, lines: _Told, channel: ssh.Channel, what: str) -> Message:
+        """What comes next, which is to be this. Raises DeploymentError, for people."""
+        while (message := await lines.next(noise=what == "boot")) is not None:
+            if message.get("tell") == what:
+                return message
+            if message.get("tell") == "refused":
+                error = HostUnreachable if what in ("boot", "hello") else DeploymentError
+                raise error(f"{ssh.called(self._host)}: {message['why']}")
+        said = await channel.said()
+        if channel.exit_status == 127:
+            hint = f'there is no `{self._host.python}`; if it is called otherwise: python "NAME"; in its `host`'
+            raise HostUnreachable(f"{ssh.called(self._host)}: {hint}")
+        raise HostUnreachable(f"{ssh.called(self._host)}: the agent there has ended: {said}")
+
+    def _check_version(self, hello: Message) -> None:
+        if hello.get("version") != VERSION:
+            raise HostUnreachable(
+                f"{ssh.called(self._host)}: another version of robocomp_py has left {', '.join(hello.get('kept', ()))} "
+                "running there; end it with that version (rcdeploy down), or kill it"
+            )
+
+    def _opening(self) -> Message:
+        return {
+            "do": "open",
+            "controller": self._controller,
+            "network": self._share.network,
+            "command": shlex.join(["rcdeploy", *sys.argv[1:]]),
+            "keep": self._host.keep,
+            "hosted": [[name, self._with_keys(options)] for name, options in self._share.hosted],
+            "names": [process.name for process in self._share.processes],
+        }
+
+    async def _deliver(self, channel: ssh.Channel, bundle: Bundle) -> None:
+        size = len(bundle.packed)
+        channel.writer.write(packed({"size": size}))
+        told_at = 0
+        for start in range(0, size, _CHUNK):
+            if size >= WORTH_TELLING and start * 10 // size > told_at:
+                told_at = start * 10 // size
+                self._note(f"{self._host.name}: {told_at * 10} % of {size / 1e6:.1f} MB sent")
+            channel.writer.write(bundle.packed[start : start + _CHUNK])
+            async with asyncio.timeout(PATIENCE):
+                await channel.writer.drain()
+
+    def _command(self, process: Process) -> tuple[str, ...]:
+        there = {path: f"{self._root}/{place}" for path, place in self._places.items()}
+        return tuple(map(self._with_keys, relocate(process, there, self._python)))
+
+    def _with_keys(self, what: Any) -> Any:
+        """The same, with the folder of the keys called what it is there."""
+        if isinstance(what, Mapping):
+            return {key: self._with_keys(value) for key, value in what.items()}
+        if isinstance(what, list | tuple):
+            return [self._with_keys(each) for each in what]
+        if isinstance(what, str) and self._share.keys_folder:
+            return what.replace(str(self._share.keys_folder), f"{self._root}/{KEYS}")
+        return what
+
+    # Being there.
+
+    async def _listen(self, channel: ssh.Channel, lines: _Told) -> None:
+        why = "the connection was closed"
+        try:
+            while (message := await lines.next()) is not None:
+                self._heard_at = asyncio.get_running_loop().time()
+                self._take(message)
+                if self._closed.is_set():
+                    return
+            if not self._closing:
+                why = await channel.said() or why
+        except (OSError, asyncssh.Error, DeploymentError) as exc:
+            why = getattr(exc, "reason", "") or str(exc) or type(exc).__name__
+        self._lose(channel, why)
+
+    async def _beat(self, channel: ssh.Channel) -> None:
+        while self._channel is channel:
+            self._send(do="alive")
+            await asyncio.sleep(BEAT)
+            if asyncio.get_running_loop().time() - self._heard_at > SILENCE:
+                self._lose(channel, f"nothing was heard for {SILENCE:g} s")
+
+    def _take(self, message: Message) -> None:
+        name = message.get("name", "")
+        match message.get("tell"):
+            case "output":
+                self._listener.output(name, message["line"])
+            case "lost_lines":
+                self._note(f"{self._host.name}: {message['count']} lines of output were too many to be sent")
+            case "ready":
+                self._listener.ready(name)
+            case "status":
+                self._listener.status(name, message["text"])
+            case "left":
+                self._listener.left(name, message["instance"])
+            case "hung":
+                self._listener.hung(name)
+            case "exited":
+                self._listener.exited(name, message["code"])
+            case "usage":
+                self._usage = usage_of(message["of"])
+            case "started":
+                self._settle(name, None)
+            case "failed":
+                self._settle(name, DeploymentError(message["why"]))
+            case "refused":
+                log.warning("%s: %s", ssh.called(self._host), message["why"])
+            case "closed":
+                self._closed.set()
+
+    def _settle(self, name: str, error: DeploymentError | None) -> None:
+        answer = self._starting.get(name)
+        if answer and not answer.done():
+            if error:
+                answer.set_exception(error)
+            else:
+                answer.set_result(None)
+
+    def _send(self, **message: Any) -> None:
+        if self._channel:
+            with contextlib.suppress(OSError, asyncssh.Error):  # who listens notices that nobody is there
+                self._channel.writer.write(packed(message))
+
+    # Losing it, and finding it again.
+
+    def _lose(self, channel: ssh.Channel, why: str) -> None:
+        if self._channel is not channel:
+            return
+        self._channel = None
+        channel.abort()
+        self._usage = {}
+        if self._closing:
+            self._closed.set()
+            return
+        for name in list(self._starting):
+            self._settle(name, DeploymentError(f"{name}: {ssh.called(self._host)} was lost"))
+        self._listener.lost(self._host.name, why)
+        self._task(self._find_again(), f"find {self._host.name}")
+
+    async def _find_again(self) -> None:
+        pause, told = FIRST_PAUSE, ""
+        while True:
+            await asyncio.sleep(pause)
+            pause = min(2 * pause, LONGEST_PAUSE)
+            try:
+                await self._reach()
+            except DeploymentError as exc:
+                if str(exc) != told:
+                    told = str(exc)
+                    self._note(f"{told}; trying again")
+                continue
+            self._listener.back(self._host.name)
+            return
+
+    def _task(self, work: Any, name: str) -> None:
+        task = asyncio.create_task(work, name=name)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+
+class _Told:
+    """What comes from a host, in lines."""
+
+    def __init__(self, channel: ssh.Channel) -> None:
+        self._channel, self._lines = channel, Lines()
+        self._waiting: deque[Message] = deque()
+
+    async def next(self, *, noise: bool = False) -> Message | None:
+        """What comes next; None if nothing does any more. With `noise`, what is none of ours may come before.
+
+        Raises OSError, asyncssh.Error, and DeploymentError if it is not understood.
+        """
+        while not self._waiting:
+            data = await self._channel.reader.read(65536)
+            if not data:
+                return None
+            self._waiting.extend(self._lines.feed(_without_noise(data) if noise else data))
+        return self._waiting.popleft()
+
+
+def _without_noise(data: bytes) -> bytes:
+    """What a shell says at its start comes before anything of ours, which begins with a brace."""
+    while data and not data.startswith(b"{"):
+        _, _, data = data.partition(b"\n")
+    return data

@@ -1,0 +1,135 @@
+"""A plan for people: who would run, where, after whom, and who uses whom over what. Lines of styled text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import astuple
+
+from .changes import Change, Kind
+from .plan import Host, Link, Plan
+from .policy import Escalation, Restart, When
+from .process import Member, Process
+from .table import HERE, Line, Span
+
+_GAP = "  "
+
+
+def overview(plan: Plan) -> list[Line]:
+    """What would run."""
+    return [_title(plan), *map(_host, plan.hosts), [], *_columns(_rows(plan))]
+
+
+def difference(changes: Sequence[Change]) -> list[Line]:
+    """What is different from what runs; nothing, if nothing is."""
+    lines: list[Line] = []
+    for each in changes:
+        match each.kind:
+            case Kind.ADDED:
+                lines.append([(f"+ {each.what}: {', '.join(each.added)}", "green")])
+            case Kind.REMOVED:
+                lines.append([(f"- {each.what}: {', '.join(each.removed)}", "red")])
+            case Kind.CHANGED:
+                lines.append([(f"~ {each.what or 'the network'}: {each.of}", "yellow")])
+                lines += [[(f"    - {text}", "red")] for text in each.removed]
+                lines += [[(f"    + {text}", "green")] for text in each.added]
+    return lines
+
+
+def _title(plan: Plan) -> Line:
+    number = sum(len(each.instances) for each in plan.processes)
+    said = f": {number} {'component' if number == 1 else 'components'}"
+    if number != len(plan.processes):
+        said += f" in {len(plan.processes)} {'process' if len(plan.processes) == 1 else 'processes'}"
+    if plan.carriers:
+        said += f" over {', '.join(plan.carriers)}"
+    escalation = plan.escalations.get((), Escalation.ONE_FOR_ONE)
+    if escalation is not Escalation.ONE_FOR_ONE:
+        said += f"; escalation {escalation}"
+    return [(plan.name, "bold"), (f"{said}; security {plan.security}", "")]
+
+
+def _host(host: Host) -> Line:
+    user = f"{host.user}@" if host.user else ""
+    port = f":{host.port}" if host.port else ""
+    where = f", in {host.workdir}" if host.workdir else ""
+    keep = ", goes on when the controller is lost" if host.keep else ""
+    return [(f"host {host.name}", "bold"), (f": {user}{host.address}{port}, {host.python}{where}{keep}", "")]
+
+
+def _rows(plan: Plan) -> list[list[list[Span]]]:
+    """By row and column, the lines of a cell; columns in which nothing stands are left out."""
+    orders = orders_of(plan.processes)
+    shared = any(process.members for process in plan.processes)
+    titles = ["order", "instance", "component", "process", "host", "starts after", "restart", "address", "uses"]
+    rows = []
+    for process in plan.processes:
+        for member in process.members or (Member(process.name, process.component),):
+            rows.append(
+                [
+                    [(str(orders[process.name]), "")],
+                    [(member.name, "cyan")],
+                    [(member.component, "")],
+                    [(process.name if process.members else "", "")] if shared else [],
+                    [(process.host or HERE, "")] if plan.hosts else [],
+                    [(", ".join(process.after), "")],
+                    [(_restart(process.restart), "")],
+                    [(text, "") for text in _addresses(process)],
+                    [(text, "") for text in _uses(plan, member.name)],
+                ]
+            )
+    kept = [n for n in range(len(titles)) if any(text for row in rows for text, _ in row[n])]
+    heads = [[(titles[n], "dim")] for n in kept]
+    return [heads, *([row[n] for n in kept] for row in rows)]
+
+
+def orders_of(processes: Iterable[Process]) -> dict[str, int]:
+    """Who starts first (1), who after them (2), and so on: those of one number start at the same time."""
+    found: dict[str, int] = {}
+    for process in processes:
+        found[process.name] = 1 + max((found.get(other, 0) for other in process.after), default=0)
+    return found
+
+
+def _restart(restart: Restart) -> str:
+    if restart.when is When.NEVER:
+        return ""
+    return f"{restart.when}, {restart.intensity} in {restart.period:g} s"
+
+
+def _addresses(process: Process) -> list[str]:
+    """Where its instances listen, if that is beyond this machine's own folder."""
+    words = [word.partition("=") for word in process.command]
+    return [
+        f"{key.split('.')[1]} {value}"
+        for key, _, value in words
+        if key.startswith("transports.") and key.split(".")[-1] in ("bind", "interface", "connect")
+    ]
+
+
+def _uses(plan: Plan, instance: str) -> list[str]:
+    return [f"{each.interface} of {each.provider}{_over(plan, each)}" for each in plan.links if each.client == instance]
+
+
+def _over(plan: Plan, link: Link) -> str:
+    ways = [
+        way.middleware
+        for way in plan.ways
+        if (way.interface.rpartition(".")[2], way.provider, way.client, way.verb) == astuple(link)
+    ]
+    return f" over {', '.join(dict.fromkeys(ways))}" if ways else ""
+
+
+def _columns(rows: Sequence[Sequence[Sequence[Span]]]) -> list[Line]:
+    """Rows of cells of several lines as lines."""
+    widths = [max(len(text) for row in rows for text, _ in row[n] or [("", "")]) for n in range(len(rows[0]))]
+    lines: list[Line] = []
+    for row in rows:
+        for number in range(max(1, *(len(cell) for cell in row))):
+            cells = [cell[number] if number < len(cell) else ("", "") for cell in row]
+            line: Line = [(f"{text:<{width}}{_GAP}", style) for (text, style), width in zip(cells, widths, strict=True)]
+            while line and not line[-1][0].strip():
+                line.pop()
+            if line:
+                line[-1] = (line[-1][0].rstrip(), line[-1][1])
+            lines.append(line)
+    return lines

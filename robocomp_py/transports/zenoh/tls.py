@@ -1,0 +1,62 @@
+"""Who a component is to a router that asks for certificates: the folder `keys`, as `rcdeploy keys` makes it."""
+
+from __future__ import annotations
+
+import json
+import stat
+from pathlib import Path
+from typing import Any
+
+from ...errors import ConfigurationError
+
+_FILES = "ca.pem", "certificate.pem", "key.pem", "identity.json"
+
+NUMBER_BITS = 16
+"""Of the id of a transport that has a number: the router's rules name its links by that."""
+
+
+def checked(keys: str) -> Path | None:
+    """The folder of keys, with all that is needed in it; None if there is none. Raises ConfigurationError."""
+    if not keys:
+        return None
+    folder = Path(keys)
+    for name in _FILES:
+        try:
+            info = (folder / name).stat()
+        except OSError as exc:
+            raise ConfigurationError(
+                f"zenoh: `keys`: {folder / name}: {exc.strerror}; make keys again: rcdeploy keys"
+            ) from exc
+        if name == "key.pem" and stat.S_IMODE(info.st_mode) & 0o077:
+            path = folder / name
+            raise ConfigurationError(f"zenoh: `keys`: {path} is open to other users; chmod 600 {path}")
+    return folder
+
+
+def number(folder: Path) -> int:
+    """That of its process in the network. Raises ConfigurationError."""
+    path = folder / "identity.json"
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+        found = told["number"]
+    except (OSError, ValueError, KeyError, TypeError) as exc:
+        raise ConfigurationError(f"zenoh: `keys`: {path} cannot be read: {exc!r}") from exc
+    if type(found) is not int or not 0 <= found < 1 << NUMBER_BITS:
+        raise ConfigurationError(f"zenoh: `keys`: {path}: `number` is {found!r}")
+    return found
+
+
+def client_settings(folder: Path | None) -> dict[str, Any]:
+    """For the session of who connects by TLS."""
+    if folder is None:
+        return {}
+    return {
+        f"transport/link/tls/{key}": value
+        for key, value in {
+            "root_ca_certificate": str(folder / "ca.pem"),
+            "connect_certificate": str(folder / "certificate.pem"),
+            "connect_private_key": str(folder / "key.pem"),
+            "enable_mtls": True,
+            "verify_name_on_connect": True,
+        }.items()
+    }

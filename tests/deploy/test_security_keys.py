@@ -1,0 +1,211 @@
+"""Keys are made from the graph: for each process its own, for each edge what it needs, and nothing twice."""
+
+from __future__ import annotations
+
+import json
+import stat
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from robocomp_py.contract.interface import Verb
+from robocomp_py.deploy import certificates
+from robocomp_py.deploy.keys import files_of, folder_of, graph_of, make_keys, router_folder, troubles
+from robocomp_py.errors import DeploymentError
+from robocomp_py.transports.zeromq.curve import key_pair, read_public
+
+from .security_network import DAY, NOW, made, network, process, way
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return tmp_path / "keys"
+
+
+def snapshot(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_each_process_gets_a_certificate_in_its_own_name_that_the_authority_signed(folder: Path) -> None:
+    made(network(), folder)
+    authority = (folder / "ca" / "ca.pem").read_bytes()
+    for name in ("camera", "viewer", "other"):
+        pem = (folder / name / "certificate.pem").read_bytes()
+        found = certificates.read(pem)
+        assert (found.name, found.addresses) == (name, frozenset())
+        assert found.expires == NOW + 365 * DAY
+        assert certificates.is_signed_by(pem, authority)
+        assert (folder / name / "ca.pem").read_bytes() == authority
+
+
+def test_nobody_else_can_read_them(folder: Path) -> None:
+    made(network(router="tls/10.0.0.1:20000"), folder)
+    modes = {path: stat.S_IMODE(path.stat().st_mode) for path in (folder, *folder.rglob("*"))}
+    assert {path for path, mode in modes.items() if mode != (0o700 if path.is_dir() else 0o600)} == set()
+
+
+def test_a_second_time_nothing_is_made(folder: Path) -> None:
+    plan = network(router="tls/10.0.0.1:20000")
+    assert all(each.is_new for each in made(plan, folder))
+    before = snapshot(folder)
+    assert not any(each.is_new for each in made(plan, folder))
+    assert snapshot(folder) == before
+
+
+def test_renew_makes_everything_again_but_the_authority_and_the_identities(folder: Path) -> None:
+    made(network(), folder)
+    before = snapshot(folder)
+    made(network(), folder, renew=True)
+    after = snapshot(folder)
+    same = {name for name in before if before[name] == after[name]}
+    assert same == {"ca/ca.key", "ca/ca.pem"} | {
+        f"{name}/{file}" for name in ("camera", "viewer", "other") for file in ("ca.pem", "identity.json")
+    }
+
+
+@pytest.mark.parametrize(("days", "left", "again"), [(365, 31, False), (365, 29, True), (3, 2, False), (3, 0.9, True)])
+def test_what_will_soon_expire_is_made_again(folder: Path, days: float, left: float, again: bool) -> None:
+    made(network(), folder, days=days)
+    found = {each.what: each.is_new for each in made(network(), folder, now=NOW + (days - left) * DAY)}
+    assert found["certificate of camera"] is again
+    assert not found["the authority"]
+
+
+def test_a_server_admits_exactly_those_that_the_graph_connects_to_it_for_exactly_that(folder: Path) -> None:
+    plan = network(
+        way("viewer", "camera", "divide"),
+        way("viewer", "camera", "count"),
+        way("other", "camera", "news", Verb.SUBSCRIBES),
+    )
+    made(plan, folder)
+    admitted = {path.name: read_public(path) for path in (folder / "camera" / "admitted").iterdir()}
+    assert {name: rights.channels for name, (_, rights) in admitted.items()} == {
+        "viewer.key": {"robot/camera/Everything/divide", "robot/camera/Everything/count"},
+        "other.key": {"robot/camera/Everything/news"},
+    }
+    assert admitted["viewer.key"][0] == key_pair(folder / "viewer" / "curve.key_secret")[0]
+    key, rights = read_public(folder / "other" / "peers" / "camera.key")
+    assert key == key_pair(folder / "camera" / "curve.key_secret")[0]
+    assert rights.channels == {"robot/camera/Everything/news"}
+    assert not list((folder / "viewer" / "admitted").iterdir())
+
+
+def test_the_permissions_follow_the_graph(folder: Path) -> None:
+    made(network(), folder)
+    changed = network(way("other", "camera", "divide"))
+    assert "older version" in troubles(changed, folder, NOW)[0][0]
+    made(changed, folder)
+    assert [path.name for path in (folder / "camera" / "admitted").iterdir()] == ["other.key"]
+    assert not list((folder / "viewer" / "peers").iterdir())
+    assert troubles(changed, folder, NOW) == ([], [])
+
+
+def test_who_is_no_part_of_the_network_any_more_loses_its_keys_and_other_folders_stay(folder: Path) -> None:
+    made(network(), folder)
+    (folder / "notes").mkdir()
+    (folder / "notes" / "todo.txt").write_text("mine")
+    told = made(network(names=("camera", "viewer")), folder)
+    assert [each.what for each in told if "removed" in each.what] == [
+        "other removed: it is no part of the network any more"
+    ]
+    assert sorted(path.name for path in folder.iterdir()) == ["ca", "camera", "notes", "viewer"]
+
+
+def test_a_host_gets_the_keys_of_its_own_processes_and_never_that_of_the_authority(folder: Path) -> None:
+    plan = network(router="tls/10.0.0.1:20000")
+    plan = replace(
+        plan,
+        processes=(*plan.processes, process("left/arm", "onboard")),
+        routers={**plan.routers, "onboard": {"router": {"listen/endpoints": ["tls/10.0.0.2:20000"]}}},
+    )
+    made(plan, folder)
+    assert files_of(plan, "onboard", folder) == (folder / "left.arm", folder / "router@onboard")
+    shipped = {path.name for each in files_of(plan, "onboard", folder) for path in each.rglob("*") if path.is_file()}
+    assert shipped == {
+        "identity.json", "ca.pem", "certificate.pem", "key.pem", "curve.key", "curve.key_secret"
+    }  # fmt: skip
+    assert (folder / "ca" / "ca.key").is_file()
+
+
+def test_a_router_is_believed_at_the_addresses_where_it_listens(folder: Path) -> None:
+    plan = network(router="tls/10.0.0.1:20000")
+    made(plan, folder)
+    found = certificates.read((router_folder(folder, "") / "certificate.pem").read_bytes())
+    assert found.addresses == {"10.0.0.1", "127.0.0.1"}
+    moved = network(router="tls/10.0.0.9:20000")
+    assert {each.what for each in made(moved, folder) if each.is_new} == {"certificate of router@"}
+
+
+def test_numbers_of_processes_are_their_own(folder: Path) -> None:
+    names = tuple(f"p{number}" for number in range(40))
+    made(network(way("p1", "p2", "divide"), names=names), folder)
+    numbers = [json.loads((folder / name / "identity.json").read_text())["number"] for name in names]
+    assert len(set(numbers)) == len(names)
+
+
+def test_long_names_fit_into_certificates_and_stay_apart(folder: Path) -> None:
+    long = "s/" * 40
+    names = (f"{long}camera", f"{long}viewer")
+    made(network(way(names[1], names[0], "divide"), names=names), folder)
+    found = [certificates.read((folder_of(folder, name) / "certificate.pem").read_bytes()).name for name in names]
+    assert len(set(found)) == 2
+    assert all(len(name) <= 64 for name in found)
+
+
+@pytest.mark.parametrize("names", [("left/arm", "left.arm"), ("ca", "x")])
+def test_names_that_would_share_a_folder_are_refused(folder: Path, names: tuple[str, ...]) -> None:
+    with pytest.raises(DeploymentError, match="is no name for a process with keys"):
+        made(network(way(names[0], names[1], "divide"), names=names), folder)
+
+
+def test_processes_are_known_by_one_identity_whatever_runs_in_them() -> None:
+    plan = network(way("viewer", "camera", "divide"), way("camera", "camera", "count"))
+    assert [(edge.client, edge.provider, edge.channel) for edge in graph_of(plan).edges] == [
+        ("viewer", "camera", "robot/camera/Everything/divide")
+    ]
+
+
+# At deployment.
+
+
+def test_without_keys_a_network_is_not_started_and_it_is_told_what_to_do(folder: Path) -> None:
+    errors, _ = troubles(network(), folder, NOW)
+    assert errors == [f"there are no keys in {folder}; run: rcdeploy keys NET.ddsl -o {folder}"]
+
+
+def test_expired_ones_are_told_with_the_remedy(folder: Path) -> None:
+    made(network(), folder, days=10)
+    errors, _ = troubles(network(), folder, NOW + 11 * DAY)
+    assert len(errors) == 3
+    assert f"expired on {NOW + 10 * DAY:%Y-%m-%d}" in errors[0]
+    assert errors[0].endswith("--renew")
+
+
+def test_those_that_will_soon_expire_are_told_and_the_network_starts(folder: Path) -> None:
+    made(network(), folder)
+    errors, warnings = troubles(network(), folder, NOW + 340 * DAY)
+    assert not errors
+    assert len(warnings) == 3
+    assert "expires on" in warnings[0]
+
+
+def test_one_that_is_missing_is_named(folder: Path) -> None:
+    made(network(), folder)
+    (folder / "viewer" / "certificate.pem").unlink()
+    errors, _ = troubles(network(), folder, NOW)
+    assert len(errors) == 1
+    assert "`viewer`" in errors[0]
+
+
+def test_a_folder_that_others_can_read_is_refused(folder: Path) -> None:
+    made(network(), folder)
+    folder.chmod(0o755)
+    errors, _ = troubles(network(), folder, NOW)
+    assert errors == [f"{folder} is open to other users; chmod 700 {folder}"]
+
+
+def test_a_place_that_cannot_be_written_is_an_error_that_names_it(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(DeploymentError, match="file"):
+        make_keys(network(), tmp_path / "file" / "keys", NOW)

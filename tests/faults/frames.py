@@ -1,0 +1,71 @@
+"""Rows about messages: such that are none, and such that are too large."""
+
+from __future__ import annotations
+
+from .checker import Violation, check
+from .rows import HERE, Figure, Result, Row, Run
+
+_CHANNEL, _COMMANDS = "faults/Conformance/op", "faults/Conformance/command"
+
+
+def _fuzzed(run: Run) -> Result:
+    count = run.frames or run.rounds(100_000, 2_000)
+    with run.laboratory() as laboratory:
+        target, honest, hostile = (laboratory.start(name) for name in ("target", "honest", "hostile"))
+        target.serve(channel=_CHANNEL, idempotent=True)
+        target.take(channel=_COMMANDS)
+        honest.ask(channel=_CHANNEL, calls=10**9, pace=0.05)
+        before, lines = target.usage(), laboratory.log("target").count("\n")
+        hostile.fuzz(channel=_CHANNEL, commands=_COMMANDS, seed=run.seed, count=count)
+        seconds = hostile.wait(channel="fuzz", timeout=3600.0)
+        logged = laboratory.log("target").count("\n") - lines
+        after = target.usage()
+        malformed = target.stats(channel=_CHANNEL)["malformed"] + target.stats(channel=_COMMANDS)["malformed"]
+        mark = honest.written()
+        honest.stop(channel=_CHANNEL)
+        alive = target.alive()
+        said = laboratory.log("target").splitlines()[lines:]
+        history = laboratory.end()
+    for line in said[:5]:
+        run.tell(line)
+    violations = [each for each in check(history) if "nobody asked for it" not in each.what]  # some frames are good
+    if not alive or not mark:
+        violations.append(Violation("crash", laboratory.log("target")[-500:]))
+    figures = [
+        Figure("frames", count),
+        Figure("counted as malformed", malformed),
+        Figure("log lines each second", logged / max(10.0, seconds), "", 1),
+        Figure("memory grew", (after["memory"] - before["memory"]) / 1e6, "MB", 100),
+        Figure("more threads", after["threads"] - before["threads"], "", 8),
+    ]
+    return Result(figures, violations)
+
+
+def _oversized(run: Run) -> Result:
+    with run.laboratory() as laboratory:
+        server, client = laboratory.start("s"), laboratory.start("c")
+        server.serve(channel=_CHANNEL)
+        client.ask(channel=_CHANNEL, calls=10)
+        client.wait(channel=_CHANNEL)
+        refused = client.ask_too_much(channel=_CHANNEL)
+        again = client.ask_once(channel=_CHANNEL)
+        history = laboratory.end()
+    violations = check(history)
+    if "EncodeError" not in refused or "268435456" not in refused:
+        violations.append(Violation("oversized", f"it was not refused with the limit, but: {refused}"))
+    if again != "s":
+        violations.append(Violation("oversized", f"the next call ended as {again}"))
+    return Result([Figure("the limit", 256, "MiB")], violations)
+
+
+ROWS = [
+    Row(
+        "malformed",
+        "10^5 malformed frames per transport (10^6 by `make fuzz`)",
+        "0 crashes, 0 hangs, ≤ 1 log line/s",
+        HERE,
+        60,
+        _fuzzed,
+    ),
+    Row("oversized", "oversized payload", "refused at the sender with the limit; connection survives", HERE, 5, _oversized),
+]

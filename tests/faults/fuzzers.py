@@ -1,0 +1,171 @@
+"""How damaged frames reach a component, over each middleware: as what anybody could send who is let in at all."""
+
+from __future__ import annotations
+
+import contextlib
+import random
+import socket
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from robocomp_py.errors import TransportError
+from robocomp_py.testing.parts import blob, command, query
+from robocomp_py.transports.base import Channel
+from robocomp_py.wire.header import Flag, pack_publication, pack_reply, pack_request
+
+from .noise import damaged
+
+Send = Callable[[bytes], object]
+
+
+def fuzz(transport: Any, middleware: str, channel: str, commands: str, seed: int, count: int) -> int:
+    """Send so many, half of them to the server of `channel`, half to who takes `commands`; how many were sent."""
+    sent = 0
+    with contextlib.ExitStack() as undo:
+        for number, target in enumerate((query(channel), command(commands))):
+            for each in _SENDING[middleware](transport, target, seed + number, count // 2, undo):
+                each()
+                sent += 1
+    return sent
+
+
+def _good(transport: Any, channel: Channel) -> list[bytes]:
+    """Headers of requests, replies and publications, and a payload behind each."""
+    payload = blob(transport, b"hello|")
+    body = payload[0] if isinstance(payload, list) else bytes(payload)
+    fingerprint = channel.type.fingerprint
+    heads = [
+        pack_request(0, fingerprint, 1, 1, 5.0),
+        pack_request(Flag.ONEWAY | Flag.SENT, fingerprint, 1, 2, 5.0),
+        pack_request(Flag.IDEMPOTENT, fingerprint, 1, 3, None),
+        pack_reply(0, 1, 1, 1),
+        pack_publication(fingerprint, 1, 1, 1),
+    ]
+    return [head + body for head in heads]
+
+
+def _zeromq(
+    transport: Any, channel: Channel, seed: int, count: int, undo: contextlib.ExitStack
+) -> Iterator[Callable[[], object]]:
+    """As messages of ZeroMQ, and now and then as octets of its connections."""
+    import zmq
+
+    role = "serves" if channel.pattern == "query" else "receives"
+    address = transport.directory.find(role, channel.name)[0][1].address
+    context: zmq.Context[Any] = zmq.Context()
+    dealer = context.socket(zmq.DEALER)
+    dealer.linger = 10_000
+    dealer.sndtimeo = 10_000
+    undo.callback(context.term)
+    undo.callback(dealer.close)
+    dealer.connect(address)
+    chance = random.Random(seed)
+    name = channel.name.encode() + b"\0"
+    for number, frame in enumerate(damaged(seed, count, [name + each for each in _good(transport, channel)])):
+        if number % 1000 == 500:
+            yield lambda frame=frame: _knock(address, frame)  # type: ignore[misc]
+        else:
+            parts = [frame, *(chance.randbytes(9) for _ in range(number % 3))]
+            yield lambda parts=parts: dealer.send_multipart(parts)  # type: ignore[misc]
+        if number % 5000 == 0:
+            time.sleep(0.01)
+
+
+def _knock(address: str, octets: bytes) -> None:
+    with socket.socket(socket.AF_UNIX) as connection, contextlib.suppress(OSError):
+        connection.settimeout(5.0)
+        connection.connect(address.removeprefix("ipc://"))
+        connection.sendall(octets)
+
+
+def _zenoh(
+    transport: Any, channel: Channel, seed: int, count: int, undo: contextlib.ExitStack
+) -> Iterator[Callable[[], object]]:
+    """Half of a frame as the attachment, half as the payload; to the channel, to its links, and as a question."""
+    import zenoh
+
+    role = "serves" if channel.pattern == "query" else "receives"
+    tokens = transport.table.find(role, channel.name)
+    keys = [transport.key("rc", channel.name), *(transport.address("rc_to", token.link) for token in tokens)]
+    keys += [transport.address("rc_ack", token.link) for token in tokens]
+    chance = random.Random(seed)
+    block = zenoh.CongestionControl.BLOCK
+    for number, frame in enumerate(damaged(seed, count, _good(transport, channel))):
+        key, at = chance.choice(keys), chance.choice((30, 34, 26, 33, len(frame)))
+        if number % 100 == 50:
+            yield lambda key=key, frame=frame: transport.session.get(  # type: ignore[misc]
+                key, payload=frame, attachment=frame, timeout=0.1
+            )
+        else:
+            yield lambda key=key, at=at, frame=frame: transport.session.put(  # type: ignore[misc]
+                key, frame[at:], attachment=frame[:at], congestion_control=block
+            )
+
+
+def _dds(
+    transport: Any, channel: Channel, seed: int, count: int, undo: contextlib.ExitStack
+) -> Iterator[Callable[[], object]]:
+    """As samples, and as packets to the ports where it listens."""
+    outlet = transport.caller(channel) if channel.pattern == "query" else transport.outlet(channel)
+    undo.callback(outlet.close)
+    if not outlet.wait_peer(10.0):
+        raise TransportError(f"{channel.name}: nobody is there")
+    _, line = outlet.server(time.monotonic() + 10.0)
+    good = [bytes(4) + each for each in _good(transport, channel)]
+    udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    undo.callback(udp.close)
+    rtps = [b"RTPS\2\1\1\x10" + bytes(12) + b"\x15\1\x18\0" + bytes(20), b"RTPS\2\5\1\x10" + bytes(16)]
+    packets = damaged(seed, count, rtps)
+    ports = [7400 + 250 * domain + offset for domain in range(3) for offset in range(10, 30)]
+    for number, frame in enumerate(damaged(seed, count, good)):
+        if number % 4 == 0:
+            port = ports[number // 4 % len(ports)]
+            yield lambda port=port: _sent(udp, next(packets), port)  # type: ignore[misc]
+        else:
+            sample = b"\0\1\0\0" + frame[4:] if number % 4 != 3 else frame
+            yield lambda sample=sample: _written(line, sample)  # type: ignore[misc]
+
+
+def _sent(udp: socket.socket, packet: bytes, port: int) -> None:
+    with contextlib.suppress(OSError):
+        udp.sendto(packet, ("127.0.0.1", port))
+
+
+def _written(line: Any, sample: bytes) -> None:
+    with contextlib.suppress(TransportError):  # the library may refuse it here already
+        line.requests.write_within(bytearray(sample), time.monotonic() + 5.0, lambda: None)
+
+
+def _shm(
+    transport: Any, channel: Channel, seed: int, count: int, undo: contextlib.ExitStack
+) -> Iterator[Callable[[], object]]:
+    """As letters in its mailbox: to that link, to others, to nobody, with a line for the answer that nobody has."""
+    from robocomp_py.transports.shm.mail import Post, packed
+
+    role = "serves" if channel.pattern == "query" else "receives"
+    member, entry = transport.directory.find(role, channel.name)[0]
+    post = Post(transport.node, packed(transport.member.id), member.id, 0)
+    undo.callback(post.close)
+    chance = random.Random(seed)
+    for frame in damaged(seed, count, _good(transport, channel)):
+        to = chance.choice((int(entry.address), int(entry.address), 0, 77, 0xFFFFFFFF))
+        line, at = chance.choice((0, 0, 1, 5000)), chance.choice((0, 26, 30, 34, 36))
+        head, body = frame[: min(at, 36)], frame[at:]
+        yield lambda line=line, to=to, head=head, body=body: _posted(post, line, to, head, body)  # type: ignore[misc]
+
+
+def _posted(post: Any, line: int, to: int, head: bytes, body: bytes) -> None:
+    end = time.monotonic() + 10.0
+    while not post.send(line, to, head, body, len(body)):
+        if time.monotonic() > end:
+            raise TransportError("it does not take letters any more")
+        time.sleep(0.0005)
+
+
+_SENDING: dict[str, Callable[..., Iterator[Callable[[], object]]]] = {
+    "zeromq": _zeromq,
+    "zenoh": _zenoh,
+    "dds": _dds,
+    "shm": _shm,
+}

@@ -1,0 +1,134 @@
+"""Rows about topics: subscribers that are slow or stopped, floods, and who means something else."""
+
+from __future__ import annotations
+
+import re
+import time
+
+from .checker import Violation, check
+from .history import Event, Heard
+from .laboratory import Laboratory, Remote, until
+from .rows import HERE, Figure, Result, Row, Run
+
+_CHANNEL = "faults/Conformance/topic"
+
+_SIZE = 20_000
+
+
+def _flooded(run: Run) -> Result:
+    """One subscriber keeps up, one takes 5 ms for each message, one is stopped for most of the time."""
+    count = run.rounds(20_000, 500)
+    with run.laboratory() as laboratory:
+        publisher = laboratory.start("p")
+        subscribers = {name: laboratory.start(name) for name in ("quick", "slow", "stopped")}
+        subscribers["quick"].subscribe(channel=_CHANNEL, depth=1000)
+        subscribers["slow"].subscribe(channel=_CHANNEL, depth=8, pause=0.005)
+        subscribers["stopped"].subscribe(channel=_CHANNEL, depth=8)
+        _greet(publisher, subscribers.values())
+        before = {name: each.usage()["memory"] for name, each in {"p": publisher, **subscribers}.items()}
+        subscribers["stopped"].freeze()
+        # at a pace that the quick one can follow, and a hundred times what the slow one can
+        publisher.publish(channel=_CHANNEL, count=count, pace=0.001, size=_SIZE)
+        paced = publisher.wait(channel=_CHANNEL, timeout=count * 0.05)
+        run.tell("the quick one is to lose nothing until here")
+        until(lambda: _last(laboratory, subscribers["quick"]) == publisher.sent(), 20.0, "the quick one hears all")
+        quick = subscribers["quick"].stats(channel=_CHANNEL)
+        publisher.publish(channel=_CHANNEL, count=count, pace=0.0, size=_SIZE)
+        publisher.wait(channel=_CHANNEL, timeout=300.0)
+        subscribers["stopped"].thaw()
+        _until_quiet(laboratory, publisher, list(subscribers.values()))
+        after = {name: each.usage()["memory"] for name, each in {"p": publisher, **subscribers}.items()}
+        for each in subscribers.values():
+            each.stats(channel=_CHANNEL, count=True)
+        history = laboratory.end()
+    lost = {name: _lost(history, name) for name in subscribers}
+    figures = [
+        Figure("publish p99", paced["p99"] * 1000, "ms", 5, timed=True),
+        Figure("lost by the quick one", quick["lost"] + quick["dropped"], "", 0, timed=True),
+        Figure("lost by the slow one", lost["slow"]),
+        Figure("by the stopped one", lost["stopped"]),
+        Figure("memory grew", max(after[name] - before[name] for name in before) / 1e6, "MB", 150),
+    ]
+    return Result(figures, check(history))
+
+
+def _greet(publisher: Remote, subscribers: object) -> None:
+    """Until all hear it."""
+    publisher.publish(channel=_CHANNEL, count=10**9, pace=0.02)
+    for each in subscribers:  # type: ignore[attr-defined]
+        until(lambda each=each: each.written() > 0, 20.0, f"{each.name} hears something")  # type: ignore[misc]
+    publisher.stop(channel=_CHANNEL)
+
+
+def _until_quiet(laboratory: Laboratory, publisher: Remote, subscribers: list[Remote]) -> None:
+    """Publish slowly until all have heard what is published now: what they lost before shows by it."""
+    publisher.publish(channel=_CHANNEL, count=10**9, pace=0.05)
+    mark = publisher.sent()
+    for each in subscribers:
+        until(lambda each=each: _last(laboratory, each) > mark, 60.0, f"{each.name} hears the newest")  # type: ignore[misc]
+    publisher.stop(channel=_CHANNEL)
+    until(lambda: all(_last(laboratory, each) == publisher.sent() for each in subscribers), 20.0, "all hear the last")
+
+
+def _last(laboratory: Laboratory, subscriber: Remote) -> int:
+    """The number of the message that it heard last."""
+    with subscriber.journal.open("rb") as journal:
+        journal.seek(max(0, journal.seek(0, 2) - 400))
+        numbers = re.findall(rb'\["Heard",\{[^\n]*"number":(\d+)\}\]\n', journal.read())
+    return int(numbers[-1]) if numbers else 0
+
+
+def _lost(history: list[Event], subscriber: str) -> int:
+    numbers = {event.number for event in history if isinstance(event, Heard) and event.subscriber == subscriber}
+    return max(numbers) - min(numbers) + 1 - len(numbers)
+
+
+def _mismatched(run: Run) -> Result:
+    """A publisher and a subscriber that mean different things by one name."""
+    with run.laboratory() as laboratory:
+        publisher, other = laboratory.start("p"), laboratory.start("other")
+        publisher.publish(channel=_CHANNEL, count=10**9, pace=0.01)
+        begun = time.monotonic()
+        other.subscribe_other(channel=_CHANNEL)
+        told: dict[str, float] = {}
+        while len(told) < 2 and time.monotonic() < begun + 10.0:
+            for each in (publisher, other):
+                if each.name not in told and _names_both(laboratory.log(each.name)):
+                    told[each.name] = time.monotonic() - begun
+            time.sleep(0.005)
+        publisher.stop(channel=_CHANNEL)
+        history = laboratory.end()
+    delivered = [event for event in history if isinstance(event, Heard)]
+    violations = [Violation("mismatch", f"{name} did not say so") for name in {"p", "other"} - set(told)]
+    if delivered:
+        violations.append(Violation("mismatch", f"{len(delivered)} messages were delivered"))
+    figures = [
+        Figure("both ends said so", max(told.values(), default=10.0), "s", 2, timed=True),
+        Figure("messages delivered", len(delivered), "", 0),
+    ]
+    return Result(figures, violations)
+
+
+def _names_both(log: str) -> bool:
+    """Whether it has both fingerprints, and the field that differs."""
+    return bool(re.search(r"0{15}[12] here, 0{15}[12] there", log)) and "data" in log and "int16" in log
+
+
+ROWS = [
+    Row(
+        "flood",
+        "slow and stopped subscriber; flood",
+        "`publish` p99 ≤ 5 ms, other subscribers lose nothing, memory bounded, drop counter exact",
+        HERE,
+        120,
+        _flooded,
+    ),
+    Row(
+        "contract",
+        "contract mismatch",
+        "both ends log both fingerprints and the differing fields ≤ 2 s; 0 samples delivered",
+        HERE,
+        4,
+        _mismatched,
+    ),
+]

@@ -1,0 +1,435 @@
+"""Components on several hosts meet over TCP; with keys, only along the edges of the graph."""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import shutil
+import socket as plain
+import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zmq
+
+from robocomp_py.contract.interface import Pattern, Verb
+from robocomp_py.contract.qos import Durability, QoS, Reliability
+from robocomp_py.errors import ConfigurationError, Timeout, Unreachable
+from robocomp_py.testing import everything as e
+from robocomp_py.testing.patience import SOON, wait_until
+from robocomp_py.transports.base import Channel, Reply, Status, TransportConfig, TypeRef
+from robocomp_py.transports.zeromq import ZeroMQTransport
+from robocomp_py.transports.zeromq.curve import Curve, key_pair, read_public
+from robocomp_py.transports.zeromq.remote import DIRECTORY, host_of, read_record, record
+from robocomp_py.transports.zeromq.sockets import new_socket
+from robocomp_py.wire import header as head
+
+from ..deploy.security_network import made, network, way
+from .test_zeromq_wire import Outsider
+
+DIVIDE = Channel("robot/camera/Everything/divide", Pattern.QUERY, TypeRef("", e.divide.fingerprint, e.divide.text))
+MOVE = Channel("robot/camera/Everything/move", Pattern.COMMAND, TypeRef("", 7, "move"))
+NEWS = Channel("robot/camera/Everything/news", Pattern.PUBLISH, TypeRef("", e.news.fingerprint, e.news.text))
+GRAPH = network(
+    way("viewer", "camera", "divide"),
+    way("viewer", "camera", "move"),
+    way("viewer", "camera", "news", Verb.SUBSCRIBES),
+    way("other", "camera", "count"),
+    names=("camera", "viewer", "other", "stranger"),
+)
+"""`viewer` may do all of the above, `other` something else, and `stranger` nothing."""
+
+
+@pytest.fixture(scope="module")
+def all_keys() -> Iterator[Path]:
+    with tempfile.TemporaryDirectory(prefix="rc-keys-", dir="/tmp") as folder:
+        made(GRAPH, Path(folder) / "keys")
+        yield Path(folder) / "keys"
+
+
+@pytest.fixture
+def keys(all_keys: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(all_keys, tmp_path / "keys"))
+
+
+class Hosts:
+    """Transports of one process as if each ran on a host of its own, with its own run-time folder."""
+
+    def __init__(self, folder: Path, keys: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        self._folder, self.keys, self._monkeypatch = folder, keys, monkeypatch
+        self.outsider = Outsider()
+        self.address = f"tcp://127.0.0.1:{self.outsider.port()}"
+        self._open: list[ZeroMQTransport] = []
+
+    def open(self, name: str, *, with_keys: bool = True, **options: Any) -> ZeroMQTransport:
+        runtime = self._folder / f"h{len(self._open)}"
+        runtime.mkdir(mode=0o700)
+        self._monkeypatch.setenv("ROBOCOMP_RUNTIME_DIR", str(runtime))
+        given = options | ({"keys": str(self.keys / name)} if with_keys else {})
+        opened = ZeroMQTransport(TransportConfig(given, name))
+        self._open.append(opened)
+        return opened
+
+    def camera(self, **options: Any) -> ZeroMQTransport:
+        return self.open("camera", **({"bind": self.address} | options))
+
+    def user(self, name: str, address: str = "", **options: Any) -> ZeroMQTransport:
+        return self.open(name, connect={"camera": address or self.address}, **options)
+
+    def close(self) -> None:
+        for each in reversed(self._open):
+            each.close()
+        self.outsider.close()
+
+
+@pytest.fixture
+def hosts(keys: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Hosts]:
+    with tempfile.TemporaryDirectory(prefix="rc-", dir="/tmp") as folder:  # short: socket paths have 107 bytes
+        opened = Hosts(Path(folder), keys, monkeypatch)
+        yield opened
+        opened.close()
+
+
+def divide(transport: ZeroMQTransport, executed: list[object] | None = None) -> Any:
+    decode, encode = transport.codec.decoder(e.divide.request), transport.codec.encoder(e.divide.response)
+
+    def service(payload: Any, _: float) -> Reply:
+        arguments = decode(payload)
+        if executed is not None:
+            executed.append(arguments)
+        return Reply(Status.OK, encode(divmod(*arguments)))
+
+    return transport.server(DIVIDE, service)
+
+
+def quotient(transport: ZeroMQTransport, *numbers: int) -> object:
+    caller = transport.caller(DIVIDE)
+    try:
+        assert caller.wait_peer(SOON)
+        payload = transport.codec.encoder(e.divide.request)(numbers)
+        return transport.codec.decoder(e.divide.response)(caller.ask(payload, SOON).payload)
+    finally:
+        caller.close()
+
+
+def news(transport: ZeroMQTransport, *values: object) -> Any:
+    return transport.codec.encoder(e.news.request)(values)
+
+
+# Over TCP.
+
+
+@pytest.mark.parametrize("with_keys", [True, False])
+def test_a_call_a_command_and_a_topic_reach_another_host(hosts: Hosts, with_keys: bool) -> None:
+    camera, viewer = hosts.camera(with_keys=with_keys), hosts.user("viewer", with_keys=with_keys)
+    moved, heard = queue.Queue[Any](), queue.Queue[Any]()
+    divide(camera)
+    camera.inlet(MOVE, moved.put)
+    outlet = camera.outlet(NEWS)
+    viewer.inlet(NEWS, heard.put)
+    assert quotient(viewer, 17, 5) == (3, 2)
+    command = viewer.outlet(MOVE)
+    assert command.wait_peer(SOON)
+    command.send([b"\x90"])
+    assert bytes(moved.get(timeout=SOON)[0]) == b"\x90"
+    assert outlet.wait_peer(SOON)
+    outlet.send(news(camera, 1, "hello"))
+    assert camera.codec.decoder(e.news.request)(heard.get(timeout=SOON)) == (1, "hello")
+
+
+def test_who_is_started_again_is_found_again_and_calls_do_not_wait_for_the_dead(hosts: Hosts) -> None:
+    viewer = hosts.user("viewer")
+    for _ in range(2):
+        camera = hosts.camera()
+        divide(camera)
+        assert quotient(viewer, 7, 2) == (3, 1)
+        camera.close()
+        caller = viewer.caller(DIVIDE)
+        wait_until(lambda: not caller.wait_peer(0))  # noqa: B023  # called before the next round
+        with pytest.raises(Unreachable):
+            caller.ask([], SOON)
+        caller.close()
+
+
+def test_a_latched_topic_is_told_to_who_comes_later_and_a_reliable_one_loses_nothing(hosts: Hosts) -> None:
+    latched = QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=2)
+    channel = Channel(NEWS.name, NEWS.pattern, NEWS.type, latched)
+    camera, viewer = hosts.camera(), hosts.user("viewer")
+    outlet = camera.outlet(channel)
+    for number in range(3):
+        outlet.send(news(camera, number, "old"))
+    heard = queue.Queue[Any]()
+    viewer.inlet(channel, heard.put)
+    assert outlet.wait_peer(SOON)
+    for number in range(3, 300):
+        outlet.send(news(camera, number, "new"), SOON)
+    decode = camera.codec.decoder(e.news.request)
+    assert [decode(heard.get(timeout=SOON))[0] for _ in range(299)] == list(range(1, 300))
+
+
+def test_another_contract_is_told_on_both_sides(hosts: Hosts, caplog: pytest.LogCaptureFixture) -> None:
+    camera, viewer = hosts.camera(), hosts.user("viewer")
+    divide(camera)
+    other = Channel(DIVIDE.name, Pattern.QUERY, TypeRef("", 12345, "operation other"))
+    caller = viewer.caller(other)
+    wait_until(lambda: caplog.text.count("generated from another definition") >= 1)
+    caller.close()
+    wait_until(lambda: "0000000000003039" in caplog.text)
+
+
+def test_an_address_that_is_none_is_an_error_before_anything_is_opened(hosts: Hosts) -> None:
+    for address in ("192.168.1.5:7501", "tcp://:7501", "tcp://*:7501", 7501):
+        with pytest.raises(ConfigurationError, match=r"connect\.camera"):
+            hosts.open("viewer", connect={"camera": address}, with_keys=False)
+        shutil.rmtree(hosts._folder / "h0")
+
+
+# Who may come.
+
+
+def tries(hosts: Hosts, secure: Callable[[Any], object] | None, channel: Channel = DIVIDE) -> zmq.Socket[Any]:
+    """Somebody who has asked, by whatever means of its own."""
+    socket = new_socket(hosts.outsider.context, zmq.DEALER, secure, LINGER=0, RCVTIMEO=int(SOON * 1000))
+    hosts.outsider.sockets.append(socket)
+    socket.connect(hosts.address)
+    request = head.pack_request(0, channel.type.fingerprint, 5, 1, None)
+    socket.send(channel.name.encode() + b"\0" + request + b"\x92\x11\x05")
+    return socket
+
+
+def key_of(hosts: Hosts, name: str, server: str = "camera") -> Callable[[Any], object]:
+    public = read_public(hosts.keys / server / "curve.key")[0]
+    return Curve(*key_pair(hosts.keys / name / "curve.key_secret")).ask(public)
+
+
+def test_who_has_no_edge_to_it_is_not_let_in_though_it_has_keys_of_the_same_network(
+    hosts: Hosts, caplog: pytest.LogCaptureFixture
+) -> None:
+    executed: list[object] = []
+    divide(hosts.camera(), executed)
+    socket = tries(hosts, key_of(hosts, "stranger"))
+    wait_until(lambda: "its key is not admitted" in caplog.text)
+    assert quotient(hosts.user("viewer"), 9, 3) == (3, 0)
+    assert not socket.poll(0)
+    assert executed == [(9, 3)]
+
+
+def test_who_has_another_edge_to_it_is_refused_what_it_has_none_for(
+    hosts: Hosts, caplog: pytest.LogCaptureFixture
+) -> None:
+    executed: list[object] = []
+    divide(hosts.camera(), executed)
+    reply = tries(hosts, key_of(hosts, "other")).recv()
+    assert head.read_reply(reply[: head.REPLY_BYTES]).status == Status.REFUSED
+    assert executed == []
+    assert "it has no right to it" in caplog.text
+
+
+def test_nor_does_it_hear_of_it(hosts: Hosts) -> None:
+    camera, other = hosts.camera(), hosts.user("other")
+    divide(camera)
+    count = Channel("robot/camera/Everything/count", Pattern.QUERY, TypeRef("", 3, "count"))
+    camera.server(count, lambda _payload, _expires: Reply(Status.OK, []))
+    caller = other.caller(count)
+    assert caller.wait_peer(SOON)
+    assert not other.directory.find("serves", DIVIDE.name)
+
+
+def test_a_topic_is_heard_along_its_edges_alone(hosts: Hosts, caplog: pytest.LogCaptureFixture) -> None:
+    camera = hosts.camera()
+    outlet = camera.outlet(NEWS)
+    heard = queue.Queue[Any]()
+    hosts.user("viewer").inlet(NEWS, heard.put)
+    assert outlet.wait_peer(SOON)
+    port = next(iter(camera._topic_ports.values())).rpartition(":")[2].partition("#")[0]
+    listeners = []
+    for secure in (key_of(hosts, "other"), key_of(hosts, "stranger"), None):
+        socket = new_socket(hosts.outsider.context, zmq.SUB, secure, LINGER=0)
+        hosts.outsider.sockets.append(socket)
+        socket.subscribe(b"")
+        socket.connect(f"tcp://127.0.0.1:{port}")
+        listeners.append(socket)
+    for number in range(20):
+        outlet.send(news(camera, number, ""))
+        heard.get(timeout=SOON)
+    assert not any(socket.poll(0) for socket in listeners)
+
+
+@pytest.mark.parametrize("who", ["a plain client", "one with a wrong key of the server", "one with a key of its own"])
+def test_others_are_not_let_in(hosts: Hosts, who: str) -> None:
+    executed: list[object] = []
+    divide(hosts.camera(), executed)
+    unknown = Curve(*zmq.curve_keypair()).ask(read_public(hosts.keys / "camera" / "curve.key")[0])
+    secure = {"a plain client": None, "one with a key of its own": unknown}.get(
+        who, key_of(hosts, "viewer", server="stranger")
+    )
+    socket = tries(hosts, secure)
+    assert quotient(hosts.user("viewer"), 9, 3) == (3, 0)
+    assert not socket.poll(0)
+    assert executed == [(9, 3)]
+
+
+def test_a_server_that_has_not_the_key_we_know_is_not_talked_to(hosts: Hosts, caplog: pytest.LogCaptureFixture) -> None:
+    shutil.copytree(hosts.keys / "camera", hosts.keys / "impostor")
+    for name in ("curve.key_secret", "curve.key"):
+        shutil.copy(hosts.keys / "stranger" / name, hosts.keys / "impostor" / name)
+    divide(hosts.open("impostor", bind=hosts.address))
+    viewer = hosts.user("viewer")
+    caller = viewer.caller(DIVIDE)
+    wait_until(lambda: f"at {hosts.address} (camera)" in caplog.text)
+    assert not caller.wait_peer(0)
+
+
+def test_without_a_key_of_a_server_nothing_is_opened(hosts: Hosts) -> None:
+    (hosts.keys / "viewer" / "peers" / "camera.key").unlink()
+    with pytest.raises(ConfigurationError, match=r"no public key of `camera` in .*camera\.key; make keys again"):
+        hosts.user("viewer")
+
+
+def test_what_a_server_has_no_right_to_offer_is_not_believed(hosts: Hosts) -> None:
+    """The camera's keys are in wrong hands: they are good for the camera's channels, and for no others."""
+    camera, viewer = hosts.camera(), hosts.user("viewer")
+    gripper = Channel("robot/gripper/Everything/divide", Pattern.QUERY, DIVIDE.type)
+    camera.server(gripper, lambda _payload, _expires: Reply(Status.OK, []))
+    assert divide(camera)
+    assert quotient(viewer, 4, 2) == (2, 0)
+    assert not viewer.directory.find("serves", gripper.name)
+
+
+def test_who_only_asks_cannot_say_that_it_serves() -> None:
+    from robocomp_py.transports.directory import Entry
+    from robocomp_py.transports.zeromq.curve import Rights
+
+    told = record("7-1", "eve", 7, [Entry(role, DIVIDE.name, 1, "", "tcp://6.6.6.6:1") for role in ("serves", "calls")])
+    member = read_record(told, "eve", at="", rights=Rights())
+    assert [entry.role for entry in member.entries] == ["calls"]
+
+
+def test_what_is_told_of_topics_is_taken_to_be_at_the_same_host() -> None:
+    from robocomp_py.transports.directory import Entry
+    from robocomp_py.transports.zeromq.curve import Rights
+
+    told = record("7-1", "eve", 7, [Entry("publishes", NEWS.name, 1, "", "tcp://6.6.6.6:41000#0a1b2c")])
+    (entry,) = read_record(told, "eve", at="tcp://10.0.0.2:7501", rights=Rights()).entries
+    assert entry.address == "tcp://10.0.0.2:41000#0a1b2c"
+    assert host_of(entry.address) == "10.0.0.2"
+
+
+# What was recorded, and who says nothing.
+
+
+class Tap:
+    """Passes on what two sides say to each other, and keeps what the one that connects has said."""
+
+    def __init__(self, port: int) -> None:
+        self._listening = plain.create_server(("127.0.0.1", 0))
+        self.address = f"tcp://127.0.0.1:{self._listening.getsockname()[1]}"
+        self.said: list[bytearray] = []
+        self._port, self._ends = port, [self._listening]
+        self._threads = [threading.Thread(target=self._accept, name="tap")]
+        self._threads[0].start()
+
+    def close(self) -> None:
+        for end in list(self._ends):
+            with contextlib.suppress(OSError):
+                end.shutdown(plain.SHUT_RDWR)
+            end.close()
+        for thread in list(self._threads):
+            thread.join()
+        for end in self._ends:
+            end.close()
+
+    def _accept(self) -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                near, _ = self._listening.accept()
+                far = plain.create_connection(("127.0.0.1", self._port))
+                self._ends += [near, far]
+                self.said.append(bytearray())
+                for arguments in ((near, far, self.said[-1]), (far, near, None)):
+                    self._threads.append(threading.Thread(target=self._pass_on, args=arguments, name="tap"))
+                    self._threads[-1].start()
+
+    def _pass_on(self, source: plain.socket, sink: plain.socket, kept: bytearray | None) -> None:
+        with contextlib.suppress(OSError):
+            while data := source.recv(65536):
+                if kept is not None:
+                    kept += data
+                sink.sendall(data)
+            sink.shutdown(plain.SHUT_WR)
+
+
+def test_what_was_recorded_of_an_encrypted_connection_is_worth_nothing(
+    hosts: Hosts, caplog: pytest.LogCaptureFixture
+) -> None:
+    executed: list[object] = []
+    divide(hosts.camera(), executed)
+    port = int(hosts.address.rpartition(":")[2])
+    tap = Tap(port)
+    try:
+        assert quotient(hosts.user("viewer", tap.address), 17, 5) == (3, 2)
+        recorded = [bytes(each) for each in tap.said]
+        assert len(recorded) >= 2  # one to find each other, one for the calling thread
+    finally:
+        tap.close()
+    for each in recorded:
+        with plain.create_connection(("127.0.0.1", port)) as again:
+            again.settimeout(SOON)
+            again.sendall(each)
+            with contextlib.suppress(ConnectionResetError):
+                while again.recv(65536):
+                    pass  # its own greeting, and then it hangs up
+    assert executed == [(17, 5)]
+
+
+def test_a_command_that_is_sent_again_is_executed_once(hosts: Hosts) -> None:
+    """By somebody who has the keys; what crosses without any can be recorded and sent again by anybody."""
+    camera = hosts.camera(with_keys=False)
+    moved = queue.Queue[Any]()
+    inlet = camera.inlet(MOVE, moved.put)
+    socket = hosts.outsider.dealer(hosts.address)
+    frames = [MOVE.name.encode() + b"\0" + head.pack_request(1, 7, 5, number, None) + b"\x90" for number in (1, 2)]
+    for frame in (frames[0], frames[0], frames[1], frames[0]):
+        socket.send(frame)
+    wait_until(lambda: inlet.stats.repeated == 2)
+    assert moved.qsize() == 2
+
+
+def test_four_hundred_who_say_nothing_keep_nobody_out_and_are_sent_away(hosts: Hosts) -> None:
+    divide(hosts.camera())
+    where = "127.0.0.1", int(hosts.address.rpartition(":")[2])
+    with contextlib.ExitStack() as opened:
+        silent = [opened.enter_context(plain.create_connection(where)) for _ in range(400)]
+        assert quotient(hosts.user("viewer"), 17, 5) == (3, 2)
+        for each in silent:  # ZeroMQ gives them two seconds
+            each.settimeout(SOON)
+            with contextlib.suppress(ConnectionResetError):
+                while each.recv(4096):
+                    pass
+
+
+@pytest.mark.parametrize(
+    "told",
+    [b"", b"[", b"{}", b"[1,2]", b'{"id":1,"owner":2,"pid":3,"entries":4}', b"[" * 100_000, b'{"id":"x"}', b"\xff\xfe"],
+)
+def test_garbage_told_to_the_directory_hurts_nobody(hosts: Hosts, told: bytes) -> None:
+    camera = hosts.camera(with_keys=False)
+    divide(camera)
+    socket = hosts.outsider.dealer(hosts.address)
+    socket.send(DIRECTORY + head.pack_request(0, 0, 5, 1, None) + told)
+    assert quotient(hosts.user("viewer", with_keys=False), 17, 5) == (3, 2)
+    assert not any("5-" in member for member in camera.directory._far)
+
+
+def test_a_call_that_cannot_be_sent_ends_at_its_deadline(hosts: Hosts) -> None:
+    camera, viewer = hosts.camera(), hosts.user("viewer")
+    held = threading.Event()
+    camera.server(DIVIDE, lambda _payload, _expires: (held.wait(SOON), Reply(Status.OK, []))[1])
+    caller = viewer.caller(DIVIDE)
+    assert caller.wait_peer(SOON)
+    with pytest.raises(Timeout):
+        caller.ask([], 0.2)
+    held.set()
