@@ -5,7 +5,7 @@ MIDDLEWARE ?= auto
 WORKERS ?= 2
 BIN = .venv/bin
 
-.PHONY: help demo test check format lint types fix golden test-tools vscode bench bench-check bench-peers fuzz clean
+.PHONY: help demo test check format lint types fix golden test-tools vscode bench bench-check bench-peers fuzz faults faults-ci clean
 
 help:  ## this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/	/' | expand -t 14
@@ -50,8 +50,15 @@ test-tools: .venv/ready  ## tests that need programs which .ci/run installs
 vscode:  ## build and test the extension for VS Code: editors/vscode/*.vsix; needs npm, and Node 18 or newer
 	cd editors/vscode && npm ci && npm run check && npm test && npm run package
 
-fuzz: .venv/ready  ## many damaged texts for the parsers of the languages (TEXTS=… for each test, ARGS="-k idsl")
+fuzz: .venv/ready  ## damaged texts for the parsers (TEXTS=… for each test), and frames for each middleware (FRAMES=…)
 	ROBOCOMP_FUZZ=$(or $(TEXTS),5000) $(BIN)/pytest tests/dsl/test_fuzz.py $(ARGS)
+	$(BIN)/python -m tests.faults --only malformed --frames $(or $(FRAMES),1000000)
+
+faults: .venv/ready  ## the fault matrix, and docs/reliability.md; hours, needs root (ARGS="--only kill", --help)
+	$(BIN)/python -m tests.faults --write $(ARGS)
+
+faults-ci: .venv/ready  ## a few rounds of every row; no times are judged
+	$(BIN)/python -m tests.faults --reduced $(ARGS)
 
 bench: .venv/ready  ## measure against the raw libraries and other frameworks, side by side (ARGS=--help)
 	$(BIN)/python -m benchmarks $(ARGS)

@@ -49,9 +49,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     commands = made.add_subparsers(dest="command", metavar="COMMAND", required=True)
     parsers: dict[str, argparse.ArgumentParser] = {}
     every: tuple[Described, ...] = (*_COMMANDS, run)
+    wanted = sys.argv[1:2] if arguments is None else list(arguments[:1])
     for each in every:
         own = commands.add_parser(each.NAME, help=each.HELP, add_help=each is not run)
-        each.add_arguments(own)
+        if wanted != [run.NAME] or each is run:  # many components may be started at the same time: each does its own only
+            each.add_arguments(own)
         add_version(own, f"rc {each.NAME}")
         parsers[each.NAME] = own
     first, *others = run.split(sys.argv[1:] if arguments is None else arguments)

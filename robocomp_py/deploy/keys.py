@@ -134,12 +134,17 @@ def make_keys(
         raise DeploymentError(f"keys: {exc.filename or folder}: {exc.strerror}") from exc
 
 
-def troubles(plan: Plan, folder: Path, now: datetime.datetime) -> tuple[list[str], list[str]]:
-    """Why a network cannot be started with the keys in a folder, and what is to be told all the same."""
+def troubles(
+    plan: Plan, folder: Path, now: datetime.datetime, network: str = "NET.ddsl"
+) -> tuple[list[str], list[str]]:
+    """Why a network cannot be started with the keys in a folder, and what is to be told all the same.
+
+    Raises DeploymentError.
+    """
     graph = graph_of(plan)
     errors: list[str] = []
     warnings: list[str] = []
-    again = f"run: rcdeploy keys NET.ddsl -o {folder}"
+    again = f"run: rcdeploy keys {network} -o {folder}"
     if not folder.is_dir():
         return [f"there are no keys in {folder}; {again}"], []
     if stat.S_IMODE(folder.stat().st_mode) & 0o077:
@@ -154,6 +159,11 @@ def troubles(plan: Plan, folder: Path, now: datetime.datetime) -> tuple[list[str
             errors.append(f"the certificate of `{what}` expired on {_date(found.expires)}; {again} --renew")
         elif found.expires - now <= _soon(found):
             warnings.append(f"the certificate of `{what}` expires on {_date(found.expires)}; {again} --renew")
+    for host, addresses in graph.routers.items():
+        found = _certificate(router_folder(folder, host) / "certificate.pem")
+        if found and not addresses <= found.addresses:
+            where = ", ".join(sorted(addresses - found.addresses))
+            errors.append(f"the certificate of the router on {host or 'this machine'} is not for {where}; {again}")
     if not errors and not _is_current(graph, folder):
         errors.append(f"the keys in {folder} are those of an older version of the network; {again}")
     return errors, warnings
@@ -267,25 +277,26 @@ def _needs(graph: Graph, principal: Principal, numbers: Mapping[str, int]) -> It
 
     mine, own = _links_of(numbers[principal.name]), principal.channels
     yield from on(_WATCH, "rc_lv/*/**")
-    yield from on(_HEAR, f"rc_ack/*/{mine}/*", f"rc_to/*/{mine}/*")
-    yield from on(_ANSWER, f"rc_ask/*/{mine}/*/*")
+    yield from on(_HEAR, f"rc_ack/*/{mine}/*", f"rc_to/*/{mine}/*/**")
+    yield from on(_ANSWER, f"rc_ask/*/{mine}/*/*/**")
     for prefix in own:  # what it provides, it provides under its own name
         yield from on((*_HEAR, *_ANSWER, *_SEND), f"rc/*/{prefix}/**")
         yield from on(_BE_SEEN, *(f"rc_lv/*/{role}/*/*/*/{mine}/{prefix}/**" for role in _PROVIDING))
     for edge in graph.uses(principal.name):
         theirs = _links_of(numbers[edge.provider])
-        yield from on(_ASK, f"rc_ask/*/{theirs}/*/*")
+        yield from on(_ASK, f"rc_ask/*/{theirs}/*/text")
         for channel in (edge.channel, _any_instance(edge.channel, ".")):
             yield from on(_BE_SEEN, *(f"rc_lv/*/{role}/*/*/*/{mine}/{channel}" for role in _USING))
         if edge.verb is Verb.SUBSCRIBES:
             yield from on(_HEAR, f"rc/*/{edge.channel}", f"rc/*/{_any_instance(edge.channel, '*')}")
+            yield from on(_ASK, f"rc_ask/*/{theirs}/*/history/{edge.channel}")
             yield from on(_SEND, f"rc_ack/*/{theirs}/*")
         else:
             yield from on((*_ASK, *_SEND), f"rc/*/{edge.channel}")
-            yield from on(_SEND, f"rc_to/*/{theirs}/*")
+            yield from on(_SEND, f"rc_to/*/{theirs}/*/{edge.channel}")
     for edge in graph.used_by(principal.name):
         theirs = _links_of(numbers[edge.client])
-        yield from on(_ASK, f"rc_ask/*/{theirs}/*/*")
+        yield from on(_ASK, f"rc_ask/*/{theirs}/*/text")
         yield from on(_SEND, f"rc_to/*/{theirs}/*", f"rc_ack/*/{theirs}/*")
 
 
@@ -310,6 +321,8 @@ class _Maker:
 
     def make(self) -> Iterator[Made]:
         _folder(self._folder)
+        if not (self._folder / ".gitignore").exists():
+            _write(self._folder / ".gitignore", b"*\n")  # secrets are no part of what is published
         self._check_names()
         authority, made = self._authority()
         yield made

@@ -36,11 +36,11 @@ def _is_at(host: Block, address: str) -> bool:
 
 
 def hosts_of(model: Deployment, instances: Sequence[Instance]) -> tuple[Host, ...]:
-    """Those that are used, in the order of the file."""
-    blocks = {host.name.text: _host(host) for host in model.hosts if host.address}
-    used = dict.fromkeys(host_name(model, each) for each in instances)
-    unnamed = {name: Host(name, name) for name in used if name and name not in blocks}
-    return tuple(host for name, host in {**blocks, **unnamed}.items() if name in used)
+    """Those that are used, in the order of the file. One that is not there, or has no address, is none."""
+    hosts = {host.name.text: _host(host) for host in model.hosts if host.address}
+    used = {host_name(model, each): host_of(model, each) is each.ip for each in instances}
+    hosts |= {name: Host(name, name) for name, unnamed in used.items() if name and unnamed and name not in hosts}
+    return tuple(host for name, host in hosts.items() if name in used)
 
 
 def _host(block: Block) -> Host:

@@ -377,7 +377,7 @@ class _Planner:
     def _wire_hosts(self, ordered: Mapping[str, Sequence[Node]]) -> None:
         """How those on several hosts reach each other."""
         hosts = placing.hosts_of(self._model, self._model.instances)
-        if not hosts:
+        if not hosts or not self._is_placed(ordered):
             return
         try:
             addresses = self._addresses({host.name: host.address for host in hosts})
@@ -402,6 +402,11 @@ class _Planner:
         openings = list(security.openings_of(self._configured, self._choice.ways, self._wiring.settings))
         for fault in security.faults(placing.security(self._model), openings, self._choice.ways):
             self._error(fault.code, fault.message, named[fault.instance].place(), fault.hint)
+
+    def _is_placed(self, ordered: Mapping[str, Sequence[Node]]) -> bool:
+        """Whether it is clear where everybody runs."""
+        known = {"", *(host.name for host in placing.hosts_of(self._model, self._model.instances))}
+        return all(node.host in known for together in ordered.values() for node in together)
 
     def _check_security(self, nodes: Sequence[Node]) -> None:
         """Whether nothing is reached in ways that the network does not allow."""

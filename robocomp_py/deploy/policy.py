@@ -265,6 +265,7 @@ class Progress:
     """Whether it, or the one for whose sake it was stopped, has been given up."""
     is_killed: bool = False
     is_stuck: bool = False
+    """Whether it is still there although it was killed; for the others it is gone."""
 
     @property
     def instances(self) -> tuple[str, ...]:
@@ -370,7 +371,8 @@ class Supervisor:
         was = each.state
         self._gone(each)
         if was.gone:
-            return  # it was taken for one that cannot be killed
+            each.is_stuck = False
+            return
         failed = code != 0 or was is State.HUNG
         if each.again:
             self._wait(each)
@@ -445,7 +447,6 @@ class Supervisor:
         if self.stopping:
             return
         for each in wanted:
-            each.leaving = each.again = False
             self._restart_along(each, self._now)
         for each in here:
             if each not in wanted and (self._is_mission(each) or not self.up):
@@ -554,10 +555,12 @@ class Supervisor:
     def _next(self) -> list[Action]:
         actions: list[Action] = []
         for each in reversed(self.progress.values()):
-            actions += self._stop_if_free(each)
+            if each.leaving or each.state is State.STOPPING:
+                actions += self._stop_if_free(each)
         if not self.stopping:
             for each in self.progress.values():
-                actions += self._start_if_free(each)
+                if each.state is State.WAITING or each.state is State.RESTARTING:
+                    actions += self._start_if_free(each)
         if not self._finished and self._is_at_end():
             self._finished = True
             if any(each.state is State.WAITING for each in self.progress.values()) and not self.stopping:

@@ -11,11 +11,9 @@ import contextlib
 import random
 import signal
 import time
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass
-from typing import Protocol
 
 from ..contract.interface import Verb
 from ..errors import DeploymentError, HostUnreachable
@@ -50,14 +48,13 @@ from .policy import (
     Tick,
 )
 from .snapshot import HostStatus, Meter, Network, ProcessStatus, Snapshot
+from .telling import Display, Teller
 
 GRACE = 5.0
 """Seconds a process has to end by itself, once told to, for each component in it: they end one after the other."""
 
 REMIND = 5.0
 """Seconds until it is said who is not ready yet; then twice as long each time, while nothing changes."""
-
-LAST_LINES = 20
 
 MEASURE = 1.0
 """Seconds between two looks at what the processes use."""
@@ -70,33 +67,6 @@ REQUESTS = 1000
 
 _LONGEST = 64
 """How many times longer than the first one the wait for a reminder gets."""
-
-
-class Display(Protocol):
-    """Where people look."""
-
-    def line(self, name: str, text: str) -> None:
-        """A line of a component's output."""
-
-    def states(self, states: dict[str, State]) -> None:
-        """How all are, after a change."""
-
-    def up(self) -> None:
-        """Everything is ready."""
-
-    def waiting(self, whom: list[str]) -> None:
-        """Some are not ready yet: who, and why if that is known."""
-
-    def ended(self, name: str, how: str) -> None:
-        """A component is gone, which is worth a word, but nothing is wrong with it."""
-
-    def failed(self, name: str, how: str, last: list[str]) -> None:
-        """A component failed, and what comes of that; its last lines."""
-
-    def tell(self, text: str) -> None:
-        """What happens to the network otherwise."""
-
-    def stopping(self, why: str) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -156,18 +126,11 @@ class _Run(Listener, Network):
         self._clock, self._chance = clock, chance
         self._processes = {process.name: process for process in plan.processes}
         self._supervisor = Supervisor(children(plan, options.grace), options.until, plan.escalations)
+        self._teller = Teller(plan, options.until, self._supervisor, display)
         self._events: asyncio.Queue[Event] = asyncio.Queue()
         self._stop_asked = asyncio.Event()
         self._agents = agents
         self._lanes: dict[str, Lane] = {}
-        self._last: dict[str, deque[str]] = {name: deque(maxlen=LAST_LINES) for name in self._processes}
-        self._statuses: dict[str, str] = {}
-        self._left: dict[str, list[str]] = {name: [] for name in self._processes}
-        """Those in a process that have ended while it goes on."""
-        self._killed: dict[str, str] = {}
-        """Who was killed by us, and how to say so."""
-        self._how: dict[str, str] = {}
-        """How each ended last."""
         self._unreachable: dict[str, str] = {}
         """Why a host is out of reach."""
         self._meter = Meter()
@@ -283,108 +246,26 @@ class _Run(Listener, Network):
     def _do(self, action: Action) -> None:
         match action:
             case Start(name):
-                self._start(name)
+                self._lane(name).start(self._processes[name])
             case Stop(name):
                 self._lane(name).stop(name)
             case Kill(name):
                 self._lane(name).kill(name)
-            case Along(names, sake, again):
-                verb = "are" if len(names) > 1 else "is"
-                reason = f"started again with {sake}" if again else f"stopped: {sake} has been given up"
-                self._display.tell(f"{', '.join(names)} {verb} {reason}")
-            case Stuck(name):
-                self._display.tell(f"{name} has been killed, and is still there; end it by hand")
-            case Retry() | GaveUp():
-                pass  # told with how it ended
+            case Retry() | GaveUp() | Along() | Stuck():
+                pass  # told already
             case Finish():
                 raise AssertionError("the end is no deed")
-
-    def _start(self, name: str) -> None:
-        self._last[name].clear()
-        self._left[name].clear()
-        self._killed.pop(name, None)
-        self._statuses.pop(name, None)
-        self._lane(name).start(self._processes[name])
 
     def _lane(self, name: str) -> Lane:
         return self._lanes[self._processes[name].host]
 
     def _handle(self, event: Event) -> list[Action]:
-        """Have the policy decide, and tell what is worth telling."""
+        """Have the policy decide, and people be told."""
         supervisor = self._supervisor
         before, was_stopping = supervisor.states, supervisor.stopping
         actions = supervisor.handle(event, self._clock(), self._chance())
-        match event:
-            case Exited(name, code):
-                self._report_exit(name, code, before[name], actions)
-            case Left(instance):
-                if instance != self._options.until:
-                    self._display.ended(instance, "has ended")
-            case Ready(name):
-                if before[name] is State.STARTING and supervisor.progress[name].starts > 1:
-                    self._display.tell(f"{name} is ready again")
-            case Hung(name):
-                self._display.tell(f"{name} does not answer its watchdog, and is ended for that")
-            case Lost(host, why):
-                gone = [name for name, state in before.items() if self._is_there(name, host, state)]
-                self._report_lost(host, why, gone)
-            case Back(host):
-                self._display.tell(f"{host} is back")
-            case StopRequested(_, grace):
-                if was_stopping and grace == 0:
-                    self._display.stopping("killing what is left")
-            case RestartRequested() | Tick():
-                pass
-        if supervisor.stopping and not was_stopping:
-            self._display.stopping(supervisor.why)
-        for action in actions:
-            if isinstance(action, Kill):
-                late = f"did not stop within {supervisor.grace(action.name):g} s; killed"
-                self._killed[action.name] = late if isinstance(event, Tick) else "was killed"
+        self._teller.tell(event, before, was_stopping, actions)
         return actions
-
-    def _report_exit(self, name: str, code: int, was: State, actions: Sequence[Action]) -> None:
-        if was.gone:
-            return  # it was lost with its host, or took very long to end when it was killed
-        killed = self._killed.get(name) if code == -signal.SIGKILL else None
-        next_step = "".join(self._next_step(action) for action in actions if getattr(action, "name", "") == name)
-        hung = "did not answer its watchdog; " if was is State.HUNG else ""
-        how = self._how[name] = f"{hung}{killed or _how(code)}{next_step}"
-        state = self._supervisor.states[name]
-        is_mission = self._options.until in (name, *self._processes[name].instances)
-        if state is State.FAILED or (state in _NOT_YET and (code or hung) and was is not State.STOPPING):
-            self._display.failed(name, how, list(self._last[name]))
-        elif killed or (was is not State.STOPPING and not is_mission):
-            self._display.ended(name, how)
-
-    def _next_step(self, action: Action) -> str:
-        match action:
-            case Retry(_, seconds):
-                return f"; started again in {seconds:.1f} s" if seconds >= 0.05 else "; started again at once"
-            case GaveUp(name, restarts):
-                period = self._processes[name].restart.period
-                return f"; given up after {_times(restarts, 'restart')} in {period:g} s"
-            case _:
-                return ""
-
-    def _is_there(self, name: str, host: str, state: State) -> bool:
-        return self._processes[name].host == host and not state.gone
-
-    def _report_lost(self, host: str, why: str, names: Sequence[str]) -> None:
-        self._display.tell(f"{host} is out of reach: {why}")
-        if not names:
-            return
-        gone = {instance for name in names for instance in self._processes[name].instances}
-        missed = dict.fromkeys(
-            f"{link.interface} of {link.provider} by {link.client}"
-            for link in self._plan.links
-            if link.provider in gone and link.client not in gone
-        )
-        for name in names:
-            self._how[name] = f"lost with {host}"
-        self._display.tell(f"lost with it: {', '.join(names)}")
-        if missed:
-            self._display.tell(f"missed: {', '.join(missed)}")
 
     def _show(self) -> None:
         self._display.states(self._supervisor.states)
@@ -408,24 +289,10 @@ class _Run(Listener, Network):
     def _remind(self) -> None:
         if self._supervisor.stopping:
             return
-        waiting = [
-            self._reason(name) for name, state in self._supervisor.states.items() if state in _TOLD_AGAIN_AND_AGAIN
-        ]
+        waiting = self._teller.remind(self._unreachable)
         self._reminders = self._reminders + 1 if waiting == self._reminded else 0
         self._reminded = waiting
-        if waiting:
-            self._display.waiting(waiting)
         self._remind_later()
-
-    def _reason(self, name: str) -> str:
-        states, process = self._supervisor.states, self._processes[name]
-        if states[name] is State.WAITING:
-            if process.host in self._unreachable:
-                return f"{name} ({process.host} is out of reach)"
-            barred = self._supervisor.progress[name].barred
-            missing = [each for each in process.after if states[each] is not State.READY and each not in barred]
-            return f"{name} (after {', '.join([*missing, *(f'the end of {each}' for each in sorted(barred))])})"
-        return f"{name} ({self._statuses[name]})" if self._statuses.get(name) else name
 
     # What is asked.
 
@@ -459,18 +326,18 @@ class _Run(Listener, Network):
     # What agents tell.
 
     def output(self, name: str, line: str) -> None:
-        self._last[name].append(line)
-        self._display.line(name, line)
+        self._teller.line(name, line)
 
     def ready(self, name: str) -> None:
         self._events.put_nowait(Ready(name))
 
     def status(self, name: str, text: str) -> None:
-        self._statuses[name] = text
+        self._teller.statuses[name] = text
 
     def left(self, name: str, instance: str) -> None:
-        if instance in self._processes[name].instances and instance not in self._left[name]:
-            self._left[name].append(instance)
+        left = self._teller.left[name]
+        if instance in self._processes[name].instances and instance not in left:
+            left.append(instance)
             self._events.put_nowait(Left(instance))
 
     def hung(self, name: str) -> None:
@@ -522,10 +389,10 @@ class _Run(Listener, Network):
             name=name,
             component=process.component,
             instances=process.instances,
-            ended=tuple(self._left[name]) if there else (),
+            ended=tuple(self._teller.left[name]) if there else (),
             host=process.host,
             state=progress.state,
-            how="" if there else self._how.get(name, ""),
+            how="" if there else self._teller.how.get(name, ""),
             pid=usage.pid if usage else None,
             in_state=max(0.0, now - progress.since),
             uptime=max(0.0, now - progress.started_at) if there else None,
@@ -536,12 +403,8 @@ class _Run(Listener, Network):
             memory=usage.memory if usage else None,
             calls=usage.calls_per_s if usage else None,
             worst=usage.worst_ms / 1000 if usage else None,
-            status=self._statuses.get(name, "") if there else "",
+            status=self._teller.statuses.get(name, "") if there else "",
         )
-
-
-_NOT_YET = (State.WAITING, State.STARTING, State.RESTARTING)
-_TOLD_AGAIN_AND_AGAIN = (State.WAITING, State.STARTING)
 
 
 def children(plan: Plan, grace: float) -> list[Child]:
@@ -571,16 +434,6 @@ def _needs(plan: Plan) -> dict[str, set[str]]:
         if link.verb is Verb.REQUIRES and client != provider:
             found.setdefault(client, set()).add(link.provider)
     return found
-
-
-def _how(code: int) -> str:
-    if code < 0:
-        return f"was ended by signal {-code}"
-    return f"ended with exit code {code}" if code else "has ended"
-
-
-def _times(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def run(plan: Plan, options: Options, display: Display, services: Sequence[Service] = ()) -> int:

@@ -26,8 +26,6 @@ from .routes import Configured, Fault
 
 ZEROMQ, ZENOH, DDS = "zeromq", "zenoh", "dds"
 
-CODE = "insecure"
-
 _SAY = "write `security lan;` and make keys by `rcdeploy keys`, or `security open;` if everybody may take part"
 
 
@@ -63,11 +61,11 @@ def faults(security: Security, openings: Sequence[Opening], ways: Sequence[Way])
                 continue
             if security is Security.LOCAL:
                 message = f"`{opening.instance}` {what} {address}, which `security local` does not allow: {_BEYOND}"
-                yield Fault(CODE, message, _SAY, opening.instance)
+                yield Fault("insecure", message, _SAY, opening.instance)
             elif security is Security.LAN and opening.middleware == ZENOH and not address.startswith("tls/"):
                 message = f"`{opening.instance}` {what} {address}, which is not encrypted"
                 hint = "write tls/ADDRESS:PORT, as `security lan` needs it, or leave it to rcdeploy"
-                yield Fault(CODE, message, hint, opening.instance)
+                yield Fault("insecure", message, hint, opening.instance)
     if security is Security.LAN:
         yield from _unprotected(openings, ways)
 
@@ -81,7 +79,7 @@ def _unprotected(openings: Sequence[Opening], ways: Sequence[Way]) -> Iterator[F
             "authentication nor encryption"
         )
         hint = f"use {ZEROMQ} or {ZENOH}, or `security open;` on a network that you trust"
-        yield Fault(CODE, message, hint, instance)
+        yield Fault("insecure", message, hint, instance)
 
 
 _BEYOND = "other machines reach it, and it would know nobody"
@@ -145,11 +143,18 @@ def warning(plan: Plan) -> str:
 
 
 def secured(plan: Plan, folder: Path) -> Plan:
-    """The same network, with each of its processes given its own keys of that folder, if it needs any."""
+    """The same network, with each of its processes and routers given its own keys of that folder, if it needs any."""
     if plan.security is not Security.LAN:
         return plan
     processes = tuple(_with_keys(each, keys.folder_of(folder, each.name).absolute()) for each in plan.processes)
-    return dataclasses.replace(plan, processes=processes)
+    routers = {
+        host: {
+            **options,
+            "router": {**options.get("router", {}), **keys.router_settings(plan, host, folder.absolute())},
+        }
+        for host, options in plan.routers.items()
+    }
+    return dataclasses.replace(plan, processes=processes, routers=routers)
 
 
 def _with_keys(process: Process, folder: Path) -> Process:

@@ -25,9 +25,10 @@ from .place import Place
 from .plan import Plan, Process
 from .policy import State
 from .ring import Ring
-from .run import Display, Options, run
+from .run import Options, run
 from .snapshot import Network
 from .table import Span, summary, table
+from .telling import Display
 
 _COLOURS = ("cyan", "green", "yellow", "magenta", "blue", "bright_red", "bright_cyan", "bright_green")
 

@@ -30,7 +30,7 @@ from ..errors import (
     TransportError,
     Unreachable,
 )
-from ..transports.base import Link, Transport, TransportConfig, TransportFactory, find_transport
+from ..transports.base import Link, Transport, TransportConfig, TransportFactory, find_transport, gathering
 from ..wire import names
 from . import ports, settings
 from .commonbehavior import CommonBehavior, port_of
@@ -110,7 +110,7 @@ class Running:
             self._tell("STOPPING=1")
             self._monitor.turn_away()
             self._watching.close()
-            ports.close_all(self._links)
+            self._close_links()
             self._monitor.close()
             self._transports.close()
             self.state = State.ENDED
@@ -165,6 +165,14 @@ class Running:
         return f"{user_trace(exc)}{hint}"
 
     def _connect(self) -> None:
+        with self._transports.gathering():
+            required = self._bind_all()
+        self._await(required)
+        if self.state is State.STARTING:
+            self.signal(Event.CONNECTED)
+
+    def _bind_all(self) -> list[tuple[Port, Link]]:
+        """Open all links; those of what is required."""
         provided = [port for port in self.component.ports if port.verb.provides]
         wanted = [port for port in self.component.ports if not port.verb.provides]
         own = port_of(self.component)
@@ -183,9 +191,14 @@ class Running:
             self._links += links
             if port.verb is Verb.REQUIRES:
                 required += ((port, link) for link in links)
-        self._await(required)
-        if self.state is State.STARTING:
-            self.signal(Event.CONNECTED)
+        return required
+
+    def _close_links(self) -> None:
+        try:
+            with self._transports.gathering():
+                ports.close_all(self._links)
+        except TransportError as exc:
+            log.warning("%s", exc)  # closing its transport does the rest
 
     def _bind(self, port: Port) -> list[Link]:
         if not port.verb.has_proxy:
@@ -367,6 +380,16 @@ class _Transports:
     def __init__(self, settings: Settings, find: Callable[[str], TransportFactory]) -> None:
         self._settings, self._find = settings, find
         self._open: dict[str, Transport] = {}
+        self._gathering: contextlib.ExitStack | None = None
+
+    @contextlib.contextmanager
+    def gathering(self) -> Iterator[None]:
+        """While this is entered, links that are opened or closed need not be visible to others."""
+        with contextlib.ExitStack() as self._gathering:
+            for transport in self._open.values():
+                self._gathering.enter_context(gathering(transport))
+            yield
+        self._gathering = None
 
     def __getitem__(self, name: str) -> Transport:
         if name not in self._open:
@@ -375,6 +398,8 @@ class _Transports:
                 self._open[name] = self._find(name)(TransportConfig(options, self._settings.instance))
             except ConfigurationError as exc:
                 raise ConfigurationError(f"transports.{name}: {exc}") from exc
+            if self._gathering:
+                self._gathering.enter_context(gathering(self._open[name]))
         return self._open[name]
 
     def close(self) -> None:

@@ -7,7 +7,7 @@ import logging
 import threading
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -15,11 +15,18 @@ from ..contract.qos import traits
 from ..errors import Closed, ContractMismatch
 from .base import Channel, Statistics, TypeRef, mismatch
 from .directory import Directory, Entry, Member, Membership
+from .sparing import Sparing
 
 if TYPE_CHECKING:
     from .served import ServingLink
 
 log = logging.getLogger("robocomp.transport")
+
+STRANGERS = 1000
+"""So many of those who mean something else are told apart; further ones are not reported any more."""
+
+_SLOWLY = 0.05
+"""Seconds between two looks for somebody who has not come for a while."""
 
 L = TypeVar("L", bound="AnnouncedLink[Any]")
 R = TypeVar("R")
@@ -36,6 +43,8 @@ class Announcing(ABC):
 
     def __init__(self) -> None:
         self.closed = False
+        self.gathers = False
+        """Whether more links are about to be opened or closed."""
         self._lock = threading.RLock()
         self._links: list[AnnouncedLink[Any]] = []
         self._known = -1
@@ -50,6 +59,21 @@ class Announcing(ABC):
     @abstractmethod
     def delist(self, link: ServingLink) -> None:
         """Have no more requests given to it."""
+
+    @contextlib.contextmanager
+    def gathering(self) -> Iterator[None]:
+        """See `base.gathering`."""
+        self.gathers = True
+        try:
+            with self.member.gathered():
+                yield
+        finally:
+            self.gathers = False
+            self.look_soon()
+
+    @abstractmethod
+    def look_soon(self) -> None:
+        """Have the thread that receives look after the links now."""
 
     def left(self, link: AnnouncedLink[Any]) -> None:
         """A link was closed."""
@@ -114,6 +138,7 @@ class AnnouncedLink(Generic[T]):
         self._closing = threading.Lock()
         self._entry: Entry | None = None
         self._reported: set[object] = set()
+        self._telling = Sparing()
 
     def open(self) -> None:
         self.announce()
@@ -128,14 +153,15 @@ class AnnouncedLink(Generic[T]):
         return True
 
     def wait_peer(self, timeout: float) -> bool:
-        end = time.monotonic() + timeout
+        end, pause = time.monotonic() + timeout, 0.005
         while True:
             self.check_open()
             if self.visible():
                 return True
             if time.monotonic() >= end:
                 return False
-            self.closed.wait(min(0.005, max(0.0, end - time.monotonic())))
+            self.closed.wait(min(pause, max(0.0, end - time.monotonic())))
+            pause = min(1.3 * pause, _SLOWLY)
 
     def visible(self) -> bool:
         """Whether the other side is there. Raises ContractMismatch if only others are."""
@@ -185,9 +211,10 @@ class AnnouncedLink(Generic[T]):
             raise Closed(f"{self.channel.name}: the link is closed")
 
     def report_mismatch(self, who: object, other: TypeRef) -> None:
-        if who not in self._reported:
+        if who not in self._reported and len(self._reported) < STRANGERS:
             self._reported.add(who)
-            log.error("%s", mismatch(self.channel, other))
+            if self._telling.may_tell():
+                log.error("%s", mismatch(self.channel, other))
             self.stats.mismatched += 1
 
     def malformed(self, why: object) -> None:

@@ -282,6 +282,17 @@ def hosting(name: str, config: TransportConfig) -> AbstractContextManager[None]:
     return host(config) if host else nullcontext()
 
 
+def gathering(transport: Transport) -> AbstractContextManager[None]:
+    """For who opens many links, or closes them: while this is entered, they need not become visible to others.
+
+    An optional part of the contract, for a transport that tells all others whenever something of it changes: it then
+    has a `gathering` that returns such a context manager, and tells them once, at its end. Leaving it may raise
+    TransportError.
+    """
+    gather: Callable[[], AbstractContextManager[None]] | None = getattr(transport, "gathering", None)
+    return gather() if gather else nullcontext()
+
+
 def require(transport: Transport, name: str, channel: Channel) -> None:
     """Raise UnsupportedQoS if the channel asks for what the transport does not offer."""
     missing = needs(channel) & ~transport.capabilities
@@ -369,12 +380,17 @@ def mismatch(channel: Channel, other: TypeRef) -> str:
 # A thread of a transport that runs a sink or service may be about to wait for an answer in it.
 # It can say so, and the transport lets another of its threads receive meanwhile.
 
-_receiving = threading.local()
+
+class _Receiving(threading.local):
+    hand_over: Callable[[], None] | None = None  # of the class, since to look for what is not there takes a microsecond
+
+
+_receiving = _Receiving()
 
 
 def step_aside() -> None:
     """Say that this thread is about to wait. Costs nothing on a thread that does not receive."""
-    hand_over: Callable[[], None] | None = getattr(_receiving, "hand_over", None)
+    hand_over = _receiving.hand_over
     if hand_over:
         hand_over()
 

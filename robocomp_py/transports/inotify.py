@@ -47,8 +47,9 @@ class FolderWatch:
                 mask = _MOVED_TO | _CREATED | _DELETED | _SELF_GONE
                 self.working = self._library.inotify_add_watch(self.fileno, self._folder, mask) >= 0
 
-    def read(self) -> None:
-        """Take note of what was told."""
+    def read(self) -> bool:
+        """Take note of what was told; whether anything was."""
+        told = b""
         with self._lock, contextlib.suppress(BlockingIOError):
             while self.fileno >= 0:
                 told = os.read(self.fileno, 65536)
@@ -58,6 +59,7 @@ class FolderWatch:
                     at += 16 + int.from_bytes(told[at + 12 : at + 16], "little")
                     if mask & _GONE:
                         self.working = False
+        return bool(told)
 
     def close(self) -> None:
         with self._lock:

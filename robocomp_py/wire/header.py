@@ -78,7 +78,7 @@ def pack_request(flags: int, fingerprint: int, client: int, sequence: int, remai
     """`remaining` in seconds; None, or more than fits (seven weeks), means without deadline."""
     ms = NO_DEADLINE
     if remaining is not None and remaining * 1000 < NO_DEADLINE:
-        ms = max(0, int(remaining * 1000))
+        ms = int(remaining * 1000) if remaining > 0.0 else 0
     if flags & _FLAG_SENT:
         return _SENT.pack(VERSION, flags, fingerprint, client, sequence, ms, int(time.monotonic() * 1000) & _CLOCK)
     return _REQUEST.pack(VERSION, flags, fingerprint, client, sequence, ms)
@@ -133,11 +133,12 @@ def request_at(data: bytes, at: int) -> Request:
 def _sent(data: bytes, at: int) -> Request:
     if len(data) < at + _SENT.size:
         raise _unreadable(data, at)
-    *fields, ms, sent = _SENT.unpack_from(data, at)
+    version, flags, fingerprint, client, sequence, ms, sent = _SENT.unpack_from(data, at)
     if ms != NO_DEADLINE:
         under_way = (int(time.monotonic() * 1000) - sent) & _CLOCK
-        ms = max(0, ms - under_way) if under_way <= _CLOCK // 2 else ms  # the clock was read by another core
-    header: Request = _new(Request, (*fields, ms))
+        if under_way <= _CLOCK // 2:  # else the clock was read by another core
+            ms = ms - under_way if under_way < ms else 0
+    header: Request = _new(Request, (version, flags, fingerprint, client, sequence, ms))
     return header
 
 

@@ -30,6 +30,7 @@ from robocomp_py.deploy.policy import (
     RestartRequested,
     Retry,
     Start,
+    State,
     Stop,
     StopRequested,
     Stuck,
@@ -350,7 +351,7 @@ def test_one_that_ends_well_too_often_was_given_up_too() -> None:
 
 def test_who_is_to_be_started_again_keeps_the_network_going() -> None:
     history = replay(Ready("lidar"), Exited("lidar", 1), network=(TENACIOUS,))
-    assert history[-1] == [Retry("lidar", pytest.approx(0.2))]
+    assert history[-1] == [Retry("lidar", 0.2)]
 
 
 def test_no_pending_restart_survives_the_beginning_of_the_end() -> None:
@@ -407,20 +408,20 @@ def group(escalation: Escalation, *steps: Step, network: tuple[Child, ...] = ABC
 
 def test_one_for_one_starts_again_who_failed() -> None:
     history = group(Escalation.ONE_FOR_ONE, Exited("b", 1), (0.2, Tick()))
-    assert history == [[Retry("b", pytest.approx(0.2))], [Start("b")]]
+    assert history == [[Retry("b", 0.2)], [Start("b")]]
 
 
 def test_rest_for_one_starts_again_those_after_it_too() -> None:
     history = group(Escalation.REST_FOR_ONE, Exited("b", 1), Exited("c", TERM), (0.2, Tick()))
     along = Along(("c",), "b", again=True)
-    assert history == [[Retry("b", pytest.approx(0.2)), along, Stop("c")], [], [Start("b"), Start("c")]]
+    assert history == [[Retry("b", 0.2), along, Stop("c")], [], [Start("b"), Start("c")]]
 
 
 def test_one_for_all_starts_all_again() -> None:
     history = group(Escalation.ONE_FOR_ALL, Exited("b", 1), Exited("c", TERM), Exited("a", TERM), (0.2, Tick()))
     along = Along(("a", "c"), "b", again=True)
     assert history == [
-        [Retry("b", pytest.approx(0.2)), along, Stop("c"), Stop("a")],
+        [Retry("b", 0.2), along, Stop("c"), Stop("a")],
         [],
         [],
         [Start("a"), Start("b"), Start("c")],
@@ -449,6 +450,37 @@ def test_who_does_not_stop_to_be_started_again_is_killed_and_that_is_no_failure(
     )
     assert deeds(history) == [[Stop("b")], [Kill("b")], [Start("a"), Start("b")], [Stop("b"), Stop("a")]]
     assert replay(*UP[:2], StopRequested(), Exited("b", 0), Exited("a", 0), network=(A, B))[-1] == [Finish(0)]
+
+
+def test_who_was_killed_once_is_killed_again_when_it_does_not_stop_again() -> None:
+    asked = RestartRequested(("a",))
+    history = replay(Ready("a"), asked, (5.0, Tick()), Exited("a", -9), Ready("a"), asked, (10.0, Tick()), network=(A,))
+    assert history[2:] == [[Stop("a")], [Kill("a")], [Start("a")], [], [Stop("a")], [Kill("a")]]
+
+
+def test_what_cannot_be_killed_is_not_started_again_and_keeps_no_other_from_it() -> None:
+    events = (
+        Exited("a", 1),
+        (5.0, Tick()),
+        (5.0 + UNKILLABLE, Tick()),
+        Ready("a"),
+        (50.0, Exited("a", 1)),
+        (51.0, Tick()),
+    )
+    history = group(Escalation.ONE_FOR_ALL, *events, Exited("b", -9), RestartRequested(("b",)), network=(A, B))
+    assert deeds(history) == [[Stop("b")], [Kill("b")], [Start("a")], [], [], [Start("a")], [], [Stop("a")]]
+    assert history[2] == [Stuck("b"), Start("a")]
+
+
+def test_what_was_killed_and_is_gone_at_last_can_be_started_by_a_user() -> None:
+    events = (
+        RestartRequested(("b",)),
+        (5.0, Tick()),
+        (5.0 + UNKILLABLE, Tick()),
+        Exited("b", -9),
+        RestartRequested(("b",)),
+    )
+    assert deeds(group(Escalation.ONE_FOR_ONE, *events, network=(A, B)))[2:] == [[], [], [Start("b")]]
 
 
 def test_one_that_fails_while_it_is_to_be_stopped_uses_up_none_of_its_restarts() -> None:
@@ -540,13 +572,35 @@ def test_a_user_has_one_started_again_at_once() -> None:
     assert history[4:] == [[Stop("b")], [Start("b")]]
 
 
+def test_who_depends_on_one_that_a_user_has_started_again_runs_on() -> None:
+    history = replay(Ready("lidar"), Ready("follow"), RestartRequested(("lidar",)), Exited("lidar", 0))
+    assert history[3:] == [[Stop("lidar")], [Start("lidar")]]
+
+
+def test_started_again_after_work_that_was_done_it_waits_for_that_to_be_done_again() -> None:
+    follow = replace(FOLLOW, restart=ON_FAILURE)
+    history = replay(
+        Ready("lidar"), Exited("lidar", 0), Ready("follow"), RestartRequested(("lidar", "follow")), Exited("follow", 0),
+        Ready("lidar"), network=(LIDAR, follow),
+    )  # fmt: skip
+    assert history[4:] == [[Stop("follow")], [Start("lidar")], [Start("follow")]]
+
+
+def test_who_was_to_be_started_again_has_ended_when_the_network_is_stopped_meanwhile() -> None:
+    supervisor = Supervisor((LIDAR,))
+    supervisor.begin()
+    for event in (Ready("lidar"), RestartRequested(("lidar",)), StopRequested(), Exited("lidar", 0)):
+        supervisor.handle(event)
+    assert supervisor.states == {"lidar": State.ENDED}
+
+
 def test_a_user_has_one_that_was_given_up_started_with_all_its_chances() -> None:
     once = replace(A, restart=Restart(When.ON_FAILURE, intensity=1))
     history = replay(
         *UP[:2], Exited("a", 1), (0.2, Tick()), Exited("a", 1), RestartRequested(("a",)), Exited("a", 1),
         network=(once, B),
     )  # fmt: skip
-    assert history[5:] == [[GaveUp("a", 1)], [Start("a")], [Retry("a", pytest.approx(0.2))]]
+    assert history[5:] == [[GaveUp("a", 1)], [Start("a")], [Retry("a", 0.2)]]
 
 
 def test_a_user_does_not_wait_for_a_delay() -> None:
@@ -608,7 +662,7 @@ def test_what_was_lost_with_its_host_is_started_when_that_is_back() -> None:
 
 
 def test_a_host_that_is_lost_again_and_again_uses_up_no_restarts() -> None:
-    flapping = [Lost("onboard"), Back("onboard"), Ready("far")] * 20
+    flapping: list[Event] = [Lost("onboard"), Back("onboard"), Ready("far")] * 20
     assert replay(*BOTH, *flapping, network=FAR_AND_NEAR)[-2] == [Start("far")]
 
 
@@ -632,8 +686,21 @@ def test_nothing_starts_at_a_host_that_is_out_of_reach() -> None:
     assert deeds(history)[3:] == [[], [], [], [Start("far")]]
 
 
+def test_a_host_that_is_out_of_reach_is_waited_for_even_if_nobody_else_runs() -> None:
+    history = replay(Ready("far"), Exited("far", 1), Lost("onboard"), (9.0, Tick()), Back("onboard"), network=(FAR,))
+    assert deeds(history)[2:] == [[], [], [], [Start("far")]]
+
+
+def test_what_was_to_be_stopped_for_good_does_not_come_back_with_its_host() -> None:
+    hopeless = replace(A, restart=Restart(When.ON_FAILURE, intensity=0))
+    history = group(
+        Escalation.REST_FOR_ONE, Exited("a", 1), Lost("onboard"), Back("onboard"), network=(NEAR, hopeless, FAR)
+    )
+    assert deeds(history) == [[Stop("far")], [], []]
+
+
 def test_what_goes_together_waits_for_a_host() -> None:
-    escalations = {(): Escalation.ONE_FOR_ALL}
+    escalations: dict[tuple[str, ...], Escalation] = {(): Escalation.ONE_FOR_ALL}
     events = Lost("onboard"), Exited("near", TERM), (9.0, Tick()), Back("onboard")
     history = replay(*BOTH, *events, network=FAR_AND_NEAR, escalations=escalations)
     assert deeds(history)[3:] == [[Stop("near")], [], [], [Start("far"), Start("near")]]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import sys
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -15,8 +14,9 @@ import pytest
 
 from robocomp_py.contract.interface import Verb
 from robocomp_py.deploy.plan import Link, Member, OpenedTransport, Plan, Process
-from robocomp_py.deploy.policy import State
-from robocomp_py.deploy.run import Display, Options, run
+from robocomp_py.deploy.policy import Restart, State, When
+from robocomp_py.deploy.run import Options, run
+from robocomp_py.deploy.telling import Display
 from robocomp_py.testing.patience import SOON
 from robocomp_py.transports.base import TransportConfig
 
@@ -54,6 +54,9 @@ class Told(Display):
 
     def failed(self, name: str, how: str, last: list[str]) -> None:
         self._say("failed", name, how, *last)
+
+    def tell(self, text: str) -> None:
+        self._say("tell", text)
 
     def stopping(self, why: str) -> None:
         self._say("stopping", why)
@@ -106,6 +109,19 @@ def test_a_failure_while_others_start_stops_them_and_says_whose_it_was() -> None
     assert run(network(camera=program, waits=FOREVER), Options(), told) == 1
     failed = ("failed", "camera", "ended with exit code 1", "no camera")
     assert told.said[-2:] == [failed, ("stopping", "camera is gone before everything was ready")]
+
+
+def test_a_program_that_fails_is_run_again_and_given_up_at_last() -> None:
+    told = Told()
+    plan = network(camera="import os; print(os.getpid()); raise SystemExit(3)")
+    camera = replace(plan.processes[0], restart=Restart(When.ON_FAILURE, intensity=1, delay=0.0))
+    assert run(replace(plan, processes=(camera,)), Options(), told) == 1
+    first, second = (words[2] for words in told.said if words[0] == "line")
+    assert first != second, "each start is a new process"
+    assert [words for words in told.said if words[0] == "failed"] == [
+        ("failed", "camera", "ended with exit code 3; started again at once", first),
+        ("failed", "camera", "ended with exit code 3; given up after 1 restart in 60 s", second),
+    ]
 
 
 def test_who_is_required_must_not_end_while_those_that_require_it_start() -> None:
@@ -205,12 +221,3 @@ def test_somebody_who_left_its_group_and_holds_the_pipe_keeps_nobody_waiting() -
     (pid,) = (words[2] for words in told.said if words[0] == "line")
     with suppress(ProcessLookupError):  # it has been ended where there are control groups
         os.kill(int(pid), signal.SIGKILL)
-
-
-def test_a_place_where_no_socket_can_be_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    deep = tmp_path / ("x" * 100)
-    deep.mkdir()
-    monkeypatch.setattr(tempfile, "tempdir", str(deep))
-    told = Told()
-    assert run(network(hello=FOREVER), Options(), told) == 1
-    assert any("path too long; set TMPDIR" in word for words in told.said for word in words)

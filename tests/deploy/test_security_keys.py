@@ -59,7 +59,7 @@ def test_renew_makes_everything_again_but_the_authority_and_the_identities(folde
     made(network(), folder, renew=True)
     after = snapshot(folder)
     same = {name for name in before if before[name] == after[name]}
-    assert same == {"ca/ca.key", "ca/ca.pem"} | {
+    assert same == {".gitignore", "ca/ca.key", "ca/ca.pem"} | {
         f"{name}/{file}" for name in ("camera", "viewer", "other") for file in ("ca.pem", "identity.json")
     }
 
@@ -109,7 +109,7 @@ def test_who_is_no_part_of_the_network_any_more_loses_its_keys_and_other_folders
     assert [each.what for each in told if "removed" in each.what] == [
         "other removed: it is no part of the network any more"
     ]
-    assert sorted(path.name for path in folder.iterdir()) == ["ca", "camera", "notes", "viewer"]
+    assert sorted(path.name for path in folder.iterdir()) == [".gitignore", "ca", "camera", "notes", "viewer"]
 
 
 def test_a_host_gets_the_keys_of_its_own_processes_and_never_that_of_the_authority(folder: Path) -> None:
@@ -134,6 +134,7 @@ def test_a_router_is_believed_at_the_addresses_where_it_listens(folder: Path) ->
     found = certificates.read((router_folder(folder, "") / "certificate.pem").read_bytes())
     assert found.addresses == {"10.0.0.1", "127.0.0.1"}
     moved = network(router="tls/10.0.0.9:20000")
+    assert "is not for 10.0.0.9" in troubles(moved, folder, NOW)[0][0]
     assert {each.what for each in made(moved, folder) if each.is_new} == {"certificate of router@"}
 
 

@@ -16,8 +16,9 @@ from robocomp_py.deploy.agents import Agent, Listener, Usage
 from robocomp_py.deploy.plan import Host, Link, Plan
 from robocomp_py.deploy.policy import Escalation, Restart, RestartRequested, State, StopRequested, When
 from robocomp_py.deploy.process import Process
-from robocomp_py.deploy.run import Display, Options, run_plan
+from robocomp_py.deploy.run import Options, run_plan
 from robocomp_py.deploy.snapshot import Meter, Network, ProcessStatus
+from robocomp_py.deploy.telling import Display
 from robocomp_py.errors import DeploymentError, HostUnreachable
 from robocomp_py.testing.patience import SOON
 
@@ -257,13 +258,8 @@ def test_a_further_ctrl_c_kills_what_is_left(first: int) -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_that_is_sent_twice_cuts_no_grace_short(number: int) -> None:
-    def later(listener: Listener, name: str) -> None:
-        os.kill(os.getpid(), number)
-        asyncio.get_running_loop().call_later(0.05, listener.exited, name, 0)
-
-    script = {"start laser": [both(ready, interrupted(number))], "stop laser": [later]}
-    scene = Scene(plan(process("laser")), Told(), script)
-    assert "kill laser" not in scene.did
+    scene = Scene(plan(process("laser")), Told(), {"start laser": [both(ready, interrupted(number, number))]})
+    assert scene.did[-2:] == ["stop laser", "close"]
 
 
 def test_nobody_is_started_whose_turn_comes_after_the_beginning_of_the_end() -> None:
@@ -445,6 +441,10 @@ def test_a_snapshot_shows_how_a_process_is() -> None:
     assert over.processes[0].pid is None
 
 
+def soon(*deeds: Callable[[], None]) -> None:
+    asyncio.get_running_loop().call_soon(both_of(*deeds))
+
+
 def both_of(*deeds: Callable[[], None]) -> Callable[[], None]:
     def act() -> None:
         for deed in deeds:
@@ -456,9 +456,7 @@ def both_of(*deeds: Callable[[], None]) -> Callable[[], None]:
 def test_a_snapshot_tells_when_something_is_started_again_and_why() -> None:
     visitor = Visitor()
     patient = Restart(When.ON_FAILURE, delay=50.0, max_delay=50.0)
-    told = Told(
-        on={"started again": lambda: asyncio.get_running_loop().call_soon(both_of(visitor.come, interrupt)) and None}
-    )
+    told = Told(on={"started again": lambda: soon(visitor.come, interrupt)})
     Scene(plan(process("laser", restart=patient)), told, {"start laser": [both(ready, exits(3))]}, services=[visitor])
     (seen,) = visitor.seen
     assert seen.state is State.RESTARTING

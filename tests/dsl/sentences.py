@@ -18,6 +18,7 @@ WORDS = {
     "NUMBER": ["0", "-1.5", "1e3"],
     "LANGUAGE": ["python", "Cpp11"],
     "ADDRESS": ["::1", "10.0.0.1"],
+    "WHOLE": ["left/arm", "/arm", "/a/b/c"],
 }
 """Of each kind of word that is no keyword, some."""
 

@@ -461,8 +461,8 @@ arm.pdsl:2:17: error[bad-default]: 5 is not from 0 to 2
         "net.ddsl",
         "Deployment net { Component arm { dependence leg; }; Component leg { }; };",
         """\
-net.ddsl:1:34: error[syntax]: unexpected `dependence`; expected `args`, `config`, `dependences`, `env`, `ip`, \
-`middleware`, `path`, `port` or …
+net.ddsl:1:34: error[syntax]: unexpected `dependence`; expected `args`, `config`, `dependences`, `env`, \
+`existing`, `grace`, `host`, `ip` or …
     Deployment net { Component arm { dependence leg; }; Component leg { }; };
                                      ^^^^^^^^^^
     did you mean `dependences`?""",

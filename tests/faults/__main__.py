@@ -9,11 +9,11 @@ import time
 import traceback
 from collections.abc import Iterable, Sequence
 
-from . import calls, report, topics
+from . import calls, network, report, surroundings, topics
 from . import frames as about_frames
 from .rows import Row, Run
 
-ROWS: list[Row] = [*calls.ROWS, *topics.ROWS, *about_frames.ROWS]
+ROWS: list[Row] = [*calls.ROWS, *topics.ROWS, *about_frames.ROWS, *surroundings.ROWS, *network.ROWS]
 
 _REDUCED = 0.06
 """How long a few rounds take, of the whole row."""

@@ -9,6 +9,7 @@ it writes to its journal, not to the socket: so it is there after `kill -9`.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import logging
 import os
@@ -51,7 +52,8 @@ class Actor:
         self._work: dict[str, threading.Thread] = {}
         self._stop: dict[str, threading.Event] = {}
         self._said: dict[str, Any] = {}
-        self._published = 0
+        self._published = self._asked = 0
+        self._numbers = itertools.count(1)
 
     # Servers.
 
@@ -65,7 +67,8 @@ class Actor:
                 return Reply(Status.FAILED)
             reply = Reply(Status.OK, blob(self.transport, self.name.encode()))
             if not later:
-                time.sleep(pause)
+                if pause:
+                    time.sleep(pause)
                 return reply
             promise: Future[Reply] = Future()
             threading.Timer(pause, promise.set_result, [reply]).start()
@@ -77,7 +80,8 @@ class Actor:
         def sink(payload: Payload) -> None:
             with contextlib.suppress(DecodeError):
                 self._note_executed(payload)
-            time.sleep(pause)
+            if pause:
+                time.sleep(pause)
 
         self._links[channel] = self.transport.inlet(command(channel), sink)
 
@@ -109,7 +113,8 @@ class Actor:
         self._repeat(channel, calls, pace, kind, deadline, ask)
 
     def command(self, channel: str, calls: int, deadline: float = 5.0, pace: float = 0.0, size: int = 0) -> None:
-        outlet = self._links[channel] = self.transport.outlet(command(channel))
+        outlet: Outlet = self._links.get(channel) or self.transport.outlet(command(channel))
+        self._links[channel] = outlet
 
         def send(call: str) -> tuple[str, str]:
             outlet.send(_message(self.transport, call, size), deadline)
@@ -130,7 +135,8 @@ class Actor:
             number = 0
             while number < calls and not stop.is_set():
                 number += 1
-                call = f"{self.name}.{channel}.{number}"
+                self._asked = next(self._numbers)
+                call = f"{self.name}.{channel}.{self._asked}"
                 self.journal.note(Asked(call, kind, deadline, time.monotonic()))
                 try:
                     outcome, server = do(call)
@@ -141,6 +147,10 @@ class Actor:
             return number
 
         self._begin(channel, work)
+
+    def asked(self) -> int:
+        """How many calls and commands there were."""
+        return self._asked
 
     # Topics.
 
@@ -225,6 +235,9 @@ class Actor:
         if count:
             self.journal.note(Counted(self.name, stats.lost + stats.dropped + stats.expired + stats.malformed))
         return asdict(stats)
+
+    def clock(self) -> float:
+        return time.time()
 
     def usage(self) -> dict[str, int]:
         status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())

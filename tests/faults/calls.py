@@ -25,7 +25,7 @@ _SLOW = ("dds",)
 
 
 def _killed(run: Run) -> Result:
-    kills = run.rounds(1000, 12)
+    kills = run.rounds(1100, 12)  # some come just after the answer
     lanes = (16 if run.full else 4) if run.transport in _SLOW else 4
     with run.laboratory() as laboratory:
         with ThreadPoolExecutor(lanes) as pool:
@@ -62,7 +62,8 @@ def _kill_again_and_again(laboratory: Laboratory, seed: int, lane: int, kills: i
     server = _serving(laboratory, f"s{lane}.0", channel, idempotent)
     client.ask(channel=channel, calls=10**9, idempotent=idempotent, how=how)
     for number in range(1, kills + 1):
-        for _ in range(2):  # the first one may have been asked before: it is to be answered now
+        # The first one may have been asked before: it is to be answered now. One in ten may be asked again.
+        for _ in range(12 if idempotent else 2):
             _wait_for_a_call(laboratory, server)
         time.sleep(chance.uniform(0.0, 0.75 * _PAUSE))
         server.kill()

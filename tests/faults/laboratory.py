@@ -36,7 +36,7 @@ class Laboratory:
         self.transport, self.options = transport, dict(options or {})
         self.folder = Path(tempfile.mkdtemp(prefix="rcf-", dir="/tmp"))
         self._nurseries: dict[tuple[str, ...], subprocess.Popen[str]] = {}
-        self._prefix = prefix
+        self.prefix = prefix
         self._actors: list[Remote] = []
         self._count = 0
         self._starting = threading.Lock()
@@ -57,9 +57,7 @@ class Laboratory:
 
     def __exit__(self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None) -> None:
         with self._undo:
-            for actor in self._actors:
-                if actor.alive():
-                    actor.kill()
+            self.kill_all()
             for nursery in self._nurseries.values():
                 assert nursery.stdin
                 nursery.stdin.close()
@@ -86,7 +84,6 @@ class Laboratory:
         with socket.socket(socket.AF_UNIX) as listener:
             listener.bind(str(control))
             listener.listen()
-            listener.settimeout(PATIENCE)
             spec = {
                 "name": name,
                 "transport": self.transport,
@@ -96,16 +93,36 @@ class Laboratory:
                 "log": str(self.folder / f"{name}.log"),
                 "environment": {"ROBOCOMP_RUNTIME_DIR": str(self.folder / run), **(environment or {})},
             }
-            pid = self._fork(self._prefix if prefix is None else prefix, spec)
-            try:
-                connection, _ = listener.accept()
-            except TimeoutError:
-                raise RuntimeError(f"{name} did not start:\n{self.log(name)}") from None
+            pid = self._fork(self.prefix if prefix is None else prefix, spec)
+            connection = self._accepted(listener, pid, name)
         control.unlink()
         actor = Remote(self, name, pid, connection, Path(spec["journal"]))
         self._actors.append(actor)
         actor.hear()
         return actor
+
+    def _accepted(self, listener: socket.socket, pid: int, name: str) -> socket.socket:
+        """Its connection; raises RuntimeError if it ends before it makes one."""
+        listener.settimeout(0.5)
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
+            with contextlib.suppress(TimeoutError):
+                return listener.accept()[0]
+            if _began(pid) != self.began(pid):
+                break
+        raise RuntimeError(f"{name} did not start:\n{self.log(name)}")
+
+    def try_to_start(self, name: str) -> Remote | None:
+        """The same, where that may fail."""
+        try:
+            return self.start(name)
+        except RuntimeError:
+            return None
+
+    def kill_all(self) -> None:
+        for actor in self._actors:
+            if actor.alive():
+                actor.kill()
 
     def done(self, what: str, whom: str) -> float:
         at = time.monotonic()
@@ -118,6 +135,10 @@ class Laboratory:
     def log(self, name: str) -> str:
         path = self.folder / f"{name}.log"
         return path.read_text() if path.exists() else ""
+
+    def history(self) -> list[Event]:
+        """What happened until now."""
+        return read(self.folder)
 
     def end(self) -> list[Event]:
         """Have all end, as they should; what happened, with those who are there nevertheless."""

@@ -24,14 +24,14 @@ def _flooded(run: Run) -> Result:
         subscribers["quick"].subscribe(channel=_CHANNEL, depth=1000)
         subscribers["slow"].subscribe(channel=_CHANNEL, depth=8, pause=0.005)
         subscribers["stopped"].subscribe(channel=_CHANNEL, depth=8)
-        _greet(publisher, subscribers.values())
+        greet(publisher, subscribers.values())
         before = {name: each.usage()["memory"] for name, each in {"p": publisher, **subscribers}.items()}
         subscribers["stopped"].freeze()
         # at a pace that the quick one can follow, and a hundred times what the slow one can
         publisher.publish(channel=_CHANNEL, count=count, pace=0.001, size=_SIZE)
         paced = publisher.wait(channel=_CHANNEL, timeout=count * 0.05)
         run.tell("the quick one is to lose nothing until here")
-        until(lambda: _last(laboratory, subscribers["quick"]) == publisher.sent(), 20.0, "the quick one hears all")
+        until(lambda: last_heard(laboratory, subscribers["quick"]) == publisher.sent(), 20.0, "the quick one hears all")
         quick = subscribers["quick"].stats(channel=_CHANNEL)
         publisher.publish(channel=_CHANNEL, count=count, pace=0.0, size=_SIZE)
         publisher.wait(channel=_CHANNEL, timeout=300.0)
@@ -52,7 +52,7 @@ def _flooded(run: Run) -> Result:
     return Result(figures, check(history))
 
 
-def _greet(publisher: Remote, subscribers: object) -> None:
+def greet(publisher: Remote, subscribers: object) -> None:
     """Until all hear it."""
     publisher.publish(channel=_CHANNEL, count=10**9, pace=0.02)
     for each in subscribers:  # type: ignore[attr-defined]
@@ -65,12 +65,12 @@ def _until_quiet(laboratory: Laboratory, publisher: Remote, subscribers: list[Re
     publisher.publish(channel=_CHANNEL, count=10**9, pace=0.05)
     mark = publisher.sent()
     for each in subscribers:
-        until(lambda each=each: _last(laboratory, each) > mark, 60.0, f"{each.name} hears the newest")  # type: ignore[misc]
+        until(lambda each=each: last_heard(laboratory, each) > mark, 60.0, f"{each.name} hears the newest")  # type: ignore[misc]
     publisher.stop(channel=_CHANNEL)
-    until(lambda: all(_last(laboratory, each) == publisher.sent() for each in subscribers), 20.0, "all hear the last")
+    until(lambda: all(last_heard(laboratory, each) == publisher.sent() for each in subscribers), 20.0, "all hear the last")
 
 
-def _last(laboratory: Laboratory, subscriber: Remote) -> int:
+def last_heard(laboratory: Laboratory, subscriber: Remote) -> int:
     """The number of the message that it heard last."""
     with subscriber.journal.open("rb") as journal:
         journal.seek(max(0, journal.seek(0, 2) - 400))

@@ -88,6 +88,7 @@ NOT_FIXABLE = {
     "ineffective-ip",
     "ineffective-option",
     "ineffective-qos",
+    "insecure",
     "leaves-end-state",
     "middleware-mismatch",
     "no-initial-state",

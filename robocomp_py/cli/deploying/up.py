@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..common import FINE, USAGE, complain
+from .guarding import add_guards, guarded
 from .planning import add_network, planned
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ def add_options(to: argparse.ArgumentParser) -> None:
     )
     to.add_argument("--until", metavar="INSTANCE", help="stop everything when this one ends")
     to.add_argument("--detach", action="store_true", help="end when everything is ready, and leave the network running")
+    add_guards(to)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -64,7 +66,8 @@ def _run(options: argparse.Namespace, parent: Parent | None = None) -> int:
         return USAGE
     if not plan.processes:
         return FINE
-    return _up(plan, options, parent)
+    plan = guarded(plan, options)
+    return plan if isinstance(plan, int) else _up(plan, options, parent)
 
 
 def _up(plan: Plan, options: argparse.Namespace, parent: Parent | None) -> int:

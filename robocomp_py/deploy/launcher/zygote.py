@@ -19,7 +19,6 @@ import importlib
 import io
 import json
 import os
-import runpy
 import signal
 import socket
 import sys
@@ -27,6 +26,7 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
+from ... import installed
 from ...errors import ConfigurationError
 from ...transports.base import find_transport
 from .birth import PADDING, Birth, lifeline_of_its_own
@@ -34,10 +34,10 @@ from .birth import PADDING, Birth, lifeline_of_its_own
 PROGRAM = "robocomp_py.cli.rc"
 
 _NEEDED = (
-    *(f"robocomp_py.cli.{name}" for name in ("common", "fmt", "graph", "links", "lint", "lsp", "run")),
+    *(PROGRAM, "robocomp_py.cli.run"),
     *(f"robocomp_py.runtime.{name}" for name in ("api", "document", "load", "run", "together")),
+    "encodings.utf_8_sig",
     "numpy.random",
-    "runpy",
 )
 """What `rc run` and components import."""
 
@@ -59,9 +59,10 @@ def main() -> None:
             find_transport(name)
     gc.collect()
     gc.freeze()  # what is there now is not looked at, and so stays shared
-    request = serve(channel, lifeline)
-    if request is not None:
-        become(request)
+    with installed.asked_once():  # what is installed is looked up here, for all
+        request = serve(channel, lifeline)
+        if request is not None:
+            become(request)
 
 
 def serve(channel: socket.socket, lifeline: int) -> Mapping[str, Any] | None:
@@ -130,13 +131,15 @@ def become(request: Mapping[str, Any]) -> None:
         print(f"{request['cwd']}: {exc.strerror}", file=sys.stderr)
         raise SystemExit(1) from None
     os.environ.update(request["env"], WATCHDOG_PID=str(os.getpid()))
-    sys.argv = [PROGRAM, *arguments]  # runpy puts the file there
+    sys.argv = [str(importlib.import_module(PROGRAM).__file__), *arguments]
     sys.path.insert(0, request["cwd"])
     signal.signal(signal.SIGINT, signal.default_int_handler)
     if "numpy.random" in sys.modules:
         sys.modules["numpy.random"].seed()
     _show([sys.executable, "-m", PROGRAM, *arguments], request["name"])
-    runpy.run_module(PROGRAM, run_name="__main__", alter_sys=True)
+    program = importlib.import_module(PROGRAM)
+    program.__name__, sys.modules["__main__"] = "__main__", program
+    raise SystemExit(program.main())
 
 
 def _renew_output() -> None:

@@ -61,6 +61,10 @@ def _function(name: str, *arguments: Any) -> Callable[..., int]:
     return function  # type: ignore[no-any-return]  # ctypes' functions have no signature
 
 
+_FATAL, _ERROR = 1, 2
+library.dds_set_log_mask.argtypes, library.dds_set_log_mask.restype = (ctypes.c_uint32,), None
+library.dds_set_log_mask(_FATAL | _ERROR)  # it warns of every packet that is none, and there may be no end of them
+
 _int, _handles = ctypes.c_int32, ctypes.POINTER(ctypes.c_uint64)
 dds_delete = _function("dds_delete", _int)
 dds_write = _function("dds_write", _int, ctypes.c_void_p)

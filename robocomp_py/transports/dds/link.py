@@ -26,6 +26,7 @@ from ..base import (
     mismatch,
     step_aside,
 )
+from ..sparing import Sparing
 from .endpoints import Endpoint, user_data
 from .library import BLOCKING_MS
 
@@ -121,6 +122,7 @@ class Link:
         self._closing = threading.Lock()
         self._looking = threading.RLock()
         self._reported: set[object] = set()
+        self._telling = Sparing()
 
     def open(self) -> None:
         """Make what is needed."""
@@ -212,7 +214,8 @@ class Link:
     def report_mismatch(self, who: object, other: TypeRef) -> None:
         if who not in self._reported and len(self._reported) < STRANGERS:
             self._reported.add(who)
-            log.error("%s", mismatch(self.channel, other))
+            if self._telling.may_tell():
+                log.error("%s", mismatch(self.channel, other))
             self.stats.mismatched += 1  # at last: who sees the count finds the reason in the log
 
     def malformed(self, why: object) -> None:

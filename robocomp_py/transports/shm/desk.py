@@ -12,6 +12,7 @@ from ...errors import Closed, DecodeError, TransportError
 from ...wire.header import NO_DEADLINE, Flag, Request, pack_reply, reply_at, request_at
 from ..base import Reply, Status
 from ..crew import Job
+from ..sparing import Sparing
 from .mail import KNOCK, Mailbox, Post, packed, persist, unpacked
 from .samples import HEAD_BYTES, Message, size_of
 
@@ -39,6 +40,7 @@ class Desk:
         self._posts: dict[tuple[int, int], Post] = {}
         self._lock = threading.Lock()
         self._closed = threading.Event()
+        self._telling = Sparing()
         self._told = False
         """Whether it was said that there are malformed letters."""
 
@@ -64,8 +66,9 @@ class Desk:
             if not post.send(0, 0, header, payload, size):
                 send = partial(post.send, 0, 0, header, payload, size)
                 self._transport.do(partial(self._insist, send, member, min(expires, time.monotonic() + INSISTING)))
-        except TransportError:
-            log.exception("a reply could not be sent")
+        except TransportError as exc:
+            if self._telling.may_tell():
+                log.error("a reply could not be sent: %s", exc)
             if reply.status is not Status.FAILED and not self._closed.is_set():
                 self.reply(member, line, request, expires, Reply(Status.FAILED))
 

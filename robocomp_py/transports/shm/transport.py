@@ -207,6 +207,9 @@ class ShmTransport(Announcing):
     def wake(self) -> None:
         self._loop.wake()
 
+    def look_soon(self) -> None:
+        self._loop.wake()
+
     def do(self, job: Job) -> None:
         """Have the crew run this."""
         self._loop.do(job)
@@ -240,7 +243,7 @@ class ShmTransport(Announcing):
             self._known = -1  # publishers let go of readers that are gone when they look who is there
         if self._bury_at:
             waits.append(max(0.0, self._bury_at - time.monotonic()))
-        usual = IDLE_TICK if self._watch.working and self._known == version else TICK
+        usual = IDLE_TICK if self._watch.working and self._known == version else max(TICK, self.directory.pause)
         return min([usual, *waits])
 
     def _forget_the_gone(self) -> None:

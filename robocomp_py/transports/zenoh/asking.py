@@ -198,7 +198,7 @@ class Caller(Asking):
         """Of each question the link that it was put to."""
 
     def address(self, server: Token) -> str:
-        return self.transport.address("rc_to", server.link)
+        return self.transport.requests(server.link, server.channel)
 
     def question(self, payload: Payload) -> _Question:
         """What is asked under one number, however often."""

@@ -25,6 +25,7 @@ from ..base import (
 from ..crew import STUCK, Lane
 from ..exclusive import Claim
 from ..ledger import Ledger
+from ..sparing import Sparing
 from .messages import Inbox, Message, direct
 from .table import Token
 
@@ -62,6 +63,7 @@ class Link:
         self._claim: Claim | None = None
         self._declared: list[Any] = []
         self._reported: set[int] = set()
+        self._telling = Sparing()
         self._texts: dict[int, str] = {}
 
     def open(self) -> None:
@@ -179,7 +181,8 @@ class Link:
             if link in self._reported or len(self._reported) >= STRANGERS:
                 return
             self._reported.add(link)
-        log.error("%s", mismatch(self.channel, self._type_of(link, fingerprint)))
+        if self._telling.may_tell():
+            log.error("%s", mismatch(self.channel, self._type_of(link, fingerprint)))
         self.stats.mismatched += 1
 
     def meet_stranger(self, link: int, fingerprint: int) -> None:

@@ -95,7 +95,7 @@ class Server(Link):
 
     def open(self) -> None:
         self._claim = _claim(self)
-        session, mine = self.transport.session, self.transport.address("rc_to", self.id)
+        session, mine = self.transport.session, self.transport.requests(self.id, self.channel.name)
         self.declare(session.declare_subscriber(mine, direct(self._hear)))
         self.declare(session.declare_queryable(self.key, direct(self._hear), complete=True))
 

@@ -275,7 +275,7 @@ class Subscriber(Link):
             self.transport.do(partial(self._fetch, source))
 
     def _fetch(self, source: int) -> None:
-        missed = self.transport.inquire(source, "history")
+        missed = self.transport.inquire(source, "history", self._channels.get(source, self.channel.name))
 
         def all_of_it() -> list[Any]:
             self._caught_up.add(source)

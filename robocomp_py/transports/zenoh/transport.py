@@ -86,6 +86,7 @@ class ZenohTransport:
         self.table = Table()
         keys = checked(config.options.get("keys", "")) if connect.startswith("tls/") else None
         self._id, self._numbers = secrets.randbits(40), itertools.count(1)
+        self._keyed = keys is not None
         if keys:  # the router's rules name its links by its number
             self._id = number(keys) << (40 - NUMBER_BITS) | secrets.randbits(40 - NUMBER_BITS)
         self._links: dict[int, Link] = {}
@@ -170,9 +171,16 @@ class ZenohTransport:
         """The key of that kind at which a link is reached."""
         return f"{kind}/{self.domain}/{link >> 24:010x}/{link & 0xFFFFFF:06x}"
 
-    def inquire(self, link: int, what: str) -> list[Message]:
-        """What another link answers; nothing, if it has gone or is too busy."""
+    def requests(self, link: int, channel: str) -> str:
+        """The key at which a server takes requests. A router that knows who may use what looks at the channel."""
+        address = self.address("rc_to", link)
+        return f"{address}/{channel}" if self._keyed else address
+
+    def inquire(self, link: int, what: str, channel: str = "") -> list[Message]:
+        """What another link answers; nothing, if it has gone or is too busy. `channel` is its own, unless all may ask."""
         key = f"{self.address('rc_ask', link)}/{what}"
+        if self._keyed and channel:
+            key = f"{key}/{channel}"
         with contextlib.suppress(zenoh.ZError):
             replies = self.session.get(
                 key, timeout=INQUIRY, cancellation_token=self._giving_up, consolidation=NO_CONSOLIDATION
@@ -222,7 +230,7 @@ class ZenohTransport:
     def _join(self) -> None:
         session, mine = self.session, f"{self._id:010x}"
         session.declare_subscriber(self.key("rc_ack", mine, "*"), direct(self._on_ack))
-        session.declare_queryable(self.key("rc_ask", mine, "*", "*"), direct(self._on_inquiry), complete=True)
+        session.declare_queryable(self.key("rc_ask", mine, "*", "*", "**"), direct(self._on_inquiry), complete=True)
         everybody = self.key("rc_lv", "**")
         session.liveliness().declare_subscriber(everybody, direct(self._on_token), history=True)
         for _ in session.liveliness().get(everybody, timeout=INQUIRY):
@@ -267,8 +275,10 @@ class ZenohTransport:
 
     def _answer(self) -> None:
         query = self._inquiries.get()
-        *_, number, what = str(query.key_expr).split("/")
+        _, _, _, number, what, *channel = str(query.key_expr).split("/")
         link = self._meant(number)
+        if link and self._keyed and what != "text" and "/".join(channel) != link.channel.name:
+            link = None  # what was asked for by a right to something else
         with contextlib.suppress(zenoh.ZError), contextlib.closing(Query(query)) as asked:
             for header, payload in link.answer(what) if link else ():
                 asked.reply(header, payload)

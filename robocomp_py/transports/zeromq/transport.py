@@ -36,7 +36,7 @@ from ..base import (
     options_of,
 )
 from ..crew import Crew, Job
-from ..directory import Entry, Member, runtime_dir
+from ..directory import Directory, Entry, Member, runtime_dir
 from ..inotify import FolderWatch
 from ..memory import keep_memory
 from ..served import CommandInlet, Server, ServingLink
@@ -105,8 +105,9 @@ class ZeroMQTransport(Announcing):
         self._watch = FolderWatch(self.folder)
         keep_memory()
         self.context = zmq.Context()
+        self._changes = _Changes(self._watch, self._loop, self.directory)
         if self._watch.fileno >= 0:
-            self._loop.add(_Changes(self._watch, self._loop))
+            self._loop.add(self._changes)
         self._inquirers: list[Inquirer] = []
         try:
             for name, address in connect.items():
@@ -354,13 +355,18 @@ class ZeroMQTransport(Announcing):
 
     def _open(self, link: L) -> L:
         super()._open(link)
-        self._loop.wake()
+        if not self.gathers:
+            self._loop.wake()
         return link
+
+    def look_soon(self) -> None:
+        self._loop.wake()
 
     def _tick(self) -> float:
         """Do what is due; seconds until the next time."""
         if not self._watch.working:
             self._watch.renew()
+        self._changes.hear()
         if self.directory.has_far_ones:
             self.directory.lose(lambda _: False)
         version = self.directory.version()
@@ -371,7 +377,7 @@ class ZeroMQTransport(Announcing):
         waits = self._look_after(version)
         waits += [inquirer.tick() for inquirer in self._inquirers]
         waits += [SILENT / 4] if self.directory.has_far_ones else []
-        usual = IDLE_TICK if self._watch.working and self._known == version else TICK
+        usual = IDLE_TICK if self._watch.working and self._known == version else max(TICK, self.directory.pause)
         return min([usual, *waits])
 
 
@@ -380,13 +386,23 @@ class _Changes:
 
     awaited = False
 
-    def __init__(self, watch: FolderWatch, loop: Loop) -> None:
-        self.fileno, self._watch, self._loop = watch.fileno, watch, loop
+    def __init__(self, watch: FolderWatch, loop: Loop, directory: Directory) -> None:
+        self.fileno, self._watch, self._loop, self._directory = watch.fileno, watch, loop, directory
+        self._deaf = False
 
     def on_input(self, _: object) -> list[Job]:
-        self._watch.read()
-        self._loop.within(_MOMENT)
+        if self._watch.read():
+            self._loop.within(max(_MOMENT, self._directory.pause))
+            if self._directory.pause:  # so many are here that being told of each would be too much
+                self._loop.mute(self)
+                self._deaf = True
         return []
+
+    def hear(self) -> None:
+        """Attend to it again. Called at each tick."""
+        if self._deaf:
+            self._deaf = False
+            self._loop.add(self)
 
     def look(self) -> None:
         """Nothing is missed."""

@@ -1,0 +1,206 @@
+"""What people are told of a network that runs, in sentences: what happened, and what comes of it."""
+
+from __future__ import annotations
+
+import signal
+from collections import deque
+from collections.abc import Collection, Mapping, Sequence
+from typing import Protocol
+
+from .plan import Plan
+from .policy import (
+    Action,
+    Along,
+    Back,
+    Event,
+    Exited,
+    GaveUp,
+    Hung,
+    Kill,
+    Left,
+    Lost,
+    Ready,
+    RestartRequested,
+    Retry,
+    Start,
+    State,
+    StopRequested,
+    Stuck,
+    Supervisor,
+    Tick,
+)
+
+LAST_LINES = 20
+
+
+class Display(Protocol):
+    """Where people look."""
+
+    def line(self, name: str, text: str) -> None:
+        """A line of a component's output."""
+
+    def states(self, states: dict[str, State]) -> None:
+        """How all are, after a change."""
+
+    def up(self) -> None:
+        """Everything is ready."""
+
+    def waiting(self, whom: list[str]) -> None:
+        """Some are not ready yet: who, and why if that is known."""
+
+    def ended(self, name: str, how: str) -> None:
+        """A component is gone, which is worth a word, but nothing is wrong with it."""
+
+    def failed(self, name: str, how: str, last: list[str]) -> None:
+        """A component failed, and what comes of that; its last lines."""
+
+    def tell(self, text: str) -> None:
+        """What happens to the network otherwise."""
+
+    def stopping(self, why: str) -> None: ...
+
+
+class Teller:
+    """Says it on a display. What it remembers of each process is there for whoever asks, too."""
+
+    def __init__(self, plan: Plan, until: str | None, supervisor: Supervisor, display: Display) -> None:
+        self._plan, self._until, self._supervisor, self._display = plan, until, supervisor, display
+        self._processes = {process.name: process for process in plan.processes}
+        self._lines: dict[str, deque[str]] = {name: deque(maxlen=LAST_LINES) for name in self._processes}
+        self._killed: dict[str, str] = {}
+        """Who was killed by us, and how to say so."""
+        self.statuses: dict[str, str] = {}
+        """What each says about itself."""
+        self.left: dict[str, list[str]] = {name: [] for name in self._processes}
+        """Those in a process that have ended while it goes on."""
+        self.how: dict[str, str] = {}
+        """How each ended last, and what comes of it."""
+
+    def line(self, name: str, text: str) -> None:
+        self._lines[name].append(text)
+        self._display.line(name, text)
+
+    def tell(self, event: Event, before: Mapping[str, State], was_stopping: bool, actions: Sequence[Action]) -> None:
+        """What an event has come to, of which the supervisor has been told."""
+        self._tell_event(event, before, was_stopping, actions)
+        if self._supervisor.stopping and not was_stopping:
+            self._display.stopping(self._supervisor.why)
+        for action in actions:
+            self._tell_action(action, is_late=isinstance(event, Tick))
+
+    def remind(self, unreachable: Collection[str]) -> list[str]:
+        """Say who is not ready yet. Returns what was said."""
+        found = self._supervisor.states.items()
+        waiting = [self._reason(name, unreachable) for name, state in found if state in _NOT_READY_YET]
+        if waiting:
+            self._display.waiting(waiting)
+        return waiting
+
+    def _tell_event(
+        self, event: Event, before: Mapping[str, State], was_stopping: bool, actions: Sequence[Action]
+    ) -> None:
+        match event:
+            case Exited(name, code):
+                next_step = "".join(self._next_step(each) for each in actions if getattr(each, "name", "") == name)
+                self._tell_exit(name, code, before[name], next_step)
+            case Left(instance):
+                if instance != self._until:
+                    self._display.ended(instance, "has ended")
+            case Ready(name):
+                if before[name] is State.STARTING and self._supervisor.progress[name].starts > 1:
+                    self._display.tell(f"{name} is ready again")
+            case Hung(name):
+                self._display.tell(f"{name} does not answer its watchdog, and is ended for that")
+            case Lost(host, why):
+                self._tell_lost(host, why, [name for name, state in before.items() if self._is_at(host, name, state)])
+            case Back(host):
+                self._display.tell(f"{host} is back")
+            case StopRequested(_, grace):
+                if was_stopping and grace == 0:
+                    self._display.stopping("killing what is left")
+            case RestartRequested() | Tick():
+                pass
+
+    def _tell_action(self, action: Action, is_late: bool) -> None:
+        match action:
+            case Start(name):
+                for kept in (self._lines[name], self.left[name]):
+                    kept.clear()
+                for texts in (self._killed, self.statuses):
+                    texts.pop(name, None)
+            case Kill(name):
+                late = f"did not stop within {self._supervisor.grace(name):g} s; killed"
+                self._killed[name] = late if is_late else "was killed"
+            case Along(names, sake, again):
+                verb = "are" if len(names) > 1 else "is"
+                reason = f"started again with {sake}" if again else f"stopped: {sake} has been given up"
+                if not again:
+                    self.how |= dict.fromkeys(names, reason)
+                self._display.tell(f"{', '.join(names)} {verb} {reason}")
+            case Stuck(name):
+                self._display.tell(f"{name} has been killed, and is still there; end it by hand")
+            case _:
+                pass  # it is seen, or was told with how somebody ended
+
+    def _tell_exit(self, name: str, code: int, was: State, next_step: str) -> None:
+        if was.gone:
+            return  # it was lost with its host, or took very long to end when it was killed
+        killed = self._killed.get(name) if code == -signal.SIGKILL else None
+        hung = "did not answer its watchdog; " if was is State.HUNG else ""
+        how = f"{hung}{killed or _how(code)}{next_step}"
+        state = self._supervisor.states[name]
+        if not (state is State.ENDED and self._supervisor.progress[name].is_dropped):  # why it did is known better
+            self.how[name] = how
+        is_mission = self._until in (name, *self._processes[name].instances)
+        is_cured = state in (State.WAITING, State.STARTING, State.RESTARTING)
+        if state is State.FAILED or (is_cured and (code or hung) and was is not State.STOPPING):
+            self._display.failed(name, how, list(self._lines[name]))
+        elif killed or (was is not State.STOPPING and not is_mission):
+            self._display.ended(name, how)
+
+    def _next_step(self, action: Action) -> str:
+        match action:
+            case Retry(_, seconds):
+                return f"; started again in {seconds:.1f} s" if seconds >= 0.05 else "; started again at once"
+            case GaveUp(name, restarts):
+                times = f"{restarts} restart{'' if restarts == 1 else 's'}"
+                return f"; given up after {times} in {self._processes[name].restart.period:g} s"
+            case _:
+                return ""
+
+    def _is_at(self, host: str, name: str, state: State) -> bool:
+        return self._processes[name].host == host and not state.gone
+
+    def _tell_lost(self, host: str, why: str, names: Sequence[str]) -> None:
+        self._display.tell(f"{host} is out of reach: {why}")
+        if not names:
+            return
+        gone = {instance for name in names for instance in self._processes[name].instances}
+        missed = dict.fromkeys(
+            f"{link.interface} of {link.provider} by {link.client}"
+            for link in self._plan.links
+            if link.provider in gone and link.client not in gone
+        )
+        self.how |= dict.fromkeys(names, f"lost with {host}")
+        self._display.tell(f"lost with it: {', '.join(names)}")
+        if missed:
+            self._display.tell(f"missed: {', '.join(missed)}")
+
+    def _reason(self, name: str, unreachable: Collection[str]) -> str:
+        states, process = self._supervisor.states, self._processes[name]
+        if states[name] is not State.WAITING:
+            return f"{name} ({self.statuses[name]})" if self.statuses.get(name) else name
+        if process.host in unreachable:
+            return f"{name} ({process.host} is out of reach)"
+        barred = self._supervisor.progress[name].barred
+        after = [each for each in process.after if states[each] is not State.READY and each not in barred]
+        return f"{name} (after {', '.join([*after, *(f'the end of {each}' for each in sorted(barred))])})"
+
+
+_NOT_READY_YET = (State.WAITING, State.STARTING)
+
+
+def _how(code: int) -> str:
+    if code < 0:
+        return f"was ended by signal {-code}"
+    return f"ended with exit code {code}" if code else "has ended"

@@ -1,0 +1,111 @@
+"""What a host is sent."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import io
+import os
+import subprocess
+import sys
+import tarfile
+from pathlib import Path
+
+import pytest
+
+from robocomp_py.deploy.hosts import bundle
+from robocomp_py.deploy.hosts.bundle import Content, collect, pack
+from robocomp_py.errors import DeploymentError
+
+
+@pytest.fixture
+def component(tmp_path: Path) -> Path:
+    folder = tmp_path / "laser"
+    (folder / "generic").mkdir(parents=True)
+    (folder / "specificworker.py").write_text("1\n")
+    (folder / "generic" / "genericworker.py").write_text("2\n")
+    return folder
+
+
+def members(packed: bytes) -> dict[str, tarfile.TarInfo]:
+    with tarfile.open(fileobj=io.BytesIO(gzip.decompress(packed))) as archive:
+        return {member.name: member for member in archive}
+
+
+def test_the_same_files_make_the_same_bundle_whenever_they_were_written(component: Path):
+    first = pack(collect({component: "files/laser"}))
+    os.utime(component / "specificworker.py", (1, 1))
+    assert pack(collect({component: "files/laser"})) == first
+
+
+def test_another_file_makes_another_bundle(component: Path):
+    first = pack(collect({component: "files/laser"}))
+    (component / "specificworker.py").write_text("3\n")
+    assert pack(collect({component: "files/laser"})).name != first.name
+
+
+def test_a_bundle_is_called_by_the_sha256_of_its_archive():
+    made = pack({"a": Content(b"b")})
+    assert made.name == hashlib.sha256(gzip.decompress(made.packed)).hexdigest()
+
+
+def test_files_are_for_their_user_alone(component: Path):
+    (component / "driver").write_text("#!/bin/sh\n")
+    (component / "driver").chmod(0o755)
+    found = members(pack(collect({component: "files/laser"})).packed)
+    assert {member.mode for member in found.values()} == {0o600, 0o700}
+    assert found["files/laser/driver"].mode == 0o700
+
+
+def test_folders_are_sent_whole_but_for_what_is_made_again(component: Path):
+    (component / "__pycache__").mkdir()
+    (component / "__pycache__" / "specificworker.pyc").write_bytes(b"")
+    found = {name for name in collect({component: "files/laser"}) if name.startswith("files/")}
+    assert found == {"files/laser/specificworker.py", "files/laser/generic/genericworker.py"}
+
+
+def test_links_are_followed_but_not_in_circles(component: Path, tmp_path: Path):
+    maps = tmp_path / "maps"
+    maps.mkdir()
+    (maps / "house.toml").write_text("")
+    (component / "maps").symlink_to(maps)
+    (component / "here").symlink_to(component)
+    found = collect({component: "files/laser"})
+    assert "files/laser/maps/house.toml" in found
+    assert not any("here" in name for name in found)
+
+
+def test_keys_are_sent_where_they_are_looked_for(tmp_path: Path):
+    (tmp_path / "key.pem").write_text("secret")
+    assert collect({}, {tmp_path / "key.pem": "key.pem"})["keys/key.pem"].data == b"secret"
+
+
+def test_what_is_too_large_is_not_sent(component: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(bundle, "LARGEST", 1_000_000)
+    (component / "world.bin").write_bytes(bytes(2_000_000))
+    with pytest.raises(DeploymentError, match=r"world\.bin"):
+        collect({component: "files/laser"})
+
+
+def test_what_cannot_be_read_is_named(tmp_path: Path):
+    with pytest.raises(DeploymentError, match="gone"):
+        collect({tmp_path / "gone": "files/gone"})
+
+
+def test_an_agent_and_components_run_from_a_bundle_alone(tmp_path: Path):
+    with tarfile.open(fileobj=io.BytesIO(gzip.decompress(pack(collect({})).packed))) as archive:
+        archive.extractall(tmp_path, filter="data")
+    code = """
+import sys
+for name in ("lark", "jinja2", "rich", "asyncssh", "pygls"):
+    sys.modules[name] = None                       # as if it were not installed
+import robocomp_py.cli.rc, robocomp_py.cli.run, robocomp_py.deploy.agent, robocomp_py.runtime.run
+import robocomp_py.deploy.launcher.keeper, robocomp_py.deploy.launcher.zygote
+from robocomp_py import installed
+assert robocomp_py.deploy.agent.__file__.startswith(sys.argv[1]), robocomp_py.deploy.agent.__file__
+print(*(entry.load().__name__ for name, entry in installed.transports().items() if name in ("inproc", "zeromq")))
+"""
+    command = [sys.executable, "-P", "-c", code, str(tmp_path)]
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True)
+    assert done.stdout == "InprocTransport ZeroMQTransport\n", done.stderr

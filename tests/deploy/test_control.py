@@ -1,0 +1,391 @@
+"""The socket at which a network is asked, from both ends; and who does not behave at it."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robocomp_py.deploy import client
+from robocomp_py.deploy.client import Connection, NotRunning, Stuck, lines, network_of, networks
+from robocomp_py.deploy.control import BEHIND, CLIENTS, LINE, MOST_LINES, Control, read_request
+from robocomp_py.deploy.place import Place
+from robocomp_py.deploy.policy import RestartRequested, State, StopRequested
+from robocomp_py.deploy.ring import Ring
+from robocomp_py.deploy.snapshot import HostStatus
+from robocomp_py.errors import DeploymentError, HostUnreachable
+from robocomp_py.testing.patience import SOON, wait_until
+
+from .networks import Standing, process, snapshot
+
+
+class Running:
+    """A network with a control socket, on an event loop in a thread of its own."""
+
+    def __init__(self, network: Standing, name: str = "home") -> None:
+        self.network, self.ring, self.place = network, Ring(), Place(name)
+        self.loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self.loop.run_forever)
+        self._thread.start()
+        self.place.take("a test")
+        self._control = Control(network, self.ring)
+        self.do(self._control.open(self.place.control))
+
+    def do(self, what: Any) -> Any:
+        return asyncio.run_coroutine_threadsafe(what, self.loop).result(SOON)
+
+    def call(self, deed: Callable[[], object]) -> None:
+        """Have something done on the loop."""
+
+        async def done() -> None:
+            deed()
+
+        self.do(done())
+
+    def write(self, name: str, *texts: str) -> None:
+        self.call(lambda: [self.ring.write(name, text) for text in texts])
+
+    def close(self) -> None:
+        self.do(self._control.close())
+        self.place.release()
+        self.loop.call_soon_threadsafe(self.loop.stop)
+        self._thread.join()
+        self.loop.close()
+
+
+@pytest.fixture
+def running() -> Iterator[Running]:
+    made = Running(Standing(process("laser"), process("left/arm"), process("left/wrist/joint", State.STARTING)))
+    yield made
+    made.close()
+
+
+def raw(running: Running) -> socket.socket:
+    made = socket.socket(socket.AF_UNIX)
+    made.settimeout(SOON)
+    made.connect(str(running.place.control))
+    return made
+
+
+def test_what_is_told_is_how_the_network_is(running: Running) -> None:
+    with Connection("home") as connection:
+        assert connection.status() == running.network.now
+
+
+def test_several_ask_at_a_time_and_each_as_often_as_they_like(running: Running) -> None:
+    with Connection("home") as one, Connection("home") as other:
+        for _ in range(3):
+            assert one.status() == other.status() == running.network.now
+
+
+def test_what_does_not_run_cannot_be_asked() -> None:
+    with pytest.raises(NotRunning, match="network `nowhere` is not running on this machine"):
+        Connection("nowhere")
+
+
+def test_who_runs_is_known_by_name(running: Running) -> None:
+    assert networks() == ["home"]
+
+
+def test_a_wish_to_stop_is_passed_on(running: Running) -> None:
+    with Connection("home") as connection:
+        connection.ask("down", grace=0.5)
+    [event] = running.network.asked
+    assert isinstance(event, StopRequested)
+    assert (event.code, event.grace) == (0, 0.5)
+
+
+def test_a_refusal_is_told_in_words(running: Running) -> None:
+    running.network.refusal = "home is stopping: nothing is started any more"
+    with Connection("home") as connection:
+        with pytest.raises(DeploymentError, match="nothing is started any more"):
+            connection.ask("restart", names=["laser"])
+        assert connection.status(), "who was refused may go on asking"
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        (b"", "a request is a JSON object on a line"),
+        (b"status", "a request is a JSON object on a line"),
+        (b"\xff\xfe", "a request is a JSON object on a line"),
+        (b"[" * 60000, "a request is a JSON object on a line"),
+        (b"[]", 'a request is a JSON object with a key "do"'),
+        (b'{"names": []}', 'a request is a JSON object with a key "do"'),
+        (b'{"do": 1}', '"do" of a request is a word'),
+        (b'{"do": "dance"}', "there is no request `dance`"),
+        (b'{"do": "status", "who": 1}', 'a request has no "who"; it may have: do, names, count, follow, grace'),
+        (b'{"do": "restart", "names": "laser"}', '"names" of a request is a list of names'),
+        (b'{"do": "restart", "names": [1]}', '"names" of a request is a list of names'),
+        (b'{"do": "down", "grace": -1}', '"grace" of a request is a number of seconds'),
+        (b'{"do": "down", "grace": NaN}', '"grace" of a request is a number of seconds'),
+        (b'{"do": "down", "grace": true}', '"grace" of a request is a number of seconds'),
+        (b'{"do": "logs", "count": 99999}', f'"count" of a request is a whole number up to {MOST_LINES}'),
+        (b'{"do": "logs", "names": ["lasr"]}', "unknown instance `lasr`; did you mean `laser`?"),
+    ],
+)
+def test_what_is_no_request_is_said_and_the_next_one_is_answered(running: Running, line: bytes, says: str) -> None:
+    with raw(running) as one, one.makefile("rb") as answers:
+        one.sendall(line + b'\n{"do": "status"}\n')
+        assert json.loads(answers.readline()) == {"error": says}
+        assert "status" in json.loads(answers.readline())
+
+
+def test_an_endless_request_is_refused(running: Running) -> None:
+    with raw(running) as one, one.makefile("rb") as answers:
+        one.sendall(b"x" * (2 * LINE))
+        assert json.loads(answers.readline()) == {"error": f"a request has at most {LINE} bytes"}
+        assert answers.readline() == b""
+
+
+def test_a_request_may_come_in_pieces(running: Running) -> None:
+    with raw(running) as one, one.makefile("rb") as answers:
+        for byte in b'{"do": "status"}\n':
+            one.sendall(bytes([byte]))
+        assert "status" in json.loads(answers.readline())
+
+
+def test_who_says_nothing_keeps_nobody_from_asking(running: Running) -> None:
+    silent = [raw(running) for _ in range(CLIENTS + 5)]
+    try:
+        with Connection("home") as connection:
+            assert connection.status()
+        assert silent[0].recv(1) == b"", "who has been silent for longest had to go"
+    finally:
+        for each in silent:
+            each.close()
+
+
+def test_who_does_not_read_what_was_asked_for_is_disconnected(
+    running: Running, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("robocomp_py.deploy.control.SLOW_S", 0.1)
+    running.write("laser", *("x" * 4096 for _ in range(16)))
+    with raw(running) as one:
+        one.sendall(b'{"do": "logs", "count": 16}\n' * 100)
+        with Connection("home") as other:
+            assert other.status(), "others are answered meanwhile"
+        wait_until(lambda: is_cut(one))
+
+
+def is_cut(one: socket.socket) -> bool:
+    try:
+        one.send(b"\n", socket.MSG_DONTWAIT)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+    return False
+
+
+def test_a_socket_that_a_killed_network_left_is_in_nobodys_way() -> None:
+    place = Place("killed")
+    place.folder.mkdir(mode=0o700, parents=True)
+    with socket.socket(socket.AF_UNIX) as left:
+        left.bind(str(place.control))
+    with pytest.raises(NotRunning):
+        Connection("killed")
+    again = Running(Standing(process("laser")), "killed")
+    try:
+        with Connection("killed") as connection:
+            assert connection.status()
+    finally:
+        again.close()
+    assert not place.folder.exists()
+
+
+def test_a_runtime_folder_may_have_a_long_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / ("long" * 30)
+    folder.mkdir(mode=0o700)
+    monkeypatch.setenv("ROBOCOMP_RUNTIME_DIR", str(folder))
+    far = Running(Standing(process("laser")))
+    try:
+        with Connection("home") as connection:
+            assert connection.status()
+    finally:
+        far.close()
+
+
+# Logs.
+
+
+def test_the_last_lines_are_told_in_the_order_in_which_they_came(running: Running) -> None:
+    running.write("laser", "one", "two")
+    running.write("left/arm", "three")
+    running.write("laser", "four")
+    last = [("laser", "two"), ("left/arm", "three"), ("laser", "four")]
+    with Connection("home") as connection:
+        assert list(lines(connection, [], 3, follow=False)) == last
+        assert list(lines(connection, ["left"], 10, follow=False)) == [("left/arm", "three")]
+        assert list(lines(connection, [], 0, follow=False)) == []
+
+
+def test_the_deployer_has_lines_of_its_own(running: Running) -> None:
+    running.write("laser", "one")
+    running.write("rcdeploy", "all are ready")
+    with Connection("home") as connection:
+        assert list(lines(connection, ["rcdeploy"], 10, follow=False)) == [("rcdeploy", "all are ready")]
+
+
+def test_who_follows_is_told_what_comes_until_the_network_ends() -> None:
+    brief = Running(Standing(process("laser"), process("arm")), "brief")
+    brief.write("laser", "before")
+    with Connection("brief") as connection:
+        following = lines(connection, ["laser"], 10, follow=True)
+        assert next(following) == ("laser", "before")
+        brief.write("arm", "of somebody else")
+        brief.write("laser", "after")
+        assert next(following) == ("laser", "after")
+        brief.close()
+        assert list(following) == []
+
+
+def test_who_cannot_keep_up_is_told_how_much_was_lost(running: Running) -> None:
+    with Connection("home") as connection:
+        running.write("laser", "before")
+        following = lines(connection, [], 1, follow=True)
+        assert next(following) == ("laser", "before")
+        running.write("laser", *(str(number) for number in range(BEHIND + 7)))  # all of them before any is sent
+        told = [next(following) for _ in range(BEHIND + 1)]
+    assert told[-2] == ("laser", str(BEHIND - 1))
+    assert told[-1] == ("", "(7 lines were lost: they came faster than they were read)")
+
+
+def test_one_who_prints_much_pushes_out_nobody_elses_lines() -> None:
+    ring = Ring()
+    ring.write("quiet", "once")
+    for number in range(5000):
+        ring.write("noisy", str(number))
+    for number in range(100):
+        ring.write("wordy", str(number) * 2048)
+    assert ring.last(["quiet"], 10) == [("quiet", "once")]
+    assert ring.last([], 10000)[0] == ("quiet", "once")
+    assert len(ring.last(["noisy"], 10000)) == 1000
+    assert ring.last(["noisy"], 1) == [("noisy", "4999")]
+    assert sum(len(text) for _, text in ring.last(["wordy"], 10000)) <= 65536
+
+
+# What takes its time.
+
+
+def test_a_restart_is_over_when_all_are_ready_again(running: Running) -> None:
+    running.network.now = snapshot(process("laser"), process("left/arm"), process("left/leg"))
+    told: list[list[str]] = []
+    steps = [
+        (process("left/arm", starts=2), process("left/leg", State.RESTARTING, starts=2)),
+        (process("left/arm", starts=2), process("left/leg", starts=3)),
+    ]
+
+    def tell(missing: list[str]) -> None:
+        told.append(missing)
+        running.network.now = snapshot(process("laser"), *steps[len(told) - 1])
+
+    with Connection("home") as connection:
+        done = client.restart(connection, ["left"], SOON, tell)
+    assert [(each.name, each.starts) for each in done] == [("left/arm", 2), ("left/leg", 3)]
+    assert running.network.asked == [RestartRequested(("left",))]
+    assert told == [["left/arm", "left/leg"], ["left/leg"]]
+
+
+def test_a_restart_that_fails_is_over_too(running: Running) -> None:
+    def fail(missing: list[str]) -> None:
+        running.network.now = snapshot(process("laser", State.FAILED, starts=2, how="ended with exit code 3"))
+
+    with Connection("home") as connection:
+        [done] = client.restart(connection, ["laser"], SOON, fail)
+    assert (done.state, done.how) == (State.FAILED, "ended with exit code 3")
+
+
+def test_a_restart_that_takes_too_long_is_not_waited_for(running: Running) -> None:
+    with Connection("home") as connection, pytest.raises(Stuck, match="not ready after 0 s: laser; see: rcdeploy logs"):
+        client.restart(connection, ["laser"], 0.0, lambda missing: None)
+
+
+def test_nothing_is_started_again_on_a_host_that_is_out_of_reach(running: Running) -> None:
+    host = HostStatus("onboard", "192.168.1.10", reachable=False, why="no route to host")
+    running.network.now = snapshot(process("laser", State.LOST, host="onboard"), hosts=(host,))
+    says = r"laser is on onboard \(192.168.1.10\), which is out of reach: no route to host"
+    with Connection("home") as connection, pytest.raises(HostUnreachable, match=says):
+        client.restart(connection, ["laser"], SOON, lambda missing: None)
+    assert running.network.asked == []
+
+
+def test_a_network_is_down_when_nothing_of_it_is_left() -> None:
+    ending = Running(Standing(process("laser"), process("arm")))
+    told: list[tuple[int, int]] = []
+    closing: list[threading.Thread] = []
+
+    def tell(there: int, all_of_them: int) -> None:
+        told.append((there, all_of_them))
+        if there == 2:
+            ending.network.now = snapshot(process("laser", State.STOPPING), process("arm", State.ENDED))
+        else:
+            closing.append(threading.Thread(target=ending.close))
+            closing[0].start()
+
+    with Connection("home") as connection:
+        client.down(connection, None, tell)
+    closing[0].join()
+    assert told == [(2, 2), (1, 2)]
+    assert Place("home").runner() is None
+
+
+def test_a_controller_that_does_not_answer_is_not_waited_for(running: Running, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(client, "PATIENCE_S", 0.05)
+    goes_on = threading.Event()
+    running.loop.call_soon_threadsafe(goes_on.wait, SOON)
+    try:
+        with (
+            Connection("home") as connection,
+            pytest.raises(Stuck, match=r"who runs network `home` \(process \d+\) does"),
+        ):
+            connection.status()
+    finally:
+        goes_on.set()
+
+
+# How networks are named.
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Deployment Patrol { };",
+        '// Deployment Old {\n/* Deployment Older { */ import "Deployment Wrong {.cdsl";\nDeployment   Patrol\n{',
+        "Deployment Patrol { Component laser { this is half written",
+    ],
+)
+def test_a_network_is_known_by_its_file_even_while_that_is_changed(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "net.ddsl"
+    path.write_text(text)
+    assert network_of(str(path)) == "Patrol"
+
+
+def test_a_network_is_known_by_its_name() -> None:
+    assert network_of("Patrol") == "Patrol"
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (None, "net.ddsl cannot be read: No such file or directory; give it a network"),
+        ("Component arm { };", "net.ddsl is no network: there is no `Deployment` in it"),
+    ],
+)
+def test_what_is_no_network_is_said(tmp_path: Path, text: str | None, says: str) -> None:
+    path = tmp_path / "net.ddsl"
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(DeploymentError, match=says):
+        network_of(str(path))
+
+
+def test_a_request_is_read_as_it_is_written() -> None:
+    request = read_request(b'{"do": "logs", "names": ["laser"], "count": 5, "follow": true}')
+    assert (request.do, request.names, request.count, request.follow) == ("logs", ("laser",), 5, True)
