@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 from ..errors import DeploymentError
 
 if TYPE_CHECKING:
-    from cryptography import x509
     from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
 
 CA_DAYS = 3650
@@ -90,7 +89,7 @@ def issue(
 def read(pem: bytes) -> Certificate:
     """Raises ValueError."""
     x509, *_ = _library()
-    found: x509.Certificate = x509.load_pem_x509_certificate(pem)
+    found = x509.load_pem_x509_certificate(pem)
     addresses: set[str] = set()
     try:
         there = found.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
@@ -125,10 +124,9 @@ def _library() -> tuple[Any, Any, Any, Any]:
     return x509, ec, hashes, serialization
 
 
-def _named(name: str) -> x509.Name:
+def _named(name: str) -> Any:
     x509, *_ = _library()
-    named: x509.Name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, name[:LONGEST_NAME])])
-    return named
+    return x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, name[:LONGEST_NAME])])
 
 
 def _dated(builder: Any, now: datetime.datetime, days: float) -> Any:

@@ -218,7 +218,7 @@ def access_control(graph: Graph, host: str, numbers: Mapping[str, int]) -> dict[
     """
     rules, policies, subjects = [], [], []
     named = {each.name: each for each in graph.principals}
-    speakers = {each.name: (each.name,) for each in graph.principals if each.host == host}
+    speakers: dict[str, tuple[str, ...]] = {each.name: (each.name,) for each in graph.principals if each.host == host}
     for other in graph.routers:
         if other != host:
             speakers[_router_folder(other)] = tuple(each.name for each in graph.principals if each.host == other)

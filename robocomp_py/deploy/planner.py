@@ -100,7 +100,6 @@ class _Planner:
         self._choice = choose([*self._configured, *self._programs], self._usable)
         self._wire_hosts(ordered)
         self._check_security(nodes)
-        self._check_security(nodes)
         processes = [self._process(name, together) for name, together in ordered.items()]
         named = self._overrides.middleware or (self._model.middleware.text if self._model.middleware else "")
         return Plan(
@@ -396,12 +395,6 @@ class _Planner:
         for fault in self._wiring.faults:
             related = [("the other end", named[fault.other].instance.name)] if fault.other else []
             self._error(fault.code, fault.message, named[fault.instance].place(fault.port), fault.hint, *related)
-
-    def _check_security(self, nodes: Sequence[Node]) -> None:
-        named = {node.name: node for node in nodes}
-        openings = list(security.openings_of(self._configured, self._choice.ways, self._wiring.settings))
-        for fault in security.faults(placing.security(self._model), openings, self._choice.ways):
-            self._error(fault.code, fault.message, named[fault.instance].place(), fault.hint)
 
     def _is_placed(self, ordered: Mapping[str, Sequence[Node]]) -> bool:
         """Whether it is clear where everybody runs."""

@@ -118,7 +118,10 @@ class Teller:
             case StopRequested(_, grace):
                 if was_stopping and grace == 0:
                     self._display.stopping("killing what is left")
-            case RestartRequested() | Tick():
+            case RestartRequested(names):
+                if not was_stopping:
+                    self._display.tell(f"asked to start {', '.join(names)} again")
+            case Tick():
                 pass
 
     def _tell_action(self, action: Action, is_late: bool) -> None:
@@ -152,9 +155,11 @@ class Teller:
         if not (state is State.ENDED and self._supervisor.progress[name].is_dropped):  # why it did is known better
             self.how[name] = how
         is_mission = self._until in (name, *self._processes[name].instances)
-        is_cured = state in (State.WAITING, State.STARTING, State.RESTARTING)
-        if state is State.FAILED or (is_cured and (code or hung) and was is not State.STOPPING):
+        is_tried_again = state in (State.WAITING, State.STARTING, State.RESTARTING)
+        if state is State.FAILED:
             self._display.failed(name, how, list(self._lines[name]))
+        elif is_tried_again and (code or hung) and was is not State.STOPPING:
+            self._display.failed(name, how, [])  # which has been seen already, and may be seen some more times
         elif killed or (was is not State.STOPPING and not is_mission):
             self._display.ended(name, how)
 

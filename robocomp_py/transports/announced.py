@@ -138,7 +138,7 @@ class AnnouncedLink(Generic[T]):
         self._closing = threading.Lock()
         self._entry: Entry | None = None
         self._reported: set[object] = set()
-        self._telling = Sparing()
+        self._sparing = Sparing()
 
     def open(self) -> None:
         self.announce()
@@ -213,7 +213,7 @@ class AnnouncedLink(Generic[T]):
     def report_mismatch(self, who: object, other: TypeRef) -> None:
         if who not in self._reported and len(self._reported) < STRANGERS:
             self._reported.add(who)
-            if self._telling.may_tell():
+            if self._sparing.may_tell():
                 log.error("%s", mismatch(self.channel, other))
             self.stats.mismatched += 1
 

@@ -132,7 +132,7 @@ def test_units_of_other_hosts_go_with_their_components(folder: Path) -> None:
     assert unit["ExecStart"][0].startswith(
         'python3.12 -m robocomp_py.cli.rc run "%h/robocomp-Patrol/app/laser" --name laser'
     )
-    assert "scp -r onboard/app robot@192.168.1.10:robocomp-Patrol/" in export.steps
+    assert "scp -pr onboard/app robot@192.168.1.10:robocomp-Patrol/" in export.steps
 
 
 def test_where_the_network_says_is_where_units_look(folder: Path) -> None:
@@ -360,3 +360,52 @@ def test_a_router_is_there_before_its_components(folder: Path) -> None:
     assert unit["After"] == ["robocomp-Patrol-zenoh-router.service"]
     services = compose_file(only(EXPORTERS["compose"](plan, "n"), "compose.yaml"))["services"]
     assert services["laser"]["depends_on"] == {"zenoh-router": {"condition": "service_healthy"}}
+
+
+@pytest.fixture
+def guarded(folder: Path) -> Plan:
+    """A network on one other host whose process and router have keys."""
+    keys = folder / "keys" / "laser"
+    router = folder / "keys" / "router-onboard"
+    for each in (keys, router):
+        each.mkdir(parents=True)
+        (each / "key.pem").touch(0o600)
+    laser = component(folder, "laser", "--keys", str(keys), host="onboard", files=(folder / "laser", keys))
+    settings = {"transport/link/tls/listen_private_key": str(router / "key.pem"), "access_control": {"enabled": True}}
+    routers = {"onboard": {"connect": "here/Patrol", "router": settings}}
+    return network(laser, hosts=(Host("onboard", "10.0.0.2", "robot"),), routers=routers)
+
+
+def test_units_get_the_keys_of_their_processes_beside_their_components(guarded: Plan, folder: Path) -> None:
+    export = EXPORTERS["systemd"](guarded, "n")
+    assert export.copies == {
+        PurePosixPath("app/laser"): folder / "laser",
+        PurePosixPath("keys/laser"): folder / "keys" / "laser",
+        PurePosixPath("keys/router-onboard"): folder / "keys" / "router-onboard",
+    }
+    assert '--keys "%h/robocomp-Patrol/keys/laser"' in parts(only(export, "-laser.service"))["ExecStart"][0]
+    assert '"%h/robocomp-Patrol/keys/router-onboard/key.pem' in only(export, "-zenoh-router.service").replace("\\", "")
+    assert str(folder) not in "".join(export.files.values())
+
+
+def test_keys_are_mounted_into_containers_and_not_into_their_image(guarded: Plan) -> None:
+    export = EXPORTERS["compose"](guarded, "n")
+    services = compose_file(only(export, "compose.yaml"))["services"]
+    assert "./keys/laser:/keys/laser:ro" in services["laser"]["volumes"]
+    assert "./keys/router-onboard:/keys/router-onboard:ro" in services["zenoh-router"]["volumes"]
+    assert only(export, ".dockerignore").splitlines()[1:] == ["keys"]
+    assert "keys" not in only(export, "Dockerfile")
+
+
+def test_keys_become_secrets_of_kubernetes(guarded: Plan) -> None:
+    export = EXPORTERS["kubernetes"](guarded, "n")
+    pod = manifest(only(export, ".yaml"))["spec"]["template"]["spec"]
+    laser = next(each for each in pod["containers"] if each["name"] == "laser")
+    assert {"name": "keys-laser", "mountPath": "/keys/laser", "readOnly": True} in laser["volumeMounts"]
+    assert {"name": "keys-laser", "secret": {"secretName": "patrol-laser", "defaultMode": 0o400}} in pod["volumes"]
+    assert "kubectl create secret generic patrol-laser --from-file=keys/laser" in export.steps
+
+
+def test_copied_keys_stay_readable_for_their_user_only(guarded: Plan, tmp_path: Path) -> None:
+    write_export(EXPORTERS["systemd"](guarded, "n"), tmp_path / "out")
+    assert (tmp_path / "out" / "keys" / "laser" / "key.pem").stat().st_mode & 0o077 == 0

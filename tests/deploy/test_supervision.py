@@ -401,6 +401,7 @@ def test_a_user_has_something_started_again() -> None:
     scene = Scene(plan(process("laser")), told, services=[visitor])
     assert scene.did == ["open", "start laser", "stop laser", "start laser", "stop laser", "close"]
     assert scene.code == 130
+    assert told.said[1:3] == ["asked to start laser again", "laser is ready again"]
 
 
 def test_a_user_has_the_network_stopped_and_that_is_no_failure() -> None:

@@ -96,6 +96,13 @@ def test_the_guide_to_shared_processes_works_as_written(tmp_path: Path) -> None:
         do(step, tmp_path)
 
 
+def test_the_guide_to_supervision_works_as_written(tmp_path: Path) -> None:
+    done = list(steps(DOCS / "supervision.md"))
+    assert len(done) > 4
+    for step in done:
+        do(step, tmp_path)
+
+
 MIDDLEWARES = DOCS / "middlewares.md"
 
 

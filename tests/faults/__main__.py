@@ -9,11 +9,11 @@ import time
 import traceback
 from collections.abc import Iterable, Sequence
 
-from . import calls, network, report, surroundings, topics
+from . import calls, network, networks, report, surroundings, topics
 from . import frames as about_frames
 from .rows import Row, Run
 
-ROWS: list[Row] = [*calls.ROWS, *topics.ROWS, *about_frames.ROWS, *surroundings.ROWS, *network.ROWS]
+ROWS: list[Row] = [*calls.ROWS, *topics.ROWS, *about_frames.ROWS, *surroundings.ROWS, *network.ROWS, *networks.ROWS]
 
 _REDUCED = 0.06
 """How long a few rounds take, of the whole row."""
@@ -36,7 +36,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     missed = [each for each in found if each.misses]
     if missed:
         names = " ".join(sorted({f"--only {each.row.name}" for each in missed}))
-        print(f"\n{len(missed)} of {len(found)} missed; once more: python -m tests.faults {names} --seed {options.seed}")
+        print(
+            f"\n{len(missed)} of {len(found)} missed; once more: python -m tests.faults {names} --seed {options.seed}"
+        )
     return 1 if missed else 0
 
 

@@ -30,8 +30,17 @@ from robocomp_py.contract.qos import QoS, Reliability
 from robocomp_py.errors import DecodeError, RobocompError, TransportError
 from robocomp_py.runtime.retries import Retrying
 from robocomp_py.testing.parts import blob, command, query, topic, unblob
-from robocomp_py.transports.base import Caller, Channel, Outlet, Reply, Statistics, Status, TransportConfig
-from robocomp_py.transports.base import TypeRef, find_transport
+from robocomp_py.transports.base import (
+    Caller,
+    Channel,
+    Outlet,
+    Reply,
+    Statistics,
+    Status,
+    TransportConfig,
+    TypeRef,
+    find_transport,
+)
 from robocomp_py.wire.codec import MAX_BYTES, Payload
 
 from .fuzzers import fuzz

@@ -8,7 +8,6 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 from .checker import check
 from .history import Asked, Done, Ended, Event
@@ -31,7 +30,9 @@ def _killed(run: Run) -> Result:
         with ThreadPoolExecutor(lanes) as pool:
             each = [kills // lanes + (lane < kills % lanes) for lane in range(lanes)]
             done = _Progress(run, kills)
-            list(pool.map(lambda lane: _kill_again_and_again(laboratory, run.seed, lane, each[lane], done), range(lanes)))
+            list(
+                pool.map(lambda lane: _kill_again_and_again(laboratory, run.seed, lane, each[lane], done), range(lanes))
+            )
         history = laboratory.end()
     slowest, outcomes, hit = _after_kills(history)
     limit = 2.5 if run.transport in ("dds", "shm") else 1.0

@@ -98,8 +98,10 @@ def _zenoh(
                 key, payload=frame, attachment=frame, timeout=0.1
             )
         else:
-            yield lambda key=key, at=at, frame=frame: transport.session.put(  # type: ignore[misc]
-                key, frame[at:], attachment=frame[:at], congestion_control=block
+            yield (
+                lambda key=key, at=at, frame=frame: transport.session.put(  # type: ignore[misc]
+                    key, frame[at:], attachment=frame[:at], congestion_control=block
+                )
             )
 
 

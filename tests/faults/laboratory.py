@@ -55,7 +55,9 @@ class Laboratory:
             self._undo.enter_context(hosting(self.transport, TransportConfig(self.options, owner="laboratory")))
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
+    ) -> None:
         with self._undo:
             self.kill_all()
             for nursery in self._nurseries.values():
@@ -175,9 +177,7 @@ class Laboratory:
 class Remote:
     """An actor as the laboratory knows it. `actor.serve(…)` has it do that, and returns what it says."""
 
-    def __init__(
-        self, laboratory: Laboratory, name: str, pid: int, connection: socket.socket, journal: Path
-    ) -> None:
+    def __init__(self, laboratory: Laboratory, name: str, pid: int, connection: socket.socket, journal: Path) -> None:
         self.journal, self.began = journal, laboratory.began(pid)
         self.name, self.pid, self._laboratory, self._connection = name, pid, laboratory, connection
         connection.settimeout(PATIENCE)

@@ -15,7 +15,7 @@ from typing import Any
 from tests.deploy.laboratory import Host
 from tests.deploy.laboratory import Laboratory as Network
 
-from .checker import Allowed, Violation, check, check_commands
+from .checker import Allowed, check, check_commands
 from .history import Asked, Ended, Event, Executed, Heard
 from .laboratory import Laboratory, Remote, until
 from .rows import Figure, Result, Row, Run

@@ -55,8 +55,12 @@ def write_page(found: Sequence[Found], seed: int, page: Path = PAGE) -> None:
         missed = "<br>".join(each.misses[:3])
         verdict = f"**missed**: {missed}" if each.misses else "kept"
         must = each.row.must
-        rows[each.row.name, each.transport] = f"| {each.row.fault} | {must} | {each.transport} | {figures} | {verdict} |"
-    versions = ", ".join(f"{name} {metadata.version(name)}" for name in ("pyzmq", "cyclonedds", "eclipse-zenoh", "iceoryx2"))
+        rows[each.row.name, each.transport] = (
+            f"| {each.row.fault} | {must} | {each.transport} | {figures} | {verdict} |"
+        )
+    versions = ", ".join(
+        f"{name} {metadata.version(name)}" for name in ("pyzmq", "cyclonedds", "eclipse-zenoh", "iceoryx2")
+    )
     lines = [
         _BEGIN,
         "",

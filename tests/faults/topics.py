@@ -67,7 +67,9 @@ def _until_quiet(laboratory: Laboratory, publisher: Remote, subscribers: list[Re
     for each in subscribers:
         until(lambda each=each: last_heard(laboratory, each) > mark, 60.0, f"{each.name} hears the newest")  # type: ignore[misc]
     publisher.stop(channel=_CHANNEL)
-    until(lambda: all(last_heard(laboratory, each) == publisher.sent() for each in subscribers), 20.0, "all hear the last")
+    until(
+        lambda: all(last_heard(laboratory, each) == publisher.sent() for each in subscribers), 20.0, "all hear the last"
+    )
 
 
 def last_heard(laboratory: Laboratory, subscriber: Remote) -> int:

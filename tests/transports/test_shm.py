@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 from robocomp_py.contract.qos import Durability, History, QoS, Reliability
-from robocomp_py.errors import Closed, Timeout, TransportError
+from robocomp_py.errors import Closed, ConfigurationError, Timeout, TransportError
 from robocomp_py.testing.conformance import TransportConformance
 from robocomp_py.testing.faults import TransportFaults
 from robocomp_py.testing.parts import BLOB, Inbox, blob, command, drain, greet, put, query, subscribe, topic, unblob
@@ -29,6 +29,8 @@ from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Reply, Status, Transport, TransportConfig
 from robocomp_py.transports.directory import runtime_dir
 from robocomp_py.transports.shm import ShmTransport, node, samples
+from robocomp_py.transports.shm.bells import BELLS, Bell, Rope
+from robocomp_py.transports.shm.loop import Loop
 from robocomp_py.transports.shm.mail import Post, packed, unpacked
 from robocomp_py.transports.shm.receipts import SLOTS, Credit, Reader, Receipts
 from robocomp_py.transports.shm.topics import LOANS, SHARE
@@ -598,6 +600,61 @@ def test_run_time_folders_do_not_meet_and_are_for_their_owner_alone(
     assert not segments(Path(second))
 
 
+# Bells.
+
+
+def test_who_was_rung_while_not_waiting_finds_all_of_it_at_once(tmp_path: Path) -> None:
+    bell = Bell(tmp_path / "bell")
+    rope = Rope(tmp_path / "bell")
+    for number in (3, 7, 3):
+        assert rope.ring(number)
+    assert set(bell.wait(SOON)) == {3, 7}
+    assert not list(bell.wait(0.0))
+    bell.close()
+
+
+def test_of_a_bell_that_was_rung_too_often_all_numbers_count_as_rung(tmp_path: Path) -> None:
+    bell = Bell(tmp_path / "bell")
+    rope = Rope(tmp_path / "bell")
+    for _ in range(10_000):
+        assert rope.ring(3)  # nobody is held up
+    assert set(bell.wait(SOON)) == set(range(BELLS))
+    bell.close()
+
+
+def test_there_is_nobody_to_hear_a_bell_that_was_closed(tmp_path: Path) -> None:
+    bell = Bell(tmp_path / "bell")
+    rope = Rope(tmp_path / "bell")
+    bell.close()
+    assert not rope.ring(3)
+    rope.close()
+    assert not rope.ring(3)
+    with pytest.raises(TransportError, match="bell: No such file"):
+        Rope(tmp_path / "bell")
+
+
+class Counting:
+    """A link that counts how often it is attended to."""
+
+    turns = 0
+
+    def on_input(self) -> tuple[()]:
+        self.turns += 1
+        return ()
+
+
+def test_a_link_that_was_asked_for_several_times_is_attended_to_once(tmp_path: Path) -> None:
+    bell, rope, link = Bell(tmp_path / "bell"), Rope(tmp_path / "bell"), Counting()
+    loop = Loop(bell, rope, lambda: SOON, lambda: None)
+    loop.add(3, link)
+    loop.attend(link)
+    rope.ring(3)
+    assert not list(loop.receive())
+    assert link.turns == 1
+    rope.close()
+    bell.close()
+
+
 # Shared memory is limited.
 
 
@@ -614,6 +671,12 @@ def test_opening_says_what_to_do_when_there_is_too_little(monkeypatch: pytest.Mo
 def test_opening_says_what_to_do_where_nothing_can_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(node, "SHARED_MEMORY", str(tmp_path / "nowhere"))
     with pytest.raises(TransportError, match="cannot be written to; mount it"):
+        opened()
+
+
+def test_a_run_time_folder_with_too_long_a_path_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROBOCOMP_RUNTIME_DIR", str(tmp_path / ("x" * 100)))
+    with pytest.raises(ConfigurationError, match="100 is the limit; set ROBOCOMP_RUNTIME_DIR to a shorter path"):
         opened()
 
 

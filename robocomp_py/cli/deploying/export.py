@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from ..common import FINE, complain
+from .guarding import add_guards, guarded
 from .planning import add_network, planned
 
 NAME = "export"
@@ -28,11 +29,14 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.add_argument("engine", choices=("systemd", "compose", "kubernetes"), metavar="ENGINE",
                     help="systemd, compose or kubernetes")  # fmt: skip
     add_network(to)
+    add_guards(to)
     to.add_argument("-o", dest="output", type=Path, required=True, metavar="DIR", help="the folder to write into")
 
 
 def run(options: argparse.Namespace) -> int:
     plan = planned(options)
+    if not isinstance(plan, int):
+        plan = guarded(plan, options)
     if isinstance(plan, int):
         return plan
     from ...deploy.exporters import EXPORTERS, write_export

@@ -29,7 +29,9 @@ def add_guards(to: argparse.ArgumentParser) -> None:
 
 def keys_of(plan: Plan, options: argparse.Namespace) -> Path:
     """The folder of a network's keys."""
-    return options.keys or options.network.absolute().parent / "keys" / plan.name
+    network: Path = options.network
+    chosen: Path | None = options.keys
+    return chosen or network.absolute().parent / "keys" / plan.name
 
 
 def guarded(plan: Plan, options: argparse.Namespace) -> Plan | int:

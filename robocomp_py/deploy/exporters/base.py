@@ -8,6 +8,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -19,8 +20,8 @@ from ..policy import Restart, When
 from ..relocation import places, relocate
 from ..run import GRACE
 
-APP = "app"
-"""The folder with the components, beside the files that start them."""
+APP, KEYS = "app", "keys"
+"""The folders with the components and with their keys, beside the files that start them."""
 
 RUNTIME = "/run/robocomp"
 """The run-time folder in containers."""
@@ -57,6 +58,8 @@ class Site:
     host: Host | None
     processes: tuple[Process, ...]
     moved: Mapping[Path, str]
+    keys: Mapping[str, Path] = field(default_factory=dict)
+    """By process, the folder of its keys, where a network has such."""
 
     @property
     def folder(self) -> PurePosixPath:
@@ -67,23 +70,50 @@ class Site:
 
     def copies(self) -> dict[PurePosixPath, Path]:
         outermost = [path for path in self.moved if not any(other in path.parents for other in self.moved)]
-        return {self.folder / APP / PurePosixPath(self.moved[path]).name: path for path in outermost}
+        return {self.folder.joinpath(*PurePosixPath(self.moved[path]).parts[-2:]): path for path in outermost}
 
 
-def sites(plan: Plan, below: Callable[[Host | None], str]) -> list[Site]:
+def sites_of(plan: Plan, below: Callable[[Host | None], str]) -> list[Site]:
     """The machines of a network, with their components in the folder `below`, or where they are if that is ""."""
     known = {host.name: host for host in plan.hosts}
     names = dict.fromkeys(process.host for process in plan.processes)
-    found = []
+    sites: list[Site] = []
     for name in names:
         processes = tuple(process for process in plan.processes if process.host == name)
-        if name in plan.routers:
-            processes = _behind(_router(plan.routers[name], name), processes)
         host = known.get(name)
-        folder = below(host)
+        keys = {process.name: found for process in processes if (found := _keys(process))}
+        router = plan.routers.get(name)
+        if router and (found_keys := _router_keys(router)):
+            keys[ROUTER] = found_keys
+        moved: dict[Path, str] = {}
+        if folder := below(host):
+            apart = [replace(each, files=tuple(set(each.files) - {keys.get(each.name)})) for each in processes]
+            kept = f"{folder.removesuffix(APP)}{KEYS}"
+            moved = places(apart, folder) | {path: f"{kept}/{path.name}" for path in keys.values()}
+        if router:
+            processes = _behind(_router(_relocated(router, moved), name), processes)
         shown = name or "localhost" if len(names) > 1 else ""
-        found.append(Site(shown, host, processes, places(processes, folder) if folder else {}))
-    return found
+        sites.append(Site(shown, host, processes, moved, keys))
+    return sites
+
+
+def _keys(process: Process) -> Path | None:
+    """The folder of its keys, which its command names."""
+    words = process.command
+    return next((Path(folder) for word, folder in pairwise(words) if word == "--keys"), None)
+
+
+def _router_keys(options: Mapping[str, Any]) -> Path | None:
+    key = options.get("router", {}).get("transport/link/tls/listen_private_key")
+    return Path(key).parent if key else None
+
+
+def _relocated(value: Any, moved: Mapping[Path, str]) -> Any:
+    """What is said of files, as it is there."""
+    if isinstance(value, Mapping):
+        return {key: _relocated(each, moved) for key, each in value.items()}
+    place = moved.get(Path(value).parent) if isinstance(value, str) else None
+    return f"{place}/{Path(value).name}" if place else value
 
 
 def _router(options: Mapping[str, Any], host: str) -> Process:

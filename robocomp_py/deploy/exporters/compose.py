@@ -8,7 +8,21 @@ from typing import Any
 
 from ..plan import Plan, Process
 from ..policy import Restart, When
-from .base import RUNTIME, USER, Export, Site, brought, escalating, grace, heading, identifier, sites, told_once, unique
+from .base import (
+    KEYS,
+    RUNTIME,
+    USER,
+    Export,
+    Site,
+    brought,
+    escalating,
+    grace,
+    heading,
+    identifier,
+    sites_of,
+    told_once,
+    unique,
+)
 from .containers import INSIDE, READY, as_yaml, dockerfile
 
 _NAME = "a-zA-Z0-9._-"
@@ -18,11 +32,13 @@ def compose(plan: Plan, network: str) -> Export:
     project = identifier(plan.name.lower(), "a-z0-9_-")
     files: dict[PurePosixPath, str] = {}
     copies = {}
-    all_sites = sites(plan, lambda host: INSIDE)
+    all_sites = sites_of(plan, lambda host: INSIDE)
     for site in all_sites:
         copies.update(site.copies())
         files[site.folder / "compose.yaml"] = heading("A network", network) + as_yaml(_project(plan, site, project))
         files[site.folder / "Dockerfile"] = heading("The image of a network", network) + dockerfile(plan)
+        if site.keys:
+            files[site.folder / ".dockerignore"] = heading("What is none of the image", network) + f"{KEYS}\n"
     return Export(files, copies, told_once(_notes(plan)), tuple(_steps(all_sites)))
 
 
@@ -57,8 +73,11 @@ def _service(site: Site, process: Process, project: str, names: dict[str, str]) 
     first = {names[other]: _condition(site, other) for other in process.after if other in names}
     if first:
         service["depends_on"] = first
+    mounts = [f"runtime:{RUNTIME}"]
+    if keys := site.keys.get(process.name):
+        mounts.append(f"./{KEYS}/{keys.name}:{site.moved[keys]}:ro")
     # Components of one machine meet in their run-time folder and in its shared memory, and see who is alive.
-    shared = {"network_mode": "host", "ipc": "host", "pid": "host", "volumes": [f"runtime:{RUNTIME}"]}
+    shared = {"network_mode": "host", "ipc": "host", "pid": "host", "volumes": mounts}
     return {
         **service,
         **shared,

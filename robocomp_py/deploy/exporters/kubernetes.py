@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator
 from pathlib import PurePosixPath
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 from ..plan import Plan, Process
 from ..policy import When
 from .base import (
+    KEYS,
     RUNTIME,
     USER,
     Export,
@@ -19,7 +21,7 @@ from .base import (
     grace,
     heading,
     identifier,
-    sites,
+    sites_of,
     told_once,
 )
 from .base import unique as unique_names
@@ -33,12 +35,14 @@ _LONGEST = 63
 def kubernetes(plan: Plan, network: str) -> Export:
     files: dict[PurePosixPath, str] = {}
     copies = {}
-    all_sites = sites(plan, lambda host: INSIDE)
+    all_sites = sites_of(plan, lambda host: INSIDE)
     for site in all_sites:
         copies.update(site.copies())
         manifest = heading("A network", network) + as_yaml(_deployment(plan, site))
         files[site.folder / f"{_called(plan, site)}.yaml"] = manifest
         files[site.folder / "Dockerfile"] = heading("The image of a network", network) + dockerfile(plan)
+        if site.keys:
+            files[site.folder / ".dockerignore"] = heading("What is none of the image", network) + f"{KEYS}\n"
     return Export(files, copies, told_once(_notes(plan)), tuple(_steps(plan, all_sites)))
 
 
@@ -80,8 +84,16 @@ def _pod(site: Site, image: str) -> dict[str, Any]:
         "volumes": [
             {"name": "runtime", "emptyDir": {"medium": "Memory"}},
             {"name": "shared-memory", "emptyDir": {"medium": "Memory"}},
+            *(
+                {"name": f"{KEYS}-{names[name.lower()]}", "secret": _secret(image, names[name.lower()])}
+                for name in site.keys
+            ),
         ],
     }
+
+
+def _secret(image: str, name: str) -> dict[str, Any]:
+    return {"secretName": f"{image}-{name}", "defaultMode": 0o400}
 
 
 def _container(site: Site, process: Process, name: str, image: str) -> dict[str, Any]:
@@ -101,6 +113,9 @@ def _container(site: Site, process: Process, name: str, image: str) -> dict[str,
         {"name": "runtime", "mountPath": RUNTIME},
         {"name": "shared-memory", "mountPath": "/dev/shm"},
     ]
+    if keys := site.keys.get(process.name):
+        mount = {"name": f"{KEYS}-{name}", "mountPath": site.moved[keys], "readOnly": True}
+        container["volumeMounts"].append(mount)
     return container
 
 
@@ -124,4 +139,9 @@ def _steps(plan: Plan, all_sites: list[Site]) -> Iterator[str]:
     for site in all_sites:
         folder = site.name or "."
         yield f"docker build -t {_called(plan, site)} {folder}"
+        names = unique_names((each.name.lower() for each in site.processes), _NAME)
+        for process, path in site.keys.items():
+            files = f"{'' if folder == '.' else f'{folder}/'}{KEYS}/{path.name}"
+            secret = f"{_called(plan, site)}-{names[process.lower()]}"
+            yield f"kubectl create secret generic {secret} --from-file={shlex.quote(files)}"
         yield f"kubectl apply -f {'' if folder == '.' else f'{folder}/'}{_called(plan, site)}.yaml"

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import PurePosixPath
 
 from ...errors import DeploymentError
 from ..plan import Host, Plan, Process
 from ..policy import Restart, When
-from .base import APP, Export, Site, escalating, grace, heading, identifier, sites, told_once, unique
+from .base import APP, KEYS, ROUTER, Export, Site, escalating, grace, heading, identifier, sites_of, told_once, unique
 
 _RESTART = {When.NEVER: "no", When.ON_FAILURE: "on-failure", When.ALWAYS: "always"}
 _NAME = "A-Za-z0-9_.:"
@@ -21,7 +21,7 @@ def systemd(plan: Plan, network: str) -> Export:
     whole = f"robocomp-{identifier(plan.name, _NAME)}"
     files: dict[PurePosixPath, str] = {}
     copies = {}
-    all_sites = sites(plan, lambda host: f"{_home(host, whole)}/{APP}" if host else "")
+    all_sites = sites_of(plan, lambda host: f"{_home(host, whole)}/{APP}" if host else "")
     for site in all_sites:
         copies.update(site.copies())
         names = {
@@ -50,7 +50,10 @@ def _service(plan: Plan, site: Site, process: Process, whole: str, names: dict[s
     first = [names[other] for other in process.after if other in names]
     order = f"\nWants={' '.join(first)}\nAfter={' '.join(first)}" if first else ""
     python = site.host.python if site.host else sys.executable
-    command = " ".join(_word(each, ours=each in site.moved.values()) for each in site.command(process, python))
+    ours = list(site.moved.values())
+    meant = ours if process.name == ROUTER else ()  # of what users say, only whole words are files
+    words = site.command(process, python)
+    command = " ".join(_word(each, [each] if each in ours else meant) for each in words)
     folder = _home(site.host, whole) if site.host else _specified(str(process.cwd))
     environment = {"PYTHONUNBUFFERED": "1", **process.env}
     given = "".join(f"\nEnvironment={_quoted(f'{name}={value}')}" for name, value in environment.items())
@@ -106,7 +109,8 @@ def _steps(all_sites: list[Site], whole: str) -> Iterator[str]:
             to = f"{site.host.user}@{site.host.address}" if site.host.user else site.host.address
             there = site.host.workdir or whole
             yield f"ssh {to} mkdir -p {shlex.quote(there)} .config/systemd/user"
-            yield f"scp -r {folder}{APP} {to}:{shlex.quote(there)}/"
+            along = " ".join(f"{folder}{each}" for each in (APP, *([KEYS] if site.keys else [])))
+            yield f"scp -pr {along} {to}:{shlex.quote(there)}/"
             yield f"scp {folder}{whole}* {to}:.config/systemd/user/"
             yield f"ssh {to} systemctl --user enable --now {whole}.target"
         else:
@@ -127,10 +131,12 @@ def _specified(text: str) -> str:
     return text.replace("%", "%%")
 
 
-def _word(text: str, *, ours: bool) -> str:
-    """One word of a command line, in which `$` begins a variable; of ours, what systemd is to fill in is meant."""
+def _word(text: str, ours: Iterable[str]) -> str:
+    """One word of a command line, in which `$` begins a variable; in what is `ours`, systemd fills in what it knows."""
     word = _quoted(text.replace("$", "$$"))
-    return word.replace("%%", "%") if ours else word
+    for place in ours:
+        word = word.replace(_specified(place), place)
+    return word
 
 
 def _quoted(text: str) -> str:

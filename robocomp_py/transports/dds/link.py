@@ -122,7 +122,7 @@ class Link:
         self._closing = threading.Lock()
         self._looking = threading.RLock()
         self._reported: set[object] = set()
-        self._telling = Sparing()
+        self._sparing = Sparing()
 
     def open(self) -> None:
         """Make what is needed."""
@@ -214,7 +214,7 @@ class Link:
     def report_mismatch(self, who: object, other: TypeRef) -> None:
         if who not in self._reported and len(self._reported) < STRANGERS:
             self._reported.add(who)
-            if self._telling.may_tell():
+            if self._sparing.may_tell():
                 log.error("%s", mismatch(self.channel, other))
             self.stats.mismatched += 1  # at last: who sees the count finds the reason in the log
 

@@ -40,7 +40,7 @@ class Desk:
         self._posts: dict[tuple[int, int], Post] = {}
         self._lock = threading.Lock()
         self._closed = threading.Event()
-        self._telling = Sparing()
+        self._sparing = Sparing()
         self._told = False
         """Whether it was said that there are malformed letters."""
 
@@ -67,7 +67,7 @@ class Desk:
                 send = partial(post.send, 0, 0, header, payload, size)
                 self._transport.do(partial(self._insist, send, member, min(expires, time.monotonic() + INSISTING)))
         except TransportError as exc:
-            if self._telling.may_tell():
+            if self._sparing.may_tell():
                 log.error("a reply could not be sent: %s", exc)
             if reply.status is not Status.FAILED and not self._closed.is_set():
                 self.reply(member, line, request, expires, Reply(Status.FAILED))

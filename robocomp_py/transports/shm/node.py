@@ -40,6 +40,9 @@ SHARED_MEMORY = "/dev/shm"
 FIRST_BYTES = 4096
 """Size of the samples that a port begins with; it grows by powers of two."""
 
+_LONGEST_FOLDER = 100
+"""Bytes in the path of a run-time folder: iceoryx2 adds up to 140 to it, and panics beyond 255."""
+
 _FILES = 32
 """So many files may be opened at once, by what fails for want of them, and then closes what it has opened."""
 
@@ -85,11 +88,11 @@ class Node:
     def __init__(self, folder: Path) -> None:
         self.folder, self._root = folder, folder / "i"
         self._prefix = prefix(folder)
-        longest = len(os.fsencode(self._root / f"{self._prefix}{2**128}.event"))
-        if longest > 107:
+        length = len(os.fsencode(folder.parent))
+        if length > _LONGEST_FOLDER:
             raise ConfigurationError(
-                f"run-time folder {folder.parent}: paths of sockets in it would have {longest} bytes, and 107 is the "
-                "limit; set ROBOCOMP_RUNTIME_DIR to a shorter path"
+                f"run-time folder {folder.parent}: its path has {length} bytes, and {_LONGEST_FOLDER} is the limit; "
+                "set ROBOCOMP_RUNTIME_DIR to a shorter path"
             )
         if not os.access(SHARED_MEMORY, os.W_OK | os.X_OK):
             raise TransportError(

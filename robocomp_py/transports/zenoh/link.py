@@ -63,7 +63,7 @@ class Link:
         self._claim: Claim | None = None
         self._declared: list[Any] = []
         self._reported: set[int] = set()
-        self._telling = Sparing()
+        self._sparing = Sparing()
         self._texts: dict[int, str] = {}
 
     def open(self) -> None:
@@ -181,7 +181,7 @@ class Link:
             if link in self._reported or len(self._reported) >= STRANGERS:
                 return
             self._reported.add(link)
-        if self._telling.may_tell():
+        if self._sparing.may_tell():
             log.error("%s", mismatch(self.channel, self._type_of(link, fingerprint)))
         self.stats.mismatched += 1
 

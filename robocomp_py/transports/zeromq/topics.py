@@ -70,7 +70,7 @@ class Publisher(Link):
         self._order = threading.Lock()
         self._lossy = not qos.reliable
         options = {"SNDHWM": depth, "XPUB_VERBOSER": 1, "XPUB_NODROP": 1}
-        self._socket = self.transport.socket(zmq.XPUB, self._on_subscription, **options)
+        self._socket = self.transport.socket(zmq.XPUB, self._on_subscription, None, **options)
         ending = _ending(self._source)
         path = self.transport.member.address(ending)
         self._here = f"ipc://{path}"

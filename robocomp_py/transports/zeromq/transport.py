@@ -70,6 +70,7 @@ class ZeroMQTransport(Announcing):
     """
 
     capabilities = ANY_QOS | Capability.CROSS_PROCESS
+    directory: Neighbours
 
     def __init__(self, config: TransportConfig) -> None:
         super().__init__()
@@ -173,7 +174,7 @@ class ZeroMQTransport(Announcing):
     # What links use.
 
     def socket(
-        self, kind: int, on_input: Callable[[Socket], list[Job]], secure: Secure | None = None, **options: int
+        self, kind: int, on_input: Callable[[Socket], list[Job]], secure: Secure | None = None, /, **options: int
     ) -> Socket:
         """A shared socket, whose input the crew attends to from now on."""
         socket = Socket(new_socket(self.context, kind, secure, **options), on_input, self._loop.attend)

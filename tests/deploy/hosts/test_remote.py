@@ -113,7 +113,13 @@ async def serving(folder: Path, *, trusted: bool = True) -> AsyncIterator[Server
     run.mkdir(mode=0o700, exist_ok=True)
     environment = {**os.environ, "HOME": str(there), "ROBOCOMP_RUNTIME_DIR": str(run)}
 
+    handling: list[asyncio.Future[None]] = []
+
     async def handle(process: asyncssh.SSHServerProcess[bytes]) -> None:
+        handling.append(asyncio.ensure_future(run_there(process)))
+        await asyncio.shield(handling[-1])  # which the end of the connection does not end
+
+    async def run_there(process: asyncssh.SSHServerProcess[bytes]) -> None:
         pipe = asyncio.subprocess.PIPE
         ran = await asyncio.create_subprocess_shell(
             process.command or "", stdin=pipe, stdout=pipe, stderr=pipe, env=environment, cwd=there
@@ -155,6 +161,7 @@ async def serving(folder: Path, *, trusted: bool = True) -> AsyncIterator[Server
         for connection in list(connections):
             connection.abort()
         await listening.wait_closed()
+        await asyncio.gather(*handling)
         await until(lambda: not any(_agents(run)), "agents have ended")
 
 

@@ -1,0 +1,283 @@
+"""Rows about networks that `rcdeploy` runs: many components, one that fails again and again, and every way to end."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import random
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+
+from .checker import Violation
+from .laboratory import until
+from .nemesis import deeds
+from .rows import Figure, Result, Row, Run
+
+_IDSL = "module RoboCompEcho { interface Echo { idempotent int say(int number); }; };\n"
+_CDSL = """import "Echo.idsl";
+Component node { Communications { implements Echo; requires Echo; }; language Python; };
+"""
+_WORKER = '''"""Asks its neighbour, and notes how long that takes; one of them fails, one has a child in a session of its own."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import time
+
+from .generic.genericworker import GenericWorker
+
+
+class SpecificWorker(GenericWorker):
+    def initialize(self) -> None:
+        self.number = 0
+        if "parents" in os.environ.get("FAULTS", "") and self.instance == "n1":
+            subprocess.Popen(["setsid", "sleep", "1000"], start_new_session=True)
+
+    def compute(self) -> None:
+        if "failing" in os.environ.get("FAULTS", "") and self.instance == "n0":
+            os._exit(1)
+        if "asking" in os.environ.get("FAULTS", ""):
+            begun = time.monotonic()
+            self.number = self.echo_proxy.say(self.number)
+            with open(os.environ["FAULTS_TO"], "a") as notes:
+                notes.write(f"{begun} {time.monotonic() - begun}\\n")
+
+    def Echo_say(self, number: int) -> int:
+        return number + 1
+'''
+
+_GONE = 5.0
+"""Seconds after which nothing of a network may be left."""
+
+
+class _Network:
+    """A folder with a network of so many components, each of which asks the one before it."""
+
+    def __init__(self, count: int, middleware: str, more: str = "", period: float = 1.0) -> None:
+        self.folder = Path(tempfile.mkdtemp(prefix="rcf-", dir="/tmp"))
+        self.run_folder = self.folder / "run"
+        self.run_folder.mkdir(mode=0o700)
+        self.environment = os.environ | {
+            "ROBOCOMP_RUNTIME_DIR": str(self.run_folder),
+            "FAULTS_TO": str(self.folder / "calls"),
+        }
+        node = self.folder / "node"
+        node.mkdir()
+        (node / "Echo.idsl").write_text(_IDSL)
+        (node / "node.cdsl").write_text(_CDSL)
+        subprocess.run([_tool("rcgen"), "node.cdsl"], cwd=node, check=True, capture_output=True)
+        (node / "specificworker.py").write_text(_WORKER)
+        (node / "etc" / "config.toml").write_text(f"[component]\nperiod = {period}\n")
+        instances = "".join(
+            f"    Component n{number} : node {{ requires Echo from n{(number or count) - 1}; {self._more(number, more)}}};\n"
+            for number in range(count)
+        )
+        self.model = self.folder / "net.ddsl"
+        self.model.write_text(
+            f'import "node/node.cdsl";\n\nDeployment Net\n{{\n    middleware {middleware};\n{instances}}};\n'
+        )
+
+    def _more(self, number: int, more: str) -> str:
+        return more if number == 0 else ""
+
+    def start(self, *faults: str) -> subprocess.Popen[str]:
+        self.said = self.folder / "said"
+        with self.said.open("w") as said:
+            return subprocess.Popen(
+                [_tool("rcdeploy"), str(self.model)],
+                cwd=self.folder,
+                env=self.environment | {"FAULTS": " ".join(faults)},
+                stdout=said,
+                stderr=subprocess.STDOUT,
+                stdin=subprocess.DEVNULL,
+                text=True,
+                start_new_session=True,
+            )
+
+    def ready(self) -> bool:
+        return "components of Net are ready" in self.said.read_text()
+
+    def processes(self) -> dict[int, str]:
+        """All that were started from within the network, also where nobody looks for them; and what they are."""
+        mark = f"ROBOCOMP_RUNTIME_DIR={self.run_folder}".encode()
+        found = {}
+        for each in Path("/proc").glob("[0-9]*"):
+            with contextlib.suppress(OSError):
+                if mark in (each / "environ").read_bytes().split(b"\0"):
+                    found[int(each.name)] = (each / "cmdline").read_bytes().replace(b"\0", b" ").decode()[:100]
+        return found
+
+    def memory(self) -> int:
+        """Of all of them, in bytes; what they share is counted once."""
+        total = 0
+        for pid in self.processes():
+            with contextlib.suppress(OSError, IndexError):
+                total += int(re.findall(r"^Pss:\s+(\d+)", Path(f"/proc/{pid}/smaps_rollup").read_text(), re.M)[0])
+        return total * 1024
+
+    def __enter__(self) -> _Network:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        for pid in self.processes():
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        until(lambda: not self.processes(), 30.0, "all are dead")
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def _tool(name: str) -> str:
+    return str(Path(sys.executable).with_name(name))
+
+
+def _many(run: Run) -> Result:
+    count = run.rounds({"zeromq": 500, "zenoh": 250, "dds": 60}[run.transport], 12)
+    with _Network(count, run.transport) as network:
+        begun = time.monotonic()
+        deployer = network.start()
+        until(lambda: network.ready() or deployer.poll() is not None, 180.0, f"ready:\n{network.said.read_text()}")
+        ready = time.monotonic() - begun
+        run.tell(f"{count} ready after {ready:.1f} s")
+        memory = network.memory()
+        asked = time.monotonic()
+        status = subprocess.run(
+            [_tool("rcdeploy"), "status", "--json", str(network.model)],
+            env=network.environment,
+            capture_output=True,
+            text=True,
+        )
+        answered = time.monotonic() - asked
+        states = Counter(each["state"] for each in json.loads(status.stdout)["processes"]) if status.stdout else {}
+        deployer.send_signal(signal.SIGINT)
+        stopping = time.monotonic()
+        deployer.wait(60.0)
+        stopped = time.monotonic() - stopping
+        left = network.processes()
+    violations = [Violation("nobody left", f"{pid} {what}") for pid, what in left.items()]
+    if states != {"ready": count}:
+        violations.append(Violation("ready", f"status says {dict(states)}: {status.stderr}"))
+    return Result(
+        [
+            Figure("components", count),
+            Figure("ready", ready, "s", 10, timed=True),
+            Figure("stopped", stopped, "s", 5, timed=True),
+            Figure("memory (PSS)", memory / 1e9, "GB", 1.5, timed=True),
+            Figure("`status` answers", answered, "s", 0.5, timed=True),
+        ],
+        violations,
+    )
+
+
+def _stormy(run: Run) -> Result:
+    """One fails at once, is started again and again, and its neighbours ask each other meanwhile."""
+    seconds = run.rounds(30, 3)
+    measured = {}
+    for faults in ("asking", "asking failing"):
+        with _Network(5, run.transport, "restart always(delay 0.2, intensity 1000, period 60);", 0.01) as network:
+            deployer = network.start(*faults.split())
+            until(lambda network=network: (network.folder / "calls").exists(), 60.0, "calls")  # type: ignore[misc]
+            time.sleep(2.0)
+            before, since = _cpu(deployer.pid), time.monotonic()
+            time.sleep(seconds)
+            used = (_cpu(deployer.pid) - before) / (time.monotonic() - since)
+            lines = [line.split() for line in (network.folder / "calls").read_text().splitlines()[:-1]]
+            took = sorted(float(each[1]) for each in lines if float(each[0]) > since)
+            measured[faults] = took[int(len(took) * 0.99)], used, network.said.read_text().count("n0")
+            deployer.send_signal(signal.SIGTERM)
+            deployer.wait(30.0)
+            left = network.processes()
+            run.tell(f"{faults}: p99 {measured[faults][0] * 1000:.2f} ms of {len(took)} calls, {used:.1%} of a core")
+    (calm, _, _), (storm, used, _) = measured.values()
+    return Result(
+        [
+            Figure("neighbours' p99 before", calm * 1000, "ms"),
+            Figure("meanwhile", storm * 1000, "ms", max(1.2 * calm, calm + 0.002) * 1000, timed=True),
+            Figure("rcdeploy", used * 100, "% of a core", 5, timed=True),
+        ],
+        [Violation("nobody left", f"{pid} {what}") for pid, what in left.items()],
+    )
+
+
+_DEEDS = ("Ctrl-C", "Ctrl-C twice", "SIGTERM", "SIGHUP", "kill -9")
+
+
+def _ended(run: Run) -> Result:
+    """Every way to end, at any time: while it starts, while it runs, and again while it stops."""
+    rounds = run.rounds(200, 5)
+    slowest, done = 0.0, Counter[str]()
+    violations: list[Violation] = []
+    with _Network(4, run.transport) as network:
+        for number, deed in enumerate(deeds(run.seed, rounds, _DEEDS, 0.0, 3.0)):
+            deployer = network.start("parents")
+            end = time.monotonic() + deed.after
+            while time.monotonic() < end and not (network.ready() and deed.after > 1.0):
+                time.sleep(0.02)
+            begun = time.monotonic()
+            _do(deployer, deed.what, random.Random(run.seed + number))
+            done[deed.what] += 1
+            with contextlib.suppress(RuntimeError):
+                until(lambda: not network.processes(), _GONE, "")
+            slowest = max(slowest, time.monotonic() - begun)
+            for pid, what in network.processes().items():
+                text = f"round {number}, {deed.what} after {deed.after:.2f} s: {pid} {what}"
+                violations.append(Violation("nobody left", text))
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                deployer.wait(10.0)
+            if number % max(1, rounds // 10) == 0:
+                run.tell(f"{number} of {rounds}")
+    figures = [Figure(what, count) for what, count in sorted(done.items())]
+    return Result([*figures, Figure("all gone after", slowest, "s", _GONE, timed=True)], violations)
+
+
+def _do(deployer: subprocess.Popen[str], what: str, chance: random.Random) -> None:
+    number = {"SIGTERM": signal.SIGTERM, "SIGHUP": signal.SIGHUP, "kill -9": signal.SIGKILL}.get(what, signal.SIGINT)
+    deployer.send_signal(number)
+    if what == "Ctrl-C twice":
+        time.sleep(chance.uniform(0.0, 0.3))
+        with contextlib.suppress(ProcessLookupError):
+            deployer.send_signal(signal.SIGINT)
+
+
+def _cpu(pid: int) -> float:
+    """Seconds that a process has computed."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+ROWS = [
+    Row(
+        "storm",
+        "restart storm: a component that fails at once, and is started again",
+        "neighbours' p99 + ≤ 20 % (or 2 ms), rcdeploy ≤ 5 % CPU",
+        ("zeromq",),
+        90,
+        _stormy,
+    ),
+    Row(
+        "end",
+        "Ctrl-C once and twice, SIGTERM, SIGHUP, kill -9 of rcdeploy; 200 random rounds",
+        "0 processes after 5 s, `setsid` grandchildren included where cgroups allow",
+        ("zeromq",),
+        900,
+        _ended,
+    ),
+    Row(
+        "many",
+        "500 components on one host of 2 cores over zeromq (zenoh 250, dds 60)",
+        "ready ≤ 10 s, stopped ≤ 5 s, ≤ 1.5 GB (PSS), `status` answers in 0.5 s",
+        ("zeromq", "zenoh", "dds"),
+        60,
+        _many,
+    ),
+]
