@@ -245,7 +245,10 @@ def down(connection: Connection, grace_s: float | None, tell: Callable[[int, int
 
 def _longest_grace(network: str) -> float:
     """Seconds that a process of a network may have to end by itself."""
-    processes = (running_plan(network) or {}).get("processes", ())
+    try:
+        processes = (running_plan(network) or {}).get("processes", ())
+    except DeploymentError:  # on a full disk; the patience that everybody has is enough for most
+        return 0.0
     return max((float(each.get("grace") or 0.0) for each in processes), default=0.0)
 
 

@@ -5,8 +5,10 @@ It tells how it is by datagrams to `$NOTIFY_SOCKET`, as systemd's sd_notify(3) d
 
 from __future__ import annotations
 
+import contextlib
 import os
 import socket
+from pathlib import Path
 
 BETWEEN = "+"
 """What stands between the components of one process on its command line."""
@@ -19,8 +21,14 @@ CALLS = "X_ROBOCOMP_CALLS="
 """How many operations a process answers per second, and how many milliseconds the slowest took, of a short while."""
 
 
+READY_FILE = "ROBOCOMP_READY_FILE"
+"""Names a file that is there while a process is ready: launchers of containers look, and do not listen."""
+
+
 def notify(*lines: str) -> None:
-    """Send `READY=1` and the like. Without a launcher that listens, nothing happens."""
+    """Send `READY=1` and the like. Without a launcher that listens or looks, nothing happens."""
+    if path := os.environ.get(READY_FILE):
+        _show(Path(path), "\n".join(lines).split("\n"))
     address = os.environ.get("NOTIFY_SOCKET")
     if not address or not hasattr(socket, "AF_UNIX"):
         return
@@ -30,3 +38,11 @@ def notify(*lines: str) -> None:
             channel.sendto("\n".join(lines).encode(), "\0" + address[1:] if address[0] == "@" else address)
         except OSError:
             return  # the launcher has gone; that is its business, and we end when we are told to
+
+
+def _show(path: Path, lines: list[str]) -> None:
+    with contextlib.suppress(OSError):  # as without a launcher
+        if "READY=1" in lines:
+            path.touch()
+        elif "STOPPING=1" in lines:
+            path.unlink(missing_ok=True)

@@ -7,9 +7,7 @@ from robocomp_py.deploy.snapshot import HostStatus, ProcessStatus, Snapshot
 from robocomp_py.errors import DeploymentError
 
 
-def process(
-    name: str, state: State = State.READY, *, starts: int = 1, host: str = "", how: str = ""
-) -> ProcessStatus:
+def process(name: str, state: State = State.READY, *, starts: int = 1, host: str = "", how: str = "") -> ProcessStatus:
     runs = state in (State.STARTING, State.READY, State.STOPPING)
     return ProcessStatus(
         name=name,

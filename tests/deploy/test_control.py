@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import socket
 import threading
@@ -52,6 +53,8 @@ class Running:
         self.call(lambda: [self.ring.write(name, text) for text in texts])
 
     def close(self) -> None:
+        if self.loop.is_closed():
+            return
         self.do(self._control.close())
         self.place.release()
         self.loop.call_soon_threadsafe(self.loop.stop)
@@ -59,11 +62,25 @@ class Running:
         self.loop.close()
 
 
+Start = Callable[..., Running]
+
+
 @pytest.fixture
-def running() -> Iterator[Running]:
-    made = Running(Standing(process("laser"), process("left/arm"), process("left/wrist/joint", State.STARTING)))
-    yield made
-    made.close()
+def start() -> Iterator[Start]:
+    """Starts networks, which end with the test."""
+    with contextlib.ExitStack() as ending:
+
+        def started(*args: Any) -> Running:
+            made = Running(*args)
+            ending.callback(made.close)
+            return made
+
+        yield started
+
+
+@pytest.fixture
+def running(start: Start) -> Running:
+    return start(Standing(process("laser"), process("left/arm"), process("left/wrist/joint", State.STARTING)))
 
 
 def raw(running: Running) -> socket.socket:
@@ -184,32 +201,27 @@ def is_cut(one: socket.socket) -> bool:
     return False
 
 
-def test_a_socket_that_a_killed_network_left_is_in_nobodys_way() -> None:
+def test_a_socket_that_a_killed_network_left_is_in_nobodys_way(start: Start) -> None:
     place = Place("killed")
     place.folder.mkdir(mode=0o700, parents=True)
     with socket.socket(socket.AF_UNIX) as left:
         left.bind(str(place.control))
     with pytest.raises(NotRunning):
         Connection("killed")
-    again = Running(Standing(process("laser")), "killed")
-    try:
-        with Connection("killed") as connection:
-            assert connection.status()
-    finally:
-        again.close()
+    again = start(Standing(process("laser")), "killed")
+    with Connection("killed") as connection:
+        assert connection.status()
+    again.close()
     assert not place.folder.exists()
 
 
-def test_a_runtime_folder_may_have_a_long_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_runtime_folder_may_have_a_long_path(start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = tmp_path / ("long" * 30)
     folder.mkdir(mode=0o700)
     monkeypatch.setenv("ROBOCOMP_RUNTIME_DIR", str(folder))
-    far = Running(Standing(process("laser")))
-    try:
-        with Connection("home") as connection:
-            assert connection.status()
-    finally:
-        far.close()
+    start(Standing(process("laser")))
+    with Connection("home") as connection:
+        assert connection.status()
 
 
 # Logs.
@@ -233,8 +245,8 @@ def test_the_deployer_has_lines_of_its_own(running: Running) -> None:
         assert list(lines(connection, ["rcdeploy"], 10, follow=False)) == [("rcdeploy", "all are ready")]
 
 
-def test_who_follows_is_told_what_comes_until_the_network_ends() -> None:
-    brief = Running(Standing(process("laser"), process("arm")), "brief")
+def test_who_follows_is_told_what_comes_until_the_network_ends(start: Start) -> None:
+    brief = start(Standing(process("laser"), process("arm")), "brief")
     brief.write("laser", "before")
     with Connection("brief") as connection:
         following = lines(connection, ["laser"], 10, follow=True)
@@ -316,8 +328,8 @@ def test_nothing_is_started_again_on_a_host_that_is_out_of_reach(running: Runnin
     assert running.network.asked == []
 
 
-def test_a_network_is_down_when_nothing_of_it_is_left() -> None:
-    ending = Running(Standing(process("laser"), process("arm")))
+def test_a_network_is_down_when_nothing_of_it_is_left(start: Start) -> None:
+    ending = start(Standing(process("laser"), process("arm")))
     told: list[tuple[int, int]] = []
     closing: list[threading.Thread] = []
 

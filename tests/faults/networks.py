@@ -77,17 +77,16 @@ class _Network:
         subprocess.run([_tool("rcgen"), "node.cdsl"], cwd=node, check=True, capture_output=True)
         (node / "specificworker.py").write_text(_WORKER)
         (node / "etc" / "config.toml").write_text(f"[component]\nperiod = {period}\n")
-        instances = "".join(
-            f"    Component n{number} : node {{ requires Echo from n{(number or count) - 1}; {self._more(number, more)}}};\n"
-            for number in range(count)
-        )
+        ring = range(1, count) if more else range(count)  # who fails is asked by nobody
+        instances = ""
+        for number in range(count):
+            asked = f"n{number - 1 if number - 1 in ring else ring[-1]}"
+            settings = more if number == 0 else ""
+            instances += f"    Component n{number} : node {{ requires Echo from {asked}; {settings}}};\n"
         self.model = self.folder / "net.ddsl"
         self.model.write_text(
             f'import "node/node.cdsl";\n\nDeployment Net\n{{\n    middleware {middleware};\n{instances}}};\n'
         )
-
-    def _more(self, number: int, more: str) -> str:
-        return more if number == 0 else ""
 
     def start(self, *faults: str) -> subprocess.Popen[str]:
         self.said = self.folder / "said"
@@ -105,6 +104,9 @@ class _Network:
 
     def ready(self) -> bool:
         return "components of Net are ready" in self.said.read_text()
+
+    def called(self) -> bool:
+        return (self.folder / "calls").exists()
 
     def processes(self) -> dict[int, str]:
         """All that were started from within the network, also where nobody looks for them; and what they are."""
@@ -184,7 +186,7 @@ def _stormy(run: Run) -> Result:
     for faults in ("asking", "asking failing"):
         with _Network(5, run.transport, "restart always(delay 0.2, intensity 1000, period 60);", 0.01) as network:
             deployer = network.start(*faults.split())
-            until(lambda network=network: (network.folder / "calls").exists(), 60.0, "calls")  # type: ignore[misc]
+            until(network.called, 60.0, "calls")
             time.sleep(2.0)
             before, since = _cpu(deployer.pid), time.monotonic()
             time.sleep(seconds)

@@ -44,7 +44,7 @@ def table(found: Sequence[Found]) -> str:
 
 
 def write_page(found: Sequence[Found], seed: int, page: Path = PAGE) -> None:
-    """Replace what an earlier run found of the same rows and transports; what was not run stays as it was found then."""
+    """Replace what was found before of the same rows and transports; what was not run stays as it was found then."""
     text = page.read_text()
     before, rest = text.split(_BEGIN, 1)
     old, after = rest.split(_END, 1)

@@ -111,10 +111,10 @@ def divide(transport: ZenohTransport, executed: list[object] | None = None) -> A
     decode, encode = transport.codec.decoder(e.divide.request), transport.codec.encoder(e.divide.response)
 
     def service(payload: Any, _: float) -> Reply:
-        arguments = decode(payload)
+        dividend, divisor = decode(payload)
         if executed is not None:
-            executed.append(arguments)
-        return Reply(Status.OK, encode(divmod(*arguments)))
+            executed.append((dividend, divisor))
+        return Reply(Status.OK, encode(divmod(dividend, divisor)))
 
     return transport.server(DIVIDE, service)
 
@@ -296,7 +296,7 @@ def test_a_hosts_router_passes_on_what_its_own_processes_may_do_and_no_more(fold
     plan = world.plan = replace(
         world.plan,
         processes=tuple(replace(each, host=hosts.get(each.name, "")) for each in world.plan.processes),
-        routers=world.plan.routers | {"onboard": {"router": {"listen/endpoints": [there]}}},
+        routers={**world.plan.routers, "onboard": {"router": {"listen/endpoints": [there]}}},
     )
     made(plan, world.keys)
     onboard = {"listen/endpoints": [there], "connect/endpoints": [world.endpoint]}

@@ -97,10 +97,10 @@ def divide(transport: ZeroMQTransport, executed: list[object] | None = None) -> 
     decode, encode = transport.codec.decoder(e.divide.request), transport.codec.encoder(e.divide.response)
 
     def service(payload: Any, _: float) -> Reply:
-        arguments = decode(payload)
+        dividend, divisor = decode(payload)
         if executed is not None:
-            executed.append(arguments)
-        return Reply(Status.OK, encode(divmod(*arguments)))
+            executed.append((dividend, divisor))
+        return Reply(Status.OK, encode(divmod(dividend, divisor)))
 
     return transport.server(DIVIDE, service)
 

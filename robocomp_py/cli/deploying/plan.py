@@ -82,6 +82,11 @@ def _news(plan: Plan) -> list[Change] | None:
     """What is different from what runs; None if it does not run."""
     from ...deploy.changes import changes
     from ...deploy.client import running_plan
+    from ...errors import DeploymentError
 
-    running = running_plan(plan.name)
+    try:
+        running = running_plan(plan.name)
+    except DeploymentError as exc:
+        print(f"rcdeploy: {exc}; what would change is not known", file=sys.stderr)
+        return None
     return None if running is None else changes(running, json.loads(json.dumps(plan.to_json())))

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import PurePosixPath
 from typing import Any
 
+from ...runtime.notify import READY_FILE
 from ..plan import Plan, Process
 from ..policy import Restart, When
 from .base import (
@@ -61,7 +62,8 @@ def _service(site: Site, process: Process, project: str, names: dict[str, str]) 
     environment = {name: _plain(value) for name, value in process.env.items()}
     service: dict[str, Any] = {"image": image, "build": ".", "command": command}
     if process.notifies:
-        environment["ROBOCOMP_READY_FILE"] = READY
+        environment[READY_FILE] = READY
+        service["tmpfs"] = ["/tmp"]  # empty at each start
         service["healthcheck"] = {
             "test": ["CMD", "test", "-e", READY],
             "interval": "2s",

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import PurePosixPath
 from typing import Any
 
+from ...runtime.notify import READY_FILE
 from ..plan import Plan, Process
 from ..policy import When
 from .base import (
@@ -106,7 +107,7 @@ def _container(site: Site, process: Process, name: str, image: str) -> dict[str,
         "command": [_plain(word) for word in site.command(process, "python")],
     }
     if process.notifies:
-        environment["ROBOCOMP_READY_FILE"] = READY
+        environment[READY_FILE] = READY
         container["readinessProbe"] = {"exec": {"command": ["test", "-e", READY]}, "periodSeconds": 1}
     container["env"] = [{"name": key, "value": value} for key, value in environment.items()]
     container["volumeMounts"] = [

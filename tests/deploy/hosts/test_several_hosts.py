@@ -1,0 +1,356 @@
+"""Networks over several hosts, as a user starts them: OpenSSH's own servers, in network namespaces. Needs root."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from robocomp_py.cli.rcgen import main as rcgen
+from robocomp_py.testing.patience import SOON, wait_until
+from tests.deploy.laboratory import Host, Laboratory, SshServer, make_key
+
+pytestmark = pytest.mark.tool
+
+LONG = 4 * SOON
+"""Hosts are reached, components started, and each other found."""
+
+IDSL = """
+module RoboCompEcho
+{
+    interface Echo { idempotent int twice(int value); };
+    interface Tick { void tick(int number); };
+};
+"""
+ECHO = """
+import "../Echo.idsl";
+Component Echo { Communications { implements Echo; publishes Tick; }; language python; period 20 ms; };
+"""
+ASKER = """
+import "../Echo.idsl";
+Component Asker { Communications { requires Echo; subscribesTo Tick; }; language python; period 20 ms; };
+"""
+ECHOING = """
+    number = 0
+
+    def compute(self) -> None:
+        self.number += 1
+        self.tick_proxy.tick(self.number)
+
+    def Echo_twice(self, value: int) -> int:
+        return 2 * value
+"""
+ASKING = """
+    heard = 0
+
+    def compute(self) -> None:
+        if self.echo_proxy.twice(21) == 42 and self.heard >= 3:
+            self.log.info("asked and heard")
+            self.stop()
+
+    def Tick_tick(self, number: int) -> None:
+        self.heard += 1
+"""
+
+
+@pytest.fixture(scope="module")
+def components(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("components")
+    (root / "Echo.idsl").write_text(IDSL)
+    for name, model, code in (("echo", ECHO, ECHOING), ("asker", ASKER, ASKING)):
+        path = root / name / f"{name}.cdsl"
+        path.parent.mkdir()
+        path.write_text(model)
+        assert rcgen([str(path)]) == 0
+        worker = path.parent / "specificworker.py"
+        text = worker.read_text()
+        worker.write_text(text[: text.index("    def ")] + code)
+    return root
+
+
+class Site:
+    """A laboratory, hosts in it, and a user of this machine who is let in there."""
+
+    def __init__(self, laboratory: Laboratory, folder: Path, components: Path) -> None:
+        self._laboratory, self.folder, self._components = laboratory, folder, components
+        self.hosts: dict[str, Host] = {}
+        self.servers: dict[str, SshServer] = {}
+        own = folder / "me" / ".ssh"
+        own.mkdir(parents=True)
+        self._key = own / "id_ed25519"
+        make_key(self._key)
+        run = folder / "run"
+        run.mkdir(mode=0o700)
+        dropped = ("XDG_CONFIG_HOME", "SSH_AUTH_SOCK", "XDG_RUNTIME_DIR")
+        self._environment = {name: value for name, value in os.environ.items() if name not in dropped}
+        self._environment |= {"HOME": str(folder / "me"), "ROBOCOMP_RUNTIME_DIR": str(run), "COLUMNS": "200"}
+
+    def host(self, name: str, *, serves: bool = True, trusted: bool = True) -> Host:
+        self.hosts[name] = host = self._laboratory.host(name)
+        if serves:
+            self.servers[name] = SshServer(host, self.folder / name, self._key)
+        if serves and trusted:
+            with (self.folder / "me" / ".ssh" / "known_hosts").open("a") as known:
+                known.write(f"{host.address} {self.servers[name].public_key}\n")
+        return host
+
+    def network(self, instances: str, said: str = "", **of_hosts: str) -> Path:
+        """One of these instances, on all hosts that there are; `of_hosts` are further settings of those."""
+        blocks = "".join(
+            f'host {name} {{ address "{host.address}"; user "root"; python "{sys.executable}"; '
+            f"{of_hosts.get(name, '')} }};\n"
+            for name, host in self.hosts.items()
+        )
+        path = self.folder / "net.ddsl"
+        path.write_text(
+            f'import "{self._components}/echo/echo.cdsl";\nimport "{self._components}/asker/asker.cdsl";\n'
+            f"Deployment Lab {{\n{said or 'security open;'}\n{blocks}{instances}\n}};\n"
+        )
+        return path
+
+    def run(self, *arguments: object) -> Rcdeploy:
+        return Rcdeploy(self._environment, self.folder, *map(str, arguments))
+
+    def done(self, *arguments: object) -> Rcdeploy:
+        """Run to its end."""
+        running = self.run(*arguments)
+        running.wait(LONG)
+        return running
+
+    def left(self, name: str) -> list[str]:
+        """What runs on a host, but for its SSH server."""
+        found = []
+        for pid in self.hosts[name].pids():
+            try:
+                words = Path(f"/proc/{pid}/cmdline").read_text().replace("\0", " ").strip()
+            except OSError:
+                continue
+            if words and not words.startswith(("sshd", "/usr/sbin/sshd")):
+                found.append(words)
+        return found
+
+
+class Rcdeploy:
+    """`rcdeploy`, and what it has said so far."""
+
+    def __init__(self, environment: dict[str, str], folder: Path, *arguments: str) -> None:
+        command = [sys.executable, "-m", "robocomp_py.cli.rcdeploy", *arguments]
+        pipe = subprocess.PIPE
+        self._process = subprocess.Popen(
+            command,
+            env=environment,
+            cwd=folder,
+            stdin=subprocess.DEVNULL,
+            stdout=pipe,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        self.lines: list[str] = []
+        self._reader = threading.Thread(target=self._read)
+        self._reader.start()
+
+    @property
+    def text(self) -> str:
+        return "\n".join(self.lines)
+
+    def says(self, pattern: str, times: int = 1) -> None:
+        def found() -> bool:
+            if self._process.poll() is not None and not self._reader.is_alive():
+                assert len(re.findall(pattern, self.text)) >= times, f"{pattern!r} in\n{self.text}"
+            return len(re.findall(pattern, self.text)) >= times
+
+        wait_until(found, LONG, f"{pattern!r}")
+
+    def signal(self, number: signal.Signals) -> None:
+        self._process.send_signal(number)
+
+    def wait(self, seconds: float = LONG) -> int:
+        try:
+            code = self._process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            raise AssertionError(f"it goes on\n{self.text}") from None
+        finally:
+            self._reader.join(SOON)
+        return code
+
+    @property
+    def code(self) -> int:
+        return self.wait()
+
+    def _read(self) -> None:
+        assert self._process.stdout
+        with self._process.stdout as output:
+            for line in output:
+                self.lines.append(line.rstrip("\n"))
+
+
+@pytest.fixture
+def site(tmp_path: Path, components: Path) -> Iterator[Site]:
+    short = Path(f"/tmp/lab-{os.getpid()}")  # paths of sockets have 107 bytes
+    short.mkdir(mode=0o700)
+    try:
+        with Laboratory() as laboratory:
+            yield Site(laboratory, short, components)
+        assert laboratory.left() == []
+    finally:
+        shutil.rmtree(short, ignore_errors=True)
+
+
+def gone(site: Site, *names: str) -> None:
+    wait_until(lambda: not any(site.left(name) for name in names), SOON, f"{[site.left(name) for name in names]}")
+
+
+@pytest.mark.parametrize("middleware", ["zeromq", "zenoh", "dds"])
+def test_components_on_two_hosts_talk_to_each_other(site: Site, middleware: str):
+    site.host("robot")
+    site.host("base")
+    instances = "Component echo : Echo { host robot; }; Component asker : Asker { host base; };"
+    net = site.network(instances, f"security open; middleware {middleware};")
+    run = site.done("--insecure", net, "--until", "asker")
+    assert run.code == 0, run.text
+    assert "asked and heard" in run.text
+    gone(site, "robot", "base")
+
+
+@pytest.mark.parametrize("middleware", ["zeromq", "zenoh"])
+def test_components_on_two_hosts_talk_to_each_other_with_keys(site: Site, middleware: str):
+    site.host("robot")
+    site.host("base")
+    instances = "Component echo : Echo { host robot; }; Component asker : Asker { host base; };"
+    net = site.network(instances, f"security lan; middleware {middleware};")
+    made = site.done("keys", net)
+    assert made.code == 0, made.text
+    run = site.done(net, "--until", "asker")
+    assert run.code == 0, run.text
+    assert "asked and heard" in run.text
+    gone(site, "robot", "base")
+
+
+def test_three_hosts_and_this_machine_run_one_network(site: Site):
+    for name in ("robot", "base", "tower"):
+        site.host(name)
+    net = site.network(
+        "Component echo : Echo { host robot; };"
+        "Component one : Asker { host base; }; Component two : Asker { host tower; }; Component here : Asker { };",
+        "security open; middleware zeromq;",
+    )
+    run = site.run("--insecure", net)
+    for name in ("one", "two", "here"):
+        run.says(rf"{name} │ .*asked and heard")
+    run.signal(signal.SIGINT)
+    assert run.code == 130, run.text
+    gone(site, "robot", "base", "tower")
+
+
+def test_nothing_is_reached_but_where_the_network_says(site: Site):
+    robot = site.host("robot")
+    base = site.host("base")
+    instances = "Component echo : Echo { host robot; }; Component asker : Asker { host base; };"
+    net = site.network(instances + "Component more : Asker { host robot; };", "security open; middleware zeromq;")
+    run = site.run("--insecure", net)
+    run.says("more │ .*asked and heard")
+    listening = {line.split()[3] for line in robot.do("ss", "-Hltn").splitlines()}
+    assert f"{robot.address}:22" in listening
+    assert len(listening) > 1
+    assert all(each.startswith((robot.address, "127.0.0.1")) for each in listening), listening
+    assert {line.split()[3] for line in base.do("ss", "-Hltn").splitlines()} == {f"{base.address}:22"}
+    run.signal(signal.SIGINT)
+    assert run.code == 130
+
+
+def test_nothing_is_started_when_a_host_cannot_be_reached(site: Site):
+    site.host("robot")
+    tower = site.host("tower", serves=False)
+    net = site.network("Component echo : Echo { host robot; }; Component asker : Asker { host tower; };")
+    run = site.done("--insecure", net)
+    assert run.code == 3
+    assert f"tower ({tower.address}) cannot be reached" in run.text
+    assert "is it on" in run.text
+    assert "ready" not in run.text
+    gone(site, "robot")
+
+
+def test_a_host_whose_key_changed_is_not_believed_until_it_is_trusted(site: Site):
+    robot = site.host("robot")
+    net = site.network("Component echo : Echo { host robot; };")
+    site.servers["robot"].change_key()
+    run = site.done("--insecure", net)
+    assert run.code == 3
+    assert "another key than the one we know: SHA256:" in run.text
+    assert f"rcdeploy trust root@{robot.address}" in run.text
+    shown = re.search(r"SHA256:[^\s,]+", run.text)
+    assert shown
+    wrong = site.done("trust", f"root@{robot.address}", "--fingerprint", "SHA256:another")
+    assert (wrong.code, "nothing is remembered" in wrong.text) == (1, True)
+    right = site.done("trust", f"root@{robot.address}", "--fingerprint", shown[0])
+    assert right.code == 0, right.text
+    run = site.run("--insecure", net)
+    run.says("all 1 component")
+    run.signal(signal.SIGINT)
+    assert run.code == 130
+
+
+def test_a_host_that_dies_is_told_and_the_network_still_ends(site: Site):
+    robot = site.host("robot")
+    site.host("base")
+    net = site.network("Component echo : Echo { host robot; }; Component other : Echo { host base; };")
+    run = site.run("--insecure", net)
+    run.says("all 2 components")
+    robot.die()
+    run.says("robot.* (out of reach|lost)")
+    run.signal(signal.SIGINT)
+    assert run.code in (3, 130), run.text
+    gone(site, "base")
+
+
+def test_after_a_cut_what_ran_there_is_stopped_and_started_again(site: Site):
+    robot = site.host("robot")
+    net = site.network("Component echo : Echo { host robot; };")
+    run = site.run("--insecure", net)
+    run.says("all 1 component")
+    before = site.left("robot")
+    robot.partition()
+    gone(site, "robot")
+    run.says("robot.* (out of reach|lost)")
+    robot.heal()
+    run.says("robot is back")
+    run.says("echo │ ready", times=2)
+    assert len(site.left("robot")) == len(before)
+    run.signal(signal.SIGINT)
+    assert run.code == 130, run.text
+    gone(site, "robot")
+
+
+def test_nothing_is_left_when_rcdeploy_is_killed(site: Site):
+    site.host("robot")
+    net = site.network("Component echo : Echo { host robot; };")
+    run = site.run("--insecure", net)
+    run.says("all 1 component")
+    run.signal(signal.SIGKILL)
+    run.wait()
+    gone(site, "robot")
+
+
+def test_what_a_host_keeps_is_taken_over(site: Site):
+    site.host("robot")
+    net = site.network("Component echo : Echo { host robot; };", robot="lost keep;")
+    first = site.run("--insecure", net)
+    first.says("all 1 component")
+    first.signal(signal.SIGKILL)
+    first.wait()
+    before = {pid for pid in site.hosts["robot"].pids() if "echo" in Path(f"/proc/{pid}/cmdline").read_text()}
+    second = site.run("--insecure", net)
+    second.says("all 1 component")
+    assert {pid for pid in site.hosts["robot"].pids() if "echo" in Path(f"/proc/{pid}/cmdline").read_text()} == before
+    second.signal(signal.SIGINT)
+    assert second.code == 130, second.text
+    gone(site, "robot")

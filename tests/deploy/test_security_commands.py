@@ -1,0 +1,129 @@
+"""`rcdeploy keys`, and what `rcdeploy` says of keys and of security when it is to start a network."""
+
+from __future__ import annotations
+
+import datetime
+from pathlib import Path
+
+import pytest
+
+from robocomp_py.cli.rcdeploy import main as rcdeploy
+from robocomp_py.cli.rcgen import main as rcgen
+from robocomp_py.deploy import certificates
+from robocomp_py.deploy.certificates import Issued
+
+INTERFACE = "module M { interface Laser { idempotent int get(int angle); }; };"
+NETWORK = """
+import "sensor/sensor.cdsl"; import "driver/driver.cdsl";
+Deployment Patrol {{ security {}; middleware zeromq; Component sensor {{ }}; Component driver {{ }}; }};
+"""
+
+
+@pytest.fixture(scope="module")
+def components(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("network")
+    for name, verb in (("sensor", "implements"), ("driver", "requires")):
+        (root / name).mkdir()
+        (root / name / "Laser.idsl").write_text(INTERFACE)
+        cdsl = root / name / f"{name}.cdsl"
+        cdsl.write_text(
+            f'import "Laser.idsl"; Component {name} {{ Communications {{ {verb} Laser; }}; language python; }};'
+        )
+        assert rcgen([str(cdsl)]) == 0
+    return root
+
+
+@pytest.fixture
+def net(components: Path, tmp_path: Path, request: pytest.FixtureRequest) -> Path:
+    """A network of these components, with a folder of keys that is its own."""
+    for name in ("sensor", "driver"):
+        (tmp_path / name).symlink_to(components / name)
+    path = tmp_path / "net.ddsl"
+    path.write_text(NETWORK.format("lan"))
+    return path
+
+
+def expire(net: Path, name: str) -> None:
+    keys = net.parent / "keys" / "Patrol"
+    authority = Issued((keys / "ca" / "ca.pem").read_bytes(), (keys / "ca" / "ca.key").read_bytes())
+    past = datetime.datetime.now(datetime.UTC) - datetime.timedelta(days=10)
+    issued = certificates.issue(authority, name, (), past, 9, serves=False)
+    (keys / name / "certificate.pem").write_bytes(issued.certificate)
+    (keys / name / "key.pem").write_bytes(issued.key)
+
+
+def test_keys_are_made_beside_the_network_and_told_with_their_end(
+    net: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert rcdeploy(["keys", str(net), "--days", "90"]) == 0
+    end = datetime.datetime.now(datetime.UTC) + datetime.timedelta(days=90)
+    told = capsys.readouterr().out
+    assert f"keys of Patrol in {net.parent / 'keys' / 'Patrol'}" in told
+    assert f"certificate of sensor: made, valid until {end:%Y-%m-%d}" in told
+    assert (net.parent / "keys" / "Patrol" / "sensor" / "admitted" / "driver.key").is_file()
+    assert rcdeploy(["keys", str(net)]) == 0
+    told = capsys.readouterr().out
+    assert ": made" not in told
+    assert "CURVE keys of driver: there already" in told
+
+
+def test_the_folder_can_be_chosen(net: Path, tmp_path: Path) -> None:
+    assert rcdeploy(["keys", str(net), "-o", str(tmp_path / "elsewhere")]) == 0
+    assert (tmp_path / "elsewhere" / "ca" / "ca.key").is_file()
+
+
+@pytest.mark.parametrize("days", ["0", "-1", "4000", "many", "nan"])
+def test_a_life_that_is_none_is_a_mistake_of_usage(net: Path, days: str) -> None:
+    with pytest.raises(SystemExit) as ended:
+        rcdeploy(["keys", str(net), f"--days={days}"])
+    assert ended.value.code == 2
+
+
+def test_who_does_not_ask_for_keys_yet_is_told(net: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    net.write_text(NETWORK.format("local"))
+    assert rcdeploy(["keys", str(net)]) == 0
+    assert "write `security lan;`" in capsys.readouterr().out
+
+
+def test_without_keys_nothing_is_started(net: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert rcdeploy([str(net), "--for", "0"]) == 1
+    told = capsys.readouterr()
+    assert f"there are no keys in {net.parent / 'keys' / 'Patrol'}; run: rcdeploy keys {net}" in told.err
+    assert "ready" not in told.out
+
+
+def test_nor_with_expired_ones_until_they_are_renewed(net: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert rcdeploy(["keys", str(net)]) == 0
+    expire(net, "sensor")
+    assert rcdeploy([str(net), "--for", "0"]) == 1
+    told = capsys.readouterr().err
+    assert "the certificate of `sensor` expired on" in told
+    assert "--renew" in told
+    assert rcdeploy(["keys", str(net), "--renew"]) == 0
+    assert rcdeploy([str(net), "--for", "0"]) == 0
+
+
+def test_nor_what_is_open_without_a_word_on_the_command_line(net: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    net.write_text(NETWORK.format("open"))
+    assert rcdeploy([str(net), "--for", "0"]) == 1
+    assert "say --insecure" in capsys.readouterr().err
+    assert rcdeploy([str(net), "--for", "0", "--insecure"]) == 0
+    assert "WITHOUT SECURITY" in capsys.readouterr().err
+
+
+def test_a_network_of_this_machine_needs_nothing(net: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    net.write_text(NETWORK.format("local"))
+    assert rcdeploy([str(net), "--for", "0"]) == 0
+    assert "WARNING" not in capsys.readouterr().err
+
+
+def test_no_secret_is_in_the_plan_that_is_shown(net: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert rcdeploy(["keys", str(net)]) == 0
+    secrets = [path.read_text() for path in net.parent.rglob("*.key_secret")]
+    capsys.readouterr()
+    assert rcdeploy(["plan", str(net), "--json"]) == 0
+    shown = capsys.readouterr().out
+    assert len(secrets) == 2
+    assert not any(
+        line.split('"')[1] in shown for text in secrets for line in text.splitlines() if "secret-key" in line
+    )
