@@ -27,6 +27,7 @@ FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py.transports.shm": BUILD | (MIDDLEWARES - {"iceoryx2"}) | {"robocomp_py.runtime", "msgpack"},
     "robocomp_py.runtime.statechart": BUILD | MIDDLEWARES | {"numpy", "robocomp_py.wire", "robocomp_py.transports"},
     "robocomp_py.graph.statemachine": BUILD | MIDDLEWARES | {"numpy", "xml", "robocomp_py.wire", "robocomp_py.runtime"},
+    "robocomp_py.graph.netsvg": BUILD | MIDDLEWARES | {"numpy", "xml", "robocomp_py.wire", "robocomp_py.runtime"},
     "robocomp_py.runtime.api": BUILD | MIDDLEWARES | {"xml", "pyexpat", "msgpack", "argparse"},
     "robocomp_py.runtime.run": BUILD | MIDDLEWARES | {"msgpack", "robocomp_py.runtime.classic"},
     "robocomp_py.cli.rc": MIDDLEWARES
@@ -39,6 +40,9 @@ FORBIDDEN: dict[str, set[str]] = {
     | {"pygls", "lsprotocol", "jinja2", "robocomp_py.codegen", "robocomp_py.deploy"},
     "robocomp_py.lsp.complete": MIDDLEWARES | {"pygls", "lsprotocol", "jinja2", "robocomp_py.codegen"},
     "robocomp_py.lsp.server": MIDDLEWARES | {"jinja2", "robocomp_py.codegen", "robocomp_py.deploy"},
+    "robocomp_py.deploy.agent": MIDDLEWARES
+    | {"lark", "jinja2", "rich", "numpy", "asyncssh", "robocomp_py.dsl", "robocomp_py.codegen", "robocomp_py.cli"},
+    "robocomp_py.deploy.client": MIDDLEWARES | {"asyncio", "lark", "rich", "numpy", "robocomp_py.dsl"},
     "robocomp_py.deploy.policy": {"subprocess", "asyncio", "lark", "numpy", "robocomp_py.dsl"},
     "robocomp_py.deploy.planner": MIDDLEWARES | {"subprocess", "jinja2", "robocomp_py.codegen", "msgpack"},
 }

@@ -1,53 +1,109 @@
-"""`rc graph`: draw a state machine."""
+"""`rc graph`: draw a state machine, or a network."""
 
 from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from .common import FINE, WRONG, complain, show
+from .common import FINE, USAGE, WRONG, complain, show
+from .network import add_overrides, overrides_of
 
 NAME = "graph"
-HELP = "draw a state machine as SVG"
+HELP = "draw a network or a state machine"
 
 
 _EXAMPLES = """\
 examples:
-  rc graph game.smdsl -o game.svg    for a browser, or a page
+  rc graph net.ddsl -o net.svg       components, hosts, systems, processes, and who uses whom over what
+  rc graph net.ddsl -o net.png       ... as pixels (needs: pip install 'robocomp-py[png]')
+  rc graph net.ddsl -o net.dot       ... for Graphviz
+  rc graph net.ddsl -o net.mmd       ... for Mermaid, which GitHub draws in Markdown
+  rc graph net.ddsl --middleware dds -o net.svg   ... as it would be over that middleware
+  rc graph game.smdsl -o game.svg    the states of a machine, and the transitions between them
   rc graph game.scxml > game.svg
 
 exit status: 0 fine, 1 the file is wrong, 2 usage
 """
 
+_PIXELS = 2
+"""Pixels of a PNG for each of SVG: screens have more of them than they say."""
+
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
-    to.description, to.epilog = "Draw the states of a machine, and the transitions between them, as SVG.", _EXAMPLES
+    to.description, to.epilog = "Draw a network, or a state machine.", _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
-    to.add_argument("file", type=Path, metavar="FILE", help="state machine (.smdsl, .scxml)")
-    to.add_argument("-o", dest="output", type=Path, metavar="FILE.svg", help="where to write it (default: stdout)")
+    to.add_argument("file", type=Path, metavar="FILE", help="network (.ddsl) or state machine (.smdsl, .scxml)")
+    to.add_argument(
+        "-o",
+        dest="output",
+        type=Path,
+        metavar="PICTURE",
+        help="where to write it: .svg, .png, and for networks .dot or .mmd (default: SVG on stdout)",
+    )
+    add_overrides(to)
 
 
 def run(options: argparse.Namespace) -> int:
+    path, output = options.file, options.output
+    kind, ending = path.suffix.lower(), output.suffix.lower() if output else ".svg"
+    if kind not in (".ddsl", ".smdsl", ".scxml"):
+        return complain(f"rc graph: {path} is neither a network nor a state machine: give it .ddsl, .smdsl or .scxml")
+    endings = (".svg", ".png", ".dot", ".mmd") if kind == ".ddsl" else (".svg", ".png")
+    if ending not in endings:
+        what = "a network" if kind == ".ddsl" else "a state machine"
+        return complain(f"rc graph: {output}: {what} is drawn as {', '.join(endings)}; let its name end so")
+    drawn = _network(options, ending) if kind == ".ddsl" else _machine(path)
+    if isinstance(drawn, int):
+        return drawn
+    if output is None:
+        sys.stdout.write(drawn)
+        return FINE
+    return _write(drawn, output)
+
+
+def _machine(path: Path) -> str | int:
     from ..dsl.workspace import Workspace
     from ..graph.statemachine import draw
 
-    path, output = options.file, options.output
-    if path.suffix.lower() not in (".smdsl", ".scxml"):
-        return complain(f"rc graph: {path} is no state machine: give it a .smdsl or .scxml file")
-    if output and output.suffix.lower() != ".svg":
-        return complain(f"rc graph: {output}: what is written is SVG; let its name end in .svg")
     workspace = Workspace()
     machine = workspace.statemachine(path)
     show(workspace.report.diagnostics)
-    if machine is None:
-        return WRONG
-    picture = draw(machine)
-    if output is None:
-        sys.stdout.write(picture)
-        return FINE
+    return WRONG if machine is None else draw(machine)
+
+
+def _network(options: argparse.Namespace, ending: str) -> str | int:
+    from ..deploy.auto import usable
+    from ..deploy.planner import make_plan
+    from ..dsl.workspace import Workspace
+    from ..graph import netsvg, nettext
+    from ..graph.network import Graph, graph_of
+
     try:
-        output.write_text(picture, encoding="utf-8")
+        overrides = overrides_of(options)
+    except ValueError as exc:
+        print(f"rc graph: {exc}", file=sys.stderr)
+        return USAGE
+    workspace = Workspace(options.include)
+    plan = make_plan(options.file, workspace, overrides, usable)
+    show(workspace.report.diagnostics)
+    if plan is None:
+        return WRONG
+    ways: Mapping[str, Callable[[Graph], str]] = {".dot": nettext.dot, ".mmd": nettext.mermaid}
+    return ways.get(ending, netsvg.draw)(graph_of(plan))
+
+
+def _write(drawn: str, output: Path) -> int:
+    content = drawn.encode()
+    if output.suffix.lower() == ".png":
+        try:
+            import resvg_py
+        except ImportError:
+            return complain(f"rc graph: {output}: to write PNG, run: pip install 'robocomp-py[png]'; or write .svg")
+        content = bytes(resvg_py.svg_to_bytes(svg_string=drawn, zoom=_PIXELS))
+    try:
+        output.write_bytes(content)
     except OSError as exc:
         return complain(f"rc graph: {output}: {exc.strerror}")
     return FINE

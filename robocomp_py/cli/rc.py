@@ -52,7 +52,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     wanted = sys.argv[1:2] if arguments is None else list(arguments[:1])
     for each in every:
         own = commands.add_parser(each.NAME, help=each.HELP, add_help=each is not run)
-        if wanted != [run.NAME] or each is run:  # many components may be started at the same time: each does its own only
+        if (
+            wanted != [run.NAME] or each is run
+        ):  # many components may be started at the same time: each does its own only
             each.add_arguments(own)
         add_version(own, f"rc {each.NAME}")
         parsers[each.NAME] = own

@@ -16,7 +16,7 @@ from ..dsl.idsl import model as m
 from ..dsl.idsl.check import module_of, qualified
 from ..dsl.idsl.link import link
 from ..dsl.source import Name
-from .layout import printable
+from .layout import on_one_line
 
 
 @dataclass(frozen=True)
@@ -124,4 +124,4 @@ def innermost(kind: m.TypeName) -> Name:
 
 def heading(file: str) -> str:
     """What a file that is generated from another one begins with."""
-    return f"Generated from {printable(file)} by rcgen {__version__}: edits are lost."
+    return f"Generated from {on_one_line(file)} by rcgen {__version__}: edits are lost."

@@ -21,7 +21,7 @@ from ..contract.module import Constant, Module
 from ..errors import RobocompError
 from . import configuration, expressions, layout, machine, names
 from .imports import bound_names, complete
-from .layout import printable
+from .layout import on_one_line
 from .native import native
 from .shadows import Shadows
 
@@ -112,7 +112,7 @@ def _generic(model: Model) -> dict[str, str]:
         scopes = configuration.scopes_of(component.params)
         text = _render("params.py.j2", component=component, scopes=scopes, pdsl=model.pdsl, aliases=_Aliases())
         texts["generic/params.py"] = complete(text, [])
-    about = f"Generated from {printable(model.cdsl)} by rcgen {__version__}: edits are lost."
+    about = f"Generated from {on_one_line(model.cdsl)} by rcgen {__version__}: edits are lost."
     return texts | native(component, model.middleware, about)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import textwrap
 from collections.abc import Sequence
 from typing import Any
@@ -111,6 +112,16 @@ def quoted(value: Any) -> str:
         return repr(value).replace("e+", "e")
     escaped = json.dumps(value, ensure_ascii=False)
     return "".join(char if char.isprintable() else f"\\U{ord(char):08x}" for char in escaped)
+
+
+def on_one_line(text: str) -> str:
+    """A text that ends no line: the name of a file, say."""
+    return printable(text).replace("\n", " ")
+
+
+def shell_word(text: str) -> str:
+    """A text as one word of a command that somebody copies."""
+    return shlex.quote(on_one_line(text))
 
 
 def printable(text: str) -> str:

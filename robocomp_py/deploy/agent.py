@@ -102,6 +102,8 @@ class _Kept:
     ready: bool = False
     status: str = ""
     left: list[str] = field(default_factory=list)
+    wanted: bool = True
+    """Whether who is there knows of it: not one of an earlier controller's that is not to run any more."""
     ended: asyncio.Event = field(default_factory=asyncio.Event)
 
 
@@ -116,6 +118,7 @@ class Agent(Listener):
         self._away: deque[tuple[str, str]] = deque(maxlen=AWAY)
         self._ended = asyncio.Event()
         self._ending = False
+        self._error: BaseException | None = None
         self._server: asyncio.Server | None = None
         self._tasks: set[asyncio.Task[None]] = set()
 
@@ -126,11 +129,23 @@ class Agent(Listener):
         self._task(self._watch())
         try:
             await self._ended.wait()
+            if self._error:
+                await self._fail(self._error)
         finally:
             self._leave()
             for task in self._tasks:
                 task.cancel()
             await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    async def _fail(self, error: BaseException) -> None:
+        """Something is wrong with this program: tell, stop all, and end."""
+        if self._session:
+            self._session.send(
+                tell="refused", why=f"its agent has failed: {error!r}; see {self._place.folder}/agent.log"
+            )
+        await self._stop(list(self._kept))
+        await self._close()
+        raise error
 
     @property
     def socket(self) -> Path:
@@ -251,7 +266,7 @@ class Agent(Listener):
             except BaseException:
                 await self._close_after(session)
                 raise
-        await self._stop([name for name in self._kept if name not in message["names"]])
+        await self._replace([name for name in self._kept if name not in message["names"]])
         session.send(tell="opened", kept=sorted(self._kept))
         while self._away:
             name, line = self._away.popleft()
@@ -296,7 +311,7 @@ class Agent(Listener):
         assert self._launcher
         process, known = process_of(told), self._kept.get(told["name"])
         if known and known.told != told:
-            await self._stop([process.name])
+            await self._replace([process.name])
             known = self._kept.get(process.name)
         if known:
             self._take_over(session, process, known)
@@ -309,6 +324,12 @@ class Agent(Listener):
             session.send(tell="failed", name=process.name, why=str(exc))
         else:
             session.send(tell="started", name=process.name)
+
+    async def _replace(self, names: list[str]) -> None:
+        """End what an earlier controller left running, of which this one is told nothing."""
+        for name in names:
+            self._kept[name].wanted = False
+        await self._stop(names)
 
     def _take_over(self, session: Session, process: Process, known: _Kept) -> None:
         session.send(tell="started", name=process.name)
@@ -349,7 +370,8 @@ class Agent(Listener):
         kept = self._kept.pop(name, None)
         if kept:
             kept.ended.set()
-        self._tell("exited", name=name, code=code)
+        if kept is None or kept.wanted:
+            self._tell("exited", name=name, code=code)
 
     def lost(self, host: str, why: str) -> None:
         raise AssertionError("this machine is not lost to itself")
@@ -364,7 +386,14 @@ class Agent(Listener):
     def _task(self, work: Any) -> None:
         task = asyncio.ensure_future(work)
         self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+        task.add_done_callback(self._done)
+
+    def _done(self, task: asyncio.Task[None]) -> None:
+        self._tasks.discard(task)
+        error = None if task.cancelled() else task.exception()
+        if error and not self._error:
+            self._error = error
+            self._ended.set()
 
 
 async def _all_ended(there: list[_Kept], seconds: float) -> bool:

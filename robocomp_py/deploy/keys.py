@@ -153,7 +153,9 @@ def troubles(
     owners += [(_router_folder(host), _router_folder(host)) for host in graph.routers]
     for name, what in owners:
         found = _certificate(folder / name / "certificate.pem")
-        if found is None:
+        if found and not _is_signed(folder, name):
+            errors.append(f"the certificate of `{what}` is not of the authority in {folder / 'ca'}; {again}")
+        elif found is None:
             errors.append(f"there is no certificate of `{what}` in {folder / name}; {again}")
         elif found.expires <= now:
             errors.append(f"the certificate of `{what}` expired on {_date(found.expires)}; {again} --renew")
@@ -285,10 +287,9 @@ def _needs(graph: Graph, principal: Principal, numbers: Mapping[str, int]) -> It
     for edge in graph.uses(principal.name):
         theirs = _links_of(numbers[edge.provider])
         yield from on(_ASK, f"rc_ask/*/{theirs}/*/text")
-        for channel in (edge.channel, _any_instance(edge.channel, ".")):
-            yield from on(_BE_SEEN, *(f"rc_lv/*/{role}/*/*/*/{mine}/{channel}" for role in _USING))
+        yield from on(_BE_SEEN, *(f"rc_lv/*/{role}/*/*/*/{mine}/{edge.channel}" for role in _USING))
         if edge.verb is Verb.SUBSCRIBES:
-            yield from on(_HEAR, f"rc/*/{edge.channel}", f"rc/*/{_any_instance(edge.channel, '*')}")
+            yield from on(_HEAR, f"rc/*/{edge.channel}")
             yield from on(_ASK, f"rc_ask/*/{theirs}/*/history/{edge.channel}")
             yield from on(_SEND, f"rc_ack/*/{theirs}/*")
         else:
@@ -303,12 +304,6 @@ def _needs(graph: Graph, principal: Principal, numbers: Mapping[str, int]) -> It
 def _links_of(number: int) -> str:
     """The links of a process, in a key: their ids begin with its number."""
     return f"{number:04x}$*"
-
-
-def _any_instance(channel: str, word: str) -> str:
-    """What those look for who are to reach all instances."""
-    *namespace, _, interface, operation = channel.split("/")
-    return "/".join((*namespace, word, interface, operation))
 
 
 def _rule(name: str, messages: Sequence[str], flow: str, keys: Sequence[str]) -> dict[str, Any]:
@@ -336,7 +331,7 @@ class _Maker:
 
     def _check_names(self) -> None:
         names = [each.folder for each in self._graph.principals]
-        clash = next((name for name in names if names.count(name) > 1 or name == "ca"), None)
+        clash = next((name for name in names if names.count(name) > 1 or name == "ca" or name[:1] in ("", ".")), None)
         if clash:
             raise DeploymentError(f"keys: `{clash}` is no name for a process with keys of its own; call it otherwise")
 
@@ -451,6 +446,16 @@ def _is_current(graph: Graph, folder: Path) -> bool:
         if there != files:
             return False
     return True
+
+
+def _is_signed(folder: Path, name: str) -> bool:
+    """Whether the authority that is there now has signed a certificate, and is the one that its owner knows."""
+    try:
+        authority, known = ((folder / each / "ca.pem").read_bytes() for each in ("ca", name))
+        pem = (folder / name / "certificate.pem").read_bytes()
+    except OSError:
+        return False
+    return known == authority and certificates.is_signed_by(pem, authority)
 
 
 # Files.

@@ -98,12 +98,12 @@ def _restart(restart: Restart) -> str:
 
 def _addresses(process: Process) -> list[str]:
     """Where its instances listen, if that is beyond this machine's own folder."""
-    words = [word.partition("=") for word in process.command]
-    return [
-        f"{key.split('.')[1]} {value}"
-        for key, _, value in words
-        if key.startswith("transports.") and key.split(".")[-1] in ("bind", "interface", "connect")
-    ]
+    found = []
+    for word in process.command:
+        key, _, value = word.partition("=")
+        if key.startswith("transports.") and key.split(".")[-1] in ("bind", "interface"):
+            found.append(key.split(".")[1] + " " + value.strip('"'))
+    return found
 
 
 def _uses(plan: Plan, instance: str) -> list[str]:

@@ -147,6 +147,10 @@ class _Planner:
                 self._error("missing-file", f"there is no file {file}", name, nearby(file, name.text))
             elif name is instance.path and not os.access(file, os.X_OK):
                 self._error("not-executable", f"{file} is not executable", name)
+        for argument in instance.args if not instance.program else ():
+            if argument.text == BETWEEN:
+                message = f"`{BETWEEN}` stands between two components of one process, and is no argument of one"
+                self._error("configuration", message, argument, "call it otherwise, or set a parameter")
         command, here = instance.existing, not placing.host_name(self._model, instance)
         words = placing.existing_command(command.text) if command else []
         if command and words and here and not self._program(words[0], instance):
@@ -262,7 +266,8 @@ class _Planner:
         if node.instance.path and self._is_elsewhere(node.instance):
             return [node.instance.path.text, *arguments]
         if node.instance.path:
-            return [str((self._folder / node.instance.path.text).resolve()), *arguments]
+            file = self._folder / node.instance.path.text
+            return [str(file.resolve()), *arguments] if file.is_file() else None
         folder = node.linked.path.parent
         config = self._config(node)
         assignments = [*(each for each, _ in self._assignments(node)), *self._choice.settings.get(node.name, ())]
@@ -408,8 +413,8 @@ class _Planner:
         openings = list(security.openings_of(self._configured, ways, wired.settings))
         hosts = {node.name: node.host for node in nodes}
         for way in ways:
-            if way.middleware == ZENOH and hosts[way.client] != hosts[way.provider]:
-                router = wired.routers.get(hosts[way.client], {}).get("router", {})
+            between = {hosts[way.client], hosts[way.provider]} if way.middleware == ZENOH else set()
+            for router in (wired.routers.get(host, {}).get("router", {}) for host in between if len(between) > 1):
                 reached = router.get("listen/endpoints", ())
                 openings += [security.Opening(way.client, ZENOH, {"connect": each}) for each in reached]
         faults = worth_telling(security.faults(allowed, openings, ways))

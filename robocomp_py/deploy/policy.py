@@ -69,6 +69,8 @@ class Child:
     """Those in it, if it has not just one of its own name."""
     needs: frozenset[str] = frozenset()
     """The instances of others without which it does not become ready."""
+    is_kept: bool = False
+    """Whether it goes on while its host is out of reach, and is found there again."""
 
 
 # What happens.
@@ -456,7 +458,7 @@ class Supervisor:
         """Whether a process that was lost with its host is to run there again."""
         if self.stopping or (each.leaving and not each.again):
             return False
-        return each.again or each.child.restart.when is not When.NEVER
+        return each.again or each.child.is_kept or each.child.restart.when is not When.NEVER
 
     def _back(self, host: str) -> None:
         self._lost_hosts.discard(host)
@@ -539,6 +541,8 @@ class Supervisor:
             path = path[:-1]
         if len(those) == len(self.progress) > 1:
             return self._stop(f"nothing is of use without {given_up.child.name}", FAILED)
+        if any(self._is_mission(each) for each in those):
+            return self._stop(f"{self._until} is of no use without {given_up.child.name}", FAILED)
         dropped = [each for each in those if each.state not in (State.ENDED, State.FAILED)]
         for each in dropped:
             each.is_dropped = True

@@ -47,3 +47,7 @@ class Process:
     def instances(self) -> tuple[str, ...]:
         """Which instances of the network run in it."""
         return tuple(member.name for member in self.members) or (self.name,)
+
+    def whole(self, local: str) -> str:
+        """What the network calls an instance in it that calls itself so: it does not know the systems around it."""
+        return "/".join((*self.system, local))

@@ -335,7 +335,7 @@ class _Run(Listener, Network):
         self._teller.statuses[name] = text
 
     def left(self, name: str, instance: str) -> None:
-        left = self._teller.left[name]
+        left, instance = self._teller.left[name], self._processes[name].whole(instance)
         if instance in self._processes[name].instances and instance not in left:
             left.append(instance)
             self._events.put_nowait(Left(instance))
@@ -410,6 +410,7 @@ class _Run(Listener, Network):
 def children(plan: Plan, grace: float) -> list[Child]:
     """The processes of a plan, as far as their supervisor is concerned."""
     needs = _needs(plan)
+    keeping = {host.name for host in plan.hosts if host.keep}
     return [
         Child(
             each.name,
@@ -420,6 +421,7 @@ def children(plan: Plan, grace: float) -> list[Child]:
             each.host,
             each.instances,
             frozenset(needs.get(each.name, ())),
+            each.host in keeping,
         )
         for each in plan.processes
     ]

@@ -74,7 +74,7 @@ class Teller:
         self.left: dict[str, list[str]] = {name: [] for name in self._processes}
         """Those in a process that have ended while it goes on."""
         self.how: dict[str, str] = {}
-        """How each ended last, and what comes of it."""
+        """How each ended last."""
 
     def line(self, name: str, text: str) -> None:
         self._lines[name].append(text)
@@ -101,8 +101,7 @@ class Teller:
     ) -> None:
         match event:
             case Exited(name, code):
-                next_step = "".join(self._next_step(each) for each in actions if getattr(each, "name", "") == name)
-                self._tell_exit(name, code, before[name], next_step)
+                self._tell_exit(name, code, before[name], [each for each in actions if _is_about(each, name)])
             case Left(instance):
                 if instance != self._until:
                     self._display.ended(instance, "has ended")
@@ -145,15 +144,16 @@ class Teller:
             case _:
                 pass  # it is seen, or was told with how somebody ended
 
-    def _tell_exit(self, name: str, code: int, was: State, next_step: str) -> None:
+    def _tell_exit(self, name: str, code: int, was: State, actions: Sequence[Action]) -> None:
         if was.gone:
             return  # it was lost with its host, or took very long to end when it was killed
         killed = self._killed.get(name) if code == -signal.SIGKILL else None
         hung = "did not answer its watchdog; " if was is State.HUNG else ""
-        how = f"{hung}{killed or _how(code)}{next_step}"
+        how = f"{hung}{killed or _how(code)}{''.join(map(self._given_up, actions))}"
         state = self._supervisor.states[name]
         if not (state is State.ENDED and self._supervisor.progress[name].is_dropped):  # why it did is known better
             self.how[name] = how
+        how += "".join(map(_retried, actions))
         is_mission = self._until in (name, *self._processes[name].instances)
         is_tried_again = state in (State.WAITING, State.STARTING, State.RESTARTING)
         if state is State.FAILED:
@@ -163,15 +163,11 @@ class Teller:
         elif killed or (was is not State.STOPPING and not is_mission):
             self._display.ended(name, how)
 
-    def _next_step(self, action: Action) -> str:
-        match action:
-            case Retry(_, seconds):
-                return f"; started again in {seconds:.1f} s" if seconds >= 0.05 else "; started again at once"
-            case GaveUp(name, restarts):
-                times = f"{restarts} restart{'' if restarts == 1 else 's'}"
-                return f"; given up after {times} in {self._processes[name].restart.period:g} s"
-            case _:
-                return ""
+    def _given_up(self, action: Action) -> str:
+        if not isinstance(action, GaveUp):
+            return ""
+        times = f"{action.restarts} restart{'' if action.restarts == 1 else 's'}"
+        return f"; given up after {times} in {self._processes[action.name].restart.period:g} s"
 
     def _is_at(self, host: str, name: str, state: State) -> bool:
         return self._processes[name].host == host and not state.gone
@@ -203,6 +199,16 @@ class Teller:
 
 
 _NOT_READY_YET = (State.WAITING, State.STARTING)
+
+
+def _is_about(action: Action, name: str) -> bool:
+    return isinstance(action, Retry | GaveUp) and action.name == name
+
+
+def _retried(action: Action) -> str:
+    if not isinstance(action, Retry):
+        return ""
+    return f"; started again in {action.seconds:.1f} s" if action.seconds >= 0.05 else "; started again at once"
 
 
 def _how(code: int) -> str:

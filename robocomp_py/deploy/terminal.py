@@ -24,6 +24,7 @@ from .naming import DEPLOYER
 from .place import Place
 from .plan import Plan, Process
 from .policy import State
+from .logs import Logs
 from .ring import Ring
 from .run import Options, run
 from .snapshot import Network
@@ -45,13 +46,24 @@ _DROPPED = dict.fromkeys(map(ord, "\a\b\v\f\r"))
 """Characters that would move what stands on a terminal already."""
 
 
-def run_on_terminal(plan: Plan, options: Options, leave: Callable[[Path], object] | None = None) -> int:
+def run_on_terminal(
+    plan: Plan, options: Options, leave: Callable[[Path], object] | None = None, logs: Logs | None = None
+) -> int:
     """Run a network, showing it on standard output for as long as that can be written. Returns the exit code.
 
-    `leave` is called when everything is ready, if nothing is to be shown from then on; with a file for complaints.
+    `logs` keep what the components print. `leave` is called when everything is ready, if nothing is to be shown from then on; with a file for complaints.
     """
-    console = Console(file=cast(IO[str], Output(sys.stdout, sys.stderr)), highlight=False, soft_wrap=True)
+    size = os.get_terminal_size(sys.stdout.fileno()) if sys.stdout.isatty() else None
+    console = Console(
+        file=cast(IO[str], Output(sys.stdout, sys.stderr)),
+        highlight=False,
+        soft_wrap=True,
+        width=size.columns if size and leave else None,  # whoever leaves is not asked by rich, and not for long
+        height=size.lines if size and leave else None,
+    )
     terminal = Terminal(plan, console, leave)
+    if logs:
+        terminal.keep(logs)
     return run(plan, options, terminal, [terminal.watching])
 
 
@@ -135,6 +147,10 @@ class Terminal(Display):
             with contextlib.suppress(OSError):  # there is none, mostly
                 if not self._complaints.stat().st_size:
                     self._complaints.unlink()
+
+    def keep(self, logs: Logs) -> None:
+        """Have what is printed from now on kept in files, too."""
+        self._ring.follow(logs.write)
 
     def line(self, name: str, text: str) -> None:
         self._ring.write(name, text)

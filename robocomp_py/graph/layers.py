@@ -10,7 +10,7 @@
 from __future__ import annotations
 
 import bisect
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 _BESIDE, _BETWEEN = 26.0, 20.0
@@ -63,9 +63,17 @@ class Layout:
     routes: Sequence[Route]
 
 
-def layered(boxes: Mapping[str, Box], arrows: Sequence[Arrow]) -> Layout:
-    """Where boxes of these sizes and the arrows between different ones come. The first box comes first."""
-    return _Layers(boxes, arrows).layout()
+def layered(boxes: Mapping[str, Box], arrows: Sequence[Arrow], last: Collection[str] = ()) -> Layout:
+    """Where boxes of these sizes and the arrows between different ones come. The first box comes first.
+
+    Those in `last`, which no arrow leaves, come into the last layer, however near what leads to them is.
+    """
+    return _Layers(boxes, arrows, last).layout()
+
+
+def turned(names: Sequence[str], arrows: Sequence[Arrow]) -> set[int]:
+    """The numbers of the arrows that will point upwards, whatever the sizes of the boxes."""
+    return _closing(list(names), arrows)
 
 
 @dataclass(eq=False)
@@ -108,10 +116,11 @@ class _Cell:
 
 
 class _Layers:
-    def __init__(self, boxes: Mapping[str, Box], arrows: Sequence[Arrow]) -> None:
+    def __init__(self, boxes: Mapping[str, Box], arrows: Sequence[Arrow], last: Collection[str]) -> None:
         self._arrows = arrows
-        self._turned = _closing(list(boxes), arrows)
+        self._turned = turned(list(boxes), arrows)
         ranks = self._ranks(list(boxes))
+        ranks |= dict.fromkeys(last, max(ranks.values(), default=0))
         self._cells = {name: _Cell(box, 2 * ranks[name]) for name, box in boxes.items()}
         self._layers: list[list[_Cell]] = [[] for _ in range(2 * max(ranks.values(), default=0) + 1)]
         for cell in self._cells.values():

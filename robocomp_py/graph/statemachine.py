@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from html import escape
 
 from ..contract.statemachine import State, StateMachine, Transition
 from .layers import Arrow, Box, Layout, Point, Route, layered
+from .svg import curve, document, escaped, moved
 
 _LETTER, _SMALL = 8.2, 6.3
 """Pixels that a letter of a name, and of a label, takes at most on the average."""
@@ -86,19 +86,7 @@ class _Drawing:
         self._tips = self._fanned()
         width, height = root.size[0] + 2 * _MARGIN, root.size[1] + 2 * _MARGIN
         body = [*self._boxes(root), *self._arrows(root)]
-        return "\n".join(
-            [
-                f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}"'
-                f' viewBox="0 0 {width:.0f} {height:.0f}" role="img">',
-                f"<title>{escape(self._machine.name)}</title>",
-                f"<style>\n{_STYLE}</style>",
-                '<defs><marker id="tip" viewBox="0 0 10 10" refX="9" refY="5" markerWidth="8" markerHeight="8"'
-                ' orient="auto"><path d="M0 1 L9 5 L0 9 Z" style="fill:#51657b;stroke:none"/></marker></defs>',
-                f'<rect width="{width:.0f}" height="{height:.0f}" style="fill:#fff;stroke:none"/>',
-                *body,
-                "</svg>\n",
-            ]
-        )
+        return document(self._machine.name, _STYLE, (width, height), body)
 
     def _around(self, transition: Transition) -> str:
         """The innermost state that has both ends in it; one of the ends if the other is in it."""
@@ -124,7 +112,7 @@ class _Drawing:
         wide = max(width, least - 2 * padding)
         left = padding + (wide - width) / 2
         area.places = {name: (x + left, y + title + padding) for name, (x, y) in area.places.items()}
-        area.routes = [(each, _moved(route, left, title + padding)) for each, route in area.routes]
+        area.routes = [(each, moved(route, left, title + padding)) for each, route in area.routes]
         area.lanes = [(each, y + title + padding) for each, y in area.lanes]
         area.dividers = [x + left for x in area.dividers]
         area.size = (wide + 2 * padding, height + title + 2 * padding)
@@ -176,7 +164,7 @@ class _Drawing:
             yield f'<rect{kind} x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}" rx="9"/>'
             title = ' class="title"' if state.states else ""
             down = 19 if state.states else 22
-            yield f'<text{title} x="{x + width / 2:.1f}" y="{y + down:.1f}">{escape(state.name)}</text>'
+            yield f'<text{title} x="{x + width / 2:.1f}" y="{y + down:.1f}">{escaped(state.name)}</text>'
         if state.name and state.states:
             yield f'<path class="line" d="M{x:.1f} {y + _TITLE:.1f} h{width:.1f}"/>'
         if state.final:
@@ -192,7 +180,7 @@ class _Drawing:
         for inner in area.inner.values():
             yield from self._arrows(inner)
         for number, (transition, route) in enumerate(area.routes):
-            placed = _moved(route, *area.corner)
+            placed = moved(route, *area.corner)
             first, last = (self._tips[area.state.name, number, end] for end in (0, 1))
             aside = (first[0], placed.borders[0]), (last[0], placed.borders[1])
             yield _path([first, aside[0], *placed.points, aside[1], last], transition)
@@ -247,7 +235,7 @@ class _Drawing:
         yield (
             f'<path d="M{x1:.1f} {y1:.1f} V{y - 8:.1f} Q{x1:.1f} {y:.1f} {x1 + turn:.1f} {y:.1f}'
             f' H{x2 - turn:.1f} Q{x2:.1f} {y:.1f} {x2:.1f} {y - 8:.1f} V{y2:.1f}" marker-end="url(#tip)">'
-            f"<title>{escape(transition.trigger)}</title></path>"
+            f"<title>{escaped(transition.trigger)}</title></path>"
         )
         yield _text(_label(transition), (x1 + x2) / 2, y + 3.5)
 
@@ -265,7 +253,7 @@ class _Drawing:
         middle = (first[0] + last[0]) / 2
         yield (
             f'<path d="M{first[0]:.1f} {first[1]:.1f} C{middle:.1f} {first[1]:.1f} {middle:.1f} {last[1]:.1f}'
-            f' {last[0]:.1f} {last[1]:.1f}" marker-end="url(#tip)"><title>{escape(transition.trigger)}</title></path>'
+            f' {last[0]:.1f} {last[1]:.1f}" marker-end="url(#tip)"><title>{escaped(transition.trigger)}</title></path>'
         )
         yield _text(_label(transition), x + 4, y - 16, "label beside")
 
@@ -293,27 +281,9 @@ def _width(label: str) -> float:
     return len(label) * _SMALL
 
 
-def _moved(route: Route, x: float, y: float) -> Route:
-    points = tuple((x + px, y + py) for px, py in route.points)
-    borders = (route.borders[0] + y, route.borders[1] + y)
-    return Route(points, (route.label[0] + x, route.label[1] + y), route.up, borders)
-
-
 def _path(points: list[Point], transition: Transition | None) -> str:
-    """A line that is vertical wherever it passes a layer."""
-    (x, y), rest = points[0], points[1:]
-    parts = [f"M{x:.1f} {y:.1f}"]
-    for to_x, to_y in rest:
-        if abs(to_x - x) < 0.5 and abs(to_y - y) < 0.5:
-            continue  # nothing to draw, and no direction for the tip
-        if abs(to_x - x) < 0.5:
-            parts.append(f"L{to_x:.1f} {to_y:.1f}")
-        else:
-            middle = (y + to_y) / 2
-            parts.append(f"C{x:.1f} {middle:.1f} {to_x:.1f} {middle:.1f} {to_x:.1f} {to_y:.1f}")
-        x, y = to_x, to_y
-    title = f"<title>{escape(transition.trigger)}</title>" if transition else ""
-    return f'<path d="{" ".join(parts)}" marker-end="url(#tip)">{title}</path>'
+    title = f"<title>{escaped(transition.trigger)}</title>" if transition else ""
+    return f'<path d="{curve(points)}" marker-end="url(#tip)">{title}</path>'
 
 
 def _loop(area: _Area, transition: Transition, number: int) -> Iterator[str]:
@@ -322,7 +292,7 @@ def _loop(area: _Area, transition: Transition, number: int) -> Iterator[str]:
     top, bottom, out = y + height * 0.25, y + height * 0.75, x + _LOOP
     yield (
         f'<path d="M{x:.1f} {top:.1f} C{out:.1f} {top - 9:.1f} {out:.1f} {bottom + 9:.1f} {x:.1f} {bottom:.1f}"'
-        f' marker-end="url(#tip)"><title>{escape(transition.trigger)}</title></path>'
+        f' marker-end="url(#tip)"><title>{escaped(transition.trigger)}</title></path>'
     )
     yield _text(_label(transition), x + _LOOP - 2, (top + bottom) / 2 + 3.5, "label beside")
 
@@ -331,4 +301,4 @@ def _text(text: str, x: float, y: float, kind: str = "label") -> str:
     width = _width(text) * 0.94
     left = x if kind != "label" else x - width / 2
     behind = f'<rect class="label" x="{left:.1f}" y="{y - 10:.1f}" width="{width:.1f}" height="13"/>'
-    return f'{behind}<text class="{kind}" x="{x:.1f}" y="{y:.1f}">{escape(text)}</text>'
+    return f'{behind}<text class="{kind}" x="{x:.1f}" y="{y:.1f}">{escaped(text)}</text>'

@@ -44,6 +44,7 @@ def effective(component: Component, settings: Settings, document: Document, midd
         look.value(("component", "period"), settings.period),
         look.value(("component", "log"), settings.log),
         look.value(("component", "patience"), settings.patience),
+        *([] if settings.watchdog is None else [look.value(("component", "watchdog"), settings.watchdog)]),
     ]
     if component.params:
         found.append(Table(("params",)))

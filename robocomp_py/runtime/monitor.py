@@ -37,6 +37,25 @@ MAX_WAITING = 1024
 """So many requests may wait for their turn; then new ones are turned away."""
 
 
+class Gauge:
+    """How many requests were answered, and how long the slowest of them took. What is noted at once by several threads
+    may be counted once."""
+
+    def __init__(self) -> None:
+        self._answered, self._slowest_s = 0, 0.0
+
+    def note(self, seconds: float) -> None:
+        self._answered += 1
+        if seconds > self._slowest_s:
+            self._slowest_s = seconds
+
+    def take(self) -> tuple[int, float]:
+        """Since this was called last."""
+        taken = self._answered, self._slowest_s
+        self._answered, self._slowest_s = 0, 0.0
+        return taken
+
+
 class _Ticket:
     """A thread's place in the queue. One that is `early` need not wait for the opening."""
 
@@ -60,6 +79,9 @@ class Monitor:
         self._beside = 0
         self._open = False
         self._closed = False
+        self._turns = 0
+        """So often somebody who was inside has left, or has let others in."""
+        self.gauge = Gauge()
         self._pool = ThreadPoolExecutor(MAX_ASIDE + 8, thread_name_prefix=name)
         self._pool_beside = ThreadPoolExecutor(THREADS_BESIDE, thread_name_prefix=f"{name}-beside")
 
@@ -133,8 +155,13 @@ class Monitor:
             self._inside = threading.get_ident()
             return True
 
+    def turn(self) -> tuple[int | None, int]:
+        """Who is inside, and for the how manieth turn: if both are as before, that one has been at it all the time."""
+        return self._inside, self._turns
+
     def leave(self) -> None:
         with self._state:
+            self._turns += 1
             if self._queue:
                 self._admit_next()
             else:
@@ -175,6 +202,7 @@ class Monitor:
             return False
         with self._state:
             self._aside += 1
+            self._turns += 1
             if self._queue:
                 self._admit_next()
             else:

@@ -6,6 +6,7 @@ It tells how it is by datagrams to `$NOTIFY_SOCKET`, as systemd's sd_notify(3) d
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import socket
 from pathlib import Path
@@ -19,6 +20,18 @@ ENDED = "X_ROBOCOMP_ENDED="
 
 CALLS = "X_ROBOCOMP_CALLS="
 """How many operations a process answers per second, and how many milliseconds the slowest took, of a short while."""
+
+
+def watchdog_s() -> float:
+    """Within how many seconds whoever launched us wants to hear that we live; 0 if that is nobody's wish."""
+    told, whose = os.environ.get("WATCHDOG_USEC", ""), os.environ.get("WATCHDOG_PID", "")
+    if "NOTIFY_SOCKET" not in os.environ or (whose and whose != str(os.getpid())):
+        return 0.0
+    try:
+        seconds = float(told) / 1e6
+    except ValueError:
+        return 0.0
+    return seconds if seconds > 0 and math.isfinite(seconds) else 0.0
 
 
 READY_FILE = "ROBOCOMP_READY_FILE"

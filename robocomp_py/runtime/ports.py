@@ -331,15 +331,22 @@ class _Handling:
         except DecodeError as exc:
             self._count_malformed(exc)
             return self._answering.failed(exc)
+        begun = time.monotonic()
         if not self._concurrent and self._monitor.try_enter():
             try:
                 return self._answering.answer(arguments)
             finally:
+                self._monitor.gauge.note(time.monotonic() - begun)
                 self._monitor.leave()
         reply: Future[Reply] = Future()
 
         def job() -> Reply:
-            return Reply(Status.EXPIRED) if time.monotonic() >= expires else self._answering.answer(arguments)
+            if time.monotonic() >= expires:
+                return Reply(Status.EXPIRED)
+            try:
+                return self._answering.answer(arguments)
+            finally:
+                self._monitor.gauge.note(time.monotonic() - begun)
 
         submit = self._monitor.submit_beside if self._concurrent else self._monitor.submit
         if submit(job, then=reply.set_result):

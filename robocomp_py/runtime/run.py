@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import faulthandler
 import inspect
 import logging
 import os
@@ -42,6 +43,7 @@ from .signals import Signals
 from .statemachine import Machine, Trigger
 from .trace import user_trace
 from .watch import Lost, Missed
+from .watchdog import Watchdog
 from .watching import Watching
 from .worker import Worker, check_methods
 
@@ -88,7 +90,7 @@ class Running:
         self._generated_for = worker_class.middleware
         self._wake = threading.Event()
         self._changing = threading.Lock()
-        self._monitor = Monitor(f"worker-{settings.instance}")
+        self.monitor = Monitor(f"worker-{settings.instance}")
         self._watching = Watching(settings.instance, self._happened)
         self._transports = _Transports(settings, find)
         self._links: list[Link] = []
@@ -108,19 +110,27 @@ class Running:
             self._fail(str(exc))
         finally:
             self._tell("STOPPING=1")
-            self._monitor.turn_away()
+            self.monitor.turn_away()
             self._watching.close()
             self._close_links()
-            self._monitor.close()
+            self.monitor.close()
             self._transports.close()
             self.state = State.ENDED
         return not self._failed
 
     @property
+    def is_up(self) -> bool:
+        return self.ready.is_set() and self.state not in (State.FINISH, State.ENDED)
+
+    @property
+    def is_over(self) -> bool:
+        return self.state is State.ENDED
+
+    @property
     def speaks(self) -> bool:
         """Whether the calling thread runs code of its worker."""
-        pool = rf"{re.escape(self._monitor.name)}(-beside)?_\d+"
-        return self._monitor.mine or bool(re.fullmatch(pool, threading.current_thread().name))
+        pool = rf"{re.escape(self.monitor.name)}(-beside)?_\d+"
+        return self.monitor.mine or bool(re.fullmatch(pool, threading.current_thread().name))
 
     def stop(self) -> None:
         """Ask it to end: after what runs now, `finish` is called and everything closed."""
@@ -132,7 +142,7 @@ class Running:
             if during is None or self.state is during:
                 self.state = after(self.state, event)
         if self.state in (State.FINISH, State.ENDED):
-            self._monitor.turn_away()
+            self.monitor.turn_away()
         self._wake.set()
 
     # Starting.
@@ -177,9 +187,9 @@ class Running:
         wanted = [port for port in self.component.ports if not port.verb.provides]
         own = port_of(self.component)
         if own:
-            servant = CommonBehavior(self.worker, self.settings.params, self._monitor.held, self._machine)
+            servant = CommonBehavior(self.worker, self.settings.params, self.monitor.held, self._machine)
             try:
-                self._links += ports.bind_handlers(own, servant, self._route, self._monitor)
+                self._links += ports.bind_handlers(own, servant, self._route, self.monitor)
             except AlreadyServed as exc:
                 who = self.settings.instance
                 raise AlreadyServed(
@@ -202,8 +212,8 @@ class Running:
 
     def _bind(self, port: Port) -> list[Link]:
         if not port.verb.has_proxy:
-            return ports.bind_handlers(port, self.worker, self._route, self._monitor, self._watching)
-        proxy, links = ports.bind_proxy(port, self._route, self._monitor, self._watching)
+            return ports.bind_handlers(port, self.worker, self._route, self.monitor, self._watching)
+        proxy, links = ports.bind_proxy(port, self._route, self.monitor, self._watching)
         setattr(self.worker, port.attribute, proxy)
         return links
 
@@ -278,7 +288,7 @@ class Running:
             self._move(self._machine._begin, early=True)
         if self.state is not State.COMPUTE:
             return
-        self._monitor.open()
+        self.monitor.open()
         self._watching.begin()
         self._beat = Beat(self.worker.period, time.monotonic())
         self.ready.set()
@@ -293,7 +303,7 @@ class Running:
 
     def _move(self, move: Callable[[], None], *, early: bool = False) -> None:
         """Move the state machine, alone. Its methods are guarded one by one: what is entered is entered whole."""
-        with contextlib.suppress(Closed), self._monitor.held(early=early):  # closed: the component ends
+        with contextlib.suppress(Closed), self.monitor.held(early=early):  # closed: the component ends
             move()
 
     def _enter(self, state: str) -> None:
@@ -320,7 +330,7 @@ class Running:
         instance = names.instance(event.channel)
         hook = self.worker.on_deadline_missed if isinstance(event, Missed) else self.worker.on_liveliness_lost
         try:
-            with self._monitor.held():
+            with self.monitor.held():
                 hook(port.label, operation, instance, event.total)
         except Closed:
             return  # the component ends
@@ -336,7 +346,7 @@ class Running:
 
     def _call(self, hook: Callable[[], None], *, early: bool = False) -> None:
         """Run a hook, alone; decide what becomes of the component if it raises."""
-        with self._guarded(hook), self._monitor.held(early=early):
+        with self._guarded(hook), self.monitor.held(early=early):
             hook()
 
     @contextlib.contextmanager
@@ -427,7 +437,7 @@ def main(worker_class: type[Worker[Any]], arguments: Sequence[str] | None = None
         print(exc, file=sys.stderr)
         return 1
     received: list[int] = []
-    with Signals(partial(_stop_by, running, received)):
+    with Signals(partial(_stop_by, running, received)), Watchdog([running], [chosen.watchdog], notify):
         fine = running.run()
     return 1 if not fine else 128 + received[0] if received else 0
 
@@ -564,9 +574,16 @@ def _middlewares(worker_class: type[Worker[Any]], chosen: Settings) -> set[str]:
 
 
 def _configure_logging(chosen: Settings) -> None:
+    tell_where_on_abort()
     launched = "NOTIFY_SOCKET" in os.environ  # then whoever launched us adds time and name
     form = "%(levelname)s: %(message)s" if launched else f"%(asctime)s {chosen.instance} %(levelname)s: %(message)s"
     logging.basicConfig(level=chosen.log.upper(), format=form, datefmt="%H:%M:%S", stream=sys.stderr)
+
+
+def tell_where_on_abort() -> None:
+    """Have SIGABRT, by which a watchdog ends us, and crashes of native code say what each thread was doing."""
+    with contextlib.suppress(ValueError, OSError):  # nobody can read it
+        faulthandler.enable()
 
 
 def _stop_by(running: Running, received: list[int], number: int) -> None:

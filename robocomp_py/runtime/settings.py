@@ -6,6 +6,7 @@
     period = 0.05                    seconds from one compute to the next
     log = "info"                     debug, info, warning or error
     patience = 60.0                  seconds to wait at the start for those it requires
+    watchdog = 30.0                  seconds one call of its code may take before its launcher ends it; 0: any time
     [params]                         what its PDSL declares
     [ports.laser]                    a proxy, or a handler's prefix
     from = "world"                   the instance to use; `world/Laser1` and `/robot2/world/Laser` say more
@@ -98,6 +99,8 @@ class Settings:
     period: float = 0.1
     log: str = "info"
     patience: float = PATIENCE
+    watchdog: float | None = None
+    """Seconds; 0 for as long as it takes, None for what the launcher says."""
     params: Mapping[str, Any] = field(default_factory=dict)
     ports: Mapping[tuple[str, ...], PortSettings] = field(default_factory=dict)
     """By (port,) and (port, operation)."""
@@ -304,6 +307,7 @@ class _Checker:
             period=self._seconds(own, "period", ("component",)) or self._component.period,
             log=self._choice(own, "log", ("component",), LOG_LEVELS) or "info",
             patience=self._seconds(own, "patience", ("component",)) or PATIENCE,
+            watchdog=0.0 if own.get("watchdog") == 0 else self._seconds(own, "watchdog", ("component",)),
             params=params,
             ports=self._ports(self._table(data, "ports", ())),
             transports={name: self._table(transports, name, ("transports",)) for name in transports},
@@ -429,7 +433,7 @@ class _Checker:
         self.complaints.append(Complaint(key, message, code))
 
 
-_COMPONENT_KEYS = ("period", "log", "patience")
+_COMPONENT_KEYS = ("period", "log", "patience", "watchdog")
 _PORT_KEYS = ("middleware", "from", "deadline", "qos", "also")
 _QOS_WORDS: dict[str, type[Reliability | Durability | History | Liveliness]] = {
     "reliability": Reliability,

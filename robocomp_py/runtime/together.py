@@ -23,9 +23,10 @@ from typing import Any
 from ..errors import ComponentError, ConfigurationError
 from ..spelling import unknown
 from .notify import ENDED, notify
-from .run import STUCK, Running, parser_of, prepare, tell_notes
+from .run import STUCK, Running, parser_of, prepare, tell_notes, tell_where_on_abort
 from .settings import Document, Settings
 from .signals import Signals
+from .watchdog import Watchdog
 from .worker import Worker
 
 log = logging.getLogger("robocomp.worker")
@@ -74,6 +75,10 @@ class Together:
         member.thread = threading.Thread(target=self._live, args=(member,), name=member.name)
         self._members.append(member)
         return member
+
+    @property
+    def every(self) -> list[Running]:
+        return [member.running for member in self._members]
 
     def run(self) -> bool:
         """Run until the last one has ended. Whether all went well."""
@@ -211,7 +216,8 @@ def main(parts: Sequence[Part]) -> int:
         together.stop()
 
     try:
-        with Signals(stop_by):
+        wishes = [settings.watchdog for settings, _ in prepared]
+        with Signals(stop_by), Watchdog(together.every, wishes, notify):
             fine = together.run()
     except KeyboardInterrupt:  # the second one: what the components' threads do cannot be interrupted
         logging.shutdown()
@@ -279,6 +285,7 @@ class _Speaker(logging.Filter):
 
 
 def _configure_logging(every: Sequence[Settings], together: Together) -> None:
+    tell_where_on_abort()
     launched = "NOTIFY_SOCKET" in os.environ  # then whoever launched us adds the time
     form = "%(levelname)s: %(speaker)s%(message)s" if launched else "%(asctime)s %(speaker)s%(levelname)s: %(message)s"
     logging.basicConfig(level=min(map(_level, every)), format=form, datefmt="%H:%M:%S", stream=sys.stderr)

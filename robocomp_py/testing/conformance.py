@@ -590,8 +590,9 @@ class TransportConformance(QoSConformance):
         answers: queue.Queue[Future[Reply]] = queue.Queue()
 
         def service(payload: Payload, expires: float) -> Future[Reply]:
-            answers.put(Future())
-            return answers.queue[-1]
+            answer: Future[Reply] = Future()
+            answers.put(answer)
+            return answer
 
         channel = replace(query(name), idempotent=True)
         here.server(channel, service)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from ..contract.qos import traits
 from ..errors import Closed, ContractMismatch
+from ..wire.header import clock
 from .base import Channel, Statistics, TypeRef, mismatch
 from .directory import Directory, Entry, Member, Membership
 from .sparing import Sparing
@@ -30,6 +31,9 @@ _SLOWLY = 0.05
 
 L = TypeVar("L", bound="AnnouncedLink[Any]")
 R = TypeVar("R")
+
+
+_SERVING = ("serves", "receives")
 
 
 class Announcing(ABC):
@@ -183,7 +187,7 @@ class AnnouncedLink(Generic[T]):
 
     def announce(self, address: str = "") -> None:
         kind = self.channel.type
-        offered = traits(self.channel.qos)
+        offered = clock() if self.role in _SERVING else traits(self.channel.qos)
         self._entry = Entry(self.role, self.channel.name, kind.fingerprint, kind.text, address, offered)
         self.transport.member.add(self._entry)
 

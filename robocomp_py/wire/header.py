@@ -8,8 +8,8 @@
 link's messages from 1 without gaps; `server` is random per process start. `remaining_ms` is
 what is left of the caller's deadline when it sends; `stamp` is nanoseconds since the Unix epoch.
 
-A request to a server of the same host has the flag `SENT`, and says when it was sent: milliseconds of the clock that
-all processes of a host share, without their highest bits. For such a request, what is read as `remaining_ms` is what
+A request to a server that announced the `clock` of the same host has the flag `SENT`, and says when it was sent:
+milliseconds of that clock, without their highest bits. For such a request, what is read as `remaining_ms` is what
 is left when it is read: one that lay in a queue while its server was stopped is not taken for a new one.
 """
 
@@ -19,6 +19,8 @@ import secrets
 import struct
 import time
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..errors import DecodeError
@@ -39,7 +41,7 @@ class Flag:
     SENT = 4
 
 
-_FLAG_SENT = int(Flag.SENT)
+_FLAG_SENT = Flag.SENT
 
 
 class Request(NamedTuple):
@@ -158,6 +160,15 @@ def publication_at(data: bytes, at: int) -> Publication:
 
 _new: Any = tuple.__new__
 """Makes a named tuple of what was unpacked, in half the time that its own constructor takes."""
+
+
+@cache
+def clock() -> str:
+    """Which clock this host has, as a trait that servers announce: `t`, and a number made when the host was started."""
+    try:
+        return f"t{int(Path('/proc/sys/kernel/random/boot_id').read_text()[:8], 16)}"
+    except (OSError, ValueError):
+        return f"t{secrets.randbits(32)}"  # nobody else's, then
 
 
 def random_id() -> int:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
 from robocomp_py.cli.rc import main as rc
+from robocomp_py.cli.rcgen import main as rcgen
 
 Said = pytest.CaptureFixture[str]
 
@@ -43,11 +45,57 @@ def test_a_machine_that_is_wrong_is_not_drawn_but_explained(folder: Path, capsys
     assert not (folder / "game.svg").exists()
 
 
+NETWORK = 'import "arm.cdsl"; Deployment net { Component left : arm { }; Component right : arm { }; };'
+
+
+@pytest.fixture
+def network(folder: Path) -> Path:
+    (folder / "arm.cdsl").write_text("Component arm { language python; };")
+    assert rcgen(["arm.cdsl"]) == 0
+    path = folder / "net.ddsl"
+    path.write_text(NETWORK)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("picture", "begin"),
+    [("net.svg", b"<svg "), ("net.png", b"\x89PNG"), ("net.dot", b'digraph "net" {'), ("net.mmd", b"flowchart TB")],
+)
+def test_a_network_is_drawn_in_the_way_that_its_name_says(
+    network: Path, picture: str, begin: bytes, capsys: Said
+) -> None:
+    capsys.readouterr()
+    assert rc(["graph", str(network), "-o", picture]) == 0
+    assert capsys.readouterr() == ("", "")
+    assert Path(picture).read_bytes().startswith(begin)
+
+
+def test_a_machine_can_be_drawn_as_pixels(folder: Path) -> None:
+    assert rc(["graph", "game.smdsl", "-o", "game.png"]) == 0
+    assert (folder / "game.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_network_that_is_wrong_is_not_drawn_but_explained(network: Path, capsys: Said) -> None:
+    network.write_text(NETWORK.replace("right : arm", "right : amr"))
+    assert rc(["graph", str(network), "-o", "net.svg"]) == 1
+    assert "did you mean `arm`?" in capsys.readouterr().err
+    assert not Path("net.svg").exists()
+
+
+def test_without_what_makes_pixels_it_is_said_what_to_install(
+    network: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said
+) -> None:
+    monkeypatch.setitem(sys.modules, "resvg_py", None)
+    assert rc(["graph", str(network), "-o", "net.png"]) == 1
+    assert "pip install 'robocomp-py[png]'; or write .svg" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["game.cdsl"], "game.cdsl is no state machine"),
-        (["game.smdsl", "-o", "game.png"], "what is written is SVG"),
+        (["game.cdsl"], "game.cdsl is neither a network nor a state machine: give it .ddsl, .smdsl or .scxml"),
+        (["game.smdsl", "-o", "game.dot"], "game.dot: a state machine is drawn as .svg, .png; let its name end so"),
+        (["net.ddsl", "-o", "net.jpg"], "net.jpg: a network is drawn as .svg, .png, .dot, .mmd; let its name end so"),
         (["game.smdsl", "-o", "nowhere/game.svg"], "nowhere/game.svg: No such file or directory"),
         (["missing.smdsl"], "cannot be read: No such file or directory"),
     ],

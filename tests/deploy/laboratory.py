@@ -22,7 +22,7 @@ import signal
 import socket
 import subprocess
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
@@ -100,6 +100,7 @@ class Host:
     _space: str
     _bridge: str
     dead: bool = False
+    _started: list[subprocess.Popen[Any]] = field(default_factory=list)
 
     def begin(self) -> None:
         _do("ip", "netns", "add", self._space)
@@ -121,7 +122,9 @@ class Host:
 
     def run(self, words: Sequence[str], **options: Any) -> subprocess.Popen[Any]:
         """Start a command there; `options` are those of Popen."""
-        return subprocess.Popen(self.command(*words), **options)
+        started = subprocess.Popen(self.command(*words), **options)
+        self._started.append(started)
+        return started
 
     def pids(self) -> list[int]:
         """All that runs there."""
@@ -160,6 +163,8 @@ class Host:
                 with contextlib.suppress(ProcessLookupError):
                     os.kill(pid, signal.SIGKILL)
             wait_until(lambda pids=pids: not any(map(_runs, pids)), SOON)
+        for started in self._started:
+            started.wait(_LATE)
         _do("ip", "netns", "delete", self._space, check=False)
 
 

@@ -1,49 +1,46 @@
-"""Networks that stand still, for what asks them how they are."""
+"""Networks that stand still, for what asks them how they are and for what shows that."""
 
 from __future__ import annotations
 
+import dataclasses
+from typing import Any
+
 from robocomp_py.deploy.policy import RestartRequested, State, StopRequested
-from robocomp_py.deploy.snapshot import HostStatus, ProcessStatus, Snapshot
+from robocomp_py.deploy.snapshot import HostStatus, Network, ProcessStatus, Snapshot
 from robocomp_py.errors import DeploymentError
 
-
-def process(name: str, state: State = State.READY, *, starts: int = 1, host: str = "", how: str = "") -> ProcessStatus:
-    runs = state in (State.STARTING, State.READY, State.STOPPING)
-    return ProcessStatus(
-        name=name,
-        component=name.rpartition("/")[2].capitalize(),
-        instances=(name,),
-        ended=(),
-        host=host,
-        state=state,
-        how=how,
-        pid=4321 if runs else None,
-        in_state=12.0,
-        uptime=12.0 if runs else None,
-        next_start=None,
-        starts=starts,
-        restarts=starts - 1,
-        cpu=0.25 if runs else None,
-        memory=50_000_000 if runs else None,
-        calls=None,
-        worst=None,
-        status="",
-    )
+READY = ProcessStatus(
+    name="",
+    component="thing",
+    instances=(),
+    ended=(),
+    host="",
+    state=State.READY,
+    how="",
+    pid=4711,
+    in_state=1.0,
+    uptime=61.0,
+    next_start=None,
+    starts=1,
+    restarts=0,
+    cpu=0.25,
+    memory=45_000_000,
+    calls=20.0,
+    worst=0.0012,
+    status="",
+)
 
 
-def snapshot(*processes: ProcessStatus, hosts: tuple[HostStatus, ...] = ()) -> Snapshot:
-    return Snapshot(
-        network="home",
-        up=all(each.state is State.READY for each in processes),
-        stopping=any(each.state is State.STOPPING for each in processes),
-        why="",
-        uptime=60.0,
-        hosts=hosts,
-        processes=processes,
-    )
+def process(name: str, state: State = State.READY, **more: Any) -> ProcessStatus:
+    return dataclasses.replace(READY, **{"name": name, "instances": (name,), "state": state, **more})
 
 
-class Standing:
+def snapshot(*processes: ProcessStatus, hosts: tuple[HostStatus, ...] = (), stopping: bool = False,
+             why: str = "") -> Snapshot:  # fmt: skip
+    return Snapshot("home", True, stopping, why, 187.0, hosts, processes)
+
+
+class Standing(Network):
     """A network that is what it is told to be, and keeps what it is asked for."""
 
     def __init__(self, *processes: ProcessStatus) -> None:

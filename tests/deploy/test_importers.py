@@ -185,6 +185,30 @@ def test_other_programs_are_started_in_their_folder(robot: Path) -> None:
     ]
 
 
+def test_the_hosts_of_programs_are_carried_over(robot: Path) -> None:
+    text = imported(
+        rcmanager(
+            node("a", up(f"rcremote 10.0.0.7 x {robot}/laser src/laser.py"), endpoint="l:tcp -h 10.0.0.7 -p 10003"),
+            node("b", up("rcremote robot@base.local x /opt/sim ./sim --fast")),
+            node("c", f'<workingDir path="{robot}/laser"/>', up("src/laser.py"), endpoint="l:tcp -h 10.0.0.7 -p 10004"),
+            node(
+                "d", f'<workingDir path="{robot}/laser"/>', up("src/laser.py"), endpoint="l:tcp -h localhost -p 10003"
+            ),
+        ),
+        robot,
+    )
+    said = " ".join(text.split())
+    assert 'host host_10_0_0_7 { address "10.0.0.7"; };' in said
+    assert 'host base_local { address "base.local"; user "robot"; };' in said
+    assert "// On several hosts, say who may take part: `security lan;`" in text
+    assert {"host host_10_0_0_7;", "port 10003;"} <= set(clauses(text, "a"))
+    assert {"host base_local;", 'args "--chdir=/opt/sim", "./sim", "--fast";'} <= set(clauses(text, "b"))
+    assert {"host host_10_0_0_7;", "port 10004;"} <= set(clauses(text, "c"))
+    assert {"ip localhost;", "port 10003;"} <= set(clauses(text, "d"))
+    (robot / "net.ddsl").write_text(text)
+    assert rc(["fmt", "--check", str(robot / "net.ddsl")]) == 0
+
+
 def test_paths_of_another_machine_are_found_below_the_folder_the_file_is_in(robot: Path) -> None:
     text = imported(
         rcmanager(node("eyes", up("rcremote localhost t /home/x/src/robot/laser python a.py"))), robot / "laser"
@@ -202,7 +226,9 @@ def test_paths_of_another_machine_are_found_below_the_folder_the_file_is_in(robo
         ('<dependence alias="ghost"/>', "it depends on `ghost`, which is not there"),
         ('<dependence alias="eyes"/>', "it depends on `eyes`, which depends on it: left out"),
         ("<speed/>", "<speed> is not understood"),
-        (up("rcremote 10.0.0.7 t /x bin/laser"), "it belongs on 10.0.0.7; other hosts are not reached"),
+        (up("rcremote -oProxyCommand=x t /x bin/laser"), "-oProxyCommand=x is no address of a host"),
+        (up("rcremote a;b@10.0.0.7 t /x bin/laser"), "a;b@10.0.0.7 is no address of a host"),
+        (up("rcremote a/b@10.0.0.7 t /x bin/laser"), "a/b@10.0.0.7 is no address of a host"),
     ],
 )
 def test_what_cannot_be_carried_over_is_said_with_its_line(given: str, said: str, tmp_path: Path) -> None:

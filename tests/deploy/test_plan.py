@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from robocomp_py.deploy.plan import OpenedTransport, Overrides, Plan
+from robocomp_py.cli.rcgen import main as rcgen
+from robocomp_py.deploy.plan import OpenedTransport, Overrides
 from robocomp_py.deploy.planner import make_plan
-from robocomp_py.dsl.diagnostics import Diagnostic
 from robocomp_py.dsl.workspace import Workspace
 
-from .planned import command, errors, plan
+from .planned import PARAMS, SENSOR, command, errors, plan
 
 CARRIER = """
 from robocomp_py.transports.base import Capability

@@ -527,6 +527,13 @@ def test_given_up_one_takes_those_along_that_are_of_no_use_without_it() -> None:
     assert everybody == [[GaveUp("b", 0), Stop("c"), Stop("a")], [], [Finish(1)]]
 
 
+def test_a_mission_that_is_of_no_use_any_more_is_the_end_of_the_network() -> None:
+    hopeless = replace(B, restart=Restart(When.ON_FAILURE, intensity=0))
+    escalations: dict[tuple[str, ...], Escalation] = {(): Escalation.REST_FOR_ONE}
+    history = replay(*UP, Exited("b", 1), network=(A, hopeless, C), until="c", escalations=escalations)
+    assert history[-1] == [GaveUp("b", 0), Stop("c"), Stop("a")]
+
+
 def test_who_was_dropped_with_one_that_was_given_up_does_not_come_back_with_another_one() -> None:
     hopeless = replace(B, restart=Restart(When.ON_FAILURE, intensity=0))
     history = group(
@@ -674,6 +681,12 @@ def test_what_is_never_started_again_has_failed_with_its_host() -> None:
     assert starting[-1] == [Stop("near")], "the network cannot come up any more"
 
 
+def test_what_its_host_keeps_is_found_there_again_even_if_it_is_never_started_again() -> None:
+    network = (replace(FAR, restart=Restart(), is_kept=True), NEAR)
+    history = replay(*BOTH, Lost("onboard"), Back("onboard"), network=network)
+    assert history[3:] == [[], [Start("far")]]
+
+
 def test_stopped_without_one_of_its_hosts_a_network_was_not_stopped_completely() -> None:
     history = replay(*BOTH, Lost("onboard"), StopRequested(130), Exited("near", 0), network=FAR_AND_NEAR)
     assert history[3:] == [[], [Stop("near")], [Finish(3)]]
@@ -761,6 +774,7 @@ class World:
         self, network: tuple[Child, ...], until: str | None, escalations: Mapping[tuple[str, ...], Escalation]
     ):
         self.supervisor = Supervisor(network, until, escalations)
+        self.until = until or ""
         self.children = {child.name: child for child in network}
         self.now = 0.0
         self.running: set[str] = set()
@@ -803,6 +817,9 @@ class World:
             case _:
                 pass
         self.act(self.supervisor.handle(event, self.now, chance=0.7))
+        mission = self.supervisor.progress.get(self.until)
+        if mission and mission.state in (State.ENDED, State.FAILED) and not mission.is_stuck:
+            assert self.supervisor.stopping, "what the network was for has ended, and the network has not"
         if not self.running and not self.lost and self.supervisor.wake is None:
             assert self.finished is not None, "nobody runs or is going to, and that is not the end"
 

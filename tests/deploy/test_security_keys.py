@@ -6,12 +6,13 @@ import json
 import stat
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from robocomp_py.contract.interface import Verb
 from robocomp_py.deploy import certificates
-from robocomp_py.deploy.keys import files_of, folder_of, graph_of, make_keys, router_folder, troubles
+from robocomp_py.deploy.keys import access_control, files_of, folder_of, graph_of, make_keys, router_folder, troubles
 from robocomp_py.errors import DeploymentError
 from robocomp_py.transports.zeromq.curve import key_pair, read_public
 
@@ -154,8 +155,8 @@ def test_long_names_fit_into_certificates_and_stay_apart(folder: Path) -> None:
     assert all(len(name) <= 64 for name in found)
 
 
-@pytest.mark.parametrize("names", [("left/arm", "left.arm"), ("ca", "x")])
-def test_names_that_would_share_a_folder_are_refused(folder: Path, names: tuple[str, ...]) -> None:
+@pytest.mark.parametrize("names", [("left/arm", "left.arm"), ("ca", "x"), ("..", "x"), ("../x", "x")])
+def test_names_that_would_share_a_folder_or_leave_it_are_refused(folder: Path, names: tuple[str, ...]) -> None:
     with pytest.raises(DeploymentError, match="is no name for a process with keys"):
         made(network(way(names[0], names[1], "divide"), names=names), folder)
 
@@ -191,6 +192,19 @@ def test_those_that_will_soon_expire_are_told_and_the_network_starts(folder: Pat
     assert "expires on" in warnings[0]
 
 
+def test_one_that_another_authority_signed_is_named_and_made_again(folder: Path) -> None:
+    made(network(), folder)
+    (folder / "ca" / "ca.key").unlink()
+    made(network(names=("camera", "viewer")), folder)  # by a new authority
+    assert troubles(network(names=("camera", "viewer")), folder, NOW) == ([], [])
+    foreign = certificates.issue(certificates.make_authority("x", NOW), "viewer", (), NOW, 30, serves=False)
+    (folder / "viewer" / "certificate.pem").write_bytes(foreign.certificate)
+    errors, _ = troubles(network(names=("camera", "viewer")), folder, NOW)
+    assert len(errors) == 1
+    assert "the certificate of `viewer` is not of the authority" in errors[0]
+    assert "certificate of viewer" in {each.what for each in made(network(), folder) if each.is_new}
+
+
 def test_one_that_is_missing_is_named(folder: Path) -> None:
     made(network(), folder)
     (folder / "viewer" / "certificate.pem").unlink()
@@ -210,3 +224,60 @@ def test_a_place_that_cannot_be_written_is_an_error_that_names_it(tmp_path: Path
     (tmp_path / "file").write_text("")
     with pytest.raises(DeploymentError, match="file"):
         make_keys(network(), tmp_path / "file" / "keys", NOW)
+
+
+# What Zenoh's routers are told.
+
+
+def test_the_rules_of_a_router_are_the_edges_and_nothing_else() -> None:
+    plan = network(way("viewer", "camera", "divide"), way("other", "camera", "news", Verb.SUBSCRIBES))
+    rules = access_control(graph_of(plan), "", {"camera": 0xCA, "viewer": 0x1, "other": 0x2})
+    assert (rules["enabled"], rules["default_permission"]) == (True, "deny")
+    may = allowed(rules)
+    assert may["viewer"] == {
+        "declare_liveliness_subscriber rc_lv/*/**",
+        "liveliness_query rc_lv/*/**",
+        *(f"liveliness_token rc_lv/*/{role}/*/*/*/0001$*/robot/camera/Everything/divide"
+          for role in ("calls", "commands", "subscribes")),
+        "declare_subscriber rc_ack/*/0001$*/*",
+        "declare_subscriber rc_to/*/0001$*/*/**",
+        "declare_queryable rc_ask/*/0001$*/*/*/**",
+        "reply rc_ask/*/0001$*/*/*/**",
+        "query rc_ask/*/00ca$*/*/text",
+        "query rc/*/robot/camera/Everything/divide",
+        "put rc/*/robot/camera/Everything/divide",
+        "put rc_to/*/00ca$*/*/robot/camera/Everything/divide",
+    }  # fmt: skip
+    assert "declare_subscriber rc/*/robot/camera/Everything/news" in may["other"]
+    assert not any("divide" in each for each in may["other"])
+    assert "put rc/*/robot/camera/**" in may["camera"]
+    assert not any("rc/*/robot/camera" in each and each.startswith("put") for each in may["other"])
+
+
+def test_of_another_host_its_router_may_what_its_processes_may() -> None:
+    plan = network(router="tls/10.0.0.1:20000")
+    onboard = {"viewer": "onboard"}
+    plan = replace(
+        plan,
+        processes=tuple(replace(each, host=onboard.get(each.name, "")) for each in plan.processes),
+        routers={**plan.routers, "onboard": {"router": {"listen/endpoints": ["tls/10.0.0.2:20000"]}}},
+    )
+    numbers = {"camera": 0xCA, "viewer": 0x1, "other": 0x2}
+    here, there = (allowed(access_control(graph_of(plan), host, numbers)) for host in ("", "onboard"))
+    assert set(here) == {"camera", "other", "router@onboard"}
+    assert set(there) == {"viewer", "router@"}
+    assert here["router@onboard"] == there["viewer"]
+    assert there["router@"] == here["camera"] | here["other"]
+
+
+def allowed(rules: dict[str, Any]) -> dict[str, set[str]]:
+    """What each common name may send to a router: messages and keys."""
+    by_id = {rule["id"]: rule for rule in rules["rules"]}
+    names = {subject["id"]: subject["cert_common_names"] for subject in rules["subjects"]}
+    found: dict[str, set[str]] = {}
+    for policy in rules["policies"]:
+        for rule in (by_id[each] for each in policy["rules"] if by_id[each]["flows"] == ["ingress"]):
+            for name in (name for subject in policy["subjects"] for name in names[subject]):
+                acts = found.setdefault(name, set())
+                acts |= {f"{message} {key}" for message in rule["messages"] for key in rule["key_exprs"]}
+    return found

@@ -103,6 +103,20 @@ def test_the_guide_to_supervision_works_as_written(tmp_path: Path) -> None:
         do(step, tmp_path)
 
 
+def test_the_guide_to_several_hosts_works_as_written(tmp_path: Path) -> None:
+    done = list(steps(DOCS / "hosts.md"))
+    assert len(done) > 6
+    for step in done:
+        do(step, tmp_path)
+
+
+def test_the_guide_to_security_works_as_written(tmp_path: Path) -> None:
+    done = list(steps(DOCS / "security.md"))
+    assert len(done) > 6
+    for step in done:
+        do(step, tmp_path)
+
+
 MIDDLEWARES = DOCS / "middlewares.md"
 
 

@@ -1,6 +1,6 @@
 """The processes to which things are done: servers, clients, publishers and subscribers over one transport.
 
-    python -m tests.faults.actors nursery     forks an actor for each line that it is given, without loading anything twice
+    python -m tests.faults.actors     forks an actor for each line that it is given, and loads nothing twice
 
 An actor does what it is asked on its control socket, a JSON object a line, and ends when that is closed. What happens
 it writes to its journal, not to the socket: so it is there after `kill -9`.
@@ -23,8 +23,6 @@ from concurrent.futures import Future
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from robocomp_py.contract.qos import QoS, Reliability
 from robocomp_py.errors import DecodeError, RobocompError, TransportError
@@ -163,9 +161,11 @@ class Actor:
 
     # Topics.
 
-    def publish(self, channel: str, count: int, pace: float = 0.0, size: int = 0, reliable: bool = False) -> None:
+    def publish(
+        self, channel: str, count: int, pace: float = 0.0, size: int = 0, reliable: bool = False, depth: int = 8
+    ) -> None:
         """Publish so many, or until told to stop; what each took is said at the end, in seconds, sorted."""
-        outlet: Outlet = self._links.get(channel) or self.transport.outlet(topic(channel, _qos(reliable)))
+        outlet: Outlet = self._links.get(channel) or self.transport.outlet(topic(channel, _qos(reliable, depth)))
         self._links[channel] = outlet
 
         def work(stop: threading.Event) -> dict[str, Any]:
@@ -219,7 +219,7 @@ class Actor:
     def ask_too_much(self, channel: str) -> str:
         """What comes of a call whose payload is larger than any may be."""
         try:
-            self._links[channel].ask(blob(self.transport, np.zeros(MAX_BYTES + 1, np.uint8)), 30.0)
+            self._links[channel].ask(blob(self.transport, bytes(MAX_BYTES + 1)), 30.0)
         except RobocompError as exc:
             return f"{type(exc).__name__}: {exc}"
         return "ok"

@@ -125,7 +125,7 @@ def _restarted(run: Run) -> Result:
             if cycle == 2:
                 before = client.usage()
             server.end()
-            until(lambda server=server: not server.alive(), 10.0, f"{server.name} ends")  # type: ignore[misc]
+            until(lambda server=server: not server.alive(), 10.0, f"{server.name} ends")
             if run.full and cycle % (cycles // 10) == 0:
                 run.tell(f"{cycle} of {cycles}")
         server = _serving(laboratory, "s0.last", channel)

@@ -86,7 +86,7 @@ class Laboratory:
         with socket.socket(socket.AF_UNIX) as listener:
             listener.bind(str(control))
             listener.listen()
-            spec = {
+            spec: dict[str, Any] = {
                 "name": name,
                 "transport": self.transport,
                 "options": self.options if options is None else dict(options),
@@ -227,6 +227,7 @@ class Remote:
     def _do(self, do: str, arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
         if arguments:
             named = {**dict(zip(("channel", "count"), arguments, strict=False)), **named}
+        self._connection.settimeout(PATIENCE + named.get("timeout", 0.0))
         self._connection.sendall(json.dumps({"do": do, **named}).encode() + b"\n")
         return self.hear()
 
@@ -261,12 +262,12 @@ def running(command: list[str], **options: Any) -> Iterator[subprocess.Popen[str
 
 
 def _began(pid: int) -> str:
-    """When a process began, as the kernel counts; "" if it is not there, or only waited for."""
+    """When a process began, as the kernel counts; "" if it is gone, with all its threads."""
     try:
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     except OSError:
         return ""
-    return "" if fields[0] in "ZX" else fields[19]
+    return fields[19]
 
 
 def _set(name: str, value: str | None) -> None:

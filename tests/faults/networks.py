@@ -23,11 +23,9 @@ from .rows import Figure, Result, Row, Run
 
 _IDSL = "module RoboCompEcho { interface Echo { idempotent int say(int number); }; };\n"
 _CDSL = """import "Echo.idsl";
-Component node { Communications { implements Echo; requires Echo; }; language Python; };
+Component {name} {{ Communications {{ implements Echo; requires Echo; }}; language Python; }};
 """
-_WORKER = '''"""Asks its neighbour, and notes how long that takes; one of them fails, one has a child in a session of its own."""
-
-from __future__ import annotations
+_HEAD = """from __future__ import annotations
 
 import os
 import subprocess
@@ -39,13 +37,12 @@ from .generic.genericworker import GenericWorker
 class SpecificWorker(GenericWorker):
     def initialize(self) -> None:
         self.number = 0
-        if "parents" in os.environ.get("FAULTS", "") and self.instance == "n1":
-            subprocess.Popen(["setsid", "sleep", "1000"], start_new_session=True)
-
+"""
+_NODE = (
+    _HEAD
+    + """
     def compute(self) -> None:
-        if "failing" in os.environ.get("FAULTS", "") and self.instance == "n0":
-            os._exit(1)
-        if "asking" in os.environ.get("FAULTS", ""):
+        if "asking" in os.environ["FAULTS"]:
             begun = time.monotonic()
             self.number = self.echo_proxy.say(self.number)
             with open(os.environ["FAULTS_TO"], "a") as notes:
@@ -53,7 +50,25 @@ class SpecificWorker(GenericWorker):
 
     def Echo_say(self, number: int) -> int:
         return number + 1
-'''
+"""
+)
+"""Asks its neighbour, and notes how long that takes."""
+
+_ODD = (
+    _HEAD
+    + """
+        if "parent" in os.environ["FAULTS"]:
+            subprocess.Popen(["setsid", "sleep", "1000"], start_new_session=True)
+
+    def compute(self) -> None:
+        if "failing" in os.environ["FAULTS"]:
+            os._exit(1)
+
+    def Echo_say(self, number: int) -> int:
+        return number + 1
+"""
+)
+"""Fails, or has a child in a session of its own."""
 
 _GONE = 5.0
 """Seconds after which nothing of a network may be left."""
@@ -70,23 +85,24 @@ class _Network:
             "ROBOCOMP_RUNTIME_DIR": str(self.run_folder),
             "FAULTS_TO": str(self.folder / "calls"),
         }
-        node = self.folder / "node"
-        node.mkdir()
-        (node / "Echo.idsl").write_text(_IDSL)
-        (node / "node.cdsl").write_text(_CDSL)
-        subprocess.run([_tool("rcgen"), "node.cdsl"], cwd=node, check=True, capture_output=True)
-        (node / "specificworker.py").write_text(_WORKER)
-        (node / "etc" / "config.toml").write_text(f"[component]\nperiod = {period}\n")
+        for name, worker in (("node", _NODE), ("odd", _ODD)):
+            folder = self.folder / name
+            folder.mkdir()
+            (folder / "Echo.idsl").write_text(_IDSL)
+            (folder / f"{name}.cdsl").write_text(_CDSL.format(name=name))
+            subprocess.run([_tool("rcgen"), f"{name}.cdsl"], cwd=folder, check=True, capture_output=True)
+            (folder / "specificworker.py").write_text(worker)
+            (folder / "etc" / "config.toml").write_text(f"[component]\nperiod = {period}\n")
         ring = range(1, count) if more else range(count)  # who fails is asked by nobody
         instances = ""
         for number in range(count):
             asked = f"n{number - 1 if number - 1 in ring else ring[-1]}"
             settings = more if number == 0 else ""
-            instances += f"    Component n{number} : node {{ requires Echo from {asked}; {settings}}};\n"
+            kind = "node" if number else "odd"
+            instances += f"    Component n{number} : {kind} {{ requires Echo from {asked}; {settings}}};\n"
         self.model = self.folder / "net.ddsl"
-        self.model.write_text(
-            f'import "node/node.cdsl";\n\nDeployment Net\n{{\n    middleware {middleware};\n{instances}}};\n'
-        )
+        imports = 'import "node/node.cdsl";\nimport "odd/odd.cdsl";\n'
+        self.model.write_text(f"{imports}\nDeployment Net\n{{\n    middleware {middleware};\n{instances}}};\n")
 
     def start(self, *faults: str) -> subprocess.Popen[str]:
         self.said = self.folder / "said"
@@ -184,7 +200,9 @@ def _stormy(run: Run) -> Result:
     seconds = run.rounds(30, 3)
     measured = {}
     for faults in ("asking", "asking failing"):
-        with _Network(5, run.transport, "restart always(delay 0.2, intensity 1000, period 60);", 0.01) as network:
+        with _Network(
+            5, run.transport, "restart always(delay 0.2, max_delay 0.2, intensity 1000, period 60);", 0.01
+        ) as network:
             deployer = network.start(*faults.split())
             until(network.called, 60.0, "calls")
             time.sleep(2.0)
@@ -219,7 +237,7 @@ def _ended(run: Run) -> Result:
     violations: list[Violation] = []
     with _Network(4, run.transport) as network:
         for number, deed in enumerate(deeds(run.seed, rounds, _DEEDS, 0.0, 3.0)):
-            deployer = network.start("parents")
+            deployer = network.start("parent")
             end = time.monotonic() + deed.after
             while time.monotonic() < end and not (network.ready() and deed.after > 1.0):
                 time.sleep(0.02)

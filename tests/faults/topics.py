@@ -17,7 +17,7 @@ _SIZE = 20_000
 
 def _flooded(run: Run) -> Result:
     """One subscriber keeps up, one takes 5 ms for each message, one is stopped for most of the time."""
-    count = run.rounds(20_000, 500)
+    count = run.rounds(10_000, 500)
     with run.laboratory() as laboratory:
         publisher = laboratory.start("p")
         subscribers = {name: laboratory.start(name) for name in ("quick", "slow", "stopped")}
@@ -28,7 +28,7 @@ def _flooded(run: Run) -> Result:
         before = {name: each.usage()["memory"] for name, each in {"p": publisher, **subscribers}.items()}
         subscribers["stopped"].freeze()
         # at a pace that the quick one can follow, and a hundred times what the slow one can
-        publisher.publish(channel=_CHANNEL, count=count, pace=0.001, size=_SIZE)
+        publisher.publish(channel=_CHANNEL, count=count, pace=0.002, size=_SIZE)
         paced = publisher.wait(channel=_CHANNEL, timeout=count * 0.05)
         run.tell("the quick one is to lose nothing until here")
         until(lambda: last_heard(laboratory, subscribers["quick"]) == publisher.sent(), 20.0, "the quick one hears all")
@@ -54,9 +54,9 @@ def _flooded(run: Run) -> Result:
 
 def greet(publisher: Remote, subscribers: object) -> None:
     """Until all hear it."""
-    publisher.publish(channel=_CHANNEL, count=10**9, pace=0.02)
+    publisher.publish(channel=_CHANNEL, count=10**9, pace=0.02, depth=1000)
     for each in subscribers:  # type: ignore[attr-defined]
-        until(lambda each=each: each.written() > 0, 20.0, f"{each.name} hears something")  # type: ignore[misc]
+        until(lambda each=each: each.written() > 0, 20.0, f"{each.name} hears something")
     publisher.stop(channel=_CHANNEL)
 
 
@@ -65,7 +65,7 @@ def _until_quiet(laboratory: Laboratory, publisher: Remote, subscribers: list[Re
     publisher.publish(channel=_CHANNEL, count=10**9, pace=0.05)
     mark = publisher.sent()
     for each in subscribers:
-        until(lambda each=each: last_heard(laboratory, each) > mark, 60.0, f"{each.name} hears the newest")  # type: ignore[misc]
+        until(lambda each=each: last_heard(laboratory, each) > mark, 60.0, f"{each.name} hears the newest")
     publisher.stop(channel=_CHANNEL)
     until(
         lambda: all(last_heard(laboratory, each) == publisher.sent() for each in subscribers), 20.0, "all hear the last"

@@ -28,8 +28,9 @@ from robocomp_py.testing.parts import BLOB, Inbox, blob, command, drain, greet, 
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Reply, Status, Transport, TransportConfig
 from robocomp_py.transports.directory import runtime_dir
+from robocomp_py.transports.inotify import FolderWatch
 from robocomp_py.transports.shm import ShmTransport, node, samples
-from robocomp_py.transports.shm.bells import BELLS, Bell, Rope
+from robocomp_py.transports.shm.bells import BELLS, NEWS, Bell, Rope
 from robocomp_py.transports.shm.loop import Loop
 from robocomp_py.transports.shm.mail import Post, packed, unpacked
 from robocomp_py.transports.shm.receipts import SLOTS, Credit, Reader, Receipts
@@ -631,6 +632,20 @@ def test_there_is_nobody_to_hear_a_bell_that_was_closed(tmp_path: Path) -> None:
     assert not rope.ring(3)
     with pytest.raises(TransportError, match="bell: No such file"):
         Rope(tmp_path / "bell")
+
+
+def test_who_waits_at_a_bell_is_told_as_well_that_the_folder_has_changed(tmp_path: Path) -> None:
+    (tmp_path / "watched").mkdir()
+    watch = FolderWatch(tmp_path / "watched")
+    bell, rope = Bell(tmp_path / "bell", watch), Rope(tmp_path / "bell")
+    (tmp_path / "watched" / "new").touch()
+    assert list(bell.wait(SOON)) == [NEWS]
+    rope.ring(3)
+    (tmp_path / "watched" / "newer").touch()
+    assert set(bell.wait(SOON)) == {NEWS, 3}
+    assert not list(bell.wait(0.0))
+    bell.close()
+    watch.close()
 
 
 class Counting:

@@ -269,6 +269,21 @@ def test_a_reliable_subscriber_that_leaves_holds_nobody_up(transport: ZenohTrans
     send_many(transport, outlet, 50)
 
 
+def test_a_server_that_nobody_told_us_has_gone_is_neither_waited_for_nor_in_the_way(transport: ZenohTransport) -> None:
+    """Zenoh may tell who joins of a server that dies just then, and never of its death."""
+    ghost = f"rc_lv/0/serves/-/{1:016x}/1/{2**40:016x}/a/b/c"
+    transport.table.hear(ghost, True)
+    caller = transport.caller(query("a/b/c"))
+    with pytest.raises(Timeout):
+        caller.ask(blob(transport, b"?"), 0.1)
+    wait_until(lambda: not transport.table.find("serves", "a/b/c"))
+    with pytest.raises(Unreachable):
+        caller.ask(blob(transport, b"?"), SOON)
+    transport.table.hear(ghost, True)
+    transport.server(query("a/b/c"), answering(transport, bytes.upper))
+    assert is_answered(transport, caller)
+
+
 def test_of_threads_that_are_the_first_to_ask_one_makes_the_way(transport: ZenohTransport) -> None:
     """Zenoh may drop what goes by one of two publishers of a key while the other one is undeclared."""
     for number in range(10):

@@ -187,6 +187,15 @@ def test_an_address_that_is_none_is_an_error_before_anything_is_opened(hosts: Ho
         shutil.rmtree(hosts._folder / "h0")
 
 
+def test_to_listen_to_everybody_without_keys_is_told_aloud(hosts: Hosts, caplog: pytest.LogCaptureFixture) -> None:
+    hosts.open("camera", bind="tcp://0.0.0.0:1", with_keys=False)  # nothing is served yet, so nothing is bound
+    assert "listens at tcp://0.0.0.0:1 without keys" in caplog.text
+    caplog.clear()
+    hosts.open("camera", bind="tcp://0.0.0.0:1")
+    hosts.open("camera", bind="tcp://127.0.0.1:1", with_keys=False)
+    assert "without keys" not in caplog.text
+
+
 # Who may come.
 
 

@@ -22,14 +22,22 @@ def add_network(to: argparse.ArgumentParser) -> None:
     to.add_argument("network", metavar=NETWORK, help="the network, by its file or by its name")
 
 
-def asking(network: str, deed: Callable[[Connection], int]) -> int:
-    """Have something done with a network that runs. Says what is wrong if that cannot be, and what to do."""
+def asking(network: str, deed: Callable[[Connection], int], absent: Callable[[], int | None] | None = None) -> int:
+    """Have something done with a network that runs. Says what is wrong if that cannot be, and what to do.
+
+    `absent` may do something else with one that does not run here: then it returns the exit code.
+    """
     from ...deploy.client import Connection, NotRunning, network_of
     from ...errors import DeploymentError, HostUnreachable
 
     try:
-        with Connection(network_of(network)) as connection:
-            return deed(connection)
+        try:
+            with Connection(network_of(network)) as connection:
+                return deed(connection)
+        except NotRunning:
+            if absent and (code := absent()) is not None:
+                return code
+            raise
     except NotRunning as exc:
         start = f"; start it: rcdeploy {shlex.quote(network)}" if os.path.exists(network) else ""
         return complain(f"rcdeploy: {exc}{start}")

@@ -1,12 +1,15 @@
 """A network that goes on without the terminal it was started from.
 
 The process that was started at the terminal forks before it has imported anything that could have threads. Its child,
-in a session of its own, does all the work, and goes on; it itself only waits until everything is ready.
+in a session of its own, does all the work, and goes on; it itself only waits until everything is ready. What the child
+starts never gets hold of the terminal, or of the pipe that somebody reads to its end: only the child's own `sys.stdout`
+and `sys.stderr` lead there, until it lets them go.
 """
 
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import os
 import signal
 import sys
@@ -24,16 +27,18 @@ class Parent:
 
     def leave(self, complaints: Path) -> None:
         """Let it go, and the terminal; what Python itself has to say from now on goes into a file."""
-        sys.stdout.flush()
-        sys.stderr.flush()
+        with contextlib.suppress(OSError):
+            sys.stdout.flush()
+            sys.stderr.flush()
         nowhere = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
         try:
             complaints.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             file = os.open(complaints, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o600)
         except OSError:  # a full disk is no reason to stop
             file = os.dup(nowhere)
-        for number, target in ((1, nowhere), (2, file)):
-            os.dup2(target, number)
+        for number, target in ((sys.stdout.fileno(), nowhere), (sys.stderr.fileno(), file)):
+            os.dup2(target, number, inheritable=False)
+        os.dup2(file, 2)
         os.close(file)
         os.close(nowhere)
         with contextlib.suppress(OSError):  # it has gone already
@@ -51,7 +56,7 @@ def detached(work: Callable[[Parent], int]) -> int:
     if child == 0:
         os.close(reading)
         os.setsid()
-        _let_go_of_input()
+        _keep_to_ourselves()
         return work(Parent(writing))
     os.close(writing)
     try:
@@ -60,9 +65,16 @@ def detached(work: Callable[[Parent], int]) -> int:
         os.close(reading)
 
 
-def _let_go_of_input() -> None:
-    nowhere = os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC)
-    os.dup2(nowhere, 0)
+def _keep_to_ourselves() -> None:
+    """Have the standard streams lead nowhere for whom we start, and as before for us alone."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        stream.flush()
+        copy = fcntl.fcntl(stream.fileno(), fcntl.F_DUPFD_CLOEXEC, 3)
+        setattr(sys, name, os.fdopen(copy, "w", buffering=1, encoding=stream.encoding, errors=stream.errors))
+    nowhere = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
+    for number in range(3):
+        os.dup2(nowhere, number)
     os.close(nowhere)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..common import FINE
@@ -33,7 +34,9 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    return asking(options.network, lambda connection: _down(connection, options.grace))
+    return asking(
+        options.network, lambda connection: _down(connection, options.grace), lambda: _end_kept(options.network)
+    )
 
 
 def _down(connection: Connection, grace_s: float | None) -> int:
@@ -41,6 +44,19 @@ def _down(connection: Connection, grace_s: float | None) -> int:
 
     down(connection, grace_s, _tell)
     print(f"{connection.network} is down")
+    return FINE
+
+
+def _end_kept(network: str) -> int | None:
+    """End what hosts go on with (`lost keep`) since whoever ran the network was lost; None if none does so."""
+    from ...deploy.hosts.fleet import end_kept, keeping
+
+    found = keeping(Path(network)) if network.endswith(".ddsl") else None
+    if not found:
+        return None
+    name, hosts = found
+    ended = end_kept(name, hosts)
+    print(f"{name} was not run from here; ended on {', '.join(hosts)}: {', '.join(ended) or 'nothing ran there'}")
     return FINE
 
 

@@ -75,7 +75,7 @@ def _check_generated(path: Path, workspace: Workspace) -> bool:
     seen: set[str] = set()
     for instance in model.instances if model else ():
         kind = instance.component.text.lower()
-        if instance.path or kind in seen or kind not in components:
+        if instance.program or kind in seen or kind not in components:
             continue  # a program of one's own is none of ours
         seen.add(kind)
         lines = _outdated(components[kind])

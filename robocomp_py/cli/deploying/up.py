@@ -46,6 +46,8 @@ def add_options(to: argparse.ArgumentParser) -> None:
         "--for", dest="duration", type=seconds, metavar="SECONDS", help="stop so long after everything was ready"
     )
     to.add_argument("--until", metavar="INSTANCE", help="stop everything when this one ends")
+    to.add_argument("--log-dir", type=Path, metavar="DIR", help="where to keep what components print")
+    to.add_argument("--record-logs", choices=("text", "json"), default="text", help="in which form (default: text)")
     to.add_argument("--detach", action="store_true", help="end when everything is ready, and leave the network running")
     add_guards(to)
 
@@ -71,6 +73,7 @@ def _run(options: argparse.Namespace, parent: Parent | None = None) -> int:
 
 
 def _up(plan: Plan, options: argparse.Namespace, parent: Parent | None) -> int:
+    from ...deploy.logs import Form, Logs
     from ...deploy.place import Place
     from ...deploy.run import Options
     from ...deploy.terminal import run_on_terminal
@@ -92,7 +95,10 @@ def _up(plan: Plan, options: argparse.Namespace, parent: Parent | None) -> int:
                 f"rcdeploy: {plan.name} runs already{whose}; how it is: rcdeploy status {network}; what would change: "
                 f"rcdeploy plan {network}; to stop it: rcdeploy down {network}"
             )
-        return run_on_terminal(plan, Options(options.duration, options.until), leave if parent else None)
+        folder = options.log_dir or Place(plan.name).logs
+        logs = Logs(folder, number=len(plan.processes), form=Form(options.record_logs))
+        with contextlib.closing(logs):
+            return run_on_terminal(plan, Options(options.duration, options.until), leave if parent else None, logs)
     except (TransportError, ConfigurationError, DeploymentError) as exc:
         return complain(f"rcdeploy: {exc}")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
 from collections.abc import Callable, Iterable, Mapping
 from importlib.metadata import PackageNotFoundError, requires
@@ -38,6 +39,54 @@ def remote_agents(plan: Plan, listener: Listener, note: Callable[[str], None] | 
 
     told: dict[str, Any] = {"note": note} if note else {}
     return {host.name: RemoteAgent(host, share_of(plan, host), listener, **told) for host in plan.hosts}
+
+
+def keeping(path: Path) -> tuple[str, dict[str, Host]] | None:
+    """The name of a network and its hosts that go on without whoever launched it; None if it has none."""
+    from ...dsl.workspace import Workspace
+    from ..placing import hosts_of
+
+    model = Workspace().deployment(path)
+    hosts = {host.name: host for host in hosts_of(model, model.instances) if host.keep} if model else {}
+    return (model.name.text, hosts) if model and hosts else None
+
+
+def end_kept(network: str, hosts: Mapping[str, Host]) -> list[str]:
+    """End what hosts kept of a network, and tell what that was. Raises DeploymentError if one cannot be reached."""
+    check_ssh()
+    from .remote import RemoteAgent, Share
+
+    async def end(host: Host) -> list[str]:
+        agent = RemoteAgent(host, Share(network, ()), _Deaf())
+        await agent.open()  # which ends what it does not know
+        await agent.close()
+        return agent.kept
+
+    async def end_all() -> list[str]:
+        ended = await asyncio.gather(*map(end, hosts.values()))
+        return [name for names in ended for name in names]
+
+    return asyncio.run(end_all())
+
+
+class _Deaf(Listener):
+    """Wants to know nothing."""
+
+    def output(self, name: str, line: str) -> None: ...
+
+    def ready(self, name: str) -> None: ...
+
+    def status(self, name: str, text: str) -> None: ...
+
+    def left(self, name: str, instance: str) -> None: ...
+
+    def hung(self, name: str) -> None: ...
+
+    def exited(self, name: str, code: int) -> None: ...
+
+    def lost(self, host: str, why: str) -> None: ...
+
+    def back(self, host: str) -> None: ...
 
 
 def check_ssh() -> None:

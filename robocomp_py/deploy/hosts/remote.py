@@ -75,6 +75,8 @@ class RemoteAgent(Agent):
         self._bundle: Bundle | None = None
         self._places: Mapping[Path, str] = places(share.processes, FILES)
         self._channel: ssh.Channel | None = None
+        self.kept: list[str] = []
+        """What ran there when we came."""
         self._root = self._python = self._folder = ""
         self._starting: dict[str, asyncio.Future[None]] = {}
         self._usage: dict[str, Usage] = {}
@@ -157,6 +159,7 @@ class RemoteAgent(Agent):
             async with asyncio.timeout(PATIENCE):
                 hello = await self._told(told, channel, "hello")
                 self._check_version(hello)
+                self.kept = list(map(str, hello.get("kept", ())))
                 channel.writer.write(packed(self._opening()))
                 await self._told(told, channel, "opened")
         except (OSError, asyncssh.Error, TimeoutError, KeyError) as exc:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from ...contract.interface import Verb
+from ...dsl.ddsl.hosts import is_address, is_user
 from .finding import Finder, Found
 from .programs import HERE, CommandLine, Listing, Program, Said, address, command_line
 
@@ -32,13 +33,17 @@ class _Instance:
     program: Program
     name: str
     found: Found | None
+    host: str = ""
+    """What the one it runs on is called here; "" for this one."""
     dependences: list[str] = field(default_factory=list)
 
 
 class _Writer:
     def __init__(self, listing: Listing, finder: Finder, folder: Path) -> None:
         self._listing, self._finder, self._folder = listing, finder, folder
-        self._ports: dict[str, str] = {}
+        self._ports: dict[tuple[str, str], str] = {}
+        self._hosts: dict[str, str] = {}
+        """What they are called here, by how the file calls them: `10.0.0.7`, or `robot@10.0.0.7`."""
         brokers = [each for each in listing.programs if _is_broker(each)]
         self._brokers = {each.name: each for each in brokers}
         self._instances = self._named([each for each in listing.programs if each not in brokers])
@@ -58,11 +63,25 @@ class _Writer:
             yield ""
         yield f"Deployment {_identifier(PurePosixPath(self._listing.path).stem)}"
         yield "{"
+        yield from self._host_blocks()
         for number, instance in enumerate(self._instances):
-            if number:
+            if number or self._hosts:
                 yield ""
             yield from self._component(instance)
         yield "};"
+
+    def _host_blocks(self) -> Iterator[str]:
+        """The other machines. Who may take part in a network on several is for people to say."""
+        if not self._hosts:
+            return
+        message = "On several hosts, say who may take part: `security lan;` (see rcdeploy keys), or `security open;`."
+        yield from _comment(message, "    ")
+        for number, (said, name) in enumerate(self._hosts.items()):
+            user, _, where = said.rpartition("@")
+            yield from ([""] if number else [])
+            yield from (f"    host {name}", "    {", f"        address {_quoted(where)};")
+            yield from [f"        user {_quoted(user)};"] if user else []
+            yield "    };"
 
     # Names, and who depends on whom.
 
@@ -78,7 +97,11 @@ class _Writer:
                 name = f"{wanted}_{number}"
             taken.add(name.lower())
             folder = program.folder or _folder_of(program)
-            instance = _Instance(program, name, self._finder.component(folder) if folder else None)
+            found = self._finder.component(folder) if folder else None
+            if found and not _fits_quotes(self._path(found.cdsl)):
+                program.notes.append(Said("the path of its .cdsl has signs in it that DDSL has not", program.line))
+                found = None
+            instance = _Instance(program, name, found, self._host(program))
             if name != program.name:
                 program.notes.append(Said(f"it is called `{program.name}` there", program.line))
             called.setdefault(program.name, instance)
@@ -87,6 +110,21 @@ class _Writer:
             self._depend(instance, called)
             self._tell_apart(instance, instances)
         return instances
+
+    def _host(self, program: Program) -> str:
+        """What the host is called that a program runs on; "" for this one."""
+        where = address(program.endpoint.text) if program.endpoint else address("")
+        said = program.host or where.host
+        if program.host and where.host and program.host != where.host:
+            program.notes.append(Said(f"its endpoint is on {where.host}", program.line))
+        user, at, there = said.rpartition("@")
+        if not there or there in HERE:
+            return ""
+        if not is_address(there) or (at and not is_user(user)):
+            program.notes.append(Said(f"{said} is no address of a host", program.line))
+            return ""
+        name = _identifier(there)
+        return self._hosts.setdefault(said, name if name[0] != "_" else f"host{name}")
 
     def _tell_apart(self, instance: _Instance, instances: list[_Instance]) -> None:
         """Of components that are called alike a network can have one only."""
@@ -140,6 +178,8 @@ class _Writer:
             yield from self._component_of_ours(program, program.command, command)
         else:
             yield from self._other_program(program.command, program, command)
+        if instance.host:
+            yield f"host {instance.host}"
         yield from self._wirings(instance, command)
         if instance.dependences:
             yield f"dependences {', '.join(instance.dependences)}"
@@ -154,6 +194,10 @@ class _Writer:
             there = self._finder.here(self._joined(program, path))
             if there is None or not there.is_file():
                 program.notes.append(Said(f"its configuration {path} is not on this machine", said.line))
+            elif not _fits_quotes(self._path(there)):
+                program.notes.append(
+                    Said(f"the path of its configuration {path} has signs that DDSL has not", said.line)
+                )
             else:
                 yield f"config {_quoted(self._path(there))}"
         if others or configurations[1:]:
@@ -169,7 +213,7 @@ class _Writer:
         elif words[0].startswith(("/", "~")):
             path, *words = words
             path = str(self._finder.here(path) or self._finder.expanded(path))
-        if any('"' in each for each in (path, *words)):
+        if not all(map(_fits_quotes, (path, *words))):
             message = f"`{said.text}` has quotes in it, which DDSL has not: write it into a script, and give its path"
             program.notes.append(Said(message, said.line))
             return
@@ -200,23 +244,18 @@ class _Writer:
     def _address(self, instance: _Instance) -> Iterator[str]:
         program = instance.program
         where = address(program.endpoint.text) if program.endpoint else address("")
-        host, line = where.host or program.host, program.endpoint.line if program.endpoint else program.line
-        if program.host and where.host and program.host != where.host:
-            program.notes.append(Said(f"it is started on {program.host}", program.line))
-        local = not host or host in HERE
-        if not local:
-            program.notes.append(Said(f"it belongs on {host}; other hosts are not reached by this version yet", line))
+        line = program.endpoint.line if program.endpoint else program.line
         if program.endpoint and not where.port:
             program.notes.append(Said(f"its endpoint {program.endpoint.text} has no port", line))
         if where.port and (len(where.port) > len("65535") or not 1 <= int(where.port) <= 65535):
             program.notes.append(Said(f"its port, {where.port}, is none", line))
         elif where.port:
-            first = self._ports.setdefault(where.port, instance.name)
+            first = self._ports.setdefault((instance.host, where.port), instance.name)
             if first != instance.name:
                 program.notes.append(Said(f"its port, {where.port}, is that of `{first}`, too", line))
                 return
-            if local and host:
-                yield f"ip {host if re.fullmatch(r'[a-z]+', host) else _quoted(host)}"
+            if where.host in HERE and not instance.host:
+                yield f"ip {where.host if re.fullmatch(r'[a-z]+', where.host) else _quoted(where.host)}"
             yield f"port {where.port}"
 
     # Paths.
@@ -286,6 +325,11 @@ def _identifier(text: str) -> str:
     bare = "".join(char for char in unicodedata.normalize("NFKD", text) if not unicodedata.combining(char))
     found = re.sub(r"[^A-Za-z0-9_]+", "_", bare).strip("_")
     return found if re.match(r"[A-Za-z_]", found) else f"_{found}"
+
+
+def _fits_quotes(text: str) -> bool:
+    """Whether a text can stand in quotes, which end at the first one, and at the end of a line."""
+    return '"' not in text and "\n" not in text
 
 
 def _quoted(text: str) -> str:

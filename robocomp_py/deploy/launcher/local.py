@@ -330,6 +330,7 @@ class Launcher(Agent):
         if handle is None:
             return
         self._loop.remove_reader(handle)
+        running.notified.read()  # it may have said before that another one counts from now on
         if pid == running.main:
             for group in running.groups():
                 _send_group(group, signal.SIGKILL)  # what it started may outlive it, and hold the pipe
@@ -337,7 +338,6 @@ class Launcher(Agent):
         if code is None and tries and _parent(pid) != os.getpid() and traces.look(pid):  # not yet ours to wait for
             self._loop.call_later(0.01, self._left, running, pid, tries - 1)
             return
-        running.notified.read()  # it may have said before that another one counts from now on
         os.close(running.handles.pop(pid))
         if pid == running.main:
             self._conclude_later(running, code or 0)
@@ -414,8 +414,8 @@ class Launcher(Agent):
                 running.warned = True
                 self._listener.output(
                     running.name,
-                    f"(what process {sender} says of how this is does not count, as it is not {running.main}, which was "
-                    "started: start it by `exec`, or have that say NOTIFYACCESS=all)",
+                    f"(what process {sender} says of how this is does not count: it is not {running.main}, the one that "
+                    "was started; start it by `exec`, or have that one say NOTIFYACCESS=all)",
                 )
             return
         if note.main_pid and note.main_pid != running.main and self._is_of(running, note.main_pid):

@@ -17,7 +17,7 @@ _AT_ONCE = 16
 
 
 class Notified:
-    """`heed(note, pid)` is called for each datagram, with the id of the process that sent it, which the kernel tells."""
+    """`heed(note, pid)` is called for each datagram, with the id of the process that the kernel says it is from."""
 
     def __init__(self, path: Path, heed: Callable[[Note, int], None]) -> None:
         """Raises OSError."""

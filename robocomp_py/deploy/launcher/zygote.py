@@ -148,7 +148,7 @@ def _renew_output() -> None:
         before: io.TextIOWrapper = getattr(sys, stream)
         raw = io.FileIO(number, "w", closefd=False)
         raw.name = f"<{stream}>"
-        renewed = io.TextIOWrapper(raw, before.encoding, before.errors, write_through=True)  # type: ignore[type-var]
+        renewed = io.TextIOWrapper(raw, before.encoding, before.errors, write_through=True)
         setattr(sys, stream, renewed)
         setattr(sys, f"__{stream}__", renewed)
 

@@ -5,27 +5,20 @@ What its network comes to is checked by `robocomp_py.deploy.planner`.
 
 from __future__ import annotations
 
-import re
-import shlex
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
-from ipaddress import ip_address
 
-from ...contract.component import MAX_SECONDS
-from ..cdsl.model import Amount
 from ..cdsl.qos import read_qos
 from ..diagnostics import Report, did_you_mean
-from ..numbers import whole as whole_number
 from ..source import Name
 from . import model as m
+from .hosts import check_hosts
 from .order import process_dependences, processes_of, start_order
-from .restarts import read_restart
+from .programs import check_program
+from .restarts import check_restarts, read_restart
 from .scope import HERE, host_of, meanings, restart_of
 
 _MANY = ("dependences", "env", "args", "wiring", "qos")
 """What may be said several times."""
-
-_MOST_PORTS = 65535
 
 
 def check(model: m.Deployment, report: Report) -> None:
@@ -33,17 +26,14 @@ def check(model: m.Deployment, report: Report) -> None:
     for block in (*blocks, *model.systems, *model.instances):
         _check_once(block.clauses, report)
     _check_names(model, report)
-    _check_hosts(model, report)
-    _check_restarts(model, report)
-    _check_ports(model, report)
+    check_hosts(model, report)
+    check_restarts(model, report)
     _check_named(model, report)
     _check_dependences(model, report)
     _check_processes(model, report)
     for instance in model.instances:
-        _check_program(instance, report)
-        _check_variables(instance, report)
+        check_program(instance, report)
         _check_qos(instance, report)
-        _check_place(model, instance, report)
 
 
 def _check_once(clauses: tuple[m.Clause, ...], report: Report) -> None:
@@ -65,174 +55,6 @@ def _check_names(model: m.Deployment, report: Report) -> None:
             message = f"{what} `{name}` is there twice" if what == first else f"`{name}` is the name of a {first}, too"
             hint = "" if what == first else "call one of them otherwise"
             report.error("duplicate", message, name.span, hint, ("first here", at.span))
-
-
-# Hosts.
-
-
-def _check_hosts(model: m.Deployment, report: Report) -> None:
-    names: dict[str, Name] = {}
-    addresses: dict[tuple[str, str], m.Host] = {}
-    for host in model.hosts:
-        first = names.setdefault(host.name.text, host.name)
-        if first is not host.name:
-            message = f"host `{host.name}` is there twice"
-            report.error("duplicate", message, host.name.span, "", ("first here", first.span))
-        _check_host(model, host, report)
-        if host.address:
-            key = host.address.text.lower(), str(whole_or_none(host.port))
-            other = addresses.setdefault(key, host)
-            if other is not host and other.address:
-                message = f"`{host.name}` and `{other.name}` are one machine: they have one address"
-                hint = "write one `host` block, and name it wherever it is meant"
-                report.error("host-clash", message, host.address.span, hint, ("the other one", other.address.span))
-    known = list(names)
-    for name in (*(each.host for each in model.systems), *(each.host for each in model.instances)):
-        if name and name.text not in names and name.text not in model.skipped:
-            hint = did_you_mean(name.text, known) or f'say where it is: host {name} {{ address "192.168.1.10"; }};'
-            report.error("unknown-host", f"unknown host `{name}`", name.span, hint)
-
-
-def whole_or_none(number: Name | None) -> int | None:
-    return whole_number(number.text) if number else None
-
-
-def _check_host(model: m.Deployment, host: m.Host, report: Report) -> None:
-    if host.address is None:
-        if "address" not in model.skipped:
-            hint = 'add, for example: address "192.168.1.10";'
-            report.error("bad-host", f"host `{host.name}` has no address", host.name.span, hint)
-    elif not is_address(host.address.text):
-        message = f"`{host.address}` is no address"
-        report.error("bad-host", message, host.address.span, "write a number, as in 192.168.1.10, or a host's name")
-    if host.user and not _USER.match(host.user.text):
-        message = f"`{host.user}` is no user's name"
-        hint = "letters, digits, `_`, `.` and `-`, and no `-` in front"
-        report.error("bad-host", message, host.user.span, hint)
-    if host.port:
-        _check_port(host.port, report)
-    if host.workdir and not _WORKDIR.match(host.workdir.text):
-        message = f"`{host.workdir}` is no folder that is the same wherever it is asked for"
-        report.error("bad-host", message, host.workdir.span, "write its whole path, which begins with `/`")
-    if host.python and not _PROGRAM.match(host.python.text):
-        message = f"`{host.python}` is no name or path of an interpreter"
-        report.error("bad-host", message, host.python.span, 'as in: python "python3.12";')
-
-
-def is_address(text: str) -> bool:
-    """Whether a text is the number of a host, or may be its name."""
-    try:
-        ip_address(text)
-    except ValueError:
-        return len(text) < 254 and not _NUMBERS.match(text) and all(map(_LABEL.match, text.rstrip(".").split(".")))
-    return True
-
-
-_LABEL = re.compile(r"(?!-)[A-Za-z0-9_-]{1,63}(?<!-)\Z")
-_NUMBERS = re.compile(r"[0-9.]*\Z")
-_USER = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}\Z")
-_WORKDIR = re.compile(r"/(?:(?!\.\.(?:/|\Z))[^/\x00-\x1f\x7f]*(?:/|\Z))*\Z")
-_PROGRAM = re.compile(r"[A-Za-z0-9_/][A-Za-z0-9_./+-]*\Z")
-
-
-def _check_place(model: m.Deployment, instance: m.Instance, report: Report) -> None:
-    ip = instance.ip
-    if ip and instance.host:
-        message = "`ip` and `host` both say where it runs"
-        report.error("duplicate", message, ip.span, "remove the `ip`", ("the host is here", instance.host.span))
-    elif ip and not is_address(ip.text):
-        report.error("bad-host", f"`{ip}` is no address", ip.span, "write localhost, a number, or a host's name")
-    elif ip and ip.text in HERE and not instance.port and "port" not in model.skipped:
-        said = host_of(model, _without_ip(instance))
-        if said is None:  # else it says that this one runs here
-            message = "`ip` has no effect without a `port`"
-            report.warning("ineffective-ip", message, ip.span, "add, for example, `port 10003;`")
-
-
-def _without_ip(instance: m.Instance) -> m.Instance:
-    return replace(instance, ip=None)
-
-
-# What is started, and started again.
-
-
-def _check_program(instance: m.Instance, report: Report) -> None:
-    command = instance.existing
-    if command is None:
-        return
-    if instance.path:
-        message = "`existing` and `path` both say what is run"
-        related = "the path is here", instance.path.span
-        report.error("duplicate", message, command.span, "remove one of them", related)
-    try:
-        words = shlex.split(command.text)
-    except ValueError as exc:
-        message = f"`{command}` cannot be split into words: {str(exc).lower()}"
-        report.error("bad-command", message, command.span, "a word with spaces stands in single quotes")
-        return
-    if not words:
-        report.error("bad-command", "there is no command", command.span, 'as in: existing "urg_node --frame base";')
-    elif found := _shell_syntax(command.text):
-        message = f"`{found}` is for a shell, but none reads this: it would be given to the program"
-        hint = "put it into single quotes if that is meant; else write a script, and name it here"
-        report.error("bad-command", message, command.span, hint)
-
-
-def _shell_syntax(command: str) -> str:
-    """What only a shell would understand, outside of quotes; "" if there is nothing."""
-    found = _FOR_SHELLS.search(_QUOTED.sub("_", command))
-    return found[0] if found else ""
-
-
-_QUOTED = re.compile(r"'[^']*'|\\.")
-_FOR_SHELLS = re.compile(r"[|&;<>()]+|`|\*|\?|\$[\w{(]\w*|(?<!\S)~")
-
-
-def _check_restarts(model: m.Deployment, report: Report) -> None:
-    said = (*(each.restart for each in model.systems), *(each.restart for each in model.instances))
-    for each in (model.restart, *said):
-        if each:
-            read_restart(each, report)
-    scopes: list[m.Deployment | m.System] = [model, *model.systems]
-    for scope in scopes:
-        prefix = f"{scope.name}/" if isinstance(scope, m.System) else ""
-        within = [each for each in model.instances if each.name.text.startswith(prefix)]
-        policies = [restart_of(model, each) for each in within]
-        restarted = any(each and each.policy.text != "never" for each in policies)
-        escalation = scope.escalation
-        if escalation and escalation.text != "one_for_one" and not restarted and "restart" not in model.skipped:
-            message = f"`{escalation}` has no effect: nothing is started again here"
-            report.warning("ineffective-escalation", message, escalation.span, "add, for example: restart on_failure;")
-    for instance in model.instances:
-        if (grace := instance.grace) and not (0 <= _seconds(grace, -1) <= MAX_SECONDS):
-            message = f"`grace` is a time, 0 to {MAX_SECONDS:.0f} s"
-            report.error("bad-restart", message, grace.span, "as in: grace 10;")
-
-
-def _seconds(amount: Amount, otherwise: float) -> float:
-    """Without a unit they are seconds."""
-    seconds = amount.seconds if amount.unit else amount.number
-    return otherwise if seconds is None else seconds
-
-
-def _check_ports(model: m.Deployment, report: Report) -> None:
-    seen: dict[tuple[str, int], Name] = {}
-    for instance in model.instances:
-        port, host = instance.port, host_of(model, instance)
-        if port is None:
-            continue
-        number = _check_port(port, report)
-        where = "" if host is None or host.text in HERE else host.text
-        first = seen.setdefault((where, number), port)
-        if first is not port:
-            report.error("port-clash", f"port {number} is taken", port.span, "", ("first here", first.span))
-
-
-def _check_port(port: Name, report: Report) -> int:
-    number = whole_number(port.text)
-    if not 1 <= number <= _MOST_PORTS:
-        report.error("bad-port", f"{number} is no port; allowed: 1 to {_MOST_PORTS}", port.span)
-    return number
 
 
 def _check_named(model: m.Deployment, report: Report) -> None:
@@ -342,15 +164,6 @@ def _check_environment(together: Sequence[m.Instance], report: Report) -> None:
             if first is not instance and theirs.value.text != each.value.text:
                 message = f"`{each.name}` is something else for `{first.name}`, but a process has one environment"
                 report.error("env-clash", message, each.span, "", ("the other one", theirs.span))
-
-
-def _check_variables(instance: m.Instance, report: Report) -> None:
-    seen: dict[str, m.Variable] = {}
-    for each in instance.env:
-        first = seen.setdefault(each.name.text, each)
-        if first is not each:
-            message = f"the variable `{each.name}` is given twice"
-            report.error("duplicate", message, each.span, "", ("first here", first.span))
 
 
 def _check_qos(instance: m.Instance, report: Report) -> None:

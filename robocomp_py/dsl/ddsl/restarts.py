@@ -1,4 +1,4 @@
-"""The settings between the parentheses of `restart on_failure( … )`, read into what a deployer keeps to."""
+"""What becomes of processes that end: `restart on_failure( … )`, `escalation`, `grace`."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from ...contract.component import MAX_SECONDS
-from ..cdsl.model import Setting
+from ..cdsl.model import Amount, Setting
 from ..diagnostics import Report, did_you_mean
 from . import model as m
+from .scope import restart_of
 
 _MOST = 1_000_000
 
@@ -28,6 +29,33 @@ _KNOWN: Mapping[str, _Kind] = {
     "delay": _Kind(lambda x: 0 <= x <= MAX_SECONDS, f"seconds, 0 to {MAX_SECONDS:.0f}"),
     "max_delay": _Kind(lambda x: 0 <= x <= MAX_SECONDS, f"seconds, 0 to {MAX_SECONDS:.0f}"),
 }
+
+
+def check_restarts(model: m.Deployment, report: Report) -> None:
+    said = (*(each.restart for each in model.systems), *(each.restart for each in model.instances))
+    for each in (model.restart, *said):
+        if each:
+            read_restart(each, report)
+    scopes: list[m.Deployment | m.System] = [model, *model.systems]
+    for scope in scopes:
+        prefix = f"{scope.name}/" if isinstance(scope, m.System) else ""
+        within = [each for each in model.instances if each.name.text.startswith(prefix)]
+        policies = [restart_of(model, each) for each in within]
+        restarted = any(each and each.policy.text != "never" for each in policies)
+        escalation = scope.escalation
+        if escalation and escalation.text != "one_for_one" and not restarted and "restart" not in model.skipped:
+            message = f"`{escalation}` has no effect: nothing is started again here"
+            report.warning("ineffective-escalation", message, escalation.span, "add, for example: restart on_failure;")
+    for instance in model.instances:
+        if (grace := instance.grace) and not (0 <= _seconds(grace, -1) <= MAX_SECONDS):
+            message = f"`grace` is a time, 0 to {MAX_SECONDS:.0f} s"
+            report.error("bad-restart", message, grace.span, "as in: grace 10;")
+
+
+def _seconds(amount: Amount, otherwise: float) -> float:
+    """Without a unit they are seconds."""
+    seconds = amount.seconds if amount.unit else amount.number
+    return otherwise if seconds is None else seconds
 
 
 def read_restart(restart: m.Restart, report: Report) -> dict[str, float]:

@@ -360,7 +360,7 @@ class Server(ServingLink):
                     sample = sample[:]
             self._send_later(client, sample, expires)
         except TransportError as exc:
-            if not self.closed.is_set():
+            if not self.closed.is_set() and self._sparing.may_tell():
                 log.warning("%s: a reply was dropped: %s", self.channel.name, exc)
 
     def _send_later(self, client: int, sample: bytearray, expires: float) -> None:
@@ -377,7 +377,7 @@ class Server(ServingLink):
                     del self._deferred[0]
                     self.stats.dropped += 1
             self.bus.loop.due(expires)
-        elif not writer.write_within(sample, expires, self._pause):
+        elif not writer.write_within(sample, expires, self._pause) and self._sparing.may_tell():
             log.warning("%s: a reply was dropped: who asked does not take it", self.channel.name)
 
     def _pause(self) -> None:

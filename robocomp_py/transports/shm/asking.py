@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from .transport import ShmTransport
 
 
-_COMMAND = int(Flag.ONEWAY | Flag.SENT)
+_COMMAND = Flag.ONEWAY | Flag.SENT
 
 
 class Peer:
@@ -137,7 +137,7 @@ class Caller(AskingLink):
     def __init__(self, transport: ShmTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
         self._pending = Pending(channel.name)
-        self._flags = int(Flag.IDEMPOTENT | Flag.SENT if channel.idempotent else Flag.SENT)
+        self._flags = Flag.IDEMPOTENT | Flag.SENT if channel.idempotent else Flag.SENT
         self._met: dict[str, Peer] = {}
         """Those we asked, and who may still answer."""
 

@@ -142,7 +142,7 @@ def _end(path: Path, how: int) -> _End:
     return _End(os.open(path, how | os.O_NONBLOCK | os.O_CLOEXEC))
 
 
-def _silence(milliseconds: float | None) -> list[tuple[int, int]]:
+def _silence(milliseconds: float | None = None, /) -> list[tuple[int, int]]:
     return []
 
 

@@ -135,7 +135,7 @@ class Desk:
                 raise Closed("who asked has gone")
 
         try:
-            if not persist(send, end, still, self._closed):
+            if not persist(send, end, still, self._closed) and self._sparing.may_tell():
                 log.warning("a reply was dropped: who asked does not take it")
         except Closed:
             return

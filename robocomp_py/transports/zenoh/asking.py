@@ -18,6 +18,7 @@ from ...errors import Closed, ContractMismatch, Timeout, TransportError, Unreach
 from ...wire.codec import Payload
 from ...wire.header import (
     Flag,
+    clock,
     pack_request,
     read_reply,
 )
@@ -32,7 +33,7 @@ from ..base import (
 )
 from ..pending import Pending
 from .credit import Credit
-from .link import TICK, Link, within
+from .link import Link, within
 from .messages import Way, direct, octets
 from .table import Token
 
@@ -47,6 +48,11 @@ _KEPT = 8
 """Messages for one line that nobody has read yet: an answer, late ones to earlier questions, and words of our own."""
 
 _WAKE = b"wake"
+
+
+def sent(to: Token) -> int:
+    """The flag for a server that has our clock."""
+    return Flag.SENT if to.traits == clock() else Flag.NONE
 
 
 class Asking(Link):
@@ -92,10 +98,10 @@ class CommandOutlet(Asking):
             if not self._credit.wait(end, self.check_open, len(payload)):
                 raise self._too_slow(deadline)
             fingerprint, left = self.channel.type.fingerprint, end - time.monotonic()
-            flags = Flag.ONEWAY | self.transport.request_flags
-            header = pack_request(flags, fingerprint, self.id, self._credit.sent, left)
+            server, way = self.server()
+            header = pack_request(Flag.ONEWAY | sent(server), fingerprint, self.id, self._credit.sent, left)
             with self.using_the_session():
-                self.server()[1].put(header, payload, in_order=True)
+                way.put(header, payload, in_order=True)
 
     def acknowledged(self, by: int, sequence: int) -> None:
         self._credit.took(by, sequence)
@@ -189,11 +195,13 @@ class Caller(Asking):
 
     def __init__(self, transport: ZenohTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
-        self._flags = transport.request_flags | (Flag.IDEMPOTENT if channel.idempotent else 0)
+        self._flags = Flag.IDEMPOTENT if channel.idempotent else Flag.NONE
         self._lock = threading.Lock()
         self._idle: list[_OwnLine] = []
         self._shared: _SharedLine | None = None
         self._pending = Pending(channel.name)
+        self._doubted: Token | None = None
+        """The server that did not answer, while it is found out whether it is there."""
         self._under_way: dict[tuple[Line, int], int] = {}
         """Of each question the link that it was put to."""
 
@@ -219,8 +227,7 @@ class Caller(Asking):
         line.begin(end)
         try:
             self._put(line, number, payload, end)
-            if deadline < TICK:
-                self.transport.tick_soon()
+            self.transport.due(end)
             while (answer := line.receive(number)) is not None:
                 found = self._understood(line, answer)
                 if found and found[0] == number:
@@ -229,7 +236,8 @@ class Caller(Asking):
         except zenoh.ZError as exc:
             raise self.failed(exc) from exc
         finally:
-            self._under_way.pop((line, number), None)
+            silent = self._under_way.pop((line, number), None)
+        self._doubt(silent)
         raise Timeout(f"{self.channel.name}: no answer in {deadline:g} s")
 
     def call(self, payload: Payload, deadline: float, number: int = 0) -> Future[Reply]:
@@ -247,8 +255,7 @@ class Caller(Asking):
         finally:
             if future.done():  # perhaps before it was noted as under way
                 self._under_way.pop((line, number), None)
-        if deadline < TICK:
-            self.transport.tick_soon()
+        self.transport.due(end)
         return future
 
     def look(self) -> None:
@@ -274,6 +281,20 @@ class Caller(Asking):
         for line, number in list(self._under_way):
             line.over(number, closed)
         self._pending.close(closed)
+
+    def _doubt(self, link: int | None) -> None:
+        """Somebody did not answer: find out whether it is there at all."""
+        found = self._found
+        if self._doubted is None and found and found[1].link == link:
+            self._doubted = found[1]
+            self.transport.do(self._find_out)
+
+    def _find_out(self) -> None:
+        try:
+            if self._doubted:
+                self.transport.confirm(self._doubted)
+        finally:
+            self._doubted = None
 
     def new_number(self) -> int:
         """One for `call`."""
@@ -304,7 +325,7 @@ class Caller(Asking):
             server, way = self.server()  # unless it has left
         self.check_open()
         left = end - time.monotonic()
-        header = pack_request(self._flags, self.channel.type.fingerprint, line.id, number, left)
+        header = pack_request(self._flags | sent(server), self.channel.type.fingerprint, line.id, number, left)
         try:
             way.put(header, payload)
         except zenoh.ZError as exc:

@@ -35,7 +35,10 @@ if TYPE_CHECKING:
 log = logging.getLogger("robocomp.transport.zenoh")
 
 TICK = 0.1
-"""Seconds between two looks at what is overdue, and whether the router needs a new home."""
+"""Seconds between two looks at sinks that take long, and whether the router needs a new home."""
+
+IDLE_TICK = 0.5
+"""The same where nobody subscribes and the router is at home: there is neither. What is due is not kept waiting."""
 
 
 STRANGERS = 100

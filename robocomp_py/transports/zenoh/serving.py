@@ -15,6 +15,7 @@ from ...wire.header import (
     NO_DEADLINE,
     Flag,
     Request,
+    clock,
     pack_reply,
     read_request,
 )
@@ -51,6 +52,7 @@ class CommandInlet(Receiving):
 
     def __init__(self, transport: ZenohTransport, channel: Channel, sink: Sink) -> None:
         super().__init__(transport, channel)
+        self.traits = clock()
         self._sink = sink
         self._ledger = Ledger(self.stats, ordered=True)
         self.lane = Lane(channel.name, self._execute, COMMANDS_WAITING, lossy=False, stats=self.stats)
@@ -86,6 +88,7 @@ class Server(Link):
 
     def __init__(self, transport: ZenohTransport, channel: Channel, service: Service) -> None:
         super().__init__(transport, channel)
+        self.traits = clock()
         self._servant = Servant(channel.name, service, self.stats)
         self._ledger = Ledger(self.stats, ordered=False)
         self._lock = threading.Lock()
@@ -210,6 +213,9 @@ def _claim(link: Link) -> Claim:
         if time.monotonic() >= end:
             claimed.close()
             raise TransportError(f"{name}: already served from another host, by pid {others[0].pid} there")
+        if time.monotonic() >= end - SETTLED / 2:
+            for each in others:
+                transport.confirm(each)
         with changed:
             changed.wait(0.02)
     return claimed

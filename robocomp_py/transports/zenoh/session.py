@@ -161,9 +161,14 @@ class Network:
             self._close_router()
             raise
 
+    @property
+    def at_home(self) -> bool:
+        """Whether the router is this session."""
+        return self._router is not None and self._router.session is self.session
+
     def tick(self) -> None:
         """Run the router if nobody does any more, and tell if the one there is does not answer."""
-        if (self._router and self._router.session is self.session) or self.session.info.routers_zid():
+        if self.at_home or self.session.info.routers_zid():
             if self._told:
                 log.info("%s: the Zenoh router answers again", self._owner or "zenoh")
             self._connected_at, self._told = time.monotonic(), False
@@ -178,7 +183,7 @@ class Network:
             )
 
     def close(self) -> None:
-        if not (self._router and self._router.session is self.session):
+        if not self.at_home:
             with contextlib.suppress(zenoh.ZError):
                 self.session.close()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
         self._close_router()

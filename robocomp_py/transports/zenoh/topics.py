@@ -32,7 +32,7 @@ from ..base import (
 from ..ledger import Ledger
 from ..reception import Reception
 from .credit import BYTES_AHEAD, MOST_AHEAD, Credit
-from .link import INBOX, Link
+from .link import INBOX, TICK, Link
 from .messages import BLOCK, DROP, Message
 from .reader import Reader
 from .table import Token
@@ -194,7 +194,7 @@ class Subscriber(Link):
         held_up = self._reader.relieve()
         if held_up:
             self._acknowledge()
-        return _LOOK if held_up else None
+        return _LOOK if held_up else TICK
 
     def release(self) -> None:
         self._reader.close()

@@ -13,6 +13,7 @@ import struct
 import threading
 import time
 from collections.abc import Iterable
+from math import inf
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -23,7 +24,6 @@ from ...errors import Closed, ConfigurationError
 from ...wire.cdr import Cdr
 from ...wire.codec import Codec, Payload
 from ...wire.header import (
-    Flag,
     random_id,
 )
 from ..base import (
@@ -40,11 +40,11 @@ from ..directory import runtime_dir
 from ..exclusive import is_claimed
 from ..memory import keep_memory
 from .asking import Caller, CommandOutlet
-from .link import TICK, Link
+from .link import IDLE_TICK, TICK, Link
 from .messages import BLOCK, DATA, NO_CONSOLIDATION, QUERIES_WAITING, SMALL, URGENT, Inbox, Message, Query, direct
 from .serving import CommandInlet, Server
 from .session import HERE, Network, as_transport_error, named_router, shared_router
-from .table import Table
+from .table import Table, Token
 from .tls import NUMBER_BITS, checked, client_settings, number
 from .topics import Publisher, Subscriber
 
@@ -98,8 +98,6 @@ class ZenohTransport:
         self.lines: dict[int, Link] = {}
         """Whose the numbers are that are no link's own."""
         self.claims, self._elsewhere = _claims(connect, self.domain), bool(connect)
-        self.request_flags = int(Flag.NONE if connect else Flag.SENT)
-        """Of all requests: without `connect` they do not leave this host."""
         keep_memory()
         self._network = Network(connect, config.owner, client_settings(keys))
         self.session = self._network.session
@@ -188,6 +186,15 @@ class ZenohTransport:
             return [Message(reply.ok.attachment, reply.ok.payload) for reply in replies if reply.ok]
         return []
 
+    def confirm(self, token: Token) -> None:
+        """Forget a token if nobody holds it. Zenoh may tell who joins of one that goes just then, and never that it
+        went."""
+        key = self.key("rc_lv", token.key())
+        with contextlib.suppress(zenoh.ZError):
+            there = self.session.liveliness().get(key, timeout=INQUIRY)
+            if not list(there):  # no error, either
+                self._news(key, False)
+
     def put(self, key: str, header: bytes | None, payload: Payload) -> None:
         """Send what must arrive, what is small before what is large. Raises ZError."""
         priority = URGENT if len(payload) <= SMALL else DATA
@@ -199,9 +206,10 @@ class ZenohTransport:
             with contextlib.suppress(zenoh.ZError):  # closed meanwhile: nobody waits for it
                 self.put(self.address("rc_ack", sender), None, _ACK.pack(by, sequence))
 
-    def tick_soon(self) -> None:
-        """Something is due earlier than the next tick may be."""
-        self.do(self._forget_the_clock)
+    def due(self, when: float) -> None:
+        """Tick at that time, or before."""
+        if when < self._next_tick:
+            self.do(self._forget_the_clock)
 
     def left(self, link: Link) -> None:
         with self._lock:
@@ -212,7 +220,10 @@ class ZenohTransport:
     # Callbacks: on threads of Zenoh.
 
     def _on_token(self, sample: zenoh.Sample) -> None:
-        if self.table.hear(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT) and not self._looking:
+        self._news(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+    def _news(self, token: str, there: bool) -> None:
+        if self.table.hear(token, there) and not self._looking:
             self._looking = True
             self._work.put(self._look)
 
@@ -239,8 +250,11 @@ class ZenohTransport:
     def _receive(self) -> Iterable[Job]:
         wait = self._next_tick - time.monotonic()
         if wait <= 0:
-            wait = self._tick()
-            self._next_tick = time.monotonic() + wait
+            self._next_tick, wait = inf, TICK  # what becomes due while we look is not missed
+            try:
+                wait = self._tick()
+            finally:
+                self._next_tick = time.monotonic() + wait
         try:
             return (self._work.get(timeout=wait),)
         except queue.Empty:
@@ -263,7 +277,8 @@ class ZenohTransport:
         except Exception:
             log.exception("housekeeping")
         waits = [link.tick() for link in list(self._links.values())]
-        return min([TICK, *(wait for wait in waits if wait is not None)])
+        usual = IDLE_TICK if self._network.at_home else TICK
+        return min([usual, *(wait for wait in waits if wait is not None)])
 
     def _look(self) -> None:
         self._looking = False

@@ -25,6 +25,7 @@ from ...wire.codec import Payload
 from ...wire.header import (
     Flag,
     ReplyHeader,
+    clock,
     pack_request,
 )
 from ..base import (
@@ -44,7 +45,7 @@ from ..replies import Numbered
 from .curve import Secure
 from .frames import Frames, joined, read_reply_frames, topic
 from .link import TICK
-from .remote import TO_FAR, FarStream, is_far
+from .remote import FarStream, is_far, to_far
 from .sockets import Socket, as_transport_error, persist
 from .zmtp import SLICE_MS, Gone, Stream, Wait
 
@@ -67,11 +68,11 @@ class Peer:
     def __init__(self, transport: ZeroMQTransport, member_id: str, address: str, secure: Secure | None = None) -> None:
         self.id, self._address, self._transport, self._secure = member_id, address, transport, secure
         self.closed, self.is_far = False, is_far(address)
-        self.flags = int(Flag.NONE if self.is_far else Flag.SENT)
+        self.flags = Flag.NONE
         """Of all requests."""
         self.callers: dict[int, Caller] = {}
         self._idle: list[Stream | FarStream] = []
-        options = _TO_SERVER | (TO_FAR if self.is_far else {})
+        options = _TO_SERVER | (to_far(address) if self.is_far else {})
         self.line = transport.socket(zmq.DEALER, self._on_reply, secure, **options)
         with as_transport_error(f"connecting to {address}"), self.line.lock:
             self.line.raw.connect(address)
@@ -130,7 +131,9 @@ class Peer:
 
 class AskingLink(FindingLink["ZeroMQTransport", Peer, bytes]):
     def reach(self, member: Member, entry: Entry) -> Peer:
-        return self.transport.peer(member, entry.address)
+        peer = self.transport.peer(member, entry.address)
+        peer.flags = Flag.SENT if entry.traits == clock() else Flag.NONE
+        return peer
 
     def where(self, entry: Entry) -> bytes:
         return topic(entry.channel)
@@ -138,10 +141,11 @@ class AskingLink(FindingLink["ZeroMQTransport", Peer, bytes]):
     def drop(self, peer: Peer) -> None:
         self.transport.drop(peer)
 
-    def lost(self, peer: Peer) -> bool:
-        if peer.is_far:
+    def left(self, peer: Peer, reply: Reply) -> bool:
+        """Whether a process that refuses a request has stopped serving this channel."""
+        if peer.is_far and not reply.payload:  # what is known of it may be older
             self.transport.directory.deny(peer.id, self.facing, self.channel.name)
-        return super().lost(peer)
+        return self.lost(peer)
 
     def request(
         self, peer: Peer, channel: bytes, flags: int, remaining: float, payload: Payload, number: int = 0
@@ -183,7 +187,7 @@ class Caller(AskingLink):
     def __init__(self, transport: ZeroMQTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
         self._pending = Pending(channel.name)
-        self._flags = int(Flag.IDEMPOTENT if channel.idempotent else Flag.NONE)  # as numbers, which are quicker
+        self._flags = Flag.IDEMPOTENT if channel.idempotent else Flag.NONE
         self._met: dict[str, Peer] = {}
         """Those we asked, and who may still answer."""
 
@@ -219,7 +223,7 @@ class Caller(AskingLink):
             while True:
                 peer, channel = self.server()
                 reply = self._ask(peer, channel, payload, end, deadline, number)
-                if reply.status is not Status.REFUSED or not self.lost(peer):
+                if reply.status is not Status.REFUSED or not self.left(peer, reply):
                     return reply  # else it was not executed, and may be asked for where it is served now
         except (Gone, TransportError) as exc:
             self.check_open()  # what goes wrong because we are closed is that
@@ -236,7 +240,7 @@ class Caller(AskingLink):
         except KeyError:
             self.malformed(f"status {header.status}")
         else:
-            if reply.status is Status.REFUSED and self.lost(peer):
+            if reply.status is Status.REFUSED and self.left(peer, reply):
                 self._pending.fail(key, Unreachable(f"{self.channel.name}: its server left"))
             else:
                 self._pending.settle(key, reply)

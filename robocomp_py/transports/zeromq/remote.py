@@ -15,6 +15,8 @@ from __future__ import annotations
 import json
 import logging
 import re
+import struct
+import threading
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, replace
@@ -28,7 +30,7 @@ from ...errors import DecodeError
 from ...wire.header import Flag, pack_request, random_id
 from ..crew import Job
 from ..directory import Directory, Entry, Member, member_of
-from .curve import WATCHED, Rights, Secure, why_not
+from .curve import WATCHED, Rights, Secure
 from .frames import Frames, joined, read_reply_frames, topic
 from .sockets import Socket, as_transport_error, new_socket, receive_frames, send_frames
 from .zmtp import SLICE_MS, Wait
@@ -49,32 +51,39 @@ _EAGER, _USUAL = 0.1, 0.5
 _UNANSWERED = 3.0
 """Seconds without an answer after which that is told."""
 
-_MOST = 1000
+_MOST = 250
 """So many may ask us; each is a few kilobytes."""
 
-_LONGEST = 4 * 1024 * 1024
+_LONGEST = 1024 * 1024
 """Octets of what somebody tells of itself."""
 
 _OFFERING, _WANTING = ("serves", "receives", "publishes"), ("calls", "commands", "subscribes")
 
-TO_FAR = {
+_AT_FAR = {"HEARTBEAT_IVL": 500, "HEARTBEAT_TIMEOUT": 2000}
+"""A line that was cut is noticed. Times in milliseconds."""
+
+_TO_FAR = {
     "IMMEDIATE": 1,  # no queueing for who is not there
     "RECONNECT_IVL": 100,
     "RECONNECT_IVL_MAX": 1000,
     "CONNECT_TIMEOUT": 2000,
-    "HEARTBEAT_IVL": 500,
-    "HEARTBEAT_TIMEOUT": 2000,
 }
-"""Of sockets that connect. Times in milliseconds."""
-
-AT_FAR = {"HEARTBEAT_IVL": 500, "HEARTBEAT_TIMEOUT": 2000}
-"""Of sockets to which others connect: a line that was cut is noticed."""
 
 _ADDRESS = re.compile(r"tcp://(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._*-]+):(\d{1,5})(?:#[0-9a-f]{6})?")
 
 
 def is_far(address: str) -> bool:
     return address.startswith("tcp://")
+
+
+def at_far(address: str) -> dict[str, int]:
+    """Options of a socket that is bound there, and of those beside it."""
+    return _AT_FAR | ({"IPV6": 1} if "[" in address else {})
+
+
+def to_far(address: str) -> dict[str, int]:
+    """Options of a socket that connects there."""
+    return at_far(address) | _TO_FAR
 
 
 def host_of(address: str) -> str:
@@ -91,6 +100,7 @@ class Neighbours(Directory):
         self._far: dict[str, tuple[Member, float]] = {}
         """With the time of its last word."""
         self._changes = 0
+        self._noting = threading.Lock()
 
     def version(self) -> int:
         return super().version() + self._changes
@@ -113,25 +123,29 @@ class Neighbours(Directory):
 
     def hear(self, member: Member) -> bool:
         """Note that somebody is there; whether that is news."""
-        known = self._far.get(member.id)
-        if known is None and len(self._far) >= _MOST:
-            return False
-        news = known is None or known[0] != member
-        self._far[member.id] = member, time.monotonic()
-        self._changes += news
+        with self._noting:
+            known = self._far.get(member.id)
+            if known is None and len(self._far) >= _MOST:
+                return False
+            news = known is None or known[0] != member
+            self._far[member.id] = member, time.monotonic()
+            self._changes += news
         return news
 
     def lose(self, gone: Callable[[Member], bool]) -> None:
         """Forget who is like that, and who has been silent for too long."""
-        for member, _ in list(self._far.values()):
-            if gone(member) or not self.alive(member.id):
-                self._far.pop(member.id, None)
-                self._changes += 1
+        with self._noting:
+            for member, _ in list(self._far.values()):
+                if gone(member) or not self.alive(member.id):
+                    del self._far[member.id]
+                    self._changes += 1
 
     def deny(self, member_id: str, role: str, channel: str) -> None:
         """Somebody far away does not do this any more; what it said of itself is older."""
-        if heard := self._far.get(member_id):
-            member, when = heard
+        with self._noting:
+            if member_id not in self._far:
+                return
+            member, when = self._far[member_id]
             gone = [entry for _, entry in member.facing(role, channel)]
             if gone:
                 self._far[member_id] = replace(member, entries=tuple(e for e in member.entries if e not in gone)), when
@@ -187,7 +201,8 @@ class Inquirer:
         self._id = ""
         self._why = "nobody answers"
         monitor = f"inproc://monitor of {name}"
-        self._socket = transport.socket(zmq.DEALER, self._on_answer, self.secure, SNDHWM=4, RCVHWM=16, **TO_FAR)
+        options = to_far(address) | {"SNDHWM": 4, "RCVHWM": 16}
+        self._socket = transport.socket(zmq.DEALER, self._on_answer, self.secure, **options)
         self._events = transport.socket(zmq.PAIR, self._on_event)
         with as_transport_error(f"connecting to {address}"):
             with self._socket.lock:
@@ -219,7 +234,7 @@ class Inquirer:
         self._asked = time.monotonic()
         self._sequence += 1
         header = pack_request(Flag.IDEMPOTENT, 0, self._client, self._sequence, SILENT)
-        self._socket.send(joined(DIRECTORY + header, [self._transport.record()]))
+        self._socket.send(joined(DIRECTORY + header, [self._transport.record(self._rights)]))
 
     def _on_answer(self, socket: Socket) -> list[Job]:
         while (frames := socket.receive()) is not None:
@@ -244,13 +259,13 @@ class Inquirer:
 
     def _on_event(self, socket: Socket) -> list[Job]:
         while (event := socket.receive()) is not None:
-            number = int.from_bytes(event[0][:2], "little")
+            number, _ = struct.unpack("=hi", event[0])
             if number == zmq.EVENT_HANDSHAKE_FAILED_AUTH:
                 self._why = "our key is not admitted"
             elif number == zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL:
                 self._why = "somebody answers who has not the key that we know"
-            elif not self._there:
-                self._why = why_not(event).replace("it did", "who is there did").replace("it does", "it does")
+            else:
+                self._why = "somebody answers who does not use CURVE"
         return []
 
 
@@ -262,7 +277,7 @@ class FarStream:
     """What `zmtp.Stream` is for a socket in a file: one thread's own way to a server. It reconnects by itself."""
 
     def __init__(self, context: zmq.Context[Any], address: str, secure: Secure | None) -> None:
-        self._socket = new_socket(context, zmq.DEALER, secure, **(TO_FAR | {"LINGER": 0}))
+        self._socket = new_socket(context, zmq.DEALER, secure, **(to_far(address) | {"LINGER": 0}))
         try:
             with as_transport_error(f"connecting to {address}"):
                 self._socket.connect(address)
@@ -301,7 +316,7 @@ class FarFeed:
         self, context: zmq.Context[Any], address: str, topics: Iterable[bytes], secure: Secure | None, depth: int
     ) -> None:
         self.more = False
-        self._socket = new_socket(context, zmq.SUB, secure, **(TO_FAR | {"LINGER": 0, "RCVHWM": depth}))
+        self._socket = new_socket(context, zmq.SUB, secure, **(to_far(address) | {"LINGER": 0, "RCVHWM": depth}))
         try:
             with as_transport_error(f"connecting to {address}"):
                 for each in topics:

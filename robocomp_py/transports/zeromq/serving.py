@@ -28,9 +28,10 @@ from ..base import (
 )
 from ..crew import Crew, Job
 from ..served import ServingLink
+from ..sparing import Sparing
 from .curve import WATCHED, Gate, Secure
 from .frames import Frames, joined, read_request_frames, topic, topic_of
-from .remote import AT_FAR, DIRECTORY, SILENT
+from .remote import DIRECTORY, SILENT, at_far
 from .sockets import as_transport_error, lend_frames, new_socket, receive_frames, receive_signed
 
 if TYPE_CHECKING:
@@ -77,6 +78,7 @@ class Router:
         self._ringing = threading.Lock()
         self._late: deque[Frames] = deque()
         self._closed = False
+        self._sparing = Sparing()
         self._told = False
         """Whether it was said that there are malformed requests."""
         self._acquainted: dict[bytes, tuple[Request, str, float]] = {}
@@ -87,7 +89,7 @@ class Router:
         bell = f"inproc://bell of {self.address}"
         with contextlib.ExitStack() as undo:
             options = {"ROUTER_MANDATORY": 1, "ROUTER_HANDOVER": 1, "RCVTIMEO": _LOOK_MS} | (
-                AT_FAR if introduce else {}
+                at_far(addresses[0]) if introduce else {}
             )
             self._socket = new_socket(transport.context, zmq.ROUTER, secure, **options)
             undo.callback(self._socket.close)
@@ -133,7 +135,7 @@ class Router:
         elif len(self._late) < REPLIES_WAITING:
             self._late.append(frames)
             self._ring()
-        else:
+        elif self._sparing.may_tell():
             log.warning("a reply was dropped: %d wait to be sent", REPLIES_WAITING)
 
     def tell(self, news: Callable[[str], bytes]) -> None:
@@ -157,7 +159,8 @@ class Router:
         try:
             lend_frames(self._socket, frames, _NOBLOCK)  # replies are snapshots
         except zmq.Again:
-            log.warning("a reply was dropped: who asked does not take it")
+            if self._sparing.may_tell():
+                log.warning("a reply was dropped: who asked does not take it")
         except zmq.ZMQError:
             return  # who asked has gone
 
@@ -190,8 +193,7 @@ class Router:
             named, request, payload = read_request_frames(frames)
             if named == DIRECTORY and self._introduce:
                 answer = self._introduce(bytes(payload[0]) if payload else b"", user)
-                if len(self._acquainted) < _ACQUAINTED:
-                    self._acquainted[identity] = request, user, time.monotonic()
+                self._note(identity, request, user)
                 self.reply(identity, request, Reply(Status.OK, [answer]))
                 return None
         except DecodeError as exc:
@@ -213,6 +215,14 @@ class Router:
             return None
         remaining = float("inf") if request.remaining_ms == NO_DEADLINE else request.remaining_ms / 1000
         return link.take(request, payload, time.monotonic() + remaining, partial(self.reply, identity, request))
+
+    def _note(self, identity: bytes, request: Request, user: str) -> None:
+        """That somebody wants to know who we are."""
+        now = time.monotonic()
+        if len(self._acquainted) >= _ACQUAINTED:
+            self._acquainted = {who: known for who, known in self._acquainted.items() if now - known[2] <= SILENT}
+        if len(self._acquainted) < _ACQUAINTED:
+            self._acquainted[identity] = request, user, now
 
     def _forbid(self, named: bytes, user: str) -> None:
         if user not in self._forbidden and len(self._forbidden) < _FORBIDDEN_TOLD:

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
+from ipaddress import ip_address
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -43,7 +44,7 @@ from ..served import CommandInlet, Server, ServingLink
 from .asking import Caller, CommandOutlet, Peer
 from .curve import ZAP, Gate, Rights, Secure, configured, why_not
 from .link import TICK
-from .remote import AT_FAR, SILENT, FarFeed, Inquirer, Neighbours, host_of, is_far, read_record, record
+from .remote import SILENT, FarFeed, Inquirer, Neighbours, at_far, host_of, is_far, read_record, record
 from .serving import Router
 from .sockets import Attended, Loop, Socket, Subscription, as_transport_error, new_socket
 from .topics import Publisher, Subscriber
@@ -86,6 +87,12 @@ class ZeroMQTransport(Announcing):
         if self._bind or connect:
             self.capabilities |= Capability.CROSS_HOST
         self._gate = Gate(self._curve) if self._curve else None
+        if self._bind and self._curve is None and not _is_loopback(self._bind):
+            log.warning(
+                "%s: listens at %s without keys: whoever reaches that may listen, ask and command",
+                config.owner or "zeromq",
+                self._bind,
+            )
         self._topic_ports: dict[str, str] = {}
         """By the addresses of topics on this host: where others get them."""
         self._told_entries: tuple[Entry, ...] = ()
@@ -263,7 +270,7 @@ class ZeroMQTransport(Announcing):
             return None
         self.routers()  # which tells them, and lets them in
         secure = partial(self._curve.serve, channel=channel.name) if self._curve else None
-        socket = self.socket(zmq.XPUB, on_input, secure, **(AT_FAR | options))
+        socket = self.socket(zmq.XPUB, on_input, secure, **(at_far(self._bind) | options))
         with as_transport_error(f"binding a port of {host_of(self._bind)}"), socket.lock:
             socket.raw.bind(f"tcp://{host_of(self._bind)}:*")
             bound = socket.raw.getsockopt_string(zmq.LAST_ENDPOINT)
@@ -422,6 +429,13 @@ def _addresses(given: Any) -> dict[str, str]:
                 f"zeromq: `connect.{name}` is an address like tcp://192.168.1.5:7501, not {address!r}"
             )
     return dict(given)
+
+
+def _is_loopback(address: str) -> bool:
+    try:
+        return host_of(address) == "localhost" or ip_address(host_of(address).strip("[]")).is_loopback
+    except ValueError:
+        return False
 
 
 def _short_enough(folder: Path) -> Path:

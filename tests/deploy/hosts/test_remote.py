@@ -334,13 +334,34 @@ def test_a_new_controller_takes_over_what_a_host_kept_and_ends_what_it_does_not_
             for task in first._tasks:  # as if its process had been killed
                 task.cancel()
             server.cut()
-            second = server.agent(Heard(), laser, host=keeping)
+            told = Heard()
+            second = server.agent(told, laser, host=keeping)
             await second.open()
-            assert not Path(f"/proc/{other}").exists()
+            await until(lambda: not Path(f"/proc/{other}").exists(), "it has ended")
             await second.start(laser)
             await until(lambda: "laser" in second.usage(), "it is measured")
             assert second.usage()["laser"].pid == int(pid)
+            assert not any(each[1] == "sonar" for each in told.told)
             await second.close()
+
+    scene(act)
+
+
+def test_what_a_host_kept_and_is_now_described_otherwise_is_started_anew(tmp_path: Path):
+    async def act() -> None:
+        heard, laser = Heard(), program(FOREVER)
+        async with serving(tmp_path) as server:
+            agent = server.agent(heard, laser, host=replace(server.host, keep=True))
+            await agent.open()
+            await agent.start(laser)
+            *_, pid = await heard.hears("output", "laser")
+            server.cut()
+            await heard.hears("back", "robot")
+            await agent.start(replace(laser, env={"SIDE": "left"}))
+            await heard.hears("output", "laser", times=2)
+            assert not Path(f"/proc/{pid}").exists()
+            assert not any(each[0] == "exited" for each in heard.told)
+            await agent.close()
 
     scene(act)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import shutil
@@ -83,6 +84,7 @@ class Site:
         self._laboratory, self.folder, self._components = laboratory, folder, components
         self.hosts: dict[str, Host] = {}
         self.servers: dict[str, SshServer] = {}
+        self._runs: list[Rcdeploy] = []
         own = folder / "me" / ".ssh"
         own.mkdir(parents=True)
         self._key = own / "id_ed25519"
@@ -117,7 +119,13 @@ class Site:
         return path
 
     def run(self, *arguments: object) -> Rcdeploy:
-        return Rcdeploy(self._environment, self.folder, *map(str, arguments))
+        self._runs.append(Rcdeploy(self._environment, self.folder, *map(str, arguments)))
+        return self._runs[-1]
+
+    def close(self) -> None:
+        """End what a test that failed has left."""
+        for run in self._runs:
+            run.kill()
 
     def done(self, *arguments: object) -> Rcdeploy:
         """Run to its end."""
@@ -172,6 +180,12 @@ class Rcdeploy:
     def signal(self, number: signal.Signals) -> None:
         self._process.send_signal(number)
 
+    def kill(self) -> None:
+        if self._process.poll() is None:
+            self._process.kill()
+        self._process.wait()
+        self._reader.join(SOON)
+
     def wait(self, seconds: float = LONG) -> int:
         try:
             code = self._process.wait(seconds)
@@ -198,8 +212,8 @@ def site(tmp_path: Path, components: Path) -> Iterator[Site]:
     short = Path(f"/tmp/lab-{os.getpid()}")  # paths of sockets have 107 bytes
     short.mkdir(mode=0o700)
     try:
-        with Laboratory() as laboratory:
-            yield Site(laboratory, short, components)
+        with Laboratory() as laboratory, contextlib.closing(Site(laboratory, short, components)) as made:
+            yield made
         assert laboratory.left() == []
     finally:
         shutil.rmtree(short, ignore_errors=True)
@@ -294,7 +308,7 @@ def test_a_host_whose_key_changed_is_not_believed_until_it_is_trusted(site: Site
     right = site.done("trust", f"root@{robot.address}", "--fingerprint", shown[0])
     assert right.code == 0, right.text
     run = site.run("--insecure", net)
-    run.says("all 1 component")
+    run.says("the component of Lab is ready")
     run.signal(signal.SIGINT)
     assert run.code == 130
 
@@ -314,9 +328,9 @@ def test_a_host_that_dies_is_told_and_the_network_still_ends(site: Site):
 
 def test_after_a_cut_what_ran_there_is_stopped_and_started_again(site: Site):
     robot = site.host("robot")
-    net = site.network("Component echo : Echo { host robot; };")
+    net = site.network("Component echo : Echo { host robot; restart on_failure; };")
     run = site.run("--insecure", net)
-    run.says("all 1 component")
+    run.says("the component of Lab is ready")
     before = site.left("robot")
     robot.partition()
     gone(site, "robot")
@@ -334,9 +348,22 @@ def test_nothing_is_left_when_rcdeploy_is_killed(site: Site):
     site.host("robot")
     net = site.network("Component echo : Echo { host robot; };")
     run = site.run("--insecure", net)
-    run.says("all 1 component")
+    run.says("the component of Lab is ready")
     run.signal(signal.SIGKILL)
     run.wait()
+    gone(site, "robot")
+
+
+def test_what_a_host_keeps_is_ended_by_down(site: Site):
+    site.host("robot")
+    net = site.network("Component echo : Echo { host robot; };", robot="lost keep;")
+    run = site.run("--insecure", net)
+    run.says("the component of Lab is ready")
+    run.signal(signal.SIGKILL)
+    run.wait()
+    assert site.left("robot")
+    down = site.done("down", net)
+    assert (down.code, "ended on robot: echo" in down.text) == (0, True), down.text
     gone(site, "robot")
 
 
@@ -344,12 +371,12 @@ def test_what_a_host_keeps_is_taken_over(site: Site):
     site.host("robot")
     net = site.network("Component echo : Echo { host robot; };", robot="lost keep;")
     first = site.run("--insecure", net)
-    first.says("all 1 component")
+    first.says("the component of Lab is ready")
     first.signal(signal.SIGKILL)
     first.wait()
     before = {pid for pid in site.hosts["robot"].pids() if "echo" in Path(f"/proc/{pid}/cmdline").read_text()}
     second = site.run("--insecure", net)
-    second.says("all 1 component")
+    second.says("the component of Lab is ready")
     assert {pid for pid in site.hosts["robot"].pids() if "echo" in Path(f"/proc/{pid}/cmdline").read_text()} == before
     second.signal(signal.SIGINT)
     assert second.code == 130, second.text

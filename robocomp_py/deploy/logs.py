@@ -1,0 +1,160 @@
+"""What the processes of a network print, in files: one for each, replaced by a new one when it is long.
+
+    logs/laser.log  laser.log.1  laser.log.2        the newest first
+    2026-03-01T12:00:00.123+00:00 WARNING: too close         as text
+    {"time": "…", "name": "laser", "level": "warning", "text": "too close"}    as JSON, a line each
+
+A disk that is full stops nobody: what cannot be written is counted, and that is written when there is room again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import time
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from enum import StrEnum
+from pathlib import Path
+
+from ..errors import DeploymentError
+from .place import file_name
+
+KEPT = 2
+"""Files of each that are kept beside the newest."""
+
+_ALTOGETHER = 256 << 20
+"""Bytes of all files of a network, about; each has its share."""
+
+_SMALLEST, _LARGEST = 64 << 10, 8 << 20
+"""Bytes of a file."""
+
+_LEVEL = re.compile(r"(DEBUG|INFO|WARNING|ERROR|CRITICAL): ")
+
+
+class Form(StrEnum):
+    TEXT = "text"
+    JSON = "json"
+
+
+@dataclass
+class _File:
+    path: Path
+    descriptor: int = -1
+    size: int = 0
+    lost: int = 0
+    """Lines since the last one that could be written."""
+
+
+class Logs:
+    """Not for several threads. Nothing here raises once it is made: logs are no reason to end anything."""
+
+    def __init__(
+        self,
+        folder: Path,
+        number: int = 1,
+        form: Form = Form.TEXT,
+        clock: Callable[[], float] = time.time,
+        altogether: int = _ALTOGETHER,
+    ) -> None:
+        """`number` is how many processes there are, about. Raises DeploymentError if there can be no such folder."""
+        try:
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        except OSError as exc:
+            raise DeploymentError(f"logs in {folder}: {exc.strerror}") from exc
+        self.folder = folder
+        self._form, self._clock = form, clock
+        self._limit = min(_LARGEST, max(_SMALLEST, altogether // (max(1, number) * (KEPT + 1))))
+        self._files: dict[str, _File] = {}
+
+    def write(self, name: str, text: str) -> None:
+        """Keep a line of a process."""
+        file = self._files.get(name)
+        if file is None:
+            file = self._files[name] = _File(self.folder / f"{file_name(name)}.log")
+        try:
+            if file.descriptor < 0:
+                self._open(file)
+            if file.lost:
+                self._append(
+                    file, self._line(name, f"WARNING: {file.lost} lines were lost here: they could not be written")
+                )
+                file.lost = 0
+            self._append(file, self._line(name, text))
+            if file.size >= self._limit:
+                self._turn_over(file)
+        except OSError:
+            file.lost += 1
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """Of those that could not be written until now: how many lines."""
+        return {name: file.lost for name, file in self._files.items() if file.lost}
+
+    def close(self) -> None:
+        """May be called twice."""
+        for file in self._files.values():
+            if file.descriptor >= 0:
+                os.close(file.descriptor)
+        self._files.clear()
+
+    def _line(self, name: str, text: str) -> bytes:
+        when = datetime.fromtimestamp(self._clock(), UTC).isoformat(timespec="milliseconds")
+        if self._form is Form.TEXT:
+            return f"{when} {text}\n".encode(errors="replace")
+        found = _LEVEL.match(text)
+        level = found[1].lower() if found else ""
+        told = {"time": when, "name": name, "level": level, "text": text[found.end() :] if found else text}
+        return json.dumps(told).encode() + b"\n"
+
+    def _open(self, file: _File) -> None:
+        flags = os.O_CREAT | os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC | os.O_NOFOLLOW
+        file.descriptor = os.open(file.path, flags, 0o600)
+        file.size = os.fstat(file.descriptor).st_size
+
+    def _append(self, file: _File, line: bytes) -> None:
+        """Write a line, or nothing."""
+        written = os.write(file.descriptor, line)
+        if written < len(line):  # the disk is full now
+            os.ftruncate(file.descriptor, file.size)
+            raise OSError("written in part")
+        file.size += written
+
+    def _turn_over(self, file: _File) -> None:
+        os.close(file.descriptor)
+        file.descriptor = -1
+        for number in range(KEPT, 0, -1):
+            older = file.path if number == 1 else _numbered(file.path, number - 1)
+            with contextlib.suppress(FileNotFoundError):
+                older.replace(_numbered(file.path, number))
+
+
+def last(folder: Path, names: Collection[str], count: int) -> list[str]:
+    """The newest lines that files of these processes (all, if none is named) have, as they are written there.
+
+    Both forms begin with the time, so lines of several are in the order in which they came.
+    """
+    chosen = {f"{file_name(name)}.log" for name in names}
+    lines: list[str] = []
+    for path in sorted(folder.glob("*.log")):
+        if not chosen or path.name in chosen:
+            lines += _tail(path, count)
+    return sorted(lines)[-count:] if count else []
+
+
+def _tail(path: Path, count: int) -> list[str]:
+    """The last lines of a file, and of those before it as far as it takes."""
+    lines: list[str] = []
+    for file in (path, *(_numbered(path, number) for number in range(1, KEPT + 1))):
+        if len(lines) >= count:
+            break
+        with contextlib.suppress(OSError):
+            lines = [*file.read_text(errors="replace").splitlines(), *lines]
+    return lines[-count:]
+
+
+def _numbered(path: Path, number: int) -> Path:
+    return path.with_name(f"{path.name}.{number}")

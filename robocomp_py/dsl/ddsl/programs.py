@@ -1,0 +1,56 @@
+"""What programs are given: commands, arguments and environments, which no shell ever sees."""
+
+from __future__ import annotations
+
+import re
+import shlex
+
+from ..diagnostics import Report
+from . import model as m
+
+
+def check_program(instance: m.Instance, report: Report) -> None:
+    _check_variables(instance, report)
+    given = (*instance.args, *(each.value for each in instance.env), instance.path, instance.config, instance.existing)
+    for text in given:
+        if text and "\0" in text.text:
+            message = "no program can be given a text with a zero in it"
+            report.error("bad-command", message, text.span, "remove the character with the number 0")
+    command = instance.existing
+    if command is None:
+        return
+    if instance.path:
+        message = "`existing` and `path` both say what is run"
+        related = "the path is here", instance.path.span
+        report.error("duplicate", message, command.span, "remove one of them", related)
+    try:
+        words = shlex.split(command.text)
+    except ValueError as exc:
+        message = f"`{command}` cannot be split into words: {str(exc).lower()}"
+        report.error("bad-command", message, command.span, "a word with spaces stands in single quotes")
+        return
+    if not words:
+        report.error("bad-command", "there is no command", command.span, 'as in: existing "urg_node --frame base";')
+    elif found := _shell_syntax(command.text):
+        message = f"`{found}` is for a shell, but none reads this: it would be given to the program"
+        hint = "put it into single quotes if that is meant; else write a script, and name it here"
+        report.error("bad-command", message, command.span, hint)
+
+
+def _shell_syntax(command: str) -> str:
+    """What only a shell would understand, outside of quotes; "" if there is nothing."""
+    found = _FOR_SHELLS.search(_QUOTED.sub("_", command))
+    return found[0] if found else ""
+
+
+_QUOTED = re.compile(r"'[^']*'|\\.")
+_FOR_SHELLS = re.compile(r"[|&;<>()]+|`|\*|\?|\$[\w{(]\w*|(?<!\S)~")
+
+
+def _check_variables(instance: m.Instance, report: Report) -> None:
+    seen: dict[str, m.Variable] = {}
+    for each in instance.env:
+        first = seen.setdefault(each.name.text, each)
+        if first is not each:
+            message = f"the variable `{each.name}` is given twice"
+            report.error("duplicate", message, each.span, "", ("first here", first.span))

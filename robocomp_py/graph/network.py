@@ -1,0 +1,126 @@
+"""What a picture of a network shows: instances in what is around them, and who uses whom over what.
+
+From the machine to the process, groups stand within each other: a host, the systems that have a part of them on it, a
+process that several share.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ..deploy.plan import Link, Plan
+    from ..deploy.process import Process
+
+
+class Around(StrEnum):
+    NETWORK = "network"
+    HOST = "host"
+    SYSTEM = "system"
+    PROCESS = "process"
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """An instance."""
+
+    name: str
+    """The whole one, with its systems."""
+    component: str
+
+    @property
+    def short(self) -> str:
+        return self.name.rpartition("/")[2]
+
+
+@dataclass(eq=False, slots=True)
+class Group:
+    kind: Around
+    title: str
+    inner: list[Group | Node] = field(default_factory=list)
+
+    def nodes(self) -> Iterator[Node]:
+        for each in self.inner:
+            if isinstance(each, Node):
+                yield each
+            else:
+                yield from each.nodes()
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """From a client to its server, or from a publisher to who subscribes."""
+
+    source: str
+    target: str
+    topic: bool
+    middleware: str
+    """What carries it; nothing if that is not known from here."""
+    interfaces: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Graph:
+    name: str
+    root: Group
+    edges: tuple[Edge, ...]
+
+
+def graph_of(plan: Plan) -> Graph:
+    root = Group(Around.NETWORK, plan.name)
+    groups: dict[tuple[str, ...], Group] = {}
+    addresses = {host.name: host.address for host in plan.hosts}
+
+    def group(key: tuple[str, ...], kind: Around, title: str, outer: Group) -> Group:
+        if key not in groups:
+            groups[key] = Group(kind, title)
+            outer.inner.append(groups[key])
+        return groups[key]
+
+    for process in plan.processes:
+        inside = root
+        key: tuple[str, ...] = (process.host,)
+        if plan.hosts:
+            address = addresses.get(process.host, "")
+            title = f"{process.host} ({address})" if address not in ("", process.host) else process.host
+            inside = group(key, Around.HOST, title or "this machine", inside)
+        for system in process.system:
+            key = (*key, system)
+            inside = group(key, Around.SYSTEM, system, inside)
+        if process.members:
+            inside = group((*key, "", process.name), Around.PROCESS, process.name.rpartition("/")[2], inside)
+        inside.inner += _nodes(process)
+    return Graph(plan.name, root, tuple(_edges(plan)))
+
+
+def _nodes(process: Process) -> list[Node]:
+    if process.members:
+        return [Node(member.name, member.component) for member in process.members]
+    return [Node(process.name, process.component)]
+
+
+def _edges(plan: Plan) -> Iterator[Edge]:
+    """One for all interfaces that two instances have in common in the same way."""
+    found: dict[tuple[str, str, bool, str], list[str]] = {}
+    for link in plan.links:
+        ends = (link.provider, link.client) if link.verb.is_topic else (link.client, link.provider)
+        for middleware in _middlewares(plan, link) or [""]:
+            interfaces = found.setdefault((*ends, link.verb.is_topic, middleware), [])
+            if link.interface not in interfaces:
+                interfaces.append(link.interface)
+    for key, interfaces in found.items():
+        yield Edge(*key, tuple(interfaces))
+
+
+def _middlewares(plan: Plan, link: Link) -> list[str]:
+    return list(
+        dict.fromkeys(
+            way.middleware
+            for way in plan.ways
+            if (way.client, way.provider, way.verb) == (link.client, link.provider, link.verb)
+            and way.interface.rpartition(".")[2] == link.interface
+        )
+    )

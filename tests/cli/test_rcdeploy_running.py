@@ -1,0 +1,264 @@
+"""A network that goes on without a terminal, and the commands for one that runs."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from robocomp_py.cli.rcdeploy import main as rcdeploy
+from robocomp_py.cli.rcgen import main as rcgen
+from robocomp_py.deploy.place import Place
+from robocomp_py.testing.patience import SOON, wait_until
+
+Said = pytest.CaptureFixture[str]
+
+
+def network_of(folder: Path, name: str, **programs: str) -> Path:
+    """A network of shell scripts."""
+    (folder / "program.cdsl").write_text("Component program { language python; };")
+    blocks = ""
+    for program, text in programs.items():
+        script = folder / f"{program}.sh"
+        script.write_text(f"#!/bin/sh\n{text}\n")
+        script.chmod(0o755)
+        blocks += f'    Component {program} : program {{ path "{program}.sh"; }};\n'
+    path = folder / f"{name}.ddsl"
+    path.write_text(f'import "program.cdsl";\nDeployment {name} {{\n{blocks}}};\n')
+    return path
+
+
+def run(*arguments: object, **options: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "robocomp_py.cli.rcdeploy", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=SOON * 6, **options)  # type: ignore[call-overload, no-any-return]
+
+
+def is_gone(name: str) -> bool:
+    return Place(name).runner() is None
+
+
+class Running:
+    def __init__(self, path: Path, started: subprocess.CompletedProcess[str]) -> None:
+        self.path, self.started = str(path), started
+        runner = Place(path.stem).runner()
+        self.pid = runner.pid if runner else 0
+
+
+@pytest.fixture(scope="module")
+def house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    """A network that was left running: one that prints, and one that is quiet."""
+    prints = "echo one; echo two; trap 'echo bye; exit 0' TERM; while true; do sleep 0.05; done"
+    path = network_of(tmp_path_factory.mktemp("house"), "house", prints=prints, quiet="exec sleep 600")
+    made = Running(path, run("up", path, "--detach"))
+    yield made
+    run("down", "house", "--now")
+    wait_until(lambda: is_gone("house"))
+
+
+def test_it_returns_when_everything_is_ready_and_says_how_to_go_on(house: Running) -> None:
+    assert house.started.returncode == 0, house.started
+    assert "all 2 components of house are ready" in house.started.stdout
+    assert f"house goes on (process {house.pid}); how it is: rcdeploy status {house.path}" in house.started.stdout
+    assert f"to stop it: rcdeploy down {house.path}" in house.started.stdout
+
+
+def test_it_has_a_session_of_its_own_and_no_terminal(house: Running) -> None:
+    assert os.getsid(house.pid) == house.pid
+    streams = [os.readlink(f"/proc/{house.pid}/fd/{number}") for number in range(3)]
+    assert streams == [os.devnull, os.devnull, str(Place("house").folder / "rcdeploy.err")]
+
+
+def test_how_it_is_can_be_seen(house: Running, capsys: Said) -> None:
+    for name in (house.path, "house"):
+        assert rcdeploy(["status", name]) == 0
+        said = capsys.readouterr().out.splitlines()
+        assert said[0].startswith("house: 2 components, 2 ready, up ")
+        assert [line.split()[:2] for line in said[2:]] == [["prints", "ready"], ["quiet", "ready"]]
+
+
+def test_how_it_is_can_be_read_by_machines(house: Running, capsys: Said) -> None:
+    assert rcdeploy(["status", house.path, "--json"]) == 0
+    [line] = capsys.readouterr().out.splitlines()
+    found = json.loads(line)
+    assert found["network"] == "house"
+    assert [(each["name"], each["state"]) for each in found["processes"]] == [("prints", "ready"), ("quiet", "ready")]
+
+
+def test_all_that_run_are_listed(house: Running, capsys: Said) -> None:
+    assert rcdeploy(["status"]) == 0
+    assert capsys.readouterr().out.startswith("house: 2 components, 2 ready, up ")
+
+
+def test_what_was_printed_can_be_read_later(house: Running, capsys: Said) -> None:
+    assert rcdeploy(["logs", house.path]) == 0
+    assert capsys.readouterr().out.splitlines()[-2:] == ["  prints | one", "  prints | two"]
+    assert rcdeploy(["logs", house.path, "prints", "-n", "1"]) == 0
+    assert capsys.readouterr().out == "prints | two\n"
+    assert rcdeploy(["logs", house.path, "rcdeploy"]) == 0
+    assert capsys.readouterr().out == "rcdeploy | all 2 components of house are ready\n"
+
+
+def test_it_is_not_started_twice(house: Running) -> None:
+    for arguments in ([house.path], ["up", "--detach", house.path]):
+        again = run(*arguments)
+        assert again.returncode == 1
+        assert again.stderr.startswith(
+            f"rcdeploy: house runs already (process {house.pid}); how it is: rcdeploy status"
+        )
+        assert f"to stop it: rcdeploy down {house.path}" in again.stderr
+    assert not is_gone("house")
+
+
+def test_a_plan_says_what_would_change(house: Running, capsys: Said) -> None:
+    assert rcdeploy(["plan", house.path]) == 0
+    assert capsys.readouterr().out.endswith("house runs exactly so\n")
+    path = Path(house.path)
+    before = path.read_text()
+    path.write_text(before.replace("Component quiet", "Component silent"))
+    try:
+        assert rcdeploy(["plan", house.path]) == 0
+        assert "\nhouse runs; started anew, it would differ in this:\n- quiet: program\n+ silent: program\n" in (
+            capsys.readouterr().out
+        )
+        assert rcdeploy(["plan", house.path, "--json"]) == 0
+        found = json.loads(capsys.readouterr().out)["changes"]
+    finally:
+        path.write_text(before)
+    assert [(each["kind"], each["what"]) for each in found] == [("removed", "quiet"), ("added", "silent")]
+
+
+def test_an_instance_can_be_started_again(house: Running, capsys: Said) -> None:
+    rcdeploy(["status", house.path, "--json"])
+    before = json.loads(capsys.readouterr().out)["processes"][1]
+    assert rcdeploy(["restart", house.path, "quiet"]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == "quiet is ready again"
+    rcdeploy(["status", house.path, "--json"])
+    after = json.loads(capsys.readouterr().out)["processes"][1]
+    assert (after["starts"], after["restarts"]) == (before["starts"] + 1, before["restarts"] + 1)
+
+
+def test_who_is_not_there_cannot_be_started_again(house: Running, capsys: Said) -> None:
+    assert rcdeploy(["restart", house.path, "quit"]) == 1
+    assert capsys.readouterr().err == "rcdeploy: unknown instance `quit`; did you mean `quiet`?\n"
+
+
+def test_who_follows_what_is_printed_is_told_until_the_end_and_down_waits_for_that(tmp_path: Path) -> None:
+    path = network_of(
+        tmp_path, "brief", prints="echo one; trap 'echo bye; exit 0' TERM; while true; do sleep 0.05; done"
+    )
+    assert run("up", "--detach", path).returncode == 0
+    command = [sys.executable, "-m", "robocomp_py.cli.rcdeploy", "logs", "-f", str(path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as following:
+        assert following.stdout is not None
+        heard = [following.stdout.readline()]
+        while heard[-1] != "  prints | one\n":
+            heard.append(following.stdout.readline())
+        down = run("down", path)
+        assert (down.returncode, down.stdout.splitlines()[-1], down.stderr) == (0, "brief is down", "")
+        assert is_gone("brief")
+        rest = following.stdout.read()
+        assert following.wait(SOON) == 0
+    assert "rcdeploy | stopping: asked to by rcdeploy down\n" in rest
+    assert "prints | bye\n" in rest
+
+
+def test_what_cannot_start_is_told_where_it_was_started(tmp_path: Path) -> None:
+    path = network_of(tmp_path, "broken", fine="exec sleep 600", broken="")
+    (tmp_path / "broken.sh").write_text("#!/no/such/interpreter\n")
+    failed = run("up", "--detach", path)
+    assert failed.returncode == 1
+    assert "broken.sh cannot be started: No such file or directory" in failed.stdout
+    assert is_gone("broken")
+
+
+def test_what_is_wrong_with_a_network_is_told_where_it_was_started(tmp_path: Path) -> None:
+    path = network_of(tmp_path, "wrong", fine="exec sleep 600")
+    path.write_text(path.read_text().replace(": program", ": progam"))
+    failed = run("up", "--detach", path)
+    assert failed.returncode == 1
+    assert "error[unknown-component]" in failed.stderr
+
+
+@pytest.fixture(scope="module")
+def endless(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A network that never becomes ready: one waits for what the other, a program, never serves."""
+    folder = tmp_path_factory.mktemp("endless")
+    path = network_of(folder, "endless", hello="echo here I am; exec sleep 600")
+    assert rcgen(["--new", "Hello", "-o", str(folder / "hello")]) == 0
+    asker = folder / "asker" / "asker.cdsl"
+    asker.parent.mkdir()
+    asker.write_text(
+        'import "../hello/Hello.idsl"; Component asker { Communications { requires Hello; }; language python; };'
+    )
+    assert rcgen([str(asker)]) == 0
+    path.write_text(
+        'import "hello/hello.cdsl"; import "asker/asker.cdsl";'
+        'Deployment endless { Component hello { path "hello.sh"; }; Component asker { }; };'
+    )
+    return path
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_who_is_interrupted_while_waiting_leaves_nothing(endless: Path, number: int, code: int) -> None:
+    command = [sys.executable, "-m", "robocomp_py.cli.rcdeploy", "up", "--detach", str(endless)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as waiting:
+        assert waiting.stdout is not None
+        line = waiting.stdout.readline()
+        while "here I am" not in line:
+            assert line, "it has ended"
+            line = waiting.stdout.readline()
+        waiting.send_signal(number)
+        said = waiting.stdout.read()
+        assert (waiting.wait(SOON * 2), "stopping: asked to" in said) == (code, True), said
+    assert is_gone("endless")
+
+
+def test_what_does_not_run_cannot_be_asked_and_it_is_said_how_to_start_it(tmp_path: Path, capsys: Said) -> None:
+    path = network_of(tmp_path, "nobody", quiet="exec sleep 600")
+    for arguments in (["status"], ["logs"], ["down"], ["restart"]):
+        more = ["quiet"] if arguments == ["restart"] else []
+        assert rcdeploy([*arguments, str(path), *more]) == 1
+        said = capsys.readouterr().err
+        assert said == f"rcdeploy: network `nobody` is not running on this machine; start it: rcdeploy {path}\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["status", "--watch"], "--watch is for one network; say which"),
+        (["restart", "net.ddsl"], "the following arguments are required: INSTANCE"),
+        (["logs"], "the following arguments are required: NET.ddsl"),
+        (["logs", "net.ddsl", "-n", "many"], "`many` is no number of lines from 0 to 10000"),
+        (["down", "net.ddsl", "--grace", "long"], "`long` is no number of seconds"),
+        (["status", "net.ddsl", "--detach"], "--detach is for `rcdeploy up`, not for `rcdeploy status`"),
+    ],
+)
+def test_wrong_usage_exits_with_2(arguments: list[str], says: str, capsys: Said) -> None:
+    try:
+        code: object = rcdeploy(arguments)
+    except SystemExit as exc:
+        code = exc.code
+    assert (code, says in (said := capsys.readouterr().err)) == (2, True), said
+
+
+@pytest.mark.parametrize("command", ["up", "plan", "status", "logs", "restart", "down", "export", "keys", "trust"])
+def test_the_help_of_every_command_teaches_by_examples(command: str, capsys: Said) -> None:
+    with pytest.raises(SystemExit) as left:
+        rcdeploy([command, "--help"])
+    assert left.value.code == 0
+    said = capsys.readouterr().out
+    assert f"\n  rcdeploy {command} " in said
+    assert "exit status:" in said.lower()
+
+
+def test_a_network_may_be_called_like_a_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = network_of(tmp_path, "status", brief="echo done")
+    path.rename(tmp_path / "status")
+    done = run("./status", cwd=tmp_path)
+    assert (done.returncode, "brief │ done" in done.stdout) == (0, True), done

@@ -1,0 +1,507 @@
+"""Processes of this machine: how they start, what is heard of them, and that none is left, whoever is killed."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Awaitable, Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robocomp_py.deploy.agents import Listener
+from robocomp_py.deploy.launcher import cgroups, leftovers, local, traces
+from robocomp_py.deploy.launcher.forking import forkable
+from robocomp_py.deploy.launcher.local import Launcher
+from robocomp_py.deploy.place import AlreadyRuns, Place
+from robocomp_py.deploy.plan import Process
+from robocomp_py.errors import DeploymentError
+from robocomp_py.testing.patience import SOON, wait_until
+
+FOREVER = "import signal; signal.pause()"
+NOTIFY = """
+import os, signal, socket, subprocess, sys, time
+def notify(*lines):
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as channel:
+        channel.sendto("\\n".join(lines).encode(), os.environ["NOTIFY_SOCKET"])
+"""
+DEAF = "import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN)\n"
+STRAY = """
+import subprocess, sys
+code = "print('here', flush=True); import signal; signal.pause()"
+child = subprocess.Popen([sys.executable, "-ISc", code], start_new_session=True, stdout=subprocess.PIPE)
+child.stdout.readline()
+print(child.pid, flush=True)
+"""
+"""Starts somebody who leaves its session."""
+
+
+class Heard(Listener):
+    """Remembers what is told, by its kind and the name."""
+
+    def __init__(self) -> None:
+        self.told: list[tuple[Any, ...]] = []
+
+    def output(self, name: str, line: str) -> None:
+        if ("output", name, line) not in self.told:
+            self.told.append(("output", name, line))
+
+    def ready(self, name: str) -> None:
+        self.told.append(("ready", name))
+
+    def status(self, name: str, text: str) -> None:
+        self.told.append(("status", name, text))
+
+    def left(self, name: str, instance: str) -> None:
+        self.told.append(("left", name, instance))
+
+    def hung(self, name: str) -> None:
+        self.told.append(("hung", name))
+
+    def exited(self, name: str, code: int) -> None:
+        self.told.append(("exited", name, code))
+
+    def lost(self, host: str, why: str) -> None:
+        raise AssertionError("this is the only host")
+
+    def lines(self, name: str = "it") -> list[str]:
+        return [told[2] for told in self.told if told[:2] == ("output", name)]
+
+    async def until(self, kind: str, name: str = "it") -> tuple[Any, ...]:
+        """The first of a kind, as soon as it is told."""
+        end = time.monotonic() + SOON
+        while time.monotonic() < end:
+            for told in self.told:
+                if told[:2] == (kind, name):
+                    return told
+            await asyncio.sleep(0.002)
+        raise AssertionError(f"not told: {kind} of {name}; but {self.told}")
+
+
+def program(text: str, name: str = "it", *, notifies: bool = True, env: Mapping[str, str] | None = None) -> Process:
+    return Process(name, name, (sys.executable, "-ISc", text), Path("/"), env or {}, notifies=notifies)
+
+
+def launched(folder: Path, story: Callable[[Launcher, Heard], Awaitable[object]]) -> Heard:
+    """What was told until a story was over, and everything closed."""
+
+    async def run() -> Heard:
+        heard = Heard()
+        launcher = Launcher(heard, "net", place=Place("net", folder))
+        await launcher.open()
+        try:
+            await story(launcher, heard)
+        finally:
+            await launcher.close()
+        return heard
+
+    return asyncio.run(run())
+
+
+def ended(text: str, folder: Path) -> Heard:
+    """What was told of a program until it had ended."""
+
+    async def story(launcher: Launcher, heard: Heard) -> None:
+        await launcher.start(program(text))
+        await heard.until("exited")
+
+    return launched(folder, story)
+
+
+def is_gone(pid: int) -> bool:
+    trace = traces.look(pid)
+    return trace is None or trace.state == "Z"
+
+
+@pytest.fixture(params=["groups", "no groups"])
+def with_and_without_groups(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Control groups end whoever was started; without them, session, descent and mark have to do."""
+    if request.param == "no groups":
+        monkeypatch.setattr(cgroups, "make", lambda name: None)
+
+
+# What is heard.
+
+
+def test_what_it_prints_comes_before_its_end_line_by_line(tmp_path: Path) -> None:
+    heard = ended(
+        "print('one'); print('x' * 5000); import sys; print('last', end='', file=sys.stderr); sys.exit(3)", tmp_path
+    )
+    assert heard.told == [
+        ("output", "it", "one"),
+        ("output", "it", "x" * 4096),
+        ("output", "it", "x" * 904),
+        ("output", "it", "last"),
+        ("exited", "it", 3),
+    ]
+
+
+def test_one_that_says_nothing_of_itself_is_ready_when_it_runs(tmp_path: Path) -> None:
+    async def story(launcher: Launcher, heard: Heard) -> None:
+        await launcher.start(program("", notifies=False))
+        await heard.until("exited")
+
+    assert launched(tmp_path, story).told == [("ready", "it"), ("exited", "it", 0)]
+
+
+def test_it_tells_how_it_is_once_ready_and_whatever_its_status(tmp_path: Path) -> None:
+    text = "notify('READY=1', 'STATUS=a\\tb'); notify('RELOADING=1'); notify('READY=1'); notify('X_ROBOCOMP_ENDED=arm')"
+    heard = ended(NOTIFY + text, tmp_path)
+    assert heard.told == [
+        ("status", "it", "a b"),
+        ("ready", "it"),
+        ("left", "it", "arm"),
+        ("exited", "it", 0),
+    ]
+
+
+def test_nobody_else_may_say_that_it_is_ready(tmp_path: Path) -> None:
+    child = "import os, socket; socket.socket(1, 2).sendto(b'READY=1', os.environ['NOTIFY_SOCKET'])"
+    heard = ended(f"{NOTIFY}subprocess.run([sys.executable, '-ISc', {child!r}])", tmp_path)
+    assert ("ready", "it") not in heard.told
+    assert "does not count" in heard.lines()[0]
+
+
+def test_unless_it_says_that_they_may(tmp_path: Path) -> None:
+    child = "import os, socket; socket.socket(1, 2).sendto(b'READY=1', os.environ['NOTIFY_SOCKET'])"
+    wait = "signal.pause()"
+
+    async def story(launcher: Launcher, heard: Heard) -> None:
+        code = f"{child}; import time; time.sleep(600)"
+        text = f"notify('NOTIFYACCESS=all'); subprocess.Popen([sys.executable, '-ISc', {code!r}])"
+        await launcher.start(program(f"{NOTIFY}{text}\n{wait}"))
+        await heard.until("ready")
+
+    launched(tmp_path, story)
+
+
+def test_another_process_of_it_may_be_the_one_that_counts(tmp_path: Path, with_and_without_groups: None) -> None:
+    text = (
+        "pid = os.fork()\nif pid: notify(f'MAINPID={pid}'); os._exit(0)\n"
+        "while os.getppid() == os.getsid(0): time.sleep(0.001)\n"
+        "notify('READY=1'); time.sleep(0.01); os._exit(7)"
+    )
+    heard = ended(NOTIFY + text, tmp_path)
+    assert [told for told in heard.told if told[0] != "output"] == [("ready", "it"), ("exited", "it", 7)]
+
+
+def test_what_it_uses_and_how_busy_it_is_is_known(tmp_path: Path) -> None:
+    async def story(launcher: Launcher, heard: Heard) -> None:
+        await launcher.start(program(f"{NOTIFY}notify('X_ROBOCOMP_CALLS=12.5 3', 'READY=1')\n{FOREVER}"))
+        await heard.until("ready")
+        (usage,) = launcher.usage().values()
+        assert (usage.calls_per_s, usage.worst_ms) == (12.5, 3.0)
+        assert usage.memory > 1_000_000
+
+    launched(tmp_path, story)
+
+
+def test_who_floods_its_log_keeps_nobody_else_waiting(tmp_path: Path) -> None:
+    async def story(launcher: Launcher, heard: Heard) -> None:
+        await launcher.start(program("import os\nwhile True: os.write(1, b'noise\\n' * 10000)", "flood"))
+        await heard.until("output", "flood")
+        await launcher.start(program(f"{NOTIFY}notify('READY=1'); print('hello', flush=True)\n{FOREVER}"))
+        await heard.until("output")
+        await heard.until("ready")
+        launcher.stop("flood")
+        await heard.until("exited", "flood")
+
+    launched(tmp_path, story)
+
+
+# How it starts.
+
+
+def test_a_program_that_is_not_there_is_told(tmp_path: Path) -> None:
+    async def story(launcher: Launcher, heard: Heard) -> None:
+        for process in (
+            Process("it", "it", ("/no/such/program",), Path("/")),
+            Process("it", "it", (sys.executable,), Path("/no/such/folder")),
+        ):
+            with pytest.raises(DeploymentError, match=r"it: /no/such/(program|folder) cannot be started: No such file"):
+                await launcher.start(process)
+        await launcher.start(program("print('after all')"))
+        await heard.until("exited")
+
+    assert launched(tmp_path, story).lines() == ["after all"]
+
+
+def test_components_are_forked_and_whatever_else_there_is_is_not() -> None:
+    run = (sys.executable, "-m", "robocomp_py.cli.rc", "run", "/camera")
+    assert forkable(Process("it", "it", run, Path("/")))
+    assert forkable(Process("it", "it", run, Path("/"), {"ROBOT": "1"}))
+    assert not forkable(Process("it", "it", run, Path("/"), {"PYTHONHASHSEED": "1"}))
+    assert not forkable(Process("it", "it", ("/other/bin/python", *run[1:]), Path("/")))
+    assert not forkable(Process("it", "it", (*run[:3], "lint", "/camera"), Path("/")))
+
+
+COMPONENT = """
+import os, random, signal, socket, sys, threading
+from typing import Any
+import numpy
+from robocomp_py.contract.component import Component
+from robocomp_py.runtime.worker import Worker
+
+class SpecificWorker(Worker[Any]):
+    component, middleware = Component("probe"), "inproc"
+
+    def initialize(self) -> None:
+        pass
+
+    def compute(self) -> None:
+        self.log.info("here: %s", {
+            "main": sys.modules["__main__"].__name__, "argv": sys.argv[1:], "path": sys.path[0] == os.getcwd(),
+            "session": os.getsid(0) == os.getpid(), "threads": threading.main_thread() is threading.current_thread(),
+            "interrupt": signal.getsignal(signal.SIGQUIT) == signal.SIG_DFL, "cwd": os.getcwd(),
+            "env": os.environ.get("ROBOT"), "stdin": os.read(0, 1), "encoding": sys.stdout.encoding,
+        })
+        print("random", random.random(), numpy.random.random(), flush=True)
+        self.stop()
+"""
+
+
+@pytest.fixture
+def component(tmp_path: Path) -> Path:
+    folder = tmp_path / "probe"
+    (folder / "generic").mkdir(parents=True)
+    for file in ("__init__.py", "generic/__init__.py", "generic/genericworker.py"):
+        (folder / file).touch()
+    (folder / "specificworker.py").write_text(COMPONENT)
+    return folder
+
+
+def probed(component: Path, folder: Path, *, twice: bool = False, **env: str) -> Heard:
+    command = (sys.executable, "-m", "robocomp_py.cli.rc", "run", str(component), "--name", "it")
+
+    async def story(launcher: Launcher, heard: Heard) -> None:
+        for name in ("it", "other")[: 1 + twice]:
+            await launcher.start(Process(name, name, command, component, {"ROBOT": "1", **env}))
+            await heard.until("exited", name)
+
+    return launched(folder, story)
+
+
+def test_a_forked_component_is_as_one_that_was_executed(component: Path, tmp_path: Path, runtime_folder: Path) -> None:
+    forked = probed(component, tmp_path / "run", twice=True)
+    executed = probed(component, tmp_path / "run", PYTHONHASHSEED="1")
+    assert [line for line in forked.lines() if "here:" in line] == [
+        line for line in executed.lines() if "here:" in line
+    ]
+    assert forked.told[-1] == ("exited", "other", 0)
+    drawn = [line for name in ("it", "other") for line in forked.lines(name) if line.startswith("random")]
+    assert len({number for line in drawn for number in line.split()[1:]}) == 4
+
+
+def test_without_the_process_that_forks_components_start_all_the_same(
+    component: Path, tmp_path: Path, runtime_folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    command = (sys.executable, "-m", "robocomp_py.cli.rc", "run", str(component), "--name", "it")
+
+    async def story(launcher: Launcher, heard: Heard) -> None:
+        await launcher.start(Process("first", "it", command, component))
+        assert launcher._zygote
+        os.kill(launcher._zygote.pid, signal.SIGKILL)
+        assert (await heard.until("exited", "first"))[2] == 0
+        await launcher.start(Process("it", "it", command, component))
+        assert (await heard.until("exited"))[2] == 0
+
+    launched(tmp_path / "run", story)
+    assert sum("the slow way" in record.message for record in caplog.records) == 1
+
+
+# How it ends.
+
+
+def test_it_is_asked_to_end_even_while_it_is_stopped(tmp_path: Path) -> None:
+    async def story(launcher: Launcher, heard: Heard) -> None:
+        await launcher.start(program(f"{NOTIFY}notify('READY=1'); os.kill(os.getpid(), signal.SIGSTOP)\n{FOREVER}"))
+        await heard.until("ready")
+        launcher.stop("it")
+        assert (await heard.until("exited"))[2] == -signal.SIGTERM
+
+    launched(tmp_path, story)
+
+
+def test_what_it_started_ends_with_it(tmp_path: Path, with_and_without_groups: None) -> None:
+    heard = ended(STRAY, tmp_path)
+    assert is_gone(int(heard.lines()[0]))
+    assert heard.told[-1] == ("exited", "it", 0)
+
+
+def test_what_is_killed_ends_with_all_that_it_started(tmp_path: Path, with_and_without_groups: None) -> None:
+    async def story(launcher: Launcher, heard: Heard) -> None:
+        await launcher.start(program(f"{DEAF}{STRAY}{FOREVER}"))
+        await heard.until("output")
+        launcher.kill("it")
+        assert (await heard.until("exited"))[2] == -signal.SIGKILL
+        assert is_gone(int(heard.lines()[0]))
+
+    launched(tmp_path, story)
+
+
+def test_closing_leaves_nothing(tmp_path: Path, with_and_without_groups: None) -> None:
+    async def story(launcher: Launcher, heard: Heard) -> None:
+        await launcher.start(program(f"{DEAF}{STRAY}{FOREVER}"))
+        await heard.until("output")
+
+    heard = launched(tmp_path, story)
+    assert is_gone(int(heard.lines()[0]))
+    assert not (tmp_path / "net").exists()
+
+
+def test_a_name_may_be_used_again_after_its_end_and_not_before(tmp_path: Path) -> None:
+    async def story(launcher: Launcher, heard: Heard) -> None:
+        await launcher.start(program(FOREVER))
+        with pytest.raises(DeploymentError, match="it runs already"):
+            await launcher.start(program(FOREVER))
+        launcher.kill("it")
+        await heard.until("exited")
+        await launcher.start(program("print('again')"))
+        await heard.until("output")
+
+    launched(tmp_path, story)
+
+
+# The watchdog.
+
+
+def test_one_that_stops_feeding_its_watchdog_is_told_aborted_and_gone(tmp_path: Path) -> None:
+    text = "import faulthandler; faulthandler.enable(); notify('READY=1', 'WATCHDOG_USEC=50000', 'WATCHDOG=1')"
+    heard = ended(f"{NOTIFY}{text}\n{FOREVER}", tmp_path)
+    assert [told for told in heard.told if told[0] != "output"] == [
+        ("ready", "it"),
+        ("hung", "it"),
+        ("exited", "it", -signal.SIGABRT),
+    ]
+    assert any("most recent call first" in line for line in heard.lines())
+
+
+def test_one_that_does_not_heed_that_either_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(local, "_TRACES", 0.01)
+    text = "signal.signal(signal.SIGABRT, signal.SIG_IGN); notify('WATCHDOG=trigger')"
+    assert ended(f"{NOTIFY}{text}\n{FOREVER}", tmp_path).told == [("hung", "it"), ("exited", "it", -signal.SIGKILL)]
+
+
+def test_who_never_fed_it_is_not_watched_nor_who_is_stopping(tmp_path: Path) -> None:
+    text = "notify('WATCHDOG_USEC=1000'); {0}time.sleep(0.1); notify('READY=1')\n"
+    feeds = "notify('WATCHDOG=1', 'STOPPING=1'); "
+    for each in (text.format(""), text.format(feeds)):
+        assert ended(NOTIFY + each, tmp_path).told == [("ready", "it"), ("exited", "it", 0)]
+
+
+# One at a time, and nobody left.
+
+
+def test_a_network_that_runs_is_not_run_again(tmp_path: Path) -> None:
+    async def story(launcher: Launcher, heard: Heard) -> None:
+        second = Launcher(Heard(), "net", place=Place("net", tmp_path))
+        with pytest.raises(AlreadyRuns, match=rf"net runs already: process {os.getpid()}.*rcdeploy down"):
+            await second.open()
+        await launcher.start(program("print('undisturbed')"))
+        await heard.until("exited")
+
+    launched(tmp_path, story)
+
+
+CONTROLLER = """
+import asyncio, sys
+from pathlib import Path
+from tests.deploy.test_launcher import Heard, Launcher, Place, program, cgroups, DEAF, FOREVER, STRAY
+
+class Telling(Heard):
+    def output(self, name, line):
+        print(name, line, flush=True)
+
+async def main():
+    if sys.argv[2] == "no groups":
+        cgroups.make = lambda name: None
+    launcher = Launcher(Telling(), "net", place=Place("net", Path(sys.argv[1])))
+    await launcher.open()
+    print("keeper", launcher._keeper.pid, flush=True)
+    deaf = DEAF if sys.argv[3] == "deaf" else ""
+    await launcher.start(program(f"{deaf}import os; print(os.getpid(), flush=True); {FOREVER}", "one"))
+    await launcher.start(program(f"{STRAY}{FOREVER}", "stray"))
+    await asyncio.sleep(600)
+
+asyncio.run(main())
+"""
+
+
+class Controller:
+    """A launcher in a process of its own, with one process, and one that has gone astray from another."""
+
+    def __init__(self, folder: Path, groups: str = "no groups", deaf: str = "") -> None:
+        self.running = subprocess.Popen(
+            [sys.executable, "-c", CONTROLLER, str(folder), groups, deaf], stdout=subprocess.PIPE, text=True
+        )
+        assert self.running.stdout
+        told = dict(self.running.stdout.readline().split() for _ in range(3))
+        self.keeper, self.one, self.stray = (int(told[name]) for name in ("keeper", "one", "stray"))
+
+    def kill(self) -> None:
+        self.running.kill()
+        self.running.wait()
+        assert self.running.stdout
+        self.running.stdout.close()
+
+
+@pytest.mark.parametrize("groups", ["groups", "no groups"])
+def test_when_the_launcher_is_killed_its_keeper_ends_everything(tmp_path: Path, groups: str) -> None:
+    controller = Controller(tmp_path, groups)
+    controller.kill()
+    for pid in (controller.one, controller.stray, controller.keeper):
+        wait_until(lambda pid=pid: is_gone(pid))  # type: ignore[misc]
+    assert not (tmp_path / "net").exists()
+
+
+def test_a_keeper_that_is_killed_is_replaced(tmp_path: Path) -> None:
+    controller = Controller(tmp_path)
+    os.kill(controller.keeper, signal.SIGKILL)
+    wait_until(lambda: is_gone(controller.keeper))
+    program = "robocomp_py.deploy.launcher.keeper"
+    wait_until(lambda: [e for e in traces.everybody() if e.parent == controller.running.pid and program in _command(e)])
+    controller.kill()
+    wait_until(lambda: is_gone(controller.one) and is_gone(controller.stray))
+
+
+def test_when_both_are_killed_the_kernel_ends_processes_and_the_next_launch_the_rest(tmp_path: Path) -> None:
+    controller = Controller(tmp_path, deaf="deaf")
+    os.kill(controller.running.pid, signal.SIGSTOP)  # so that it does not notice
+    os.kill(controller.keeper, signal.SIGKILL)
+    controller.kill()
+    wait_until(lambda: is_gone(controller.one))
+    assert not is_gone(controller.stray)
+
+    async def story(launcher: Launcher, heard: Heard) -> None:
+        assert is_gone(controller.stray)
+
+    launched(tmp_path, story)
+
+
+def test_a_stranger_with_the_id_of_a_leftover_is_left_alone(tmp_path: Path) -> None:
+    stranger = subprocess.Popen([sys.executable, "-ISc", FOREVER], start_new_session=True)
+    trace = traces.look(stranger.pid)
+    assert trace
+    left = leftovers.Leftovers("mark", traces.boot(), "", {stranger.pid: trace.started - 1})
+    assert left.end(grace=0.0) == 0
+    left.processes[stranger.pid] = trace.started
+    assert left.end(grace=SOON) == 1
+    assert stranger.wait() == -signal.SIGTERM
+
+
+def test_before_the_machine_was_started_anew_ids_meant_others(tmp_path: Path) -> None:
+    trace = traces.look(os.getpid())
+    assert trace
+    assert leftovers.Leftovers("mark", "another start", "", {os.getpid(): trace.started}).end() == 0
+
+
+def _command(trace: traces.Trace) -> str:
+    try:
+        return Path(f"/proc/{trace.pid}/cmdline").read_text().replace("\0", " ")
+    except OSError:
+        return ""

@@ -1,0 +1,86 @@
+"""What components print, in files that neither grow without end nor stop anybody."""
+
+from __future__ import annotations
+
+import json
+import resource
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from robocomp_py.deploy.logs import KEPT, Form, Logs, last
+from robocomp_py.errors import DeploymentError
+
+
+@pytest.fixture
+def logs(tmp_path: Path) -> Iterator[Logs]:
+    made = Logs(tmp_path / "logs", clock=iter(range(100_000)).__next__, altogether=0)
+    yield made
+    made.close()
+
+
+def test_each_has_a_file_with_the_time_of_each_line(logs: Logs) -> None:
+    logs.write("laser", "ready")
+    logs.write("left/arm", "WARNING: too close")
+    assert (logs.folder / "laser.log").read_text() == "1970-01-01T00:00:00.000+00:00 ready\n"
+    assert (logs.folder / "left.arm.log").read_text() == "1970-01-01T00:00:01.000+00:00 WARNING: too close\n"
+
+
+def test_a_name_is_no_path(logs: Logs) -> None:
+    logs.write("../../etc/passwd", "root")
+    assert [path.name for path in logs.folder.iterdir()] == ["etc.passwd.log"]
+
+
+def test_for_machines_each_line_is_json(tmp_path: Path) -> None:
+    logs = Logs(tmp_path, form=Form.JSON, clock=lambda: 0.5)
+    logs.write("left/arm", "WARNING: zu nah: 3 µm")
+    logs.write("left/arm", "and more")
+    logs.close()
+    first, second = map(json.loads, (tmp_path / "left.arm.log").read_text().splitlines())
+    when = "1970-01-01T00:00:00.500+00:00"
+    assert first == {"time": when, "name": "left/arm", "level": "warning", "text": "zu nah: 3 µm"}
+    assert second == {"time": when, "name": "left/arm", "level": "", "text": "and more"}
+
+
+def test_a_long_file_is_followed_by_a_new_one_and_the_oldest_is_gone(logs: Logs) -> None:
+    for number in range(330):
+        logs.write("noisy", f"{number} " + "x" * 1000)
+    files = sorted(path.name for path in logs.folder.iterdir())
+    assert files == ["noisy.log", *(f"noisy.log.{number + 1}" for number in range(KEPT))]
+    assert all(path.stat().st_size < 70_000 for path in logs.folder.iterdir())
+
+
+def test_the_newest_lines_are_told_across_files_and_of_several_in_order(logs: Logs) -> None:
+    for number in range(70):
+        logs.write("noisy", f"{number} " + "x" * 1000)
+        logs.write("quiet", str(number))
+    assert (logs.folder / "noisy.log.1").exists()
+    assert [line.split()[1] for line in last(logs.folder, ["noisy"], 20)] == [str(number) for number in range(50, 70)]
+    assert [line.split()[1] for line in last(logs.folder, [], 4)] == ["68", "68", "69", "69"]
+    assert last(logs.folder, ["nobody"], 4) == []
+
+
+def test_what_a_full_disk_loses_is_counted_and_told_later(logs: Logs, monkeypatch: pytest.MonkeyPatch) -> None:
+    logs.write("laser", "one")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    deaf = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (50, before[1]))  # room for a part of the next line
+        logs.write("laser", "two")
+        logs.write("laser", "three")
+        assert logs.lost == {"laser": 2}
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, deaf)
+    logs.write("laser", "four")
+    told = [line.split(" ", 1)[1] for line in (logs.folder / "laser.log").read_text().splitlines()]
+    assert told == ["one", "WARNING: 2 lines were lost here: they could not be written", "four"]
+    assert not logs.lost
+
+
+def test_a_folder_that_cannot_be_is_told_at_the_start(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(DeploymentError, match=r"logs in .*file/logs: Not a directory"):
+        Logs(tmp_path / "file" / "logs")

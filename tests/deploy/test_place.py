@@ -1,0 +1,75 @@
+"""A network runs once on a host, and who runs it can be asked for."""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+from robocomp_py.deploy.place import AlreadyRuns, Place, Runner, file_name
+from robocomp_py.errors import DeploymentError
+
+
+def test_who_runs_a_network_is_known_until_it_ends(tmp_path: Path) -> None:
+    mine, other = Place("Patrol", tmp_path), Place("Patrol", tmp_path)
+    assert other.runner() is None
+    mine.take("rcdeploy patrol.ddsl")
+    runner = other.runner()
+    assert runner
+    assert (runner.pid, runner.command) == (os.getpid(), "rcdeploy patrol.ddsl")
+    with pytest.raises(AlreadyRuns, match=rf"process {os.getpid()} \(rcdeploy patrol.ddsl\); to end it: rcdeploy down"):
+        other.take()
+    mine.release()
+    mine.release()
+    assert other.runner() is None
+    other.take()
+    other.release()
+
+
+def test_two_networks_run_side_by_side(tmp_path: Path) -> None:
+    patrol, rescue = Place("Patrol", tmp_path), Place("Rescue", tmp_path)
+    patrol.take()
+    rescue.take()
+    rescue.release()
+    assert patrol.runner()
+    patrol.release()
+
+
+def test_the_folder_is_the_users_alone_and_goes_with_what_is_of_no_use_any_more(tmp_path: Path) -> None:
+    place = Place("Patrol", tmp_path)
+    place.take()
+    assert stat.S_IMODE(place.folder.stat().st_mode) == 0o700
+    place.notify.mkdir()
+    for file in (place.control, place.plan, place.leftovers, place.notify / "1"):
+        file.touch()
+    place.logs.mkdir()
+    (place.logs / "laser.log").touch()
+    place.release()
+    assert [path.name for path in place.folder.rglob("*")] == ["logs", "laser.log"]
+
+
+def test_whatever_stands_in_the_lock_somebody_holds_it(tmp_path: Path) -> None:
+    place = Place("Patrol", tmp_path)
+    place.take()
+    for text in ("", "nonsense", json.dumps({"pid": []})):
+        (place.folder / "pid").write_text(text)
+        assert Place("Patrol", tmp_path).runner() == Runner(0)
+        with pytest.raises(AlreadyRuns, match="another process"):
+            Place("Patrol", tmp_path).take()
+    place.release()
+
+
+def test_a_place_where_nothing_can_be_written_is_told(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(DeploymentError, match="set ROBOCOMP_RUNTIME_DIR"):
+        Place("Patrol", tmp_path / "file").take()
+
+
+def test_names_become_files_of_one_folder() -> None:
+    assert file_name("left/arm") == "left.arm"
+    assert file_name("../../x") == "x"
+    assert file_name("..") == "_"
+    assert file_name("a b\n$(c)") == "a_b___c_"

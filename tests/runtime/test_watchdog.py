@@ -1,0 +1,149 @@
+"""A process says that its components get on, and does not if one of them is at the same thing for too long."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from robocomp_py.runtime.monitor import Gauge, Monitor
+from robocomp_py.runtime.notify import watchdog_s
+from robocomp_py.runtime.watchdog import Watchdog
+from robocomp_py.testing.patience import SOON, wait_until
+
+
+class Component:
+    """With a monitor that somebody may be inside."""
+
+    def __init__(self) -> None:
+        self.monitor = Monitor()
+        self.monitor.open()
+        self.is_up = True
+        self._looks = threading.Semaphore(0)
+
+    @property
+    def is_over(self) -> bool:
+        """Asked at each look."""
+        self._looks.release()
+        return False
+
+    def looked_at(self, number: int) -> None:
+        """Return when it has been looked at so many times more."""
+        while self._looks.acquire(blocking=False):
+            pass
+        for _ in range(number):
+            assert self._looks.acquire(timeout=SOON)
+
+
+@pytest.fixture
+def component() -> Iterator[Component]:
+    made = Component()
+    yield made
+    made.monitor.close()
+
+
+@pytest.fixture(autouse=True)
+def launched(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NOTIFY_SOCKET", "@nobody")
+    monkeypatch.setenv("WATCHDOG_USEC", "15000")
+    monkeypatch.delenv("WATCHDOG_PID", raising=False)
+
+
+@contextmanager
+def watched(*every: Component, wishes: tuple[float | None, ...] = (None,)) -> Iterator[list[str]]:
+    told: list[str] = []
+    with Watchdog(every, wishes, told.append):
+        yield told
+
+
+def test_one_that_gets_on_says_so_again_and_again(component: Component) -> None:
+    with watched(component) as told:
+        wait_until(lambda: len(told) > 3)
+    assert set(told) == {"WATCHDOG=1"}
+
+
+def test_one_that_is_at_the_same_thing_is_silent_and_one_that_waits_for_an_answer_is_not(component: Component) -> None:
+    with component.monitor.held(), watched(component) as told:
+        component.looked_at(2)  # at the first look it may just have begun
+        told.clear()
+        component.looked_at(5)
+        assert told == []
+        with component.monitor.released():
+            wait_until(lambda: "WATCHDOG=1" in told)
+
+
+def test_nothing_is_said_before_it_is_ready(component: Component) -> None:
+    component.is_up = False
+    with watched(component) as told:
+        component.looked_at(3)
+        assert told == []
+        component.is_up = True
+        wait_until(lambda: told)
+
+
+def test_one_of_several_that_is_stuck_silences_all(component: Component) -> None:
+    other = Component()
+    with other.monitor.held(), watched(component, other) as told:
+        component.looked_at(2)
+        told.clear()
+        component.looked_at(3)
+        assert told == []
+    other.monitor.close()
+
+
+def test_its_configuration_counts_more_than_who_launched_it(component: Component) -> None:
+    with watched(component, wishes=(0.006, 0.012)) as told:
+        wait_until(lambda: len(told) > 1)
+    assert told[:2] == ["WATCHDOG_USEC=12000\nWATCHDOG=1", "WATCHDOG=1"]
+
+
+def test_one_that_may_take_as_long_as_it_likes_says_so_once(component: Component) -> None:
+    with watched(component, wishes=(0.0, 0.006)) as told, component.monitor.held():
+        wait_until(lambda: told)
+    assert told == ["WATCHDOG_USEC=0"]
+
+
+def test_how_busy_it_is_is_told_until_it_is_not(component: Component) -> None:
+    component.monitor.gauge.note(0.25)
+    with watched(component) as told:
+        wait_until(lambda: len([line for line in told if "CALLS" in line]) == 2 and "CALLS" not in told[-1])
+    first, second = (line.split("=")[-1].split() for line in told if "CALLS" in line)
+    assert (float(first[0]) > 0, float(first[1])) == (True, 250.0)
+    assert second == ["0", "0"]
+
+
+def test_nobody_who_did_not_ask_is_told(component: Component, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("WATCHDOG_USEC")
+    before = threading.active_count()
+    with watched(component) as told:
+        assert threading.active_count() == before
+    assert told == []
+
+
+@pytest.mark.parametrize(("microseconds", "pid", "seconds"), [
+    ("2500000", None, 2.5),
+    ("2500000", os.getpid(), 2.5),
+    ("2500000", 1, 0.0),
+    ("soon", None, 0.0),
+    ("inf", None, 0.0),
+    ("-1", None, 0.0),
+])  # fmt: skip
+def test_the_launchers_wish_is_read_as_systemd_writes_it(
+    microseconds: str, pid: int | None, seconds: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("WATCHDOG_USEC", microseconds)
+    if pid:
+        monkeypatch.setenv("WATCHDOG_PID", str(pid))
+    assert watchdog_s() == seconds
+
+
+def test_a_gauge_tells_what_was_since_it_was_read_last() -> None:
+    gauge = Gauge()
+    gauge.note(0.1)
+    gauge.note(0.3)
+    gauge.note(0.2)
+    assert gauge.take() == (3, 0.3)
+    assert gauge.take() == (0, 0.0)
