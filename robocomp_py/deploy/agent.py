@@ -420,6 +420,7 @@ async def _main(name: str, into: int, out: int) -> int:
         place.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         _say_into(place.folder / "agent.log")
         await agent.run(Session(reader, writer))
+        _tidy(place.folder)
     else:
         await _carry((reader, writer), there)
     return 0
@@ -461,6 +462,14 @@ def _say_into(path: Path) -> None:
     for descriptor in (1, 2):
         os.dup2(log, descriptor)
     os.close(log)
+
+
+def _tidy(folder: Path) -> None:
+    """Leave nothing, unless there is something to be read."""
+    with contextlib.suppress(OSError):
+        if not (folder / "agent.log").stat().st_size:
+            (folder / "agent.log").unlink()
+        folder.rmdir()
 
 
 def main(arguments: list[str]) -> int:

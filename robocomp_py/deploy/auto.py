@@ -192,7 +192,8 @@ class _Chooser:
                 return better, why
             hindered.append((better, hindrance))
         self._instead.update((which, reason, network) for which, reason in hindered)
-        return network, "; ".join(f"no {which}: {reason}" for which, reason in hindered)
+        apart = "two hosts" if link.client.host != link.server.host else ""
+        return network, "; ".join(f"no {which}: {reason}" for which, reason in hindered) or apart
 
     def _hindrance(self, middleware: str, link: _Link) -> str:
         if reason := self._usable(middleware):

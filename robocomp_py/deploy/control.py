@@ -76,18 +76,22 @@ class Control:
         """Disconnect everybody. Idempotent."""
         if self._server:
             self._server.close()
-        tasks = [client.task for client in self._clients]
-        for task in tasks:
-            task.cancel()
+            self._server = None
+        tasks = [client.leave() for client in self._clients]
         await asyncio.gather(*tasks, return_exceptions=True)
 
-    async def _connected(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        task = asyncio.current_task()
-        assert task
+    def _connected(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """A task of our own, for asyncio complains of one of its that is cancelled."""
+        if not self._server:  # it was just on its way when we closed
+            writer.transport.abort()
+            return
+        client = _Client(reader, writer)
+        client.task = asyncio.create_task(self._attend(client), name="control client")
         if len(self._clients) >= CLIENTS:
-            self._clients.pop(0).task.cancel()
-        client = _Client(task, reader, writer)
+            self._clients.pop(0).leave()
         self._clients.append(client)
+
+    async def _attend(self, client: _Client) -> None:
         try:
             await self._serve(client)
         except (TimeoutError, OSError):
@@ -95,7 +99,7 @@ class Control:
         finally:
             if client in self._clients:
                 self._clients.remove(client)
-            writer.transport.abort()  # what was sent has left the process: `send` waits for that
+            client.writer.transport.abort()  # what was sent has left the process: `send` waits for that
 
     async def _serve(self, client: _Client) -> None:
         while True:
@@ -106,8 +110,9 @@ class Control:
             except asyncio.LimitOverrunError:
                 await client.send({"error": f"a request has at most {LINE} bytes"})
                 return
-            self._clients.remove(client)  # to where those are who were heard last
-            self._clients.append(client)
+            if client in self._clients:  # to where those are who were heard last
+                self._clients.remove(client)
+                self._clients.append(client)
             try:
                 await self._answer(read_request(line), client)
             except DeploymentError as exc:
@@ -157,9 +162,16 @@ class Control:
 
 @dataclass(eq=False)
 class _Client:
-    task: asyncio.Task[Any]
     reader: asyncio.StreamReader
     writer: asyncio.StreamWriter
+    task: asyncio.Task[None] | None = None
+
+    def leave(self) -> asyncio.Task[None]:
+        """Have it disconnected, which is done when the task has ended."""
+        assert self.task
+        self.task.cancel()
+        self.writer.transport.abort()  # the task may not have begun
+        return self.task
 
     def __post_init__(self) -> None:
         self.writer.transport.set_write_buffer_limits(high=0)  # to drain is to have everything sent

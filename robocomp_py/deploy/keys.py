@@ -190,11 +190,13 @@ def files_of(plan: Plan, host: str, folder: Path) -> tuple[Path, ...]:
 def router_settings(plan: Plan, host: str, folder: Path, there: str = "") -> dict[str, Any]:
     """What Zenoh's router on a host needs: its keys, and who may do what there.
 
-    `there` is what its folder of keys is called on that host, if not as here.
+    `there` is what its folder of keys is called on that host, if not as here. Raises DeploymentError if there are none.
     """
     own = there or str(router_folder(folder, host))
     graph = graph_of(plan)
-    numbers = {each.name: _identity(folder / each.folder)["number"] for each in graph.principals}
+    numbers = {each.name: _identity(folder / each.folder).get("number", -1) for each in graph.principals}
+    if -1 in numbers.values():
+        raise DeploymentError(f"there are no keys of {graph.name} in {folder}")
     tls = {
         "root_ca_certificate": f"{own}/ca.pem",
         "listen_certificate": f"{own}/certificate.pem",

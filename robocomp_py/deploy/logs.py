@@ -145,6 +145,29 @@ def last(folder: Path, names: Collection[str], count: int) -> list[str]:
     return sorted(lines)[-count:] if count else []
 
 
+def recalled(folder: Path, names: Collection[str], count: int) -> list[tuple[str, str]]:
+    """`last`, with the name of the process of each line, and without the time: as they were printed."""
+    chosen = {file_name(name) for name in names}
+    found = [
+        (*_parts(line), path.stem)
+        for path in sorted(folder.glob("*.log"))
+        if not chosen or path.stem in chosen
+        for line in _tail(path, count)
+    ]
+    found.sort(key=lambda each: each[0])
+    return [(name, text) for _, text, name in found[-count:]] if count else []
+
+
+def _parts(line: str) -> tuple[str, str]:
+    """The time, and what was printed then."""
+    if line.startswith("{"):
+        with contextlib.suppress(ValueError, KeyError, TypeError):
+            told = json.loads(line)
+            return str(told["time"]), (f"{told['level'].upper()}: " if told["level"] else "") + str(told["text"])
+    when, _, text = line.partition(" ")
+    return when, text
+
+
 def _tail(path: Path, count: int) -> list[str]:
     """The last lines of a file, and of those before it as far as it takes."""
     lines: list[str] = []

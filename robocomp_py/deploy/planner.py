@@ -397,7 +397,8 @@ class _Planner:
         encrypted = placing.security(self._model) is Security.LAN
         network = Network(self._model.name.text, addresses, sites, self._choice.ways, encrypted)
         self._wiring = wire_hosts(network)
-        for fault in self._wiring.faults:
+        once = {(fault.code, fault.instance, fault.other): fault for fault in reversed(self._wiring.faults)}
+        for fault in reversed(once.values()):
             related = [("the other end", named[fault.other].instance.name)] if fault.other else []
             self._error(fault.code, fault.message, named[fault.instance].place(fault.port), fault.hint, *related)
 

@@ -449,7 +449,8 @@ class Supervisor:
         if self.stopping:
             return
         for each in wanted:
-            self._restart_along(each, self._now)
+            if not each.child.is_kept:
+                self._restart_along(each, self._now)
         for each in here:
             if each not in wanted and (self._is_mission(each) or not self.up):
                 return self._stop(f"{each.child.name} is gone with its host {host}", UNREACHABLE)

@@ -143,7 +143,10 @@ def warning(plan: Plan) -> str:
 
 
 def secured(plan: Plan, folder: Path) -> Plan:
-    """The same network, with each of its processes and routers given its own keys of that folder, if it needs any."""
+    """The same network, with each of its processes and routers given its own keys of that folder, if it needs any.
+
+    Raises DeploymentError if there is not one for each.
+    """
     if plan.security is not Security.LAN:
         return plan
     processes = tuple(_with_keys(each, keys.folder_of(folder, each.name).absolute()) for each in plan.processes)

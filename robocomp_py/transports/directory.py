@@ -203,8 +203,9 @@ class Directory:
         if stamp != self._stamp:
             self._stamp, self._changed_at = stamp, now
         if now - self._changed_at < max(_SETTLED, 2 * self.pause):
+            begun = time.thread_time()
             self._adopt(self._read() if stamp else {})
-            spent = time.monotonic() - now
+            spent = time.thread_time() - begun
             self.pause = min(_LONGEST_PAUSE, spent * len(self._files)) if len(self._files) > _FEW else 0.0
             self._next_look = now + self.pause
         if now - self._asked_at > _FORGET:
@@ -357,6 +358,7 @@ class Membership:
                 return
             try:
                 with contextlib.suppress(OSError):  # whoever looks there next removes it
+                    self._lock_file.unlink(missing_ok=True)  # first: who sees our entries go finds nobody who lives
                     for leftover in self._file.parent.glob(f"{self.id}*"):
                         leftover.unlink(missing_ok=True)
             finally:

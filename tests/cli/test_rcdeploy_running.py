@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -13,7 +12,6 @@ from pathlib import Path
 import pytest
 
 from robocomp_py.cli.rcdeploy import main as rcdeploy
-from robocomp_py.cli.rcgen import main as rcgen
 from robocomp_py.deploy.place import Place
 from robocomp_py.testing.patience import SOON, wait_until
 
@@ -166,6 +164,9 @@ def test_who_follows_what_is_printed_is_told_until_the_end_and_down_waits_for_th
         assert following.wait(SOON) == 0
     assert "rcdeploy | stopping: asked to by rcdeploy down\n" in rest
     assert "prints | bye\n" in rest
+    past = run("logs", path, "-n", 3)
+    assert (past.returncode, past.stdout) == (0, rest[rest.index("rcdeploy | stop") :])
+    assert past.stderr == f"brief does not run now; this is what it left in {Place('brief').logs}\n"
 
 
 def test_what_cannot_start_is_told_where_it_was_started(tmp_path: Path) -> None:
@@ -183,40 +184,6 @@ def test_what_is_wrong_with_a_network_is_told_where_it_was_started(tmp_path: Pat
     failed = run("up", "--detach", path)
     assert failed.returncode == 1
     assert "error[unknown-component]" in failed.stderr
-
-
-@pytest.fixture(scope="module")
-def endless(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A network that never becomes ready: one waits for what the other, a program, never serves."""
-    folder = tmp_path_factory.mktemp("endless")
-    path = network_of(folder, "endless", hello="echo here I am; exec sleep 600")
-    assert rcgen(["--new", "Hello", "-o", str(folder / "hello")]) == 0
-    asker = folder / "asker" / "asker.cdsl"
-    asker.parent.mkdir()
-    asker.write_text(
-        'import "../hello/Hello.idsl"; Component asker { Communications { requires Hello; }; language python; };'
-    )
-    assert rcgen([str(asker)]) == 0
-    path.write_text(
-        'import "hello/hello.cdsl"; import "asker/asker.cdsl";'
-        'Deployment endless { Component hello { path "hello.sh"; }; Component asker { }; };'
-    )
-    return path
-
-
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_who_is_interrupted_while_waiting_leaves_nothing(endless: Path, number: int, code: int) -> None:
-    command = [sys.executable, "-m", "robocomp_py.cli.rcdeploy", "up", "--detach", str(endless)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as waiting:
-        assert waiting.stdout is not None
-        line = waiting.stdout.readline()
-        while "here I am" not in line:
-            assert line, "it has ended"
-            line = waiting.stdout.readline()
-        waiting.send_signal(number)
-        said = waiting.stdout.read()
-        assert (waiting.wait(SOON * 2), "stopping: asked to" in said) == (code, True), said
-    assert is_gone("endless")
 
 
 def test_what_does_not_run_cannot_be_asked_and_it_is_said_how_to_start_it(tmp_path: Path, capsys: Said) -> None:

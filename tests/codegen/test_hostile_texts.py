@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ast
+import json
 import re
 import tomllib
+from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -84,7 +86,7 @@ def generated(texts: dict[Path, str], cdsl: str = "arm.cdsl") -> tuple[Artifact,
     found = workspace(texts)
     linked = found.component(FOLDER / "arm.cdsl")
     assert linked, "\n".join(each.render() for each in found.report.diagnostics)
-    return generate(Model(linked.component, linked.modules, cdsl, linked.params, statemachine=linked.statemachine))
+    return generate(Model(linked.component, linked.modules, cdsl, linked.params, "dds", linked.statemachine))
 
 
 def skeleton(artifact: Artifact) -> Any:
@@ -94,6 +96,10 @@ def skeleton(artifact: Artifact) -> Any:
             return python(artifact.text)
         case ".toml":
             return shape(tomllib.loads(artifact.text))
+        case ".json":
+            return shape(json.loads(artifact.text))
+        case ".idl":
+            return bare(artifact.text)
         case ".md":
             return [line for line in artifact.text.split("\n") if line.startswith(("#", "```", "|--"))]
         case _:
@@ -121,11 +127,14 @@ def shape(value: object) -> object:
             return value
 
 
-PLAIN = [(each.path, skeleton(each)) for each in generated(files("plain", "plain"))]
+@cache
+def plain() -> list[tuple[PurePosixPath, Any]]:
+    """What harmless texts come to."""
+    return [(each.path, skeleton(each)) for each in generated(files("plain", "plain"))]
 
 
 def check(comment: str, quoted: str) -> None:
-    assert [(each.path, skeleton(each)) for each in generated(files(comment, quoted))] == PLAIN
+    assert [(each.path, skeleton(each)) for each in generated(files(comment, quoted))] == plain()
 
 
 @pytest.mark.parametrize("text", FOR_COMMENTS)
@@ -153,7 +162,7 @@ def test_so_is_any_other(comment: str, quoted: str) -> None:
 def test_the_name_of_a_file_is_text_in_what_is_generated(name: str) -> None:
     made = generated(files("plain", "plain"), f"{name}.cdsl")
     assert [(each.path, skeleton(each)) for each in made if each.path.suffix == ".py"] == [
-        (path, said) for path, said in PLAIN if path.suffix == ".py"
+        (path, said) for path, said in plain() if path.suffix == ".py"
     ]
 
 
@@ -176,21 +185,24 @@ def ros(text: str) -> list[str]:
 @pytest.mark.parametrize(("to", "read"), [("slice", bare), ("omgidl", bare), ("rosmsg", ros)])
 @pytest.mark.parametrize("text", FOR_QUOTES)
 def test_a_text_is_text_in_other_languages_too_or_is_refused(to: str, read: Any, text: str) -> None:
-    plain, _ = exported(to, "plain", "plain")
+    harmless, _ = exported(to, "plain", "plain")
     made, refused = exported(to, text.replace("*/", ""), text)
     if not refused:
-        assert {path: read(each) for path, each in made.items()} == {path: read(each) for path, each in plain.items()}
+        assert {path: read(each) for path, each in made.items()} == {
+            path: read(each) for path, each in harmless.items()
+        }
 
 
 @pytest.mark.parametrize(("to", "read"), [("slice", bare), ("omgidl", bare), ("rosmsg", ros)])
 @pytest.mark.parametrize("text", FOR_COMMENTS)
 def test_a_comment_is_one_in_other_languages_too(to: str, read: Any, text: str) -> None:
-    plain, _ = exported(to, "plain", "plain")
+    harmless, _ = exported(to, "plain", "plain")
     made, refused = exported(to, text, "plain")
     assert not refused
-    assert {path: read(each) for path, each in made.items()} == {path: read(each) for path, each in plain.items()}
+    assert {path: read(each) for path, each in made.items()} == {path: read(each) for path, each in harmless.items()}
 
 
+@cache
 def exported(to: str, comment: str, quoted: str) -> tuple[dict[PurePosixPath, str], bool]:
     """The files, and whether anything was refused."""
     found = workspace(files(comment, quoted))

@@ -32,6 +32,8 @@ class Running:
     def __init__(self, network: Standing, name: str = "home") -> None:
         self.network, self.ring, self.place = network, Ring(), Place(name)
         self.loop = asyncio.new_event_loop()
+        self.complaints: list[dict[str, Any]] = []
+        self.loop.set_exception_handler(lambda _, context: self.complaints.append(context))
         self._thread = threading.Thread(target=self.loop.run_forever)
         self._thread.start()
         self.place.take("a test")
@@ -56,10 +58,19 @@ class Running:
         if self.loop.is_closed():
             return
         self.do(self._control.close())
+        self.do(self._settle())
         self.place.release()
         self.loop.call_soon_threadsafe(self.loop.stop)
         self._thread.join()
         self.loop.close()
+        assert self.complaints == []
+
+    async def _settle(self) -> None:
+        """Let asyncio close what it has been told to."""
+        others = asyncio.all_tasks() - {asyncio.current_task()}
+        await asyncio.gather(*others, return_exceptions=True)
+        for _ in range(5):
+            await asyncio.sleep(0)
 
 
 Start = Callable[..., Running]

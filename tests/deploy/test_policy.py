@@ -687,6 +687,13 @@ def test_what_its_host_keeps_is_found_there_again_even_if_it_is_never_started_ag
     assert history[3:] == [[], [Start("far")]]
 
 
+def test_nobody_goes_along_with_what_runs_on_at_a_host_that_is_out_of_reach() -> None:
+    network = (replace(FAR, is_kept=True), NEAR)
+    escalations: dict[tuple[str, ...], Escalation] = {(): Escalation.ONE_FOR_ALL}
+    history = replay(*BOTH, Lost("onboard"), Back("onboard"), network=network, escalations=escalations)
+    assert history[3:] == [[], [Start("far")]]
+
+
 def test_stopped_without_one_of_its_hosts_a_network_was_not_stopped_completely() -> None:
     history = replay(*BOTH, Lost("onboard"), StopRequested(130), Exited("near", 0), network=FAR_AND_NEAR)
     assert history[3:] == [[], [Stop("near")], [Finish(3)]]
@@ -745,7 +752,8 @@ def networks(draw: st.DrawFn) -> tuple[Child, ...]:
         after = draw(st.lists(st.sampled_from(earlier), unique=True)) if earlier else []
         host = draw(st.sampled_from(["", "onboard"]))
         instances = ("front", "rear") if name == "lidar" else ()
-        found.append(Child(name, tuple(after), draw(RESTARTS), 5.0, SYSTEMS.get(name, ()), host, instances))
+        child = Child(name, tuple(after), draw(RESTARTS), 5.0, SYSTEMS.get(name, ()), host, instances=instances)
+        found.append(replace(child, is_kept=bool(host) and draw(st.booleans())))
     return tuple(found)
 
 

@@ -117,13 +117,14 @@ def test_a_network_of_this_machine_needs_nothing(net: Path, capsys: pytest.Captu
     assert "WARNING" not in capsys.readouterr().err
 
 
-def test_no_secret_is_in_the_plan_that_is_shown(net: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_plan_names_the_folders_of_keys_and_no_secret(net: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert rcdeploy(["keys", str(net)]) == 0
     secrets = [path.read_text() for path in net.parent.rglob("*.key_secret")]
     capsys.readouterr()
     assert rcdeploy(["plan", str(net), "--json"]) == 0
     shown = capsys.readouterr().out
     assert len(secrets) == 2
+    assert str(net.parent / "keys" / "Patrol" / "sensor") in shown
     assert not any(
         line.split('"')[1] in shown for text in secrets for line in text.splitlines() if "secret-key" in line
     )

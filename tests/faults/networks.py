@@ -77,7 +77,15 @@ _GONE = 5.0
 class _Network:
     """A folder with a network of so many components, each of which asks the one before it."""
 
-    def __init__(self, count: int, middleware: str, more: str = "", period: float = 1.0) -> None:
+    def __init__(
+        self,
+        count: int,
+        middleware: str,
+        more: str = "",
+        period: float = 1.0,
+        hosts: str = "",
+        home: Path | None = None,
+    ) -> None:
         self.folder = Path(tempfile.mkdtemp(prefix="rcf-", dir="/tmp"))
         self.run_folder = self.folder / "run"
         self.run_folder.mkdir(mode=0o700)
@@ -100,17 +108,18 @@ class _Network:
             settings = more if number == 0 else ""
             kind = "node" if number else "odd"
             instances += f"    Component n{number} : {kind} {{ requires Echo from {asked}; {settings}}};\n"
+        self.hosts, self.home = hosts, home
         self.model = self.folder / "net.ddsl"
         imports = 'import "node/node.cdsl";\nimport "odd/odd.cdsl";\n'
-        self.model.write_text(f"{imports}\nDeployment Net\n{{\n    middleware {middleware};\n{instances}}};\n")
+        self.model.write_text(f"{imports}\nDeployment Net\n{{\n    middleware {middleware};\n{hosts}{instances}}};\n")
 
     def start(self, *faults: str) -> subprocess.Popen[str]:
         self.said = self.folder / "said"
         with self.said.open("w") as said:
             return subprocess.Popen(
-                [_tool("rcdeploy"), str(self.model)],
+                [_tool("rcdeploy"), str(self.model), *(["--insecure"] if self.hosts else [])],
                 cwd=self.folder,
-                env=self.environment | {"FAULTS": " ".join(faults)},
+                env=self.environment | {"FAULTS": " ".join(faults)} | ({"HOME": str(self.home)} if self.home else {}),
                 stdout=said,
                 stderr=subprocess.STDOUT,
                 stdin=subprocess.DEVNULL,
@@ -126,12 +135,22 @@ class _Network:
 
     def processes(self) -> dict[int, str]:
         """All that were started from within the network, also where nobody looks for them; and what they are."""
-        mark = f"ROBOCOMP_RUNTIME_DIR={self.run_folder}".encode()
+        marks = {f"ROBOCOMP_RUNTIME_DIR={path}".encode() for path in (self.run_folder, self.folder / "far" / "run")}
         found = {}
         for each in Path("/proc").glob("[0-9]*"):
             with contextlib.suppress(OSError):
-                if mark in (each / "environ").read_bytes().split(b"\0"):
+                if marks & set((each / "environ").read_bytes().split(b"\0")):
                     found[int(each.name)] = (each / "cmdline").read_bytes().replace(b"\0", b" ").decode()[:100]
+        return found
+
+    def far(self) -> set[int]:
+        """Those on the other host."""
+        mark = f"ROBOCOMP_RUNTIME_DIR={self.folder / 'far' / 'run'}".encode()
+        found = set()
+        for pid in self.processes():
+            with contextlib.suppress(OSError):
+                if mark in Path(f"/proc/{pid}/environ").read_bytes().split(b"\0"):
+                    found.add(pid)
         return found
 
     def memory(self) -> int:
@@ -180,9 +199,11 @@ def _many(run: Run) -> Result:
         deployer.wait(60.0)
         stopped = time.monotonic() - stopping
         left = network.processes()
+        network_said = network.said.read_text()
     violations = [Violation("nobody left", f"{pid} {what}") for pid, what in left.items()]
     if states != {"ready": count}:
-        violations.append(Violation("ready", f"status says {dict(states)}: {status.stderr}"))
+        said = network_said[-300:]
+        violations.append(Violation("ready", f"status says {dict(states)}: {status.stderr}; rcdeploy said: …{said}"))
     return Result(
         [
             Figure("components", count),
@@ -260,6 +281,74 @@ def _ended(run: Run) -> Result:
     return Result([*figures, Figure("all gone after", slowest, "s", _GONE, timed=True)], violations)
 
 
+_FAR_DEEDS = (*_DEEDS, "kill -9 of the agent", "dropped ssh")
+
+
+def _ended_far(run: Run) -> Result:
+    """The same, with a host that is reached by SSH: nothing is left there, either."""
+    from tests.deploy.laboratory import Laboratory as Machines
+    from tests.deploy.laboratory import SshServer, make_key
+
+    rounds = run.rounds(60, 4)
+    slowest, done = 0.0, Counter[str]()
+    violations: list[Violation] = []
+    with Machines() as machines, tempfile.TemporaryDirectory(prefix="rcf-", dir="/tmp") as home:
+        far = machines.host("far")
+        own = Path(home) / ".ssh"
+        own.mkdir(mode=0o700)
+        make_key(own / "id_ed25519")
+        python = sys.executable
+        block = f'    security open;\n    host far {{ address "{far.address}"; user "root"; python "{python}"; }};\n'
+        with _Network(4, run.transport, "host far;", hosts=block, home=Path(home)) as network:
+            environment = {"FAULTS": "parent", "FAULTS_TO": str(network.folder / "calls")}
+            server = SshServer(far, network.folder / "far", own / "id_ed25519", environment)
+            (own / "known_hosts").write_text(f"{far.address} {server.public_key}\n")
+            for number, deed in enumerate(deeds(run.seed, rounds, _FAR_DEEDS, 0.5, 6.0)):
+                deployer = network.start("parent")
+                end = time.monotonic() + deed.after
+                while time.monotonic() < end and not network.ready():
+                    time.sleep(0.02)
+                if deed.what not in _DEEDS:
+                    until(lambda: len(network.far()) > 3, 30.0, "something runs there")
+                begun = time.monotonic()
+                if deed.what in _DEEDS:
+                    _do(deployer, deed.what, random.Random(run.seed + number))
+                    hit = set(network.processes())
+                else:
+                    hit = network.far()
+                    _cut_off(network, far.pids(), deed.what)
+                done[deed.what] += 1
+                with contextlib.suppress(RuntimeError):
+                    until(lambda hit=hit: not hit & set(network.processes()), _GONE, "")
+                slowest = max(slowest, time.monotonic() - begun)
+                left = {pid: what for pid, what in network.processes().items() if pid in hit}
+                deployer.terminate()
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    deployer.wait(20.0)
+                with contextlib.suppress(RuntimeError):
+                    until(lambda: not network.processes(), _GONE, "")
+                for pid, what in (left | network.processes()).items():
+                    text = f"round {number}, {deed.what} after {deed.after:.2f} s: {pid} {what}"
+                    violations.append(Violation("nobody left", text))
+                    with contextlib.suppress(ProcessLookupError):
+                        os.kill(pid, signal.SIGKILL)
+                if number % max(1, rounds // 10) == 0:
+                    run.tell(f"{number} of {rounds}")
+    figures = [Figure(what, count) for what, count in sorted(done.items())]
+    return Result([*figures, Figure("all gone after", slowest, "s", _GONE, timed=True)], violations)
+
+
+def _cut_off(network: _Network, there: list[int], what: str) -> None:
+    """Kill the agent on a host, or what carries the connection to it."""
+    for pid in there:
+        with contextlib.suppress(OSError):
+            words = Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode()
+            agent = "robocomp_py.deploy.agent" in words
+            session = words.startswith("sshd") and "-D" not in words
+            if (agent and what == "kill -9 of the agent") or (session and what == "dropped ssh"):
+                os.kill(pid, signal.SIGKILL)
+
+
 def _do(deployer: subprocess.Popen[str], what: str, chance: random.Random) -> None:
     number = {"SIGTERM": signal.SIGTERM, "SIGHUP": signal.SIGHUP, "kill -9": signal.SIGKILL}.get(what, signal.SIGINT)
     deployer.send_signal(number)
@@ -291,6 +380,15 @@ ROWS = [
         ("zeromq",),
         900,
         _ended,
+    ),
+    Row(
+        "end-far",
+        "the same with a second host, and kill -9 of its agent, dropped ssh; 60 random rounds",
+        "0 processes after 5 s, there too",
+        ("zeromq",),
+        600,
+        _ended_far,
+        root=True,
     ),
     Row(
         "many",

@@ -199,3 +199,52 @@ def test_while_it_cannot_be_read_what_was_read_last_holds(
     wait_until(lambda: not directory.find("serves", LASER.channel))
     assert sum("cannot be read" in record.message for record in caplog.records) == 1
     member.close()
+
+
+def test_what_is_gathered_is_written_once_at_the_end(directory: Directory) -> None:
+    member = directory.join("world")
+    (file,) = directory._folder.glob("*.json")
+    before = file.read_text()
+    with member.gathered():
+        member.add(LASER)
+        with member.gathered():
+            member.add(Entry("serves", "a/b/c", 2, "text"))
+            member.remove(LASER)
+        assert file.read_text() == before
+    assert [entry["channel"] for entry in json.loads(file.read_text())["entries"]] == ["a/b/c"]
+    member.close()
+
+
+def test_among_many_members_one_is_found_too(directory: Directory) -> None:
+    crowd = [directory.join(f"member{number}") for number in range(40)]
+    assert not directory.find("serves", LASER.channel)
+    assert directory.pause > 0
+    crowd[20].add(LASER)
+    wait_until(lambda: directory.find("serves", LASER.channel))
+    ((found, _),) = directory.find("serves", LASER.channel)
+    assert found.owner == "member20"
+    crowd[20].close()
+    wait_until(lambda: not directory.find("serves", LASER.channel))
+    for member in crowd:
+        member.close()
+
+
+def test_what_is_of_no_interest_here_changes_no_version(directory: Directory) -> None:
+    member = directory.join("world")
+    wait_until(lambda: not directory.find("serves", LASER.channel))
+    before = directory.version()
+    member.add(Entry("serves", "robot/world/Camera/getImage", 1, "text"))
+    assert directory.version() == before
+    assert directory.find("serves", "robot/world/Camera/getImage")
+    assert directory.version() == before
+    member.close()
+
+
+def test_a_channel_that_another_program_wrote_with_escapes_is_found(directory: Directory) -> None:
+    member = directory.join("theirs")
+    channel = LASER.channel.replace("/", "\\/").replace("world", "\\u0077orld")
+    text = f'{{"owner": "it", "pid": {os.getpid()}, "entries": [{{"role": "serves", "channel": "{channel}", '
+    member.address("draft").write_text(text + '"fingerprint": 1, "text": ""}]}')
+    member.address("draft").rename(directory._folder / f"{member.id}.json")
+    wait_until(lambda: directory.find("serves", LASER.channel))
+    member.close()

@@ -180,3 +180,22 @@ def test_trying_says_no_and_whoever_asks_is_told_who_has_it(tmp_path: Path) -> N
     assert try_claim(tmp_path, NAME, "other") is None
     assert holder(tmp_path, NAME) == f"world (pid {os.getpid()})"
     mine.close()
+
+
+def test_where_many_files_are_they_are_looked_through_once_in_a_while(tmp_path: Path) -> None:
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+
+    def leave() -> None:
+        for number in range(201):
+            (tmp_path / f"{number}.lock").write_text(f"victim (pid {dead.pid})")
+
+    leave()
+    sweep(tmp_path)
+    assert files(tmp_path) == [tmp_path / "swept"]
+    leave()
+    sweep(tmp_path)
+    assert len(files(tmp_path)) == 202
+    os.utime(tmp_path / "swept", (0, 0))
+    sweep(tmp_path)
+    assert files(tmp_path) == [tmp_path / "swept"]

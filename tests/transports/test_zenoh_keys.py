@@ -30,6 +30,7 @@ from robocomp_py.transports.zenoh import session as sessions
 from robocomp_py.transports.zenoh.tls import client_settings
 
 from ..deploy.security_network import DAY, NOW, made, network, way
+from .test_zeromq_far import Tap
 from .test_zeromq_wire import Outsider
 
 DIVIDE = Channel("robot/camera/Everything/divide", Pattern.QUERY, TypeRef("", e.divide.fingerprint, e.divide.text))
@@ -282,6 +283,32 @@ def test_four_hundred_who_say_nothing_keep_nobody_out(world: World) -> None:
             opened.enter_context(plain.create_connection(where))
         divide(world.open("camera"))
         assert quotient(world.open("viewer"), 17, 5) == (3, 2)
+
+
+def test_what_was_recorded_of_an_encrypted_connection_is_worth_nothing(world: World) -> None:
+    executed: list[object] = []
+    camera, moved = world.open("camera"), queue.Queue[Any]()
+    divide(camera, executed)
+    camera.inlet(MOVE, moved.put)
+    tap = Tap(world.port)
+    try:
+        viewer = world.open("viewer", tap.address.replace("tcp://", "tls/"))
+        assert quotient(viewer, 17, 5) == (3, 2)
+        command = viewer.outlet(MOVE)
+        assert command.wait_peer(SOON)
+        command.send(b"\0\1\0\0")
+        assert moved.get(timeout=SOON)
+        (recorded,) = map(bytes, tap.said)
+        assert len(recorded) > 1000
+    finally:
+        tap.close()
+    with plain.create_connection(("127.0.0.1", world.port)) as again:
+        again.settimeout(SOON)
+        again.sendall(recorded)
+        with contextlib.suppress(ConnectionResetError, BrokenPipeError):
+            while again.recv(65536):
+                pass  # its part of a handshake that cannot be completed, and then it hangs up
+    assert (executed, moved.qsize()) == ([(17, 5)], 0)
 
 
 # Two routers.

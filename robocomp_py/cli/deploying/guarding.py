@@ -34,6 +34,17 @@ def keys_of(plan: Plan, options: argparse.Namespace) -> Path:
     return chosen or network.absolute().parent / "keys" / plan.name
 
 
+def with_keys(plan: Plan, options: argparse.Namespace) -> Plan:
+    """The network as it would be started, if it has keys; nothing is looked at or told."""
+    from ...deploy import security
+    from ...errors import DeploymentError
+
+    try:
+        return security.secured(plan, keys_of(plan, options))
+    except DeploymentError:
+        return plan
+
+
 def guarded(plan: Plan, options: argparse.Namespace) -> Plan | int:
     """The network with its keys, or the exit code if it must not be started as it is, why having been told."""
     from ...deploy import security

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from ..common import FINE
@@ -22,7 +23,8 @@ examples:
   rcdeploy logs net.ddsl -f           ... and what comes then, until Ctrl-C or the end of the network
   rcdeploy logs net.ddsl rcdeploy     what rcdeploy itself had to say
 
-exit status: 0 fine, 1 the network does not run, 2 usage
+Of a network that does not run any more, what it has left is shown, if that was not written elsewhere by --log-dir.
+Exit status: 0 fine, 1 the network does not run and has left nothing, 2 usage
 """
 
 
@@ -35,18 +37,38 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    return asking(options.network, lambda connection: _print(connection, options))
+    return asking(options.network, lambda connection: _print(connection, options), lambda: _print_past(options))
 
 
 def _print(connection: Connection, options: argparse.Namespace) -> int:
     from ...deploy.client import lines
 
+    _show(lines(connection, options.names, options.lines, follow=options.follow))
+    return FINE
+
+
+def _print_past(options: argparse.Namespace) -> int | None:
+    """What a network that does not run any more has left; None if it has left nothing."""
+    from ...deploy.client import network_of
+    from ...deploy.logs import recalled
+    from ...deploy.place import Place
+
+    network = network_of(options.network)
+    folder = Place(network).logs
+    past = recalled(folder, options.names, options.lines)
+    if not past:
+        return None
+    print(f"{network} does not run now; this is what it left in {folder}", file=sys.stderr)
+    _show(past)
+    return FINE
+
+
+def _show(lines: Iterable[tuple[str, str]]) -> None:
     width = 0
-    for name, text in lines(connection, options.names, options.lines, follow=options.follow):
+    for name, text in lines:
         width = max(width, len(name))
         show([(f"{name:>{width}} | ", "cyan" if name != "rcdeploy" else "bold"), (text, "")])
         sys.stdout.flush()
-    return FINE
 
 
 def _count(text: str) -> int:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from ..common import FINE, complain
 from .asking import show
+from .guarding import add_keys, with_keys
 from .planning import add_network, planned
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ Exit status: 0 fine, 1 the network is wrong, 2 usage
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = "Check a network and show what would run. Nothing is started.", _EXAMPLES
     add_network(to)
+    add_keys(to)
     to.add_argument("--json", action="store_true", help="for machines")
 
 
@@ -43,6 +45,7 @@ def run(options: argparse.Namespace) -> int:
     plan = planned(options, as_json=options.json)
     if isinstance(plan, int):
         return plan
+    plan = with_keys(plan, options)
     try:
         _write(plan, options.json)
         sys.stdout.flush()

@@ -7,10 +7,11 @@ and becomes the agent. Tells in lines of JSON on standard output.
 
 import sys
 
-sys.path[:] = [each for each in sys.path if each]  # nothing is imported from the folder that we happen to be in
+if __name__ == "__main__":
+    sys.path[:] = [each for each in sys.path if each]  # nothing is imported from the folder that we happen to be in
 
-import json  # noqa: E402
-import os  # noqa: E402
+import json
+import os
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -105,7 +106,7 @@ def hold(path: str, how: int) -> int:
 
 
 def remove_old(bundles: str, name: str) -> None:
-    """All but the newest, those that somebody uses, and drafts of those who are sending one."""
+    """All but the newest and those that somebody uses, and what was left by who did not get all of one."""
     import fcntl
     import shutil
 
@@ -115,6 +116,10 @@ def remove_old(bundles: str, name: str) -> None:
         except OSError:
             return 0
 
+    for each in os.listdir(bundles):
+        pid = each.split(".")[-2] if each.endswith(".draft") else ""
+        if pid.isdigit() and not os.path.exists(f"/proc/{pid}"):
+            shutil.rmtree(os.path.join(bundles, each), ignore_errors=True)
     others = [each for each in os.listdir(bundles) if each != name and len(each) == 64]
     for each in sorted(others, key=age)[KEPT:]:
         lock = os.path.join(bundles, each + ".lock")

@@ -283,7 +283,7 @@ class RemoteAgent(Agent):
             case "failed":
                 self._settle(name, DeploymentError(message["why"]))
             case "refused":
-                log.warning("%s: %s", ssh.called(self._host), message["why"])
+                self._note(f"{ssh.called(self._host)}: {message['why']}")
             case "closed":
                 self._closed.set()
 

@@ -7,6 +7,7 @@ network again at night has nobody to ask. No terminal, no forwarding of whatever
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import shlex
 from collections.abc import Sequence
 from typing import Any
@@ -19,6 +20,10 @@ from .trusting import Presented, known_keys
 
 PATIENCE = 15.0
 """Seconds for a host to let us in."""
+
+
+ENDING = 5.0
+"""Seconds for a program that has done what it was to do to end."""
 
 
 class Channel:
@@ -40,10 +45,15 @@ class Channel:
                 await self._process.wait_closed()
         except (TimeoutError, OSError, asyncssh.Error):
             return ""
-        return text or f"it ended with exit status {self._process.returncode}"
+        if not text and self._process.returncode is not None:
+            return f"it ended with exit status {self._process.returncode}"
+        return text or "the connection was closed"
 
     async def close(self) -> None:
-        """Idempotent."""
+        """Once the program has ended, or does not. Idempotent."""
+        with contextlib.suppress(TimeoutError, OSError, asyncssh.Error):
+            async with asyncio.timeout(ENDING):
+                await self._process.wait_closed()
         self._process.close()
         self._connection.close()
         try:

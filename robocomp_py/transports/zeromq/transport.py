@@ -55,6 +55,9 @@ log = logging.getLogger("robocomp.transport.zeromq")
 IDLE_TICK = 0.5
 """Seconds between two looks at what should be as it was."""
 
+ROLL_CALL = 1.0
+"""Seconds between two looks whether those we deal with still live, of which the directory need not tell."""
+
 _MOMENT = 0.01
 """Seconds between two looks into a directory that keeps changing."""
 
@@ -96,7 +99,7 @@ class ZeroMQTransport(Announcing):
         self._topic_ports: dict[str, str] = {}
         """By the addresses of topics on this host: where others get them."""
         self._told_entries: tuple[Entry, ...] = ()
-        self._told_at = 0.0
+        self._told_at = self._call_at = 0.0
         self.codec: Codec = MessagePack()
         self.incarnation = random_id()
         self.owner, self.folder = config.owner, _short_enough(runtime_dir() / "zeromq")
@@ -378,7 +381,8 @@ class ZeroMQTransport(Announcing):
         if self.directory.has_far_ones:
             self.directory.lose(lambda _: False)
         version = self.directory.version()
-        if version != self._known:
+        if version != self._known or time.monotonic() >= self._call_at:
+            self._call_at = time.monotonic() + ROLL_CALL
             self._drop_the_dead()
         if self._bind or self._inquirers:
             self._tell_news()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import gzip
 import hashlib
 import io
@@ -13,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from robocomp_py.deploy.hosts import bundle
+from robocomp_py.deploy.hosts import bootstrap, bundle
 from robocomp_py.deploy.hosts.bundle import Content, collect, pack
 from robocomp_py.errors import DeploymentError
 
@@ -90,6 +91,22 @@ def test_what_is_too_large_is_not_sent(component: Path, monkeypatch: pytest.Monk
 def test_what_cannot_be_read_is_named(tmp_path: Path):
     with pytest.raises(DeploymentError, match="gone"):
         collect({tmp_path / "gone": "files/gone"})
+
+
+def test_of_the_bundles_on_a_host_the_newest_stay_and_those_in_use(tmp_path: Path):
+    names = [f"{number:064x}" for number in range(6)]
+    for age, name in enumerate(names):
+        (tmp_path / name).mkdir()
+        os.utime(tmp_path / name, (1000 - age, 1000 - age))
+    draft = tmp_path / f"{names[0]}.4194999.draft"  # no process has that number
+    draft.mkdir()
+    used = bootstrap.hold(str(tmp_path / f"{names[5]}.lock"), fcntl.LOCK_SH)
+    try:
+        bootstrap.remove_old(str(tmp_path), names[0])
+    finally:
+        os.close(used)
+    there = {path.name for path in tmp_path.iterdir() if path.is_dir()}
+    assert there == {names[0], names[1], names[2], names[3], names[5]}
 
 
 def test_an_agent_and_components_run_from_a_bundle_alone(tmp_path: Path):

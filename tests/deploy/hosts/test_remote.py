@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import signal
 import sys
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
@@ -297,6 +298,29 @@ def test_when_the_connection_is_lost_what_ran_there_is_stopped_and_can_be_starte
             await agent.close()
 
     scene(act)
+
+
+def test_when_the_agent_is_killed_nothing_of_it_is_left_and_another_one_takes_its_place(tmp_path: Path):
+    async def act() -> None:
+        heard, laser = Heard(), program(FOREVER)
+        async with serving(tmp_path) as server:
+            agent = server.agent(heard, laser)
+            await agent.open()
+            await agent.start(laser)
+            *_, pid = await heard.hears("output", "laser")
+            os.kill(_parent(int(pid)), signal.SIGKILL)
+            await heard.hears("lost", "robot")
+            await until(lambda: not Path(f"/proc/{pid}").exists(), "it has ended")
+            await heard.hears("back", "robot")
+            await agent.start(laser)
+            await heard.hears("output", "laser", times=2)
+            await agent.close()
+
+    scene(act)
+
+
+def _parent(pid: int) -> int:
+    return int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
 
 
 def test_a_host_that_keeps_what_runs_hands_it_over(tmp_path: Path):

@@ -1,0 +1,102 @@
+"""What goes on without the terminal it was started from."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from robocomp_py.testing.patience import SOON, wait_until
+
+WORK = """
+import os, signal, subprocess, sys
+from pathlib import Path
+from robocomp_py.cli.common import command
+from robocomp_py.cli.deploying.detached import detached
+
+def work(parent):
+    helper = subprocess.Popen(["sleep", "600"])
+    print("works", os.getpid(), helper.pid, os.getsid(0), flush=True)
+    try:
+        STEPS
+        signal.pause()
+    except KeyboardInterrupt:
+        return 130
+    finally:
+        print("cleans up", flush=True)
+        helper.kill()
+
+@command
+def main(arguments=None):
+    return detached(work)
+
+sys.exit(main())
+"""
+
+
+def started(steps: str = "pass") -> subprocess.Popen[str]:
+    code = WORK.replace("STEPS", steps)
+    return subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+
+def alive(pid: int) -> bool:
+    """Whether a process is there, and no zombie."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_until_it_goes_on_alone_it_ends_with_who_waits_for_it(number: int, code: int) -> None:
+    with started() as waiting:
+        assert waiting.stdout is not None
+        worker = int(waiting.stdout.readline().split()[1])
+        waiting.send_signal(number)
+        assert waiting.stdout.read() == "cleans up\n"
+        assert waiting.wait(SOON) == code
+        assert not alive(worker)
+
+
+def test_its_failure_is_that_of_who_waits_for_it() -> None:
+    with started("return 3") as waiting:
+        assert waiting.stdout is not None
+        assert waiting.stdout.read().endswith("cleans up\n")
+        assert waiting.wait(SOON) == 3
+
+
+def test_it_goes_on_and_neither_it_nor_what_it_started_holds_the_output(tmp_path: Path) -> None:
+    complaints = tmp_path / "folder" / "complaints"
+    with started(f"parent.leave(Path({str(complaints)!r})); print('more'); print('oh', file=sys.stderr)") as waiting:
+        assert waiting.stdout is not None
+        _, worker, helper, session = waiting.stdout.readline().split()
+        assert waiting.stdout.read() == "", "it can be read to its end, though both go on"
+        assert waiting.wait(SOON) == 0
+        try:
+            assert session == worker
+            assert alive(int(worker))
+            assert alive(int(helper))
+            wait_until(lambda: complaints.read_text() == "oh\n")
+        finally:
+            os.kill(int(worker), signal.SIGTERM)
+        wait_until(lambda: not alive(int(worker)))
+        wait_until(lambda: not alive(int(helper)))
+
+
+def test_it_goes_on_when_who_waited_was_killed(tmp_path: Path) -> None:
+    with started(
+        f"sys.stdout.flush(); signal.sigwait([signal.SIGUSR1]); parent.leave(Path({str(tmp_path / 'x')!r}))"
+    ) as waiting:
+        assert waiting.stdout is not None
+        worker = int(waiting.stdout.readline().split()[1])
+        waiting.kill()
+        waiting.wait()
+        os.kill(worker, signal.SIGUSR1)
+        assert waiting.stdout.read() == ""
+        assert alive(worker)
+        os.kill(worker, signal.SIGTERM)
+        wait_until(lambda: not alive(worker))
