@@ -102,9 +102,8 @@ def test_no_module_of_ours_runs_what_it_is_sent() -> None:
         assert there == ALLOWED.get(name, {}), name
 
 
-@pytest.mark.parametrize("middleware", ["zeromq", "dds", "zenoh", "shm", "inproc"])
-def test_nor_does_what_rcgen_generates(tmp_path: Path, middleware: str) -> None:
-    for name in ("everything", "patrol"):
+def test_nor_does_what_rcgen_generates(tmp_path: Path) -> None:
+    for name, middleware in (("everything", "zeromq"), ("patrol", "dds")):
         assert rcgen([str(copied(name, tmp_path / name)), "--middleware", middleware]) == 0
     generated = list(tmp_path.rglob("*.py"))
     assert len(generated) > 5

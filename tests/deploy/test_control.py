@@ -371,6 +371,9 @@ def test_a_controller_that_does_not_answer_is_not_waited_for(running: Running, m
             connection.status()
     finally:
         goes_on.set()
+    monkeypatch.undo()
+    with Connection("home") as connection:
+        assert connection.status(), "it goes on"
 
 
 # How networks are named.

@@ -69,6 +69,9 @@ class Heard(Listener):
     def lost(self, host: str, why: str) -> None:
         raise AssertionError("this is the only host")
 
+    def back(self, host: str) -> None:
+        raise AssertionError("this is the only host")
+
     def lines(self, name: str = "it") -> list[str]:
         return [told[2] for told in self.told if told[:2] == ("output", name)]
 

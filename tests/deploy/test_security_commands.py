@@ -111,12 +111,6 @@ def test_nor_what_is_open_without_a_word_on_the_command_line(net: Path, capsys: 
     assert "WITHOUT SECURITY" in capsys.readouterr().err
 
 
-def test_a_network_of_this_machine_needs_nothing(net: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    net.write_text(NETWORK.format("local"))
-    assert rcdeploy([str(net), "--for", "0"]) == 0
-    assert "WARNING" not in capsys.readouterr().err
-
-
 def test_the_plan_names_the_folders_of_keys_and_no_secret(net: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert rcdeploy(["keys", str(net)]) == 0
     secrets = [path.read_text() for path in net.parent.rglob("*.key_secret")]

@@ -117,6 +117,21 @@ def test_the_guide_to_security_works_as_written(tmp_path: Path) -> None:
         do(step, tmp_path)
 
 
+def test_the_guide_to_running_networks_works_as_written(tmp_path: Path) -> None:
+    done = list(steps(DOCS / "deploying.md"))
+    assert len(done) > 14
+    try:
+        for step in done:
+            do(step, tmp_path)
+    finally:
+        subprocess.run([sys.executable, "-m", "robocomp_py.cli.rcdeploy", "down", "home", "--now"], capture_output=True)
+
+
+def test_the_picture_of_the_example_network_is_as_it_would_be_drawn(tmp_path: Path) -> None:
+    do(Command(f"rc graph {ROOT}/components/rescue.ddsl -o network.svg"), tmp_path)
+    assert (DOCS / "network.svg").read_text() == (tmp_path / "network.svg").read_text(), "draw it again"
+
+
 MIDDLEWARES = DOCS / "middlewares.md"
 
 

@@ -467,6 +467,41 @@ net.ddsl:1:34: error[syntax]: unexpected `dependence`; expected `args`, `config`
                                      ^^^^^^^^^^
     did you mean `dependences`?""",
     ),
+    "a host where its block belongs": (
+        "net.ddsl",
+        "Deployment net { host onboard; };",
+        """\
+net.ddsl:1:30: error[syntax]: unexpected `;`; expected `{`
+    Deployment net { host onboard; };
+                                 ^""",
+    ),
+    "the settings of a restart without parentheses": (
+        "net.ddsl",
+        "Deployment net { restart always 5; };",
+        """\
+net.ddsl:1:33: error[syntax]: unexpected `5`; expected `(` or `;`
+    Deployment net { restart always 5; };
+                                    ^
+    settings have names, and stand in parentheses: restart on_failure(intensity 5);""",
+    ),
+    "spaces in the name of an instance of a system": (
+        "net.ddsl",
+        "Deployment net { Component a { dependences left / arm; }; };",
+        """\
+net.ddsl:1:49: error[syntax]: unexpected `/`; expected `,` or `;`
+    Deployment net { Component a { dependences left / arm; }; };
+                                                    ^
+    there are no spaces around the slash: left/arm""",
+    ),
+    "an address with dots but without quotes": (
+        "net.ddsl",
+        "Deployment net { host a { address robot.local; }; };",
+        """\
+net.ddsl:1:40: error[syntax]: unexpected `.`; expected `;`
+    Deployment net { host a { address robot.local; }; };
+                                       ^
+    a name with more than letters stands in double quotes: "robot.local\"""",
+    ),
 }
 
 

@@ -157,7 +157,8 @@ def cost(network: Path, patience: float = 120.0) -> Cost:
 
 def descendants(pid: int) -> list[int]:
     everybody = list(traces.everybody())
-    found, new = [], {pid}
+    found: list[int] = []
+    new = {pid}
     while new:
         new = {each.pid for each in everybody if each.parent in new}
         found += new

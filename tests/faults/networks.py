@@ -75,7 +75,7 @@ _GONE = 5.0
 
 
 class _Network:
-    """A folder with a network of so many components, each of which asks the one before it."""
+    """A folder with a network of so many components, which ask each other, and nobody one that has settings."""
 
     def __init__(
         self,
@@ -101,13 +101,14 @@ class _Network:
             subprocess.run([_tool("rcgen"), f"{name}.cdsl"], cwd=folder, check=True, capture_output=True)
             (folder / "specificworker.py").write_text(worker)
             (folder / "etc" / "config.toml").write_text(f"[component]\nperiod = {period}\n")
-        ring = range(1, count) if more else range(count)  # who fails is asked by nobody
         instances = ""
         for number in range(count):
-            asked = f"n{number - 1 if number - 1 in ring else ring[-1]}"
+            asked = min(number ^ 1, count - 1)
+            if more and number > 0:  # n0 fails: it is asked by nobody
+                asked = number + 1 if number < count - 1 else 1
             settings = more if number == 0 else ""
             kind = "node" if number else "odd"
-            instances += f"    Component n{number} : {kind} {{ requires Echo from {asked}; {settings}}};\n"
+            instances += f"    Component n{number} : {kind} {{ requires Echo from n{asked}; grace 3; {settings}}};\n"
         self.hosts, self.home = hosts, home
         self.model = self.folder / "net.ddsl"
         imports = 'import "node/node.cdsl";\nimport "odd/odd.cdsl";\n'

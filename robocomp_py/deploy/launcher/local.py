@@ -414,7 +414,7 @@ class Launcher(Agent):
                 running.warned = True
                 self._listener.output(
                     running.name,
-                    f"(what process {sender} says of how this is does not count: it is not {running.main}, the one that "
+                    f"(what process {sender} says of how this is does not count: it is not {running.main}, which "
                     "was started; start it by `exec`, or have that one say NOTIFYACCESS=all)",
                 )
             return
