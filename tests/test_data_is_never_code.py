@@ -54,15 +54,15 @@ ALLOWED = {
 
 def found(source: str) -> Iterator[str]:
     """What a module does that it must not do."""
-    tree = ast.parse(source)
+    nodes = list(ast.walk(ast.parse(source)))
     aliases = {
         alias.asname: alias.name
-        for node in ast.walk(tree)
+        for node in nodes
         if isinstance(node, ast.Import)
         for alias in node.names
         if alias.asname
     }
-    for node in ast.walk(tree):
+    for node in nodes:
         match node:
             case ast.Import(names=names):
                 yield from (top for each in names if (top := each.name.partition(".")[0]) in MODULES)

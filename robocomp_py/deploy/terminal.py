@@ -20,11 +20,11 @@ from rich.live import Live
 from rich.text import Text
 
 from .control import Control
+from .logs import Logs
 from .naming import DEPLOYER
 from .place import Place
 from .plan import Plan, Process
 from .policy import State
-from .logs import Logs
 from .ring import Ring
 from .run import Options, run
 from .snapshot import Network
@@ -51,7 +51,8 @@ def run_on_terminal(
 ) -> int:
     """Run a network, showing it on standard output for as long as that can be written. Returns the exit code.
 
-    `logs` keep what the components print. `leave` is called when everything is ready, if nothing is to be shown from then on; with a file for complaints.
+    `logs` keep what the components print. `leave` is called when everything is ready, if nothing is to be shown from
+    then on; with a file for complaints.
     """
     size = os.get_terminal_size(sys.stdout.fileno()) if sys.stdout.isatty() else None
     console = Console(

@@ -137,6 +137,8 @@ class Directory:
         self._changed_at = 0.0
         self._asked_at = 0.0
         """When something was looked for that had not been before."""
+        self._remembers = False
+        """Whether what members wrote is kept, for what else may be looked for."""
         self._next_look = 0.0
         self.pause = 0.0
         """Seconds between two looks into it, by how many there are and how long that took."""
@@ -205,10 +207,12 @@ class Directory:
         if now - self._changed_at < max(_SETTLED, 2 * self.pause):
             begun = time.thread_time()
             self._adopt(self._read() if stamp else {})
+            self._remembers = True
             spent = time.thread_time() - begun
             self.pause = min(_LONGEST_PAUSE, spent * len(self._files)) if len(self._files) > _FEW else 0.0
             self._next_look = now + self.pause
-        if now - self._asked_at > _FORGET:
+        if self._remembers and now - self._asked_at > _FORGET:
+            self._remembers = False
             for file in self._files.values():
                 file.raw = None
 
@@ -244,7 +248,7 @@ class Directory:
             self._stopped.pop(name, None)
 
     def _search(self, role: str, channel: str) -> dict[str, list[tuple[Member, Entry]]]:
-        self._asked_at = time.monotonic()
+        self._asked_at, self._remembers = time.monotonic(), True
         if len(self._found) >= _MOST_ASKED:
             self._found.clear()
         known: dict[str, list[tuple[Member, Entry]]] = {}

@@ -19,9 +19,10 @@ from robocomp_py.cli.common import command
 from robocomp_py.cli.deploying.detached import detached
 
 def work(parent):
+    signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGUSR1])
     helper = subprocess.Popen(["sleep", "600"])
-    print("works", os.getpid(), helper.pid, os.getsid(0), flush=True)
     try:
+        print("works", os.getpid(), helper.pid, os.getsid(0), flush=True)
         STEPS
         signal.pause()
     except KeyboardInterrupt:

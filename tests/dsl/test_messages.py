@@ -473,7 +473,8 @@ net.ddsl:1:34: error[syntax]: unexpected `dependence`; expected `args`, `config`
         """\
 net.ddsl:1:30: error[syntax]: unexpected `;`; expected `{`
     Deployment net { host onboard; };
-                                 ^""",
+                                 ^
+    say where it is: host onboard { address "192.168.1.10"; };""",
     ),
     "the settings of a restart without parentheses": (
         "net.ddsl",
@@ -499,7 +500,7 @@ net.ddsl:1:49: error[syntax]: unexpected `/`; expected `,` or `;`
         """\
 net.ddsl:1:40: error[syntax]: unexpected `.`; expected `;`
     Deployment net { host a { address robot.local; }; };
-                                       ^
+                                           ^
     a name with more than letters stands in double quotes: "robot.local\"""",
     ),
 }

@@ -32,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print()
     print(report.table(found))
     if options.write:
-        report.write_page(found, options.seed)
+        report.write_page(found, ROWS, options.seed)
     missed = [each for each in found if each.misses]
     if missed:
         names = " ".join(sorted({f"--only {each.row.name}" for each in missed}))

@@ -30,9 +30,14 @@ def _killed(run: Run) -> Result:
         with ThreadPoolExecutor(lanes) as pool:
             each = [kills // lanes + (lane < kills % lanes) for lane in range(lanes)]
             done = _Progress(run, kills)
-            list(
-                pool.map(lambda lane: _kill_again_and_again(laboratory, run.seed, lane, each[lane], done), range(lanes))
-            )
+            try:
+                list(
+                    pool.map(
+                        lambda lane: _kill_again_and_again(laboratory, run.seed, lane, each[lane], done), range(lanes)
+                    )
+                )
+            finally:
+                done.over = True  # also when one of them failed, or somebody has had enough
         history = laboratory.end()
     slowest, outcomes, hit = _after_kills(history)
     limit = 2.5 if run.transport in ("dds", "shm") else 1.0
@@ -47,6 +52,7 @@ def _killed(run: Run) -> Result:
 class _Progress:
     def __init__(self, run: Run, total: int) -> None:
         self._run, self._total, self._lock, self._done = run, total, threading.Lock(), 0
+        self.over = False
 
     def one_more(self) -> None:
         with self._lock:
@@ -63,6 +69,8 @@ def _kill_again_and_again(laboratory: Laboratory, seed: int, lane: int, kills: i
     server = _serving(laboratory, f"s{lane}.0", channel, idempotent)
     client.ask(channel=channel, calls=10**9, idempotent=idempotent, how=how)
     for number in range(1, kills + 1):
+        if done.over:
+            return
         # The first one may have been asked before: it is to be answered now. One in ten may be asked again.
         for _ in range(12 if idempotent else 2):
             _wait_for_a_call(laboratory, server)

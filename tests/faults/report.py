@@ -43,42 +43,54 @@ def table(found: Sequence[Found]) -> str:
     return "\n".join(lines)
 
 
-def write_page(found: Sequence[Found], seed: int, page: Path = PAGE) -> None:
+def write_page(found: Sequence[Found], every: Sequence[Row], seed: int, page: Path = PAGE) -> None:
     """Replace what was found before of the same rows and transports; what was not run stays as it was found then."""
     text = page.read_text()
     before, rest = text.split(_BEGIN, 1)
     old, after = rest.split(_END, 1)
-    rows = _rows(old)
-    machine = f"{os.cpu_count()} cores, Linux {platform.release().split('-')[0]}, Python {platform.python_version()}"
+    page.write_text(f"{before}{_BEGIN}\n\n{_section(_read(old), found, every, seed)}\n\n{_END}{after}")
+
+
+_Cells = tuple[str, str]
+"""What was found, and whether it was kept."""
+
+
+def _section(known: dict[tuple[str, str], _Cells], found: Sequence[Found], every: Sequence[Row], seed: int) -> str:
     for each in found:
         figures = "; ".join(map(str, each.result.figures)) if each.result else ""
-        missed = "<br>".join(each.misses[:3])
-        verdict = f"**missed**: {missed}" if each.misses else "kept"
-        must = each.row.must
-        rows[each.row.name, each.transport] = (
-            f"| {each.row.fault} | {must} | {each.transport} | {figures} | {verdict} |"
-        )
-    versions = ", ".join(
-        f"{name} {metadata.version(name)}" for name in ("pyzmq", "cyclonedds", "eclipse-zenoh", "iceoryx2")
-    )
+        missed = "; ".join(each.misses[:3])
+        verdict = f"missed: {missed}" if each.misses else "kept"
+        known[each.row.name, each.transport] = _cell(figures), _cell(verdict)
+    packages = ("pyzmq", "cyclonedds", "eclipse-zenoh", "iceoryx2")
+    versions = ", ".join(f"{name} {metadata.version(name)}" for name in packages)
+    machine = f"{os.cpu_count()} cores, Linux {platform.release().split('-')[0]}, Python {platform.python_version()}"
     lines = [
-        _BEGIN,
+        "| row | fault | must hold |",
+        "|---|---|---|",
+        *(f"| {row.name} | {row.fault} | {row.must} |" for row in every),
         "",
-        f"Found on a machine with {machine}, with {versions}; seed {seed}.",
+        f"Found with {machine}, {versions}; last run: seed {seed}, load average {os.getloadavg()[1]:.0f} at its end.",
         "",
-        "| fault | must hold | over | found | |",
-        "|---|---|---|---|---|",
-        *(f"{line} <!-- {name} {transport} -->" for (name, transport), line in rows.items()),
-        "",
+        "| row | over | found | |",
+        "|---|---|---|---|",
     ]
-    page.write_text(before + "\n".join(lines) + _END + after)
+    for row in every:
+        for transport in row.transports:
+            if (row.name, transport) in known:
+                lines.append(f"| {row.name} | {transport} | {' | '.join(known[row.name, transport])} |")
+    return "\n".join(lines)
 
 
-def _rows(old: str) -> dict[tuple[str, str], str]:
-    rows = {}
+def _read(old: str) -> dict[tuple[str, str], _Cells]:
+    """What an earlier run wrote."""
+    known = {}
     for line in old.splitlines():
-        if line.startswith("| ") and line.endswith("-->"):
-            text, _, named = line.removesuffix(" -->").rpartition(" <!-- ")
-            name, _, transport = named.partition(" ")
-            rows[name, transport] = text
-    return rows
+        cells = line.strip("|").split(" | ")
+        if len(cells) == 4:
+            row, transport, figures, verdict = (cell.strip() for cell in cells)
+            known[row, transport] = figures, verdict
+    return known
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.replace("|", "/").split())

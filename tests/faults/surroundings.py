@@ -59,6 +59,7 @@ def _leaping(run: Run) -> Result:
         Figure("leaps", leaps),
         Figure("messages lost", lost["lost"] + lost["dropped"] + lost["expired"], "", 0),
         Figure("calls that did not end well", sum(others.values()), "", 0),
+        *(Figure(f"as {outcome}", number) for outcome, number in sorted(others.items())),
         Figure("slowest call", slowest, "s", 1.0, timed=True),
     ]
     return Result(figures, violations)
@@ -93,6 +94,7 @@ def _full(run: Run) -> Result:
     figures = [
         Figure("messages lost", lost["lost"] + lost["dropped"], "", 0),
         Figure("calls that did not end well", sum(others.values()), "", 0),
+        *(Figure(f"as {outcome}", number) for outcome, number in sorted(others.items())),
     ]
     return Result(figures, check(history))
 

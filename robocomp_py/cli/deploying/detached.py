@@ -17,6 +17,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 _GOES_ON = b"+"
+_ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Parent:
@@ -52,8 +53,10 @@ def detached(work: Callable[[Parent], int]) -> int:
     Ctrl-C, and whatever else ends us meanwhile, ends the child, too.
     """
     reading, writing = os.pipe()
+    signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)  # until there is a child to pass them on to
     child = os.fork()
     if child == 0:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _ENDING)
         os.close(reading)
         os.setsid()
         _keep_to_ourselves()
@@ -81,6 +84,7 @@ def _keep_to_ourselves() -> None:
 def _wait(child: int, reading: int) -> int:
     while True:
         try:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, _ENDING)
             if os.read(reading, 1) == _GOES_ON:
                 return 0
             return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])

@@ -18,7 +18,7 @@ from .scope import meanings, whole
 _HINTS = {
     r"\b(?:address|ip|user)\s+\w[\w-]*[.@-]\S*": 'a name with more than letters stands in double quotes: "robot.local"',
     r"\bhost\s+\w+\s*;?\s*\{": "describe it beside the components: host onboard { … }; and write here: host onboard;",
-    r"^\s*host\s+\w+\s*;": 'say where it is: host onboard { address "192.168.1.10"; };',
+    r"\bhost\s+\w+\s*;": 'say where it is: host onboard { address "192.168.1.10"; };',
     r"\w\s+/\s*\w|\w\s*/\s+\w": "there are no spaces around the slash: left/arm",
     r"\brestart\s+\w+\s+\d\S*": "settings have names, and stand in parentheses: restart on_failure(intensity 5);",
     r"\brestart\s+\w+\s*\([^);]*\d\s+\w+\s+\d": "a comma stands between two settings: (intensity 5, period 60)",

@@ -175,7 +175,10 @@ class ZenohTransport:
         return f"{address}/{channel}" if self._keyed else address
 
     def inquire(self, link: int, what: str, channel: str = "") -> list[Message]:
-        """What another link answers; nothing, if it has gone or is too busy. `channel` is its own, unless all may ask."""
+        """What another link answers; nothing, if it has gone or is too busy.
+
+        `channel` is its own, unless everybody may ask.
+        """
         key = f"{self.address('rc_ask', link)}/{what}"
         if self._keyed and channel:
             key = f"{key}/{channel}"

@@ -65,8 +65,8 @@ _AT_FAR = {"HEARTBEAT_IVL": 500, "HEARTBEAT_TIMEOUT": 2000}
 _TO_FAR = {
     "IMMEDIATE": 1,  # no queueing for who is not there
     "RECONNECT_IVL": 100,
-    "RECONNECT_IVL_MAX": 1000,
-    "CONNECT_TIMEOUT": 2000,
+    "RECONNECT_IVL_MAX": 400,
+    "CONNECT_TIMEOUT": 1000,  # or, after a cut, the system's own patience would have to end first
 }
 
 _ADDRESS = re.compile(r"tcp://(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._*-]+):(\d{1,5})(?:#[0-9a-f]{6})?")

@@ -133,6 +133,15 @@ class Site:
         running.wait(LONG)
         return running
 
+    def echoes(self, name: str) -> set[int]:
+        """The processes of components called so on a host."""
+        found = set()
+        for pid in self.hosts[name].pids():
+            with contextlib.suppress(OSError):
+                if "--name\0echo" in Path(f"/proc/{pid}/cmdline").read_text():
+                    found.add(pid)
+        return found
+
     def left(self, name: str) -> list[str]:
         """What runs on a host, but for its SSH server."""
         found = []
@@ -249,13 +258,14 @@ def test_components_on_two_hosts_talk_to_each_other_with_keys(site: Site, middle
     gone(site, "robot", "base")
 
 
-def test_three_hosts_and_this_machine_run_one_network(site: Site):
+@pytest.mark.parametrize("middleware", ["zeromq", "zenoh", "dds"])
+def test_three_hosts_and_this_machine_run_one_network(site: Site, middleware: str):
     for name in ("robot", "base", "tower"):
         site.host(name)
     net = site.network(
         "Component echo : Echo { host robot; };"
         "Component one : Asker { host base; }; Component two : Asker { host tower; }; Component here : Asker { };",
-        "security open; middleware zeromq;",
+        f"security open; middleware {middleware};",
     )
     run = site.run("--insecure", net)
     for name in ("one", "two", "here"):
@@ -374,10 +384,12 @@ def test_what_a_host_keeps_is_taken_over(site: Site):
     first.says("the component of Lab is ready")
     first.signal(signal.SIGKILL)
     first.wait()
-    before = {pid for pid in site.hosts["robot"].pids() if "echo" in Path(f"/proc/{pid}/cmdline").read_text()}
+    before = site.echoes("robot")
+    assert len(before) == 1
     second = site.run("--insecure", net)
     second.says("the component of Lab is ready")
-    assert {pid for pid in site.hosts["robot"].pids() if "echo" in Path(f"/proc/{pid}/cmdline").read_text()} == before
+    bundles = [each.name for each in (site.servers["robot"].home / ".robocomp" / "bundles").iterdir() if each.is_dir()]
+    assert (site.echoes("robot"), len(bundles)) == (before, 1)
     second.signal(signal.SIGINT)
     assert second.code == 130, second.text
     gone(site, "robot")
