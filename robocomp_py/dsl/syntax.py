@@ -51,7 +51,7 @@ _WORDS = {
     "LANGUAGE": "a language",
     "ADDRESS": "an address",
 }
-_UNADVERTISED = ("LEGACY", "LATER")
+_UNADVERTISED = ("LEGACY",)
 """Keywords whose terminals' names begin so are read, but not proposed."""
 
 _HINTS = {r"\bimport\s+[^\s\"].*": 'the name of a file stands in double quotes: `import "Laser.idsl";`'}
