@@ -32,7 +32,7 @@ examples:
   rc lint interfaces/*.idsl           check files of any of the languages
   rc lint --json net.ddsl             ... one diagnostic a line, for machines
   rc fmt .                            format all files of the languages here and below
-  rc graph game.smdsl -o game.svg     draw a state machine
+  rc graph net.ddsl -o net.svg        draw a network, or a state machine
   rc links net.ddsl                   what carries the messages between its instances
   rc host zenoh                       the router that components share, if nobody else runs it
   rc run components/wander            run a component until Ctrl-C

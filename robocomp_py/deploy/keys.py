@@ -317,6 +317,7 @@ class _Maker:
         self._graph, self._folder, self._now, self._days, self._renew = graph, folder, now, days, renew
 
     def make(self) -> Iterator[Made]:
+        self._check_folder()
         _folder(self._folder)
         if not (self._folder / ".gitignore").exists():
             _write(self._folder / ".gitignore", b"*\n")  # secrets are no part of what is published
@@ -330,6 +331,12 @@ class _Maker:
             yield self._certificate(_router_folder(host), _router_folder(host), authority, addresses)
         self._permissions()
         yield from self._remove_others()
+
+    def _check_folder(self) -> None:
+        """Somebody's work is not closed to others, or hidden from git."""
+        there = {path.name for path in self._folder.iterdir()} if self._folder.is_dir() else set()
+        if there - {".gitignore"} and "ca" not in there:
+            raise DeploymentError(f"keys: {self._folder} has other files in it; name a folder for the keys alone")
 
     def _check_names(self) -> None:
         names = [each.folder for each in self._graph.principals]

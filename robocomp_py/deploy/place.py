@@ -6,6 +6,7 @@
                                        leftovers      what was started, for whoever cleans up behind a killed launcher
                                        notify/        sockets at which processes say how they are
                                        logs/          their output
+                                       rcdeploy.err   what Python has to say when it goes wrong without a terminal
 
 The run-time folder is that of `transports/directory.py`.
 """
@@ -76,6 +77,10 @@ class Place:
     def logs(self) -> Path:
         return self.folder / "logs"
 
+    @property
+    def complaints(self) -> Path:
+        return self.folder / "rcdeploy.err"
+
     def take(self, command: str = "") -> None:
         """Be the one that runs this network, until `release` or the end of this process.
 
@@ -113,13 +118,27 @@ class Place:
         finally:
             os.close(probe)
 
+    def leave_plan(self, text: str) -> None:
+        """Have others read what runs; they see all of it, or nothing. Raises OSError."""
+        draft = self.plan.with_suffix(".new")
+        try:
+            draft.write_text(text, encoding="utf-8")
+            draft.replace(self.plan)
+        except OSError:  # on a full disk
+            with contextlib.suppress(OSError):
+                draft.unlink()
+            raise
+
     def release(self) -> None:
-        """Let others run it. What is of no use any more is removed; the logs stay. May be called twice."""
+        """Let others run it. What is of no use any more is removed; the logs stay, and complaints. May be called twice."""
         if self._held < 0:
             return
         for each in (self.control, self.plan, self.leftovers, self._lock):
             with contextlib.suppress(OSError):
                 each.unlink()
+        with contextlib.suppress(OSError):  # there is none, mostly
+            if not self.complaints.stat().st_size:
+                self.complaints.unlink()
         shutil.rmtree(self.notify, ignore_errors=True)
         os.close(self._held)
         self._held = -1

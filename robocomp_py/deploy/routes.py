@@ -105,7 +105,7 @@ class Configured:
 
     def is_with(self, other: Configured) -> bool:
         """Whether both run in one process."""
-        return self is other or bool(self.process and self.process == other.process)
+        return self is other or bool(self.process and (self.process, self.host) == (other.process, other.host))
 
     def origin(self, port: Port, operation: str) -> str:
         """Where that middleware was chosen, for people."""

@@ -9,9 +9,10 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import logging
 import os
 import sys
-from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any, TextIO, cast
 
@@ -20,6 +21,7 @@ from rich.live import Live
 from rich.text import Text
 
 from .control import Control
+from .harmless import harmless
 from .logs import Logs
 from .naming import DEPLOYER
 from .place import Place
@@ -42,9 +44,6 @@ _TICK_S = 1.0
 _MANY = 1000
 """Lines that are shown at once, whenever they come."""
 
-_DROPPED = dict.fromkeys(map(ord, "\a\b\v\f\r"))
-"""Characters that would move what stands on a terminal already."""
-
 
 def run_on_terminal(
     plan: Plan, options: Options, leave: Callable[[Path], object] | None = None, logs: Logs | None = None
@@ -65,7 +64,8 @@ def run_on_terminal(
     terminal = Terminal(plan, console, leave)
     if logs:
         terminal.keep(logs)
-    return run(plan, options, terminal, [terminal.watching])
+    with terminal.showing_warnings():
+        return run(plan, options, terminal, [terminal.watching])
 
 
 class Output:
@@ -122,8 +122,6 @@ class Terminal(Display):
         self._bar, self._rule = ("│", "─") if _can_show("│─", console.encoding) else ("|", "-")
         self._ring = Ring()
         self._place = Place(plan.name)
-        self._complaints = self._place.folder / "rcdeploy.err"
-        """What Python has to say when it goes wrong without a terminal."""
         self._live: _Live | None = None
         self._shown = True
 
@@ -134,7 +132,7 @@ class Terminal(Display):
         try:
             self._place.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             await control.open(self._place.control)
-            self._place.plan.write_text(json.dumps(self._plan.to_json()), encoding="utf-8")
+            self._place.leave_plan(json.dumps(self._plan.to_json()))
         except OSError as exc:
             self._say(f"nobody can ask how this network is: {self._place.folder}: {exc.strerror}", "yellow")
         if self._console.is_terminal:
@@ -145,13 +143,22 @@ class Terminal(Display):
         finally:
             self._end_live()
             await control.close()
-            with contextlib.suppress(OSError):  # there is none, mostly
-                if not self._complaints.stat().st_size:
-                    self._complaints.unlink()
 
     def keep(self, logs: Logs) -> None:
         """Have what is printed from now on kept in files, too."""
         self._ring.follow(logs.write)
+
+    @contextlib.contextmanager
+    def showing_warnings(self) -> Iterator[None]:
+        """While entered, what is logged about launching is said like all else: when it goes on without a terminal,
+        nobody sees stderr, and on one the table would be torn. It has to come from the event loop's thread, as it does.
+        """
+        handler, log = _Saying(lambda text: self._say(text, "yellow")), logging.getLogger("robocomp.deploy")
+        log.addHandler(handler)
+        try:
+            yield
+        finally:
+            log.removeHandler(handler)
 
     def line(self, name: str, text: str) -> None:
         self._ring.write(name, text)
@@ -174,7 +181,7 @@ class Terminal(Display):
         if self._leave:
             self._end_live()
             self._shown = False
-            self._leave(self._complaints)
+            self._leave(self._place.complaints)
 
     def waiting(self, whom: list[str]) -> None:
         self._say(f"not ready yet: {', '.join(whom)}", "yellow")
@@ -202,18 +209,28 @@ class Terminal(Display):
     def _show(self, *spans: Span) -> None:
         if not self._shown:
             return
+        spans = tuple((harmless(text), style) for text, style in spans)
         if self._live:
             self._live.show(spans)
         elif self._console.is_terminal:
             self._console.print(Text.assemble(*spans))
         else:  # as it is, and at once: rich would take longer than all the rest
-            self._console.file.write("".join(text for text, _ in spans).translate(_DROPPED) + "\n")
+            self._console.file.write("".join(text for text, _ in spans) + "\n")
             self._console.file.flush()
 
     def _end_live(self) -> None:
         if self._live:
             self._live.end()
         self._live = None
+
+
+class _Saying(logging.Handler):
+    def __init__(self, say: Callable[[str], object]) -> None:
+        super().__init__(logging.WARNING)
+        self._say = say
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._say(record.getMessage())
 
 
 class _Live:

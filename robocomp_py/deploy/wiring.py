@@ -85,6 +85,7 @@ class _Wirer:
         crossing = list(self.crossing())
         for way in crossing:
             self._check(way)
+        self._check_routers([way for way in crossing if way.middleware == ZENOH])
         if self._faults:
             return Wiring(faults=tuple({fault.message: fault for fault in self._faults}.values()))
         by_name: dict[str, list[str]] = {}
@@ -108,12 +109,24 @@ class _Wirer:
             what = f"`{way.middleware}` does not reach other hosts, and is to carry `{way.interface}` between {between}"
             hint = f"name another one, {ZEROMQ} say, or leave it open"
             self._fault(way, "unfit-middleware", what, hint)
-        elif way.middleware not in (ZEROMQ, ZENOH, DDS):
+        elif way.middleware not in (ZEROMQ, ZENOH, DDS, ""):  # "": not generated yet, which is said elsewhere
             what = f"`{way.middleware}` is to carry `{way.interface}` between {between}, which is not wired from here"
             self._fault(way, "unfit-middleware", what, f"name {ZEROMQ}, {ZENOH} or {DDS}")
         elif way.middleware == DDS and any(":" in self._address(end) for end in ends):
             what = f"`dds` is wired between IPv4 addresses only, and is to carry `{way.interface}` between {between}"
             self._fault(way, "unfit-middleware", what, "give the hosts such addresses")
+
+    def _check_routers(self, ways: Sequence[Way]) -> None:
+        first: dict[str, str] = {}
+        for host in self._hosts(ways):
+            address = self._network.addresses[host]
+            other = first.setdefault(address, host)
+            if other != host:
+                way = next(each for each in ways if host in self._hosts([each]))
+                both = f"{_place(other)} and {_place(host)}, which are both at {address}"
+                what = f"`{ZENOH}` needs a router {both}: only one of the two can listen there"
+                hint = f"make them one `host`, or name another middleware than `{ZENOH}`, {ZEROMQ} say"
+                self._fault(way, "unfit-middleware", what, hint)
 
     def _fault(self, way: Way, code: str, message: str, hint: str) -> None:
         self._faults.append(Fault(code, message, hint, way.client, other=way.provider, port=way.port))
@@ -201,7 +214,12 @@ class _Wirer:
         return FIRST_PORT + self._block() * BLOCK
 
     def _block(self) -> int:
-        return zlib.crc32(self._network.name.encode()) % BLOCKS
+        return block_of(self._network.name)
+
+
+def block_of(network: str) -> int:
+    """The number of the block of ports that a name gives a network."""
+    return zlib.crc32(network.encode()) % BLOCKS
 
 
 def addresses_of(

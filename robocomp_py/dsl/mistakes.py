@@ -153,6 +153,11 @@ def explain_end(source: Source, text: str, expected: list[str]) -> Mistake:
     return Mistake(diagnostic, len(text), len(text), closers)
 
 
+def is_open(text: str) -> bool:
+    """Whether a block is not closed somewhere in a text."""
+    return bool(_unclosed(text))
+
+
 def misspelt(found: str, expected: list[str]) -> str:
     """The keyword that a word is meant to be, or nothing."""
     keywords = [word.strip("`") for word in expected if word.startswith("`") and word[1].isalpha()]

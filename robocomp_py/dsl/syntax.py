@@ -28,6 +28,7 @@ from .mistakes import (
     explain_token,
     find_conflicts,
     find_stray,
+    is_open,
     misspelt,
     without_conflicts,
     without_stray,
@@ -188,8 +189,11 @@ class Grammar:
         """How a word can be made sense of, together with those behind it."""
         behind = self._behind(text, error.word.end_pos or 0)
         meant = misspelt(str(error.word), expected)
+        marks = _MARKS if is_open(text) else [each for each in _MARKS if each != "}"]
         return Ways(
-            ";" if expected == ["`;`"] else self._missing(error, behind) or self._missing(error, behind[:1]),
+            ";"
+            if expected == ["`;`"]
+            else self._missing(error, behind, marks) or self._missing(error, behind[:1], marks),
             bool(meant) and self._fits(error.stack, self._kinds(meant) - {"NAME"}, behind[0]),
             bool((behind[0] - {"NAME", "LANGUAGE"}) & self._parser.accepted(error.stack)),
             self._parser.fixed.values(),
@@ -201,11 +205,11 @@ class Grammar:
         second = _TOKEN.match(text, first.end()) if first else None
         return [self._kinds(each[1]) for each in (first, second) if each] or [{"$END"}]
 
-    def _missing(self, error: Unexpected, behind: list[set[str]]) -> str:
+    def _missing(self, error: Unexpected, behind: list[set[str]], possible: Sequence[str]) -> str:
         """The mark, or marks, that would make sense of a word, and of those behind it, in front of it."""
         own = self._kinds(str(error.word))
         for kinds in (own - {"NAME"}, own & {"NAME"}):  # a keyword is likely to be meant as one
-            for marks in _MARKS:
+            for marks in possible:
                 if self._fits(error.stack, *map(self._kinds, marks), kinds, *behind):
                     return marks
         return ";" if self._begins_misspelt(error, behind) else ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import importlib.machinery
 import importlib.util
 import inspect
 import re
@@ -53,10 +54,11 @@ def _import_package(folder: Path, afresh: bool) -> str:
         number += 1
         name = f"{stem}_{number}"
     init = folder / "__init__.py"
-    spec = importlib.util.spec_from_file_location(
-        name, init if init.is_file() else None, submodule_search_locations=[str(folder)]
-    )
-    assert spec is not None
+    places = [str(folder)]
+    spec = importlib.util.spec_from_file_location(name, init, submodule_search_locations=places)
+    if spec is None or not init.is_file():  # a package all the same
+        spec = importlib.machinery.ModuleSpec(name, None, is_package=True)
+        spec.submodule_search_locations = places
     package = importlib.util.module_from_spec(spec)
     sys.modules[name] = package
     if spec.loader:

@@ -32,7 +32,7 @@ from .exclusive import is_gone
 log = logging.getLogger("robocomp.transport")
 
 _SETTLED = 0.1
-"""A folder changed less than so many seconds ago is read again: its time stamp is too coarse."""
+"""What was read of a folder less than so many seconds after it changed is read again: its time stamp is too coarse."""
 
 _FEW = 32
 """So many members are looked at whenever something may have changed."""
@@ -135,6 +135,8 @@ class Directory:
         self._version = 0
         self._stamp = 0
         self._changed_at = 0.0
+        self._settled = True
+        """Whether it was read so long after it changed that nothing may have been missed."""
         self._asked_at = 0.0
         """When something was looked for that had not been before."""
         self._remembers = False
@@ -189,10 +191,13 @@ class Directory:
             self._refresh()
             self._unreadable = False
         except OSError as exc:
-            self._stamp = -1  # whatever it is next, that is to be read
-            if not self._unreadable:
-                log.warning("run-time folder %s cannot be read now: %s", self._folder, exc.strerror)
-            self._unreadable = True
+            self._complain(exc)
+
+    def _complain(self, exc: OSError) -> None:
+        self._stamp = -1  # whatever it is next, that is to be read
+        if not self._unreadable:
+            log.warning("run-time folder %s cannot be read now: %s", self._folder, exc.strerror)
+        self._unreadable = True
 
     def _refresh(self) -> None:
         now = time.monotonic()
@@ -203,14 +208,15 @@ class Directory:
         except FileNotFoundError:
             stamp = 0
         if stamp != self._stamp:
-            self._stamp, self._changed_at = stamp, now
-        if now - self._changed_at < max(_SETTLED, 2 * self.pause):
+            self._stamp, self._changed_at, self._settled = stamp, now, False
+        if not self._settled:  # it is not asked whether it is by now: nobody may have looked for a while
             begun = time.thread_time()
             self._adopt(self._read() if stamp else {})
             self._remembers = True
             spent = time.thread_time() - begun
             self.pause = min(_LONGEST_PAUSE, spent * len(self._files)) if len(self._files) > _FEW else 0.0
             self._next_look = now + self.pause
+            self._settled = now - self._changed_at >= max(_SETTLED, 2 * self.pause)
         if self._remembers and now - self._asked_at > _FORGET:
             self._remembers = False
             for file in self._files.values():
@@ -252,15 +258,20 @@ class Directory:
         if len(self._found) >= _MOST_ASKED:
             self._found.clear()
         known: dict[str, list[tuple[Member, Entry]]] = {}
-        for name in self._files:
-            self._look_into(name, role, channel, known)
-        self._found[role, channel] = known
+        try:
+            for name in self._files:
+                self._look_into(name, role, channel, known)
+        except OSError as exc:
+            self._complain(exc)
+            self._version += 1  # so that who looked for it looks again
+        else:
+            self._found[role, channel] = known
         return known
 
     def _look_into(self, name: str, role: str, channel: str, known: dict[str, list[tuple[Member, Entry]]]) -> None:
         file = self._files[name]
         if file.raw is None:
-            with contextlib.suppress(OSError):  # it has left
+            with contextlib.suppress(FileNotFoundError):  # it has left
                 file.raw = _content(self._folder / f"{name}.json")
         if file.raw is None or not _may_contain(file.raw, channel):
             return

@@ -55,9 +55,9 @@ class Replies:
                 self._under_way.popitem(last=False)
 
         def answered(reply: Reply) -> None:
+            self.keep(asked, reply)  # first: who asks again just now finds it under way, or answered
             with self._lock:
                 where = self._under_way.pop(asked, answer)
-            self.keep(asked, reply)
             where(reply)
 
         return answered
@@ -79,8 +79,9 @@ class Replies:
         with self._lock:
             replies = self._kept.setdefault(client, OrderedDict())
             self._kept.move_to_end(client)
+            before = replies.pop(number, None)  # it was executed twice
             replies[number] = reply
-            self._octets += size
+            self._octets += size - (_size(before.payload) if before else 0)
             if len(replies) > self._most:
                 self._forget(replies)
             while len(self._kept) > CLIENTS or self._octets > self._most_octets:

@@ -181,7 +181,7 @@ def test_every_option_of_a_component_that_takes_a_value_is_known_to_rc(arm: Path
     known = with_values(capsys.readouterr().out)
     with pytest.raises(SystemExit):
         rc(["run", "arm", "-h"])
-    assert known == with_values(capsys.readouterr().out) == {"--config", "--name", "--middleware", "--set"}
+    assert known == with_values(capsys.readouterr().out) == {"--config", "--name", "--middleware", "--set", "--keys"}
 
 
 def with_values(usage: str) -> set[str]:

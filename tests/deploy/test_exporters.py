@@ -135,6 +135,14 @@ def test_units_of_other_hosts_go_with_their_components(folder: Path) -> None:
     assert "scp -pr onboard/app robot@192.168.1.10:robocomp-Patrol/" in export.steps
 
 
+def test_a_host_with_a_port_of_its_own_is_reached_there(folder: Path) -> None:
+    host = Host("onboard", "192.168.1.10", port=2222)
+    export = EXPORTERS["systemd"](network(component(folder, "laser", host="onboard"), hosts=(host,)), "net.ddsl")
+    assert [step.split(" ")[:3] for step in export.steps] == [
+        ["ssh", "-p", "2222"], ["scp", "-P", "2222"], ["scp", "-P", "2222"], ["ssh", "-p", "2222"],
+    ]  # fmt: skip
+
+
 def test_where_the_network_says_is_where_units_look(folder: Path) -> None:
     host = Host("onboard", "192.168.1.10", workdir="/srv/100% mine")
     export = EXPORTERS["systemd"](network(component(folder, "laser", host="onboard"), hosts=(host,)), "net.ddsl")

@@ -51,6 +51,27 @@ def test_the_folder_is_the_users_alone_and_goes_with_what_is_of_no_use_any_more(
     assert [path.name for path in place.folder.rglob("*")] == ["logs", "laser.log"]
 
 
+def test_who_reads_the_plan_has_all_of_it_or_the_one_before(tmp_path: Path) -> None:
+    place = Place("Patrol", tmp_path)
+    place.take()
+    place.leave_plan("before")
+    with place.plan.open() as reader:
+        place.leave_plan("afterwards")
+        assert (reader.read(), place.plan.read_text()) == ("before", "afterwards")
+    place.release()
+    assert list(tmp_path.rglob("*")) == []
+
+
+def test_complaints_stay_if_there_are_any(tmp_path: Path) -> None:
+    place = Place("Patrol", tmp_path)
+    for text in ("Traceback", ""):
+        place.take()
+        place.complaints.write_text(text)
+        place.release()
+        assert place.complaints.exists() is bool(text)
+    assert not place.folder.exists()
+
+
 def test_whatever_stands_in_the_lock_somebody_holds_it(tmp_path: Path) -> None:
     place = Place("Patrol", tmp_path)
     place.take()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -80,6 +81,18 @@ def test_what_stays_on_a_host_is_refused_between_two(folder: Path, middleware: s
         f"middleware {middleware}; {ONBOARD} Component sensor {{ host onboard; process p; }}; Component driver {{ }};"
     )
     assert "unfit-middleware" in errors(folder, body)
+
+
+def test_a_process_that_is_on_two_hosts_is_one_mistake(folder: Path) -> None:
+    body = f"{ONBOARD} Component sensor {{ host onboard; process p; }}; Component driver {{ process p; }};"
+    assert "unfit-middleware" not in (found := errors(folder, f"security lan; {body}"))
+    assert "unshared-process" in found
+
+
+def test_what_was_not_generated_is_not_said_to_go_by_the_wrong_way(folder: Path, tmp_path: Path) -> None:
+    new = shutil.copytree(folder, tmp_path / "new", ignore=shutil.ignore_patterns("generic"))
+    body = f"security lan; {ONBOARD} Component sensor {{ host onboard; }}; Component driver {{ }};"
+    assert errors(new, body) == ["not-generated", "not-generated"]
 
 
 def test_who_is_used_from_elsewhere_is_told_where_to_listen_and_the_other_where_that_is(folder: Path) -> None:

@@ -220,6 +220,15 @@ def test_a_folder_that_others_can_read_is_refused(folder: Path) -> None:
     assert errors == [f"{folder} is open to other users; chmod 700 {folder}"]
 
 
+def test_a_folder_with_other_things_in_it_is_not_touched(folder: Path) -> None:
+    folder.mkdir(mode=0o755)
+    (folder / "net.ddsl").write_text("mine")
+    with pytest.raises(DeploymentError, match=r"keys: .* has other files in it"):
+        made(network(), folder)
+    assert snapshot(folder) == {"net.ddsl": b"mine"}
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o755
+
+
 def test_a_place_that_cannot_be_written_is_an_error_that_names_it(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(DeploymentError, match="file"):

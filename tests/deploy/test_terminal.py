@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import io
 import json
+import logging
 from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Any
@@ -81,9 +82,9 @@ def test_without_a_terminal_there_are_lines_with_names_and_nothing_else(place: P
 
 
 def test_what_would_move_what_stands_on_a_terminal_is_left_out(place: Place) -> None:
-    made = terminal()
-    made.line("laser", "10 %\r20 %\b\b\a\v\f, \x1b[31mred\x1b[0m")
-    assert shown(made) == "laser │ 10 %20 %, \x1b[31mred\x1b[0m\n"
+    for made in terminal(), terminal(is_terminal=True):
+        made.line("laser", "10 %\r20 %\b\b\a\v\f, \x1b[31mred\x1b[0m \x1b[2J\x1b]0;title\x07\x9b2J\x1bc")
+        assert shown(made) == "laser │ 10 %20 %, \x1b[31mred\x1b[0m [2J]0;title2Jc\n"
 
 
 def test_on_a_terminal_a_table_stands_below_the_lines(place: Place) -> None:
@@ -154,6 +155,19 @@ def test_who_leaves_shows_nothing_more_but_keeps_it(place: Place) -> None:
 
     watched(made, Standing(process("laser"), process("arm")), deed)
     assert made._ring.last([], 2) == [("laser", "unseen"), ("rcdeploy", "stopping: asked to")]
+
+
+def test_what_is_logged_about_launching_is_said_and_kept_like_all_else(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    made, log = terminal(), logging.getLogger("robocomp.deploy")
+    with made.showing_warnings():
+        log.info("of no interest")
+        log.warning("%d processes were left", 2)
+    log.warning("later")
+    assert shown(made) == "rcdeploy │ 2 processes were left\n"
+    assert made._ring.last([], 9) == [("rcdeploy", "2 processes were left")]
+    assert "left" not in capsys.readouterr().err
 
 
 def test_an_output_that_cannot_be_written_is_given_up_once() -> None:

@@ -68,6 +68,14 @@ def test_instances_of_one_process_have_a_port_each():
     assert set(read(wiring, "wander")["zeromq"]["connect"]) == {"laser", "sonar"}
 
 
+def test_two_hosts_of_one_address_cannot_have_a_router_each():
+    sites, addresses = [LASER, WANDER], {"": HERE, "robot": ROBOT, "base": ROBOT}
+    (fault,) = wire(Network("Patrol", addresses, sites, [way("wander", "laser", "zenoh")])).faults
+    assert fault.code == "unfit-middleware"
+    assert f"on `robot` and on `base`, which are both at {ROBOT}" in fault.message
+    assert not wire(Network("Patrol", addresses, sites, [way("wander", "laser", "zeromq")])).faults
+
+
 def test_an_instance_of_a_system_is_named_whole():
     wiring = wire(network([site("left/arm", "robot"), WANDER], way("wander", "left/arm", "zeromq")))
     assert set(read(wiring, "wander")["zeromq"]["connect"]) == {"left/arm"}

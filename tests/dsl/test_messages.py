@@ -476,6 +476,26 @@ net.ddsl:1:30: error[syntax]: unexpected `;`; expected `{`
                                  ^
     say where it is: host onboard { address "192.168.1.10"; };""",
     ),
+    "a clause of the network in the block of a component": (
+        "net.ddsl",
+        "Deployment net { Component arm { escalation one_for_all; grace 5; }; };",
+        """\
+net.ddsl:1:34: error[syntax]: unexpected `escalation`; expected `args`, `config`, `dependences`, `env`, \
+`existing`, `grace`, `host`, `ip` or …
+    Deployment net { Component arm { escalation one_for_all; grace 5; }; };
+                                     ^^^^^^^^^^
+    what has one is the network, or a `System`""",
+    ),
+    "the word of a host in another case": (
+        "net.ddsl",
+        'Deployment net { Host onboard { address "10.0.0.1"; }; };',
+        """\
+net.ddsl:1:18: error[syntax]: unexpected `Host`; expected `Component`, `System`, `escalation`, `host`, `middleware`, \
+`namespace`, `restart`, `security` or …
+    Deployment net { Host onboard { address "10.0.0.1"; }; };
+                     ^^^^
+    did you mean `host`?""",
+    ),
     "the settings of a restart without parentheses": (
         "net.ddsl",
         "Deployment net { restart always 5; };",

@@ -206,6 +206,18 @@ def test_folders_of_the_same_name_do_not_mix(tmp_path: Path) -> None:
     assert load_worker(tmp_path / "a" / "my-hello") is workers[0]
 
 
+def test_a_folder_needs_no_init_file_to_be_a_component(tmp_path: Path) -> None:
+    from robocomp_py.runtime.load import load_worker
+
+    folder = tmp_path / "bare-hello"
+    assert rcgen(["--new", "Hello", "-o", str(folder)]) == 0
+    (folder / "__init__.py").unlink()
+    worker = load_worker(folder)
+    assert worker.__name__ == "SpecificWorker"
+    assert load_worker(folder) is worker
+    assert load_worker(folder, afresh=True) is not worker
+
+
 @pytest.mark.parametrize(
     ("broken", "said"),
     [

@@ -170,6 +170,35 @@ def test_a_change_is_seen_even_if_the_clock_of_the_file_system_stood_still(direc
     member.close()
 
 
+def test_a_change_that_nobody_looked_for_in_a_while_is_seen_even_if_the_clock_stood_still(directory: Directory) -> None:
+    member = directory.join("world")
+    before = directory._folder.stat().st_mtime_ns
+    assert not directory.find("serves", LASER.channel)
+    member.add(LASER)
+    os.utime(directory._folder, ns=(before, before))
+    directory._changed_at -= 1000.0
+    assert directory.find("serves", LASER.channel)
+    member.close()
+
+
+def test_what_could_not_be_looked_into_is_looked_for_again(
+    directory: Directory, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    member = directory.join("world")
+    member.add(LASER)
+    wait_until(lambda: (directory.version(), directory._settled)[1])
+    directory._remembers, directory._asked_at = True, 0.0
+    directory.version()  # which forgets what nobody has looked for
+    with monkeypatch.context() as patch:
+        patch.setattr(directory, "_folder", directory._folder / ("x" * 300))  # a name too long for any file system
+        before = directory.version()
+        assert not directory.find("serves", LASER.channel)
+        assert directory.version() > before
+    assert directory.find("serves", LASER.channel)
+    assert sum("cannot be read" in record.message for record in caplog.records) == 1
+    member.close()
+
+
 def test_a_folder_that_was_removed_has_no_members_and_closing_does_not_care(directory: Directory) -> None:
     member = directory.join("world")
     member.add(LASER)

@@ -29,6 +29,19 @@ def test_while_a_request_is_under_way_its_reply_goes_to_where_it_was_last_asked_
     assert (first, second) == ([], [ok(b"a")])
 
 
+def test_a_request_repeated_while_its_reply_is_being_kept_is_not_executed_again() -> None:
+    class Slow(Replies):
+        def keep(self, asked: tuple[int, int], reply: Reply) -> None:
+            known.append(self.again(asked, second.append) is not None)
+            super().keep(asked, reply)
+            known.append(self.again(asked, second.append) is not None)
+
+    known, first, second = list[bool](), list[Reply](), list[Reply]()
+    Slow().begun((7, 1), first.append)(ok(b"a"))
+    assert known == [True, True]
+    assert (first, second) == ([], [ok(b"a")])
+
+
 def test_of_each_client_the_last_replies_are_kept() -> None:
     replies = Replies(kept=256)
     for client in (1, 2):
@@ -48,3 +61,10 @@ def test_their_memory_is_bounded() -> None:
     assert replies.find((1, 1000)) is None
     replies.keep((1, 1001), Reply(Status.OK, [bytes(500), bytes(600)]))
     assert replies.find((1, 1001)) is None
+
+
+def test_what_was_executed_twice_is_kept_and_counted_once() -> None:
+    replies = Replies(octets=1000)
+    for number in range(100):
+        replies.keep((1, 1), ok(b"%100d" % number))
+    assert replies.find((1, 1)) == ok(b"%100d" % 99)

@@ -56,6 +56,9 @@ _CODES = {
 
 
 def show(line: Line) -> None:
+    from ...deploy.harmless import harmless
+
+    line = [(harmless(text), style) for text, style in line]
     if sys.stdout.isatty() and "NO_COLOR" not in os.environ:
         print("".join(_styled(text, style) for text, style in line))
     else:

@@ -27,7 +27,7 @@ What shares a process is restarted with it. Exit status: 0 all are ready again, 
 
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
-    to.description, to.epilog = "Start components of a network that runs again.", _EXAMPLES
+    to.description, to.epilog = "Start components anew, in a network that runs.", _EXAMPLES
     add_network(to)
     to.add_argument("names", nargs="+", metavar="INSTANCE", help="an instance, a process or a system")
     to.add_argument(

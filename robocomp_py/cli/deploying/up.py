@@ -30,7 +30,8 @@ examples:
   rcdeploy up net.ddsl --middleware zeromq          ... over that middleware and no other
   rcdeploy up net.ddsl --set world.params.step=0.1  set a key of an instance's configuration (*: of all)
 
-exit status: 0 fine, 1 wrong input or something failed, 2 usage, 130/143 stopped by a signal
+exit status: 0 fine, 1 wrong input or something failed, 2 usage, 3 a host cannot be reached,
+130/143 stopped by a signal
 """
 
 
@@ -73,6 +74,7 @@ def _run(options: argparse.Namespace, parent: Parent | None = None) -> int:
 
 
 def _up(plan: Plan, options: argparse.Namespace, parent: Parent | None) -> int:
+    from ...deploy import neighbours
     from ...deploy.logs import Form, Logs
     from ...deploy.place import Place
     from ...deploy.run import Options
@@ -95,6 +97,8 @@ def _up(plan: Plan, options: argparse.Namespace, parent: Parent | None) -> int:
                 f"rcdeploy: {plan.name} runs already{whose}; how it is: rcdeploy status {network}; what would change: "
                 f"rcdeploy plan {network}; to stop it: rcdeploy down {network}"
             )
+        for each in neighbours.warnings(plan):
+            print(f"rcdeploy: warning: {each}", file=sys.stderr, flush=True)
         folder = options.log_dir or Place(plan.name).logs
         logs = Logs(folder, number=len(plan.processes), form=Form(options.record_logs))
         with contextlib.closing(logs):

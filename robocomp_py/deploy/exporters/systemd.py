@@ -107,12 +107,13 @@ def _steps(all_sites: list[Site], whole: str) -> Iterator[str]:
         folder = f"{site.name}/" if site.name else ""
         if site.host:
             to = f"{site.host.user}@{site.host.address}" if site.host.user else site.host.address
-            there = site.host.workdir or whole
-            yield f"ssh {to} mkdir -p {shlex.quote(there)} .config/systemd/user"
+            there, port = site.host.workdir or whole, site.host.port
+            ssh, scp = (f"ssh -p {port}", f"scp -P {port}") if port else ("ssh", "scp")
+            yield f"{ssh} {to} mkdir -p {shlex.quote(there)} .config/systemd/user"
             along = " ".join(f"{folder}{each}" for each in (APP, *([KEYS] if site.keys else [])))
-            yield f"scp -pr {along} {to}:{shlex.quote(there)}/"
-            yield f"scp {folder}{whole}* {to}:.config/systemd/user/"
-            yield f"ssh {to} systemctl --user enable --now {whole}.target"
+            yield f"{scp} -pr {along} {to}:{shlex.quote(there)}/"
+            yield f"{scp} {folder}{whole}* {to}:.config/systemd/user/"
+            yield f"{ssh} {to} systemctl --user enable --now {whole}.target"
         else:
             yield f"cp {folder}{whole}* ~/.config/systemd/user/"
             yield f"systemctl --user enable --now {whole}.target"

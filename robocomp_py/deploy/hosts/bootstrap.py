@@ -55,6 +55,14 @@ def missing(needs: "dict[str, str]") -> "list[str]":
     return [needs[module] for module in sorted(needs) if find_spec(module) is None]
 
 
+def own(folder: str) -> None:
+    """Have it, for nobody else: what is in it is run, and there are keys in it."""
+    os.makedirs(folder, 0o700, exist_ok=True)
+    if os.stat(folder).st_uid != os.getuid():
+        refuse(f"{folder} belongs to another user; name a folder of your own: workdir")
+    os.chmod(folder, 0o700)
+
+
 def receive(folder: str, name: str) -> None:
     """Unpack what is sent into the folder; it is there as a whole, or not at all."""
     import hashlib
@@ -149,7 +157,8 @@ def main(asked: "dict[str, Any]") -> None:
     bundles, name = os.path.join(base, "bundles"), asked["bundle"]
     folder = os.path.join(bundles, name)
     where = workdir or os.path.join(base, "run", asked["network"])
-    for each in (where, base, bundles):
+    own(base)
+    for each in (where, bundles):
         os.makedirs(each, 0o700, exist_ok=True)
     held = hold(folder + ".lock", fcntl.LOCK_SH)
     there = os.path.isdir(folder)

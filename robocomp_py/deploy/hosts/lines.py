@@ -30,15 +30,41 @@ SILENCE = 5.0
 LONGEST = 8 * 1024 * 1024
 """Octets of a line."""
 
+LONGEST_TEXT = 4096
+"""Characters of what people are shown of a text."""
+
 Message = dict[str, Any]
+
+_TOLD: Mapping[str, Mapping[str, type]] = {
+    "boot": {"there": bool, "root": str, "python": str, "folder": str},
+    "hello": {"version": int, "kept": list},
+    "opened": {},
+    "refused": {"why": str},
+    "started": {"name": str},
+    "failed": {"name": str, "why": str},
+    "output": {"name": str, "line": str},
+    "lost_lines": {"count": int},
+    "ready": {"name": str},
+    "status": {"name": str, "text": str},
+    "left": {"name": str, "instance": str},
+    "hung": {"name": str},
+    "exited": {"name": str, "code": int},
+    "usage": {"of": dict},
+    "closed": {},
+}
+"""What an agent tells, and what must be in it."""
 
 
 def packed(message: Mapping[str, Any]) -> bytes:
     return json.dumps(message).encode() + b"\n"
 
 
+class Misunderstood(DeploymentError):
+    """What the other side says is none of ours."""
+
+
 class Lines:
-    """Takes what comes in pieces apart. Raises DeploymentError if it is none of ours."""
+    """Takes what comes in pieces apart. Raises Misunderstood if it is none of ours."""
 
     def __init__(self) -> None:
         self._rest = b""
@@ -46,7 +72,7 @@ class Lines:
     def feed(self, data: bytes) -> Iterator[Message]:
         *lines, self._rest = (self._rest + data).split(b"\n")
         if len(self._rest) > LONGEST:
-            raise DeploymentError(f"a line of more than {LONGEST} octets")
+            raise Misunderstood(f"a line of more than {LONGEST} octets")
         for line in filter(None, lines):
             yield unpacked(line)
 
@@ -55,10 +81,24 @@ def unpacked(line: bytes) -> Message:
     try:
         message = json.loads(line)
     except (ValueError, RecursionError) as exc:
-        raise DeploymentError(f"what was said is not understood: {line[:80]!r}") from exc
+        raise Misunderstood(f"what was said is not understood: {line[:80]!r}") from exc
     if not isinstance(message, dict):
-        raise DeploymentError(f"what was said is not understood: {line[:80]!r}")
+        raise Misunderstood(f"what was said is not understood: {line[:80]!r}")
     return message
+
+
+def heard(message: Message) -> Message:
+    """What an agent tells, checked: it may be anybody's. Raises Misunderstood."""
+    what = message.get("tell")
+    parts = _TOLD.get(what) if isinstance(what, str) else None
+    if parts is None or not all(isinstance(message.get(name), kind) for name, kind in parts.items()):
+        raise Misunderstood(f"what the agent told is not understood: {str(message)[:80]!r}")
+    return message
+
+
+def shown(text: str) -> str:
+    """As much of a text from a host as people are shown, without what would move things on their terminal."""
+    return "".join(char if char.isprintable() or char in "\n\t" else " " for char in text[:LONGEST_TEXT])
 
 
 def told(process: Process, command: tuple[str, ...], folder: str) -> Message:
@@ -104,8 +144,11 @@ def usage_told(usage: Mapping[str, Usage]) -> Message:
 
 
 def usage_of(told: Mapping[str, Any]) -> dict[str, Usage]:
-    """Raises DeploymentError."""
+    """Raises Misunderstood."""
     try:
-        return {name: Usage(*values) for name, values in told.items()}
-    except (TypeError, AttributeError) as exc:
-        raise DeploymentError(f"what processes use is not understood: {exc}") from exc
+        return {
+            name: Usage(int(pid), float(cpu), int(memory), float(calls), float(worst))
+            for name, (pid, cpu, memory, calls, worst) in told.items()
+        }
+    except (TypeError, ValueError, OverflowError, AttributeError) as exc:
+        raise Misunderstood(f"what processes use is not understood: {exc}") from exc

@@ -19,12 +19,13 @@ import asyncssh
 
 from ...errors import DeploymentError, HostUnreachable
 from ..agents import Agent, Listener, Usage
+from ..launcher.output import LINE
 from ..plan import Host
 from ..process import Process
 from ..relocation import places, relocate
 from . import ssh
 from .bundle import FILES, KEYS, Bundle, collect, pack
-from .lines import BEAT, SILENCE, VERSION, Lines, Message, packed, told, usage_of
+from .lines import BEAT, SILENCE, VERSION, Lines, Message, Misunderstood, heard, packed, shown, told, usage_of
 
 log = logging.getLogger("robocomp.deploy")
 
@@ -71,6 +72,7 @@ class RemoteAgent(Agent):
         """`note` is told what takes long; `options` are further ones of asyncssh's."""
         self._host, self._share, self._listener = host, share, listener
         self._note, self._options = note, options
+        self._names = {process.name for process in share.processes}
         self._controller = secrets.token_hex(8)
         self._bundle: Bundle | None = None
         self._places: Mapping[Path, str] = places(share.processes, FILES)
@@ -158,13 +160,13 @@ class RemoteAgent(Agent):
                 await self._deliver(channel, self._bundle)
             async with asyncio.timeout(PATIENCE):
                 hello = await self._told(told, channel, "hello")
+                self.kept = [shown(str(name)) for name in hello["kept"]]
                 self._check_version(hello)
-                self.kept = list(map(str, hello.get("kept", ())))
                 channel.writer.write(packed(self._opening()))
                 await self._told(told, channel, "opened")
-        except (OSError, asyncssh.Error, TimeoutError, KeyError) as exc:
+        except (OSError, asyncssh.Error, TimeoutError, Misunderstood) as exc:
             channel.abort()
-            why = f"no answer within {PATIENCE:g} s" if isinstance(exc, TimeoutError) else exc
+            why = f"no answer within {PATIENCE:g} s" if isinstance(exc, TimeoutError) else shown(str(exc))
             raise HostUnreachable(f"{ssh.called(self._host)}: the agent there did not start: {why}") from exc
         except BaseException:
             channel.abort()
@@ -185,7 +187,7 @@ class RemoteAgent(Agent):
                 return message
             if message.get("tell") == "refused":
                 error = HostUnreachable if what in ("boot", "hello") else DeploymentError
-                raise error(f"{ssh.called(self._host)}: {message['why']}")
+                raise error(f"{ssh.called(self._host)}: {shown(message['why'])}")
         said = await channel.said()
         if channel.exit_status == 127:
             hint = f'there is no `{self._host.python}`; if it is called otherwise: python "NAME"; in its `host`'
@@ -195,7 +197,7 @@ class RemoteAgent(Agent):
     def _check_version(self, hello: Message) -> None:
         if hello.get("version") != VERSION:
             raise HostUnreachable(
-                f"{ssh.called(self._host)}: another version of robocomp_py has left {', '.join(hello.get('kept', ()))} "
+                f"{ssh.called(self._host)}: another version of robocomp_py has left {', '.join(self.kept)} "
                 "running there; end it with that version (rcdeploy down), or kill it"
             )
 
@@ -249,7 +251,7 @@ class RemoteAgent(Agent):
             if not self._closing:
                 why = await channel.said() or why
         except (OSError, asyncssh.Error, DeploymentError) as exc:
-            why = getattr(exc, "reason", "") or str(exc) or type(exc).__name__
+            why = shown(getattr(exc, "reason", "") or str(exc)) or type(exc).__name__
         self._lose(channel, why)
 
     async def _beat(self, channel: ssh.Channel) -> None:
@@ -261,15 +263,17 @@ class RemoteAgent(Agent):
 
     def _take(self, message: Message) -> None:
         name = message.get("name", "")
-        match message.get("tell"):
+        if "name" in message and not (isinstance(name, str) and name in self._names):
+            return  # what an earlier controller left there, and is being ended
+        match message["tell"]:
             case "output":
-                self._listener.output(name, message["line"])
+                self._listener.output(name, message["line"][:LINE].replace("\n", " "))
             case "lost_lines":
                 self._note(f"{self._host.name}: {message['count']} lines of output were too many to be sent")
             case "ready":
                 self._listener.ready(name)
             case "status":
-                self._listener.status(name, message["text"])
+                self._listener.status(name, shown(message["text"]))
             case "left":
                 self._listener.left(name, message["instance"])
             case "hung":
@@ -277,13 +281,13 @@ class RemoteAgent(Agent):
             case "exited":
                 self._listener.exited(name, message["code"])
             case "usage":
-                self._usage = usage_of(message["of"])
+                self._usage = {name: use for name, use in usage_of(message["of"]).items() if name in self._names}
             case "started":
                 self._settle(name, None)
             case "failed":
-                self._settle(name, DeploymentError(message["why"]))
+                self._settle(name, DeploymentError(shown(message["why"])))
             case "refused":
-                self._note(f"{ssh.called(self._host)}: {message['why']}")
+                self._note(f"{ssh.called(self._host)}: {shown(message['why'])}")
             case "closed":
                 self._closed.set()
 
@@ -354,7 +358,7 @@ class _Told:
             if not data:
                 return None
             self._waiting.extend(self._lines.feed(_without_noise(data) if noise else data))
-        return self._waiting.popleft()
+        return heard(self._waiting.popleft())
 
 
 def _without_noise(data: bytes) -> bytes:

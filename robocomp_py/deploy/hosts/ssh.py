@@ -16,6 +16,7 @@ import asyncssh
 
 from ...errors import HostUnreachable
 from ..plan import Host
+from .lines import shown
 from .trusting import Presented, known_keys
 
 PATIENCE = 15.0
@@ -41,7 +42,7 @@ class Channel:
         """What the program, or the shell that was to start it, said about what went wrong; and how it ended."""
         try:
             async with asyncio.timeout(PATIENCE):
-                text = (await self._process.stderr.read(4000)).decode(errors="replace").strip()
+                text = shown((await self._process.stderr.read(4000)).decode(errors="replace")).strip()
                 await self._process.wait_closed()
         except (TimeoutError, OSError, asyncssh.Error):
             return ""
@@ -172,4 +173,4 @@ def _reason(exc: Exception) -> str:
         return f"no answer in {PATIENCE:g} s"
     if isinstance(exc, OSError):
         return exc.strerror or str(exc) or type(exc).__name__
-    return getattr(exc, "reason", "") or str(exc) or type(exc).__name__
+    return shown(getattr(exc, "reason", "") or str(exc)) or type(exc).__name__

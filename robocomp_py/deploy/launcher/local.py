@@ -474,7 +474,10 @@ class Launcher(Agent):
                 return sender == running.main
 
     def _is_of(self, running: _Running, pid: int) -> bool:
-        """Whether a process was started by this one."""
+        """Whether a process was started by this one. It may have ended already, in the same session at least."""
+        trace = traces.look(pid)
+        if trace and trace.session == running.pid:
+            return True
         if running.group:
             return pid in cgroups.members(running.group)
         found = traces.family({running.name: running.pid}, self._launch)[running.name]

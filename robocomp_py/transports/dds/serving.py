@@ -335,9 +335,9 @@ class Server(ServingLink):
             answer(Reply(Status.REFUSED))
 
     def _answer(self, call: _Call, expires: float, reply: Reply) -> None:
-        self._under_way.pop(call, None)
-        if self._replies is not None:
+        if self._replies is not None:  # first: who asks again just now finds it under way, or answered
             self._replies.keep(call, reply)
+        self._under_way.pop(call, None)
         client, sequence = call
         status, payload = reply
         response = self._response

@@ -148,7 +148,8 @@ class Link:
         named = [
             token
             for token in self.transport.table.find(self.facing, self.channel.name)
-            if token.channel == self.channel.name or not self.transport.owns(token.link)
+            if (token.channel == self.channel.name or not self.transport.owns(token.link))
+            and self.transport.reaches(token)
         ]
         same = [token for token in named if token.fingerprint == self.channel.type.fingerprint]
         if len(same) == len(named):

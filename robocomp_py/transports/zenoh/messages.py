@@ -28,15 +28,15 @@ DATA, URGENT = zenoh.Priority.DATA, zenoh.Priority.INTERACTIVE_HIGH
 NO_CONSOLIDATION = zenoh.ConsolidationMode.NONE
 
 
-def direct(callback: Callable[[Any], object]) -> Any:
-    """A callback that Zenoh calls itself, without a thread of Python's for each."""
+def direct(callback: Callable[[Any], object], over: Callable[[], object] | None = None) -> Any:
+    """A callback that Zenoh calls itself, without a thread of Python's for each, and `over` when no more will come."""
 
     def call(message: Any) -> None:
         if not hasattr(_thread_state, "kept"):
             _thread_state.kept = ctypes.pythonapi.PyGILState_Ensure()
         callback(message)
 
-    return zenoh.handlers.Callback(call, indirect=False)
+    return zenoh.handlers.Callback(call, over, indirect=False)
 
 
 _thread_state = threading.local()

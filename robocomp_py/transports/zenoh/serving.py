@@ -175,10 +175,10 @@ class Server(Link):
             answer(Reply(Status.REFUSED))
 
     def _answer(self, request: Request, reply: Reply) -> None:
+        if self._replies is not None:  # first: who asks again just now finds it under way, or answered
+            self._replies.keep((request.client, request.sequence), reply)
         with self._lock:
             asked, _ = self._under_way.pop((request.client, request.sequence), (None, 0.0))
-        if self._replies is not None:
-            self._replies.keep((request.client, request.sequence), reply)
         if asked:
             self._send(asked, request, reply)
             asked.close()

@@ -15,8 +15,9 @@ class Token(NamedTuple):
     """One link, as all can see it: `rc_lv/<domain>/<role>/<traits>/<fingerprint>/<pid>/<link>/<channel>`.
 
     Traits: those of its QoS (`contract.qos`), `-` if it has none; of a reliable publisher also `w` and
-    how many messages it may be ahead of its readers. A `*` in the channel is written as a dot. `since`
-    is not told, but noted here: the version of the table in which it came.
+    how many messages it may be ahead of its readers. A `*` in the channel is written as a dot. Not
+    told, but noted here: `since`, the version of the table in which it came, and whether what is sent to
+    it is known to get there (`reached`, see `reaching`).
     """
 
     role: str
@@ -26,6 +27,7 @@ class Token(NamedTuple):
     link: int
     channel: str
     since: int = 0
+    reached: bool = False
 
     @property
     def ahead(self) -> int:
@@ -73,6 +75,20 @@ class Table:
                     del self._index[place]
             self.changed.notify_all()
         return True
+
+    def reach(self, token: Token) -> None:
+        """Note that a token's link can be reached, if it is still there."""
+        with self.changed:
+            if self.holds(token):
+                self._index[token.role, _tail(token.channel)][token.link] = token._replace(reached=True)
+                self.version += 1
+                self.changed.notify_all()
+
+    def holds(self, token: Token) -> bool:
+        """Whether it is there, and has been since."""
+        with self.changed:
+            known = self._index.get((token.role, _tail(token.channel)), {}).get(token.link)
+            return known is not None and known.since == token.since
 
     def find(self, role: str, channel: str) -> list[Token]:
         """Links in that role whose channel matches, either of which may have `*` for its instance."""

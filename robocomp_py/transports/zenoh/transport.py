@@ -12,7 +12,7 @@ import secrets
 import struct
 import threading
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from math import inf
 from pathlib import Path
 from typing import Any, TypeVar
@@ -42,6 +42,7 @@ from ..memory import keep_memory
 from .asking import Caller, CommandOutlet
 from .link import IDLE_TICK, TICK, Link
 from .messages import BLOCK, DATA, NO_CONSOLIDATION, QUERIES_WAITING, SMALL, URGENT, Inbox, Message, Query, direct
+from .reaching import Reaching
 from .serving import CommandInlet, Server
 from .session import HERE, Network, as_transport_error, named_router, shared_router
 from .table import Table, Token
@@ -89,6 +90,7 @@ class ZenohTransport:
         self._keyed = keys is not None
         if keys:  # the router's rules name its links by its number
             self._id = number(keys) << (40 - NUMBER_BITS) | secrets.randbits(40 - NUMBER_BITS)
+        self._reaching = Reaching(self._ask_for_a_word, self.table.holds, self._reach, self.due)
         self._links: dict[int, Link] = {}
         self._lock = threading.RLock()
         self._work: queue.SimpleQueue[Job] = queue.SimpleQueue()
@@ -162,6 +164,13 @@ class ZenohTransport:
         """Whether a link of that number is one of ours."""
         return link >> 24 == self._id
 
+    def reaches(self, token: Token) -> bool:
+        """Whether what is sent to a link gets there; if that is not known, it will be soon."""
+        if token.reached or not self._elsewhere or self.owns(token.link):
+            return True
+        self._reaching.seek(token)
+        return False
+
     def key(self, kind: str, *parts: object) -> str:
         return "/".join(map(str, (kind, self.domain, *parts)))
 
@@ -226,9 +235,8 @@ class ZenohTransport:
         self._news(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
     def _news(self, token: str, there: bool) -> None:
-        if self.table.hear(token, there) and not self._looking:
-            self._looking = True
-            self._work.put(self._look)
+        if self.table.hear(token, there):
+            self._look_soon()
 
     def _on_ack(self, sample: zenoh.Sample) -> None:
         link, data = self._meant(str(sample.key_expr).split("/")[-1]), sample.payload.to_bytes()
@@ -239,7 +247,24 @@ class ZenohTransport:
         if self._inquiries.put(query):
             self._work.put(self._answer)
 
+    def _reach(self, token: Token) -> None:
+        self.table.reach(token)
+        self._look_soon()
+
+    def _look_soon(self) -> None:
+        if not self._looking:
+            self._looking = True
+            self._work.put(self._look)
+
     # On threads of ours.
+
+    def _ask_for_a_word(self, token: Token, answered: Callable[[], None], over: Callable[[], None]) -> None:
+        key = f"{self.address('rc_ask', token.link)}/text"
+        handler = direct(lambda reply: answered() if reply.ok else None, over)
+        with contextlib.suppress(zenoh.ZError):  # closed
+            self.session.get(
+                key, handler, timeout=INQUIRY, cancellation_token=self._giving_up, consolidation=NO_CONSOLIDATION
+            )
 
     def _join(self) -> None:
         session, mine = self.session, f"{self._id:010x}"
@@ -265,6 +290,7 @@ class ZenohTransport:
 
     def _forget_the_clock(self) -> None:
         self._next_tick = 0.0
+        self._work.put(_nothing)  # another thread may have begun to wait meanwhile
 
     def _tick(self) -> float:
         """Do what is due; seconds until the next time.
@@ -279,7 +305,7 @@ class ZenohTransport:
             self._network.tick()
         except Exception:
             log.exception("housekeeping")
-        waits = [link.tick() for link in list(self._links.values())]
+        waits = [self._reaching.tick(time.monotonic()), *(link.tick() for link in list(self._links.values()))]
         usual = IDLE_TICK if self._network.at_home else TICK
         return min([usual, *(wait for wait in waits if wait is not None)])
 

@@ -154,7 +154,7 @@ class Publisher(Link):
                 if named == self._topic:
                     self._subscribers += 1 if begins else -1
                 elif begins and named[:1] == b"\0" and len(named) == OWN_TOPIC_BYTES:
-                    for first, *arrays in self._history:
+                    for first, *arrays in list(self._history):  # to those on other hosts while a thread sends here
                         socket.send([named + first, *arrays])
         return []
 

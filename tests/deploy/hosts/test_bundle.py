@@ -109,6 +109,20 @@ def test_of_the_bundles_on_a_host_the_newest_stay_and_those_in_use(tmp_path: Pat
     assert there == {names[0], names[1], names[2], names[3], names[5]}
 
 
+def test_the_folder_on_a_host_is_closed_to_others_and_never_one_of_theirs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+):
+    folder = tmp_path / "patrol" / ".robocomp"
+    folder.mkdir(parents=True)
+    folder.chmod(0o777)
+    bootstrap.own(str(folder))
+    assert folder.stat().st_mode & 0o777 == 0o700
+    monkeypatch.setattr(os, "getuid", lambda: folder.stat().st_uid + 1)
+    with pytest.raises(SystemExit):
+        bootstrap.own(str(folder))
+    assert "belongs to another user" in capfd.readouterr().out
+
+
 def test_an_agent_and_components_run_from_a_bundle_alone(tmp_path: Path):
     with tarfile.open(fileobj=io.BytesIO(gzip.decompress(pack(collect({})).packed))) as archive:
         archive.extractall(tmp_path, filter="data")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 import signal
 import sys
@@ -494,5 +495,91 @@ def test_a_folder_to_work_in_is_made_and_used(tmp_path: Path):
             assert await heard.hears("output", "laser") == ("output", "laser", str(server.home / "patrol" / "today"))
             await agent.close()
             assert (server.home / "patrol" / "today" / ".robocomp").is_dir()
+
+    scene(act)
+
+
+BOOT = {"tell": "boot", "there": True, "root": "/r", "python": "/p", "folder": "/f"}
+HELLO = {"tell": "hello", "version": 1, "kept": []}
+OPENED = {"tell": "opened"}
+
+
+def impostor(folder: Path, *said: object) -> str:
+    """A program to be taken for Python, which says this, whatever it is asked."""
+    path, text = folder / "impostor", "".join(json.dumps(each) + "\n" for each in said)
+    path.write_text(f"#!{sys.executable}\nimport sys\nprint({text!r}, end='', flush=True)\nsys.stdin.buffer.read()\n")
+    path.chmod(0o755)
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        {"tell": "output", "name": "laser"},
+        {"tell": "output", "name": ["laser"], "line": "x"},
+        {"tell": "exited", "name": "laser", "code": "0"},
+        {"tell": "failed", "name": "laser", "why": None},
+        {"tell": "usage", "of": {"laser": [1, "much", 1, 1, 1]}},
+        {"tell": "usage", "of": {"laser": 1}},
+        {"tell": ["output"]},
+        {"do": "start"},
+    ],
+)
+def test_a_host_that_says_what_it_must_not_is_lost(tmp_path: Path, said: object):
+    async def act() -> None:
+        heard = Heard()
+        async with serving(tmp_path) as server:
+            host = replace(server.host, python=impostor(tmp_path, BOOT, HELLO, OPENED, said))
+            agent = server.agent(heard, program(FOREVER), host=host)
+            await agent.open()
+            assert "not understood" in (await heard.hears("lost", "robot"))[2]
+            await agent.close()
+
+    scene(act)
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        [{**BOOT, "root": 7}],
+        [BOOT, {**HELLO, "kept": 5}],
+        [{"tell": "refused", "why": "\x1b[2Jwiped"}],
+        [BOOT, {"tell": "refused"}],
+    ],
+)
+def test_a_host_that_begins_so_is_refused_by_name_and_shown_nothing_raw(tmp_path: Path, said: list[object]):
+    async def act() -> None:
+        async with serving(tmp_path) as server:
+            host = replace(server.host, python=impostor(tmp_path, *said))
+            with pytest.raises(HostUnreachable, match=r"robot \(127\.0\.0\.1\): .*(not understood|wiped)") as caught:
+                await server.agent(Heard(), host=host).open()
+            assert "\x1b" not in str(caught.value)
+
+    scene(act)
+
+
+def test_a_host_speaks_of_its_own_processes_only_a_line_at_a_time(tmp_path: Path):
+    async def act() -> None:
+        heard = Heard()
+        others = [
+            {"tell": "output", "name": "sonar", "line": "x"},
+            {"tell": "exited", "name": "sonar", "code": 0},
+            {"tell": "ready", "name": ""},
+            {"tell": "usage", "name": ["laser"], "of": {}},
+            {"tell": "usage", "of": {"sonar": [1, 1, 1, 1, 1], "laser": [1, 1, 1, 1, 1]}},
+        ]
+        own = [
+            {"tell": "status", "name": "laser", "text": "\x1b[2Jfine"},
+            {"tell": "output", "name": "laser", "line": "a\nb" + 10_000 * "c"},
+        ]
+        async with serving(tmp_path) as server:
+            host = replace(server.host, python=impostor(tmp_path, BOOT, HELLO, OPENED, *others, *own))
+            agent = server.agent(heard, program(FOREVER), host=host)
+            await agent.open()
+            *_, line = await heard.hears("output", "laser")
+            assert (line[:4], len(line), list(agent.usage())) == ("a bc", 4096, ["laser"])
+            assert heard.told[0] == ("status", "laser", " [2Jfine")
+            server.cut()
+            await agent.close()
 
     scene(act)
