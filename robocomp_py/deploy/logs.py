@@ -1,7 +1,7 @@
 """What the processes of a network print, in files: one for each, replaced by a new one when it is long.
 
     logs/laser.log  laser.log.1  laser.log.2        the newest first
-    2026-03-01T12:00:00.123+00:00 WARNING: too close         as text
+    2026-03-01T12:00:00.123456+00:00 WARNING: too close      as text
     {"time": "…", "name": "laser", "level": "warning", "text": "too close"}    as JSON, a line each
 
 A disk that is full stops nobody: what cannot be written is counted, and that is written when there is room again.
@@ -102,7 +102,7 @@ class Logs:
         self._files.clear()
 
     def _line(self, name: str, text: str) -> bytes:
-        when = datetime.fromtimestamp(self._clock(), UTC).isoformat(timespec="milliseconds")
+        when = datetime.fromtimestamp(self._clock(), UTC).isoformat(timespec="microseconds")
         if self._form is Form.TEXT:
             return f"{when} {text}\n".encode(errors="replace")
         found = _LEVEL.match(text)

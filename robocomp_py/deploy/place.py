@@ -130,7 +130,7 @@ class Place:
             raise
 
     def release(self) -> None:
-        """Let others run it. What is of no use any more is removed; the logs stay, and complaints. May be called twice."""
+        """Let others run it. What is of no use any more is removed; logs and complaints stay. May be called twice."""
         if self._held < 0:
             return
         for each in (self.control, self.plan, self.leftovers, self._lock):

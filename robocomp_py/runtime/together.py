@@ -17,7 +17,7 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from typing import Any
 
 from ..errors import ComponentError, ConfigurationError
@@ -49,6 +49,10 @@ class Member:
     @property
     def name(self) -> str:
         return self.running.settings.instance
+
+
+_LOOK_S = 0.5
+"""After so long, Python looks whether there was a signal: one that comes just before a wait begins does not end it."""
 
 
 class Together:
@@ -87,7 +91,10 @@ class Together:
             member.thread.start()
         fine = True
         while len(self._ended) < len(self._members):
-            news = self._news.get()
+            try:
+                news = self._news.get(timeout=_LOOK_S)
+            except Empty:
+                continue
             if news is None:
                 self._stop()
                 continue

@@ -193,6 +193,23 @@ def test_another_process_of_it_may_be_the_one_that_counts(tmp_path: Path, with_a
     assert [told for told in heard.told if told[0] != "output"] == [("ready", "it"), ("exited", "it", 7)]
 
 
+def test_it_counts_also_if_it_has_ended_before_anybody_looks(tmp_path: Path, with_and_without_groups: None) -> None:
+    text = (
+        "pid = os.fork()\nif pid: notify(f'MAINPID={pid}'); os._exit(0)\n"
+        "while os.getppid() == os.getsid(0): time.sleep(0.001)\n"
+        "notify('READY=1'); os._exit(7)"
+    )
+
+    async def story(launcher: Launcher, heard: Heard) -> None:
+        await launcher.start(program(NOTIFY + text))
+        first = launcher._running["it"].pid
+        wait_until(lambda: {each.state for each in traces.everybody() if each.session == first} == {"Z"})
+        await heard.until("exited")
+
+    told = launched(tmp_path, story).told
+    assert [each for each in told if each[0] != "output"] == [("ready", "it"), ("exited", "it", 7)]
+
+
 def test_what_it_uses_and_how_busy_it_is_is_known(tmp_path: Path) -> None:
     async def story(launcher: Launcher, heard: Heard) -> None:
         await launcher.start(program(f"{NOTIFY}notify('X_ROBOCOMP_CALLS=12.5 3', 'READY=1')\n{FOREVER}"))

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from robocomp_py.deploy.logs import KEPT, Form, Logs, last
+from robocomp_py.deploy.logs import KEPT, Form, Logs, last, recalled
 from robocomp_py.errors import DeploymentError
 
 
@@ -24,8 +24,17 @@ def logs(tmp_path: Path) -> Iterator[Logs]:
 def test_each_has_a_file_with_the_time_of_each_line(logs: Logs) -> None:
     logs.write("laser", "ready")
     logs.write("left/arm", "WARNING: too close")
-    assert (logs.folder / "laser.log").read_text() == "1970-01-01T00:00:00.000+00:00 ready\n"
-    assert (logs.folder / "left.arm.log").read_text() == "1970-01-01T00:00:01.000+00:00 WARNING: too close\n"
+    assert (logs.folder / "laser.log").read_text() == "1970-01-01T00:00:00.000000+00:00 ready\n"
+    assert (logs.folder / "left.arm.log").read_text() == "1970-01-01T00:00:01.000000+00:00 WARNING: too close\n"
+
+
+def test_lines_of_the_same_millisecond_are_recalled_in_the_order_in_which_they_came(tmp_path: Path) -> None:
+    logs = Logs(tmp_path, clock=iter((1.5001, 1.5002, 1.5003)).__next__)
+    said = [("rcdeploy", "stopping"), ("laser", "bye"), ("rcdeploy", "laser has ended")]
+    for name, text in said:
+        logs.write(name, text)
+    logs.close()
+    assert recalled(tmp_path, [], 3) == said
 
 
 def test_a_name_is_no_path(logs: Logs) -> None:
@@ -39,7 +48,7 @@ def test_for_machines_each_line_is_json(tmp_path: Path) -> None:
     logs.write("left/arm", "and more")
     logs.close()
     first, second = map(json.loads, (tmp_path / "left.arm.log").read_text().splitlines())
-    when = "1970-01-01T00:00:00.500+00:00"
+    when = "1970-01-01T00:00:00.500000+00:00"
     assert first == {"time": when, "name": "left/arm", "level": "warning", "text": "zu nah: 3 µm"}
     assert second == {"time": when, "name": "left/arm", "level": "", "text": "and more"}
 

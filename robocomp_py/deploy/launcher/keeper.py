@@ -25,7 +25,7 @@ def main() -> None:
     for line in sys.stdin:
         heed(left, line.rstrip("\n"))
     if not left.launch:
-        return  # the launcher has closed; nothing is left
+        return  # the launcher ended before it could start anything
     left.end()
     place = Place(network, Path(folder).parent)
     try:
@@ -36,7 +36,7 @@ def main() -> None:
 
 
 def heed(left: Leftovers, line: str) -> None:
-    """What the launcher says. An empty launch is its farewell."""
+    """What the launcher says."""
     kind, rest = line[:1], line[1:]
     if kind == "=":
         left.launch, left.boot, left.cgroup = rest.split(" ", 2)

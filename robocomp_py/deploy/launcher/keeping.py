@@ -16,9 +16,6 @@ log = logging.getLogger("robocomp.deploy")
 _REPLACED = 10
 """So often a keeper that has ended is replaced."""
 
-_FAREWELL = 10.0
-"""Seconds within which it ends when there is nothing to do any more."""
-
 
 class Keeper:
     def __init__(self, network: str, folder: Path, lifeline: int, left: Leftovers) -> None:
@@ -42,8 +39,8 @@ class Keeper:
         self._tell(f"-{pid}")
 
     def close(self) -> None:
-        """Tell it that nothing is left, and wait for its end."""
-        self._tell("=  ")
+        """Nothing is left, so there is nothing to do for it, even if it has just begun."""
+        self._running.kill()
         self._end()
 
     def _begin(self) -> None:
@@ -69,17 +66,14 @@ class Keeper:
             self.started(pid, at)
 
     def _end(self) -> None:
+        """Wait for it, once it was killed."""
         if self._pipe < 0:
             return
         asyncio.get_running_loop().remove_reader(self._handle)
         os.close(self._handle)
         os.close(self._pipe)
         self._pipe = -1
-        try:
-            self._running.wait(_FAREWELL)
-        except subprocess.TimeoutExpired:
-            self._running.kill()
-            self._running.wait()
+        self._running.wait()
 
     def _gone(self) -> None:
         self._running.kill()  # it may be stopped rather than gone

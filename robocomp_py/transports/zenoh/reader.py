@@ -137,7 +137,7 @@ class Reader:
                 message = receive()
                 try:
                     self._arrive(message)
-                    if self._lossy and time.monotonic() - self._swept > STALE:
+                    if self._lossy and self._turn is me and time.monotonic() - self._swept > STALE:
                         self._sweep()
                 except Exception:  # if this thread ended, nobody would read any more
                     log.exception("%s: a message was not taken", self._name)

@@ -147,6 +147,7 @@ async def serving(folder: Path, *, trusted: bool = True) -> AsyncIterator[Server
     listening = await asyncssh.create_server(
         Server_,
         "127.0.0.1",
+        0,
         server_host_keys=[host_key],
         authorized_client_keys=asyncssh.import_authorized_keys(key.export_public_key("openssh").decode()),
         process_factory=handle,
