@@ -67,7 +67,8 @@ def run(options: argparse.Namespace) -> int:
                 print(f"rc host: components share nothing that has to be run for {middleware}", file=sys.stderr)
                 return FINE
             notify("READY=1", f"STATUS=hosting {middleware}")
-            ended.wait()
+            while not ended.wait(0.5):  # a signal that comes just before an endless wait begins does not end it
+                pass
             notify("STOPPING=1")
     except (ConfigurationError, TransportError) as exc:
         return complain(f"rc host: {exc}")
