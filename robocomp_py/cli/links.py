@@ -8,11 +8,10 @@ import sys
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .common import FINE, USAGE, WRONG, show
-from .network import add_overrides, overrides_of, tell_notes
+from .network import add_network, overrides_of, tell_notes
 
 if TYPE_CHECKING:
     from ..deploy.auto import Way
@@ -42,9 +41,8 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     )
     to.epilog = _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
-    to.add_argument("network", type=Path, metavar="NET.ddsl", help="the network")
+    add_network(to)
     to.add_argument("--json", action="store_true", help="one link a line, for machines")
-    add_overrides(to)
 
 
 def run(options: argparse.Namespace) -> int:

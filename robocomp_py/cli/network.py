@@ -4,12 +4,29 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .common import add_include
 
 if TYPE_CHECKING:
     from ..deploy.plan import Overrides, Plan
+
+
+def add_network(to: argparse.ArgumentParser) -> None:
+    """The network, and the options that change it."""
+    to.add_argument("network", type=network, metavar="NET.ddsl", help="the network")
+    add_overrides(to)
+
+
+def network(text: str) -> Path:
+    """A file that may be one: a component's model is not, which is soon mistaken for it."""
+    from ..dsl.workspace import ENDINGS
+
+    path = Path(text)
+    if path.suffix.lower() in ENDINGS and path.suffix.lower() != ".ddsl":
+        raise argparse.ArgumentTypeError(f"`{text}` is no network; give it a file that begins a Deployment (.ddsl)")
+    return path
 
 
 def add_overrides(to: argparse.ArgumentParser) -> None:

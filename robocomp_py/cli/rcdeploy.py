@@ -14,7 +14,7 @@ from ..dsl.diagnostics import did_you_mean
 from .common import command, parser
 from .deploying import down, export, keys, logs, plan, restart, status, trust, up
 from .deploying.importing import import_network
-from .network import add_overrides
+from .network import add_overrides, network
 from .rc import Command
 
 COMMANDS: dict[str, Command] = {
@@ -71,7 +71,10 @@ def _without_command(given: Sequence[str]) -> int:
         made.error(f"no command `{words[0]}`; {proposal}")
     if len(words) != 1:
         made.error("give it one network (.ddsl)")
-    options.network = Path(words[0])
+    try:
+        options.network = network(words[0])
+    except argparse.ArgumentTypeError as exc:
+        made.error(str(exc))
     return up.run(options)
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from robocomp_py.cli.rc import main as rc
+from robocomp_py.cli.rcdeploy import main as rcdeploy
 from robocomp_py.cli.rcgen import main as rcgen
 from robocomp_py.deploy.auto import usable
 from robocomp_py.transports.shm import node
@@ -79,3 +80,13 @@ def test_a_network_that_is_wrong_is_no_table(network: str, capsys: pytest.Captur
     assert said.out == ""
     assert "error[unfit-middleware]" in said.err
     assert rc(["links", network, "--middleware", "nothing"]) == 2
+
+
+@pytest.mark.parametrize("main", [lambda *words: rc(["links", *words]), lambda *words: rcdeploy(words)])
+def test_a_component_is_no_network(main: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main("laser/laser.cdsl")
+    assert ended.value.code == 2
+    assert (
+        "`laser/laser.cdsl` is no network; give it a file that begins a Deployment (.ddsl)" in capsys.readouterr().err
+    )

@@ -346,7 +346,7 @@ def test_the_command_exports_a_network(tmp_path: Path, kind: str, capsys: pytest
     printed = capsys.readouterr().out
     assert all(path.name in printed for path in (tmp_path / "out").iterdir() if path.name != "app")
     assert rcdeploy.main(["export", kind, str(network), "-o", str(network)]) == 1
-    assert "cannot be written" in capsys.readouterr().err
+    assert "is a file; give a folder by -o" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("kind", EXPORTERS)

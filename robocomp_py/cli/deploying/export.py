@@ -8,8 +8,9 @@ import sys
 from pathlib import Path
 
 from ..common import FINE, complain
+from ..network import add_network
 from .guarding import add_guards, guarded
-from .planning import add_network, planned
+from .planning import planned
 
 NAME = "export"
 HELP = "write a network for systemd, compose or Kubernetes"

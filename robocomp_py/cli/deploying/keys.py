@@ -7,8 +7,9 @@ import datetime
 from typing import TYPE_CHECKING
 
 from ..common import FINE, complain
+from ..network import add_network
 from .guarding import add_keys, keys_of
-from .planning import add_network, planned
+from .planning import planned
 from .up import seconds
 
 if TYPE_CHECKING:

@@ -10,9 +10,10 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from ..common import FINE, complain
+from ..network import add_network
 from .asking import show
 from .guarding import add_keys, with_keys
-from .planning import add_network, planned
+from .planning import planned
 
 if TYPE_CHECKING:
     from ...deploy.changes import Change

@@ -11,17 +11,11 @@ from typing import TYPE_CHECKING
 
 from ...dsl.diagnostics import Diagnostic
 from ..common import USAGE, WRONG, show
-from ..network import add_overrides, overrides_of, tell_notes
+from ..network import overrides_of, tell_notes
 
 if TYPE_CHECKING:
     from ...deploy.plan import Plan
     from ...dsl.workspace import LinkedComponent, Workspace
-
-
-def add_network(to: argparse.ArgumentParser) -> None:
-    """The network, and the options that change it."""
-    to.add_argument("network", type=Path, metavar="NET.ddsl", help="the network")
-    add_overrides(to)
 
 
 def planned(options: argparse.Namespace, *, as_json: bool = False) -> Plan | int:

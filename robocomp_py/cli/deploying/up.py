@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..common import FINE, USAGE, complain
+from ..network import add_network
 from .guarding import add_guards, guarded
-from .planning import add_network, planned
+from .planning import planned
 
 if TYPE_CHECKING:
     from ...deploy.plan import Plan

@@ -155,6 +155,8 @@ def grace(process: Process) -> float:
 
 def write_export(export: Export, folder: Path) -> None:
     """Write an export, over a former one, but over nothing else. Raises DeploymentError with what is in the way."""
+    if folder.exists() and not folder.is_dir():
+        raise DeploymentError(f"{folder} is a file; give a folder by -o")
     for name in export.files:
         path = folder / name
         if path.is_dir() or (path.exists() and not _is_ours(path)):
