@@ -25,6 +25,7 @@ from robocomp_py.testing.patience import SOON, wait_until
 ROOT = Path(__file__).parents[2]
 BRIEF = ("--rounds", "1", "--seconds", "0.002")
 SIZES = (64, 70_000)  # inside and beside the MessagePack; one packet of DDS and two
+LONG = pytest.mark.tool  # needs nothing but time: `make test` has less of it than `make test-tools`
 TABLE = Table("query", "title", ("", "array", "p50"), [("dds", "64 B", "70 µs")])
 
 
@@ -53,6 +54,7 @@ def run(folder: Path, *arguments: str) -> tuple[str, dict[str, Any]]:
     return out, json.loads(file.read_text())
 
 
+@LONG
 def test_every_size_of_every_middleware_gets_its_row(tmp_path: Path) -> None:
     _, found = run(tmp_path, "--what", "query,publish", "--sizes", ",".join(map(str, SIZES)))
     for what in ("query", "publish"):
@@ -64,6 +66,7 @@ def test_every_size_of_every_middleware_gets_its_row(tmp_path: Path) -> None:
         assert all(row["ours"] and bool(row["raw"]) == (row["middleware"] != "inproc") for row in rows)
 
 
+@LONG
 def test_components_are_started_and_watched_and_time_is_told_apart(tmp_path: Path) -> None:
     out, found = run(tmp_path, "--what", "start,cpu,threads,layers", "--only", "zeromq")
     begun = found["start"][0]
@@ -79,11 +82,13 @@ def test_components_are_started_and_watched_and_time_is_told_apart(tmp_path: Pat
     assert "+ codec" in out
 
 
+@LONG
 def test_loaned_messages_arrive(tmp_path: Path) -> None:
     _, found = run(tmp_path, "--what", "loans")
     assert [row["middleware"] for row in found["loans"]] == [each for each in ("shm", "inproc") if each in MIDDLEWARES]
 
 
+@LONG
 def test_other_frameworks_have_figures_or_are_said_to_be_missing(tmp_path: Path) -> None:
     out, found = run(tmp_path, "--what", "peers", "--path", "zeromq", "--sizes", "64")
     ours, *others = found["peers"]
@@ -94,6 +99,7 @@ def test_other_frameworks_have_figures_or_are_said_to_be_missing(tmp_path: Path)
         assert row["name"] in out
 
 
+@LONG
 def test_a_framework_that_ends_does_not_keep_the_others_from_being_measured() -> None:
     def missing() -> str:
         raise LookupError("it")
@@ -109,6 +115,7 @@ def test_a_framework_that_ends_does_not_keep_the_others_from_being_measured() ->
     assert "one that is missing" in as_text(versus.table(rows))
 
 
+@LONG
 def test_ctrl_c_ends_all_of_it() -> None:
     with start("--what", "query", "--only", "dds", "--rounds", "100") as process:
         assert process.stderr

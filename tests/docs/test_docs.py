@@ -186,6 +186,7 @@ def test_the_smallest_transport_of_the_guide_keeps_the_contract(tmp_path: Path) 
     do(Command("python -m pytest --quiet test_counting.py", ["...", "...passed in ..."]), tmp_path)
 
 
+@pytest.mark.tool  # needs nothing but time, to build and install it: `make test-tools` has more of it
 def test_the_transport_that_is_a_package_of_its_own_is_found_keeps_the_contract_and_carries_a_network(
     tmp_path: Path,
 ) -> None:
