@@ -61,6 +61,13 @@ class Component:
     """Seconds from one `compute` to the next."""
     description: str = ""
     machine: StateMachine | None = None
+    window: str = ""
+    """What kind of window it is, `QWidget` or `QMainWindow`, if its CDSL has a `gui`."""
+
+    @property
+    def topics(self) -> list[str]:
+        """What its ports of publications are called by people."""
+        return [port.label for port in self.ports if port.verb.is_topic]
 
     def segment(self, port: Port) -> str:
         """How a port that provides something appears in the names of channels: `Laser`, `Laser1`, ...

@@ -9,7 +9,7 @@ from enum import StrEnum
 from functools import cached_property
 from typing import Any, Generic, TypeVar
 
-from .types import Enumeration, ExceptionType, Field, Struct, spell, walk
+from .types import Enumeration, ExceptionType, Field, Response, Struct, spell, walk
 
 R = TypeVar("R")
 
@@ -81,8 +81,8 @@ class Operation(Generic[R]):
         return Struct(self._message("Request"), self.inputs)
 
     @cached_property
-    def response(self) -> Struct:
-        return Struct(self._message("Response"), self.outputs)
+    def response(self) -> Response:
+        return Response(self._message("Response"), self.outputs)
 
     @cached_property
     def text(self) -> str:

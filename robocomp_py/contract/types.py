@@ -11,7 +11,7 @@ import keyword
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from enum import StrEnum
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -90,6 +90,11 @@ class Struct:
 
 
 @dataclass(frozen=True)
+class Response(Struct):
+    """The message of what an operation gives back: the returned value first, named `ret`, then the `out` parameters."""
+
+
+@dataclass(frozen=True)
 class Enumeration:
     """Named integers, carried as int32."""
 
@@ -145,6 +150,24 @@ class ExceptionType:
     def lineage(self) -> tuple[str, ...]:
         """Its name, then its bases' names, nearest first."""
         return (self.name, *(self.base.lineage if self.base else ()))
+
+
+@dataclass(frozen=True)
+class Thrown(Struct):
+    """The message of an exception: its lineage as one text, then all its fields. See `thrown`."""
+
+    kind: ExceptionType | None = None
+
+
+LINEAGE = "<"
+"""Between the names of a lineage."""
+
+
+@lru_cache(maxsize=1024)
+def thrown(kind: ExceptionType | None = None) -> Thrown:
+    """The message of an exception of this kind; without one, the part that all of them begin with."""
+    lineage = Field("exception", STRING)
+    return Thrown(kind.name, (lineage, *kind.all_fields), kind=kind) if kind else Thrown("Thrown", (lineage,))
 
 
 KEY_TYPES = INTEGERS | {BOOL, STRING}

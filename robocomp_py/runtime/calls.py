@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, Generic, NoReturn, TypeVar
 
 from ..contract.interface import Operation
-from ..contract.types import STRING, ExceptionType, Field, Struct
+from ..contract.types import LINEAGE, STRING, ExceptionType, Field, Struct, thrown
 from ..errors import (
     Busy,
     Closed,
@@ -32,8 +32,7 @@ log = logging.getLogger("robocomp.worker")
 R = TypeVar("R")
 
 _FAILURE = Struct("Failure", (Field("type", STRING), Field("message", STRING), Field("traceback", STRING)))
-_THROWN = Struct("Thrown", (Field("exception", STRING),))
-_LINEAGE = "<"
+_THROWN = thrown()
 
 
 class Call(Generic[R]):
@@ -79,15 +78,15 @@ class Call(Generic[R]):
     def _thrown(self, payload: Payload) -> DeclaredError | RemoteFailure:
         (lineage,) = _decoder(self.codec, _THROWN)(payload)
         known = {each.name: each for declared in self.operation.raises for each in _family(declared)}
-        for name in lineage.split(_LINEAGE):
+        for name in lineage.split(LINEAGE):
             if name in known:
                 kind = known[name]
-                _, *fields = _decoder(self.codec, _thrown_message(kind))(payload)
+                _, *fields = _decoder(self.codec, thrown(kind))(payload)
                 assert kind.python is not None
                 exception: DeclaredError = kind.python(*fields)
                 return exception
         return RemoteFailure(
-            self.operation.name, lineage.split(_LINEAGE)[0], "an exception this operation does not declare"
+            self.operation.name, lineage.split(LINEAGE)[0], "an exception this operation does not declare"
         )
 
 
@@ -96,11 +95,23 @@ class Answering:
 
     def __init__(self, operation: Operation[Any], codec: Codec, method: Callable[..., Any]) -> None:
         self.operation, self.method = operation, method
-        self.decode: Decoder = codec.decoder(operation.request)
         self._codec = codec
-        self._encode = codec.encoder(operation.response)
         self._outputs = len(operation.outputs)
         self._declared = tuple(each.python for each in operation.raises if each.python)
+
+    # Compiled when they are first needed, or before.
+
+    @cached_property
+    def decode(self) -> Decoder:
+        return self._codec.decoder(self.operation.request)
+
+    @cached_property
+    def _encode(self) -> Encoder:
+        return self._codec.encoder(self.operation.response)
+
+    def compile(self) -> None:
+        """Now, so that the first message is treated as quickly as the others."""
+        _ = self.decode, self._encode
 
     def answer(self, arguments: tuple[Any, ...]) -> Reply:
         """Call the method and encode what comes of it. Never raises: whatever happens becomes a Reply."""
@@ -158,7 +169,7 @@ class Answering:
         kind = next(kind for kind in map(_contract_of, type(exc).__mro__) if kind)
         fields = tuple(getattr(exc, field.attribute) for field in kind.all_fields)
         try:
-            payload = _encoder(self._codec, _thrown_message(kind))((_LINEAGE.join(kind.lineage), *fields))
+            payload = _encoder(self._codec, thrown(kind))((LINEAGE.join(kind.lineage), *fields))
         except EncodeError as wrong:
             log.error("%s raised %s with wrong fields: %s", self.method.__qualname__, type(exc).__name__, wrong)
             return self.failed(wrong)
@@ -177,11 +188,6 @@ def _encoder(codec: Codec, message: Struct) -> Encoder:
 def _decoder(codec: Codec, message: Struct) -> Decoder:
     """A decoder that ignores what follows: an exception may be one derived from that one, with more fields."""
     return codec.decoder(message, prefix=True)
-
-
-@lru_cache(maxsize=1024)
-def _thrown_message(kind: ExceptionType) -> Struct:
-    return Struct(kind.name, (*_THROWN.fields, *kind.all_fields))
 
 
 def _family(declared: ExceptionType) -> list[ExceptionType]:

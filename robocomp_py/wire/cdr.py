@@ -15,8 +15,7 @@ from __future__ import annotations
 
 import operator
 import struct
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
 from itertools import chain
 from typing import Any, NoReturn
 
@@ -34,7 +33,7 @@ from ..contract.types import (
     Type,
 )
 from .codec import MAX_BYTES, Decoder, Encoder, check_size, refused, unreadable
-from .program import Program, is_fixed, is_loop
+from .program import Leaf, Program, is_loop, leaves_of
 from .rows import Columns, unpacked
 from .values import as_array, as_bool, as_dict, as_list, as_member, as_str, view_of
 
@@ -84,33 +83,19 @@ class Cdr:
 # What has a fixed size is a run of primitives, its leaves.
 
 
-@dataclass(frozen=True)
-class _Leaf:
-    """One field of fixed size: its `struct` letters, and its place in the value it belongs to."""
-
-    letters: str
-    path: str
-    kind: Type
+def _letters(*some: Leaf) -> str:
+    return "".join(_letter(leaf.kind) for leaf in some)
 
 
-def _leaves(kind: Type) -> list[_Leaf] | None:
-    """The leaves of a type, in order; None if its size varies, or if its parts have no names in Python."""
-    return list(_leaves_under(kind, "")) if is_fixed(kind) else None
-
-
-def _leaves_under(kind: Type, path: str) -> Iterator[_Leaf]:
+def _letter(kind: Type) -> str:
     match kind:
         case Primitive():
-            yield _Leaf(_LETTERS.get(kind, "iI"), path, kind)
+            return _LETTERS.get(kind, "iI")
         case Enumeration():
-            yield _Leaf("i", path, kind)
+            return "i"
         case Struct(fields=()):
-            yield _Leaf("B", path, kind)
-        case Struct(fields=fields):
-            for field in fields:
-                yield from _leaves_under(field.type, f"{path}.{field.attribute}")
-        case Sequence() | Dictionary():
-            raise AssertionError("of no fixed size")
+            return "B"
+    raise AssertionError("no leaf")
 
 
 def _layouts(letters: str, origin: int = 0) -> _Layouts:
@@ -190,10 +175,10 @@ class _EncodeProgram:
 
     def _value(self, kind: Type, x: str) -> None:
         p = self._program
-        leaves = _leaves(kind)
+        leaves = leaves_of(kind)
         if leaves is not None:
             for leaf in leaves:
-                self._run(leaf.letters, *self._leaf(leaf, x))
+                self._run(_letters(leaf), *self._leaf(leaf, x))
             return
         match kind:
             case Primitive():
@@ -230,13 +215,13 @@ class _EncodeProgram:
     def _items(self, item: Type, items: str) -> None:
         p = self._program
         each = p.fresh()
-        leaves = _leaves(item) or []
+        leaves = leaves_of(item) or []
         kinds = {leaf.kind for leaf in leaves}
         if len(kinds) != 1 or not kinds <= _NUMBERS:
             self._loop(f"{each} in {items}", (item, each))
             return
         # All numbers of one kind: no padding inside, so one call packs them all, and column by column is quickest.
-        letter, width = leaves[0].letters, len(leaves)
+        letter, width = _letters(leaves[0]), len(leaves)
         with p.block(f"if {items}"):
             if struct.calcsize("<" + letter) > 4:
                 p.line(f"add({p.name(_PADDING)}[n & 7]); n += -n & 7")
@@ -262,7 +247,7 @@ class _EncodeProgram:
         self._end_run()
         self._program.line(f"n = {self._program.function_for(kind)}({x}, n, add)")
 
-    def _leaf(self, leaf: _Leaf, x: str) -> tuple[str, ...]:
+    def _leaf(self, leaf: Leaf, x: str) -> tuple[str, ...]:
         """What is packed for a leaf of the value `x`. Numbers are checked by `struct`, and are what it takes."""
         p = self._program
         at = x + leaf.path
@@ -351,9 +336,9 @@ class _DecodeProgram:
     def _value(self, kind: Type) -> str:
         """Emit what reads a value; return an expression for it, valid once the run has ended."""
         p = self._program
-        leaves = _leaves(kind)
+        leaves = leaves_of(kind)
         if leaves is not None:
-            return self._fixed(kind, iter(self._run("".join(leaf.letters for leaf in leaves))).__next__)
+            return self._fixed(kind, iter(self._run(_letters(*leaves))).__next__)
         result = p.fresh()
         match kind:
             case Primitive():
@@ -384,9 +369,9 @@ class _DecodeProgram:
 
     def _repeat(self, count: str, kinds: tuple[Type, ...], store: str, result: str) -> None:
         p = self._program
-        leaves = [leaf for kind in kinds for leaf in (_leaves(kind) or ())]
+        leaves = [leaf for kind in kinds for leaf in (leaves_of(kind) or ())]
         if len(kinds) == 1 and leaves:
-            self._rows(count, kinds[0], "".join(leaf.letters for leaf in leaves), result)
+            self._rows(count, kinds[0], _letters(*leaves), result)
             return
         p.line(f"{p.name(_check_count)}(data, n, {count})")
         with p.block(f"for _ in range({count})"):

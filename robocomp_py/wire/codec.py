@@ -3,6 +3,9 @@
 A codec compiles, once per message type, a function that encodes and one that decodes; at run time
 nothing looks at types any more. A message's Python form is the tuple of its fields. A payload is a
 snapshot, unless asked otherwise: what happens to the values after they were encoded does not show in it.
+
+Messages are structs like others. A codec whose format has its own form of an operation's results or of
+an exception knows them by their classes, `Response` and `Thrown`; the values are the same.
 """
 
 from __future__ import annotations

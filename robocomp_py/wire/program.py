@@ -10,7 +10,7 @@ import gc
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import is_dataclass
+from dataclasses import dataclass, is_dataclass
 from itertools import repeat
 from typing import Any
 
@@ -134,6 +134,27 @@ def is_fixed(kind: Type) -> bool:
             return kind.python is not None and all(is_fixed(field.type) for field in fields)
         case Sequence() | Dictionary():
             return False
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """A part of fixed size that has no parts, and where it is in the value it belongs to."""
+
+    path: str
+    kind: Type
+
+
+def leaves_of(kind: Type) -> list[Leaf] | None:
+    """The leaves of a type, in order, empty structs among them; None if not all of its values have the same."""
+    return list(_leaves_under(kind, "")) if is_fixed(kind) else None
+
+
+def _leaves_under(kind: Type, path: str) -> Iterator[Leaf]:
+    if isinstance(kind, Struct) and kind.fields:
+        for field in kind.fields:
+            yield from _leaves_under(field.type, f"{path}.{field.attribute}")
+    else:
+        yield Leaf(path, kind)
 
 
 def is_record(kind: Struct) -> bool:

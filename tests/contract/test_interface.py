@@ -22,6 +22,7 @@ from robocomp_py.contract.types import (
     Enumeration,
     ExceptionType,
     Field,
+    Response,
     Sequence,
     Struct,
 )
@@ -68,7 +69,7 @@ def operation(**changes: Any) -> Operation[Any]:
 
 def test_the_request_holds_the_inputs_and_the_response_the_outputs() -> None:
     assert MOVE.request == Struct("Test::BaseMoveToRequest", MOVE.inputs)
-    assert MOVE.response == Struct("Test::BaseMoveToResponse", MOVE.outputs)
+    assert MOVE.response == Response("Test::BaseMoveToResponse", MOVE.outputs)
 
 
 @pytest.mark.parametrize(

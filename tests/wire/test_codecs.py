@@ -39,13 +39,17 @@ from robocomp_py.testing import everything as e
 from robocomp_py.testing.conformance import assert_same
 from robocomp_py.wire.cdr import Cdr
 from robocomp_py.wire.codec import MAX_BYTES, Codec, Payload
+from robocomp_py.wire.ice import Ice
 from robocomp_py.wire.identity import Identity
 from robocomp_py.wire.messagepack import MessagePack
 
 from .messages import messages, patiently
 
-CODECS: list[Codec] = [Cdr(), MessagePack(), Identity()]
-WIRES: list[Codec] = [Cdr(), MessagePack()]
+CODECS: list[Codec] = [Cdr(), MessagePack(), Ice(), Identity()]
+WIRES: list[Codec] = [Cdr(), MessagePack(), Ice()]
+
+HEADS = {"cdr": b"\x00\x01\x00\x00", "ice": b"\x00\x00\x00\x00\x01\x01"}
+"""How payloads begin that are one piece; that of `ice` with its size, which `_payload` puts in."""
 
 every_codec = pytest.mark.parametrize("codec", CODECS, ids=lambda codec: codec.name)
 every_wire = pytest.mark.parametrize("codec", WIRES, ids=lambda codec: codec.name)
@@ -331,14 +335,15 @@ def test_nor_is_the_sum_of_many_arrays(codec: Codec) -> None:
     ("codec", "payload"),
     [
         (Cdr(), lambda: memoryview(np.zeros(MAX_BYTES + 1, np.uint8))),
+        (Ice(), lambda: memoryview(np.zeros(MAX_BYTES + 1, np.uint8))),
         (MessagePack(), lambda: [b"\x91\x90", memoryview(np.zeros(MAX_BYTES, np.uint8))]),
     ],
-    ids=["cdr", "messagepack, apart"],
+    ids=["cdr", "ice", "messagepack, apart"],
 )
 def test_nor_are_they_received(codec: Codec, payload: Callable[[], Payload]) -> None:
     sent = payload()
-    if codec.name == "cdr":
-        sent.obj[1] = 1
+    if codec.name in HEADS:
+        sent[: len(HEADS[codec.name])] = HEADS[codec.name]
     with pytest.raises(DecodeError, match=f"a message may have {MAX_BYTES}"):
         codec.decoder(one(Sequence(STRING)))(sent)
 
@@ -360,7 +365,11 @@ def _buffers(payload: Payload) -> list[bytes]:
 
 
 def _payload(codec: Codec, buffers: list[bytes]) -> Payload:
-    return buffers if codec.name == "messagepack" else b"".join(buffers)
+    """A payload with nothing wrong but what is wrong in these."""
+    if codec.name == "messagepack":
+        return buffers
+    whole = b"".join(buffers)
+    return len(whole).to_bytes(4, "little") + whole[4:] if codec.name == "ice" else whole
 
 
 def _survives(codec: Codec, message: Struct, payload: Payload) -> None:
@@ -373,7 +382,7 @@ def _survives(codec: Codec, message: Struct, payload: Payload) -> None:
 @patiently
 @given(kind=st.sampled_from(DECODED), junk=st.binary(max_size=200), more=st.lists(st.binary(max_size=50), max_size=3))
 def test_junk_is_a_decode_error_or_a_message(codec: Codec, kind: Struct, junk: bytes, more: list[bytes]) -> None:
-    for head in (b"", b"\x00\x01\x00\x00", b"\x91", b"\x92"):  # how real ones begin
+    for head in (b"", *HEADS.values(), b"\x91", b"\x92"):  # how real ones begin
         _survives(codec, kind, _payload(codec, [head + junk, *more]))
 
 
@@ -430,8 +439,9 @@ BOMBS = (2000, 10_000, 500_000)
 
 
 def _claims(codec: Codec, count: int) -> list[Payload]:
-    if codec.name == "cdr":
-        return [b"\x00\x01\x00\x00" + count.to_bytes(4, "little") + bytes(1000)]
+    if codec.name in HEADS:
+        size = count.to_bytes(4, "little")
+        return [_payload(codec, [HEADS[codec.name] + before + size + bytes(1000)]) for before in (b"", b"\xff")]
     number = count.to_bytes(4, "big")
     claims = [b"\xdd" + number, b"\xdf" + number, b"\xdb" + number, b"\xc6" + number, b"\xc9" + number + b"\x01"]
     bombs = [(b"\xdd" + (size - 10).to_bytes(4, "big")) * (min(size, 5000) // 5) for size in BOMBS]
@@ -459,4 +469,4 @@ def test_claimed_counts_make_nobody_allocate(codec: Codec, count: int) -> None:
 @pytest.mark.parametrize("message", DECODED, ids=range(len(DECODED)))
 @pytest.mark.parametrize("byte", [b"\x91", b"\x81", b"\xdd", b"\xff", b"\x00", b"\x01"])
 def test_endless_nesting_is_a_decode_error(codec: Codec, message: Struct, byte: bytes) -> None:
-    _survives(codec, message, _payload(codec, [b"\x00\x01\x00\x00" * (codec.name == "cdr") + byte * 50_000]))
+    _survives(codec, message, _payload(codec, [HEADS.get(codec.name, b"") + byte * 50_000]))

@@ -1,0 +1,672 @@
+"""Codec `ice`: encapsulations of ZeroC Ice's encoding 1.1, whole, as `ice_invoke` takes and gives them.
+
+    payload     int32 its size, 01 01, then the fields; little-endian, and nothing is aligned
+    size        one octet below 255; otherwise ff, int32
+    string      size, UTF-8
+    sequence    size, items · dictionary: size, entries {key, value} · enum: its number, written as a size
+    bool byte · int8 byte · uint16 int · uint32 long · uint64 long · time long, the nanoseconds
+    response    the out parameters, then what is returned
+    exception   a slice for each class, derived ones first: one octet of flags, `::Module::Name`, in the sliced format
+                int32 its size from here on, then the fields of its own
+
+The types are those of the Slice file that `rcgen` writes. What Slice cannot say does travel between two of
+ours: a byte below 0 and a long from 2**63 as their two's complement, an enumerator below 0 as the long form of
+a size, an empty struct as one octet.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, NoReturn
+
+import numpy as np
+
+from ..contract.types import (
+    BOOL,
+    FLOATS,
+    INTEGERS,
+    LINEAGE,
+    TIME,
+    UINT16,
+    UINT32,
+    Dictionary,
+    Enumeration,
+    ExceptionType,
+    Field,
+    Primitive,
+    Response,
+    Sequence,
+    Struct,
+    Thrown,
+    Type,
+    thrown,
+)
+from .codec import MAX_BYTES, Decoder, Encoder, Payload, check_size, refused, unreadable
+from .program import Leaf, Program, is_loop, leaves_of
+from .rows import FEW, Columns, packed, unpacked
+from .values import RANGES, as_array, as_bool, as_dict, as_int, as_list, as_member, as_str, view_of
+
+_HEAD = "iH"
+"""The size of an encapsulation and its encoding."""
+
+_ENCODING = 0x0101
+_LONG = 255
+"""In place of a size: it follows as an int32."""
+
+_SIZES = tuple(bytes([size]) for size in range(_LONG))
+_LONG_SIZE, _INT32 = struct.Struct("<Bi"), struct.Struct("<i")
+
+_WRITTEN = {**dict(zip(Primitive, ("B", "b", "B", "h", "Hxx", "i", "Ixxxx", *"qQfd"), strict=False)), TIME: "q"}
+"""How `struct` packs each: what Slice has only wider, too, so that it sees what does not fit."""
+
+_READ = {**_WRITTEN, UINT16: "I", UINT32: "Q"}
+_WIDER: dict[np.dtype[Any], np.dtype[Any]] = {np.dtype("<u2"): np.dtype("<i4"), np.dtype("<u4"): np.dtype("<i8")}
+_BOOLS = (False, True)
+_NUMBERS = INTEGERS | FLOATS
+
+
+class Ice:
+    """What programs of ZeroC Ice write and read.
+
+    Received arrays of octets and bools are views of the payload.
+    """
+
+    name = "ice"
+
+    def encoder(self, message: Struct, *, snapshot: bool = True) -> Encoder:
+        if isinstance(message, Thrown) and message.kind:
+            return _thrower(message, message.kind)
+        return _EncodeProgram(message).compile()
+
+    def decoder(self, message: Struct, *, prefix: bool = False) -> Decoder:
+        if isinstance(message, Thrown):
+            return _catcher(message, message.kind, prefix=prefix) if message.kind else _lineage
+        return _DecodeProgram(message).compile(prefix)
+
+
+def _in_order(message: Struct) -> list[tuple[int, Type]]:
+    """Which field is where on the wire, and its type."""
+    fields = [(number, field.type) for number, field in enumerate(message.fields)]
+    returns = isinstance(message, Response) and message.fields and message.fields[0].name == "ret"
+    return [*fields[1:], fields[0]] if returns else fields
+
+
+# What has a fixed size is a run of primitives, its leaves.
+
+
+def _leaves(kind: Type) -> list[Leaf] | None:
+    """The leaves of a type, in order; None if its size varies."""
+    leaves = leaves_of(kind)
+    return leaves if leaves is not None and all(_is_octet(leaf.kind) for leaf in leaves) else None
+
+
+def _is_octet(kind: Type) -> bool:
+    """Of enumerations, whether all members are written as one octet."""
+    return not isinstance(kind, Enumeration) or all(0 <= number < _LONG for _, number in kind.members)
+
+
+def _letters(leaves: list[Leaf], letters: dict[Primitive, str]) -> list[str]:
+    return [letters[leaf.kind] if isinstance(leaf.kind, Primitive) else "B" for leaf in leaves]
+
+
+class _EncodeProgram:
+    """Writes `encode(values) -> bytes`. In it, `n` counts the bytes so far and `add` appends some."""
+
+    def __init__(self, message: Struct) -> None:
+        self._message = message
+        self._program = Program(message)
+        self._letters = _HEAD
+        self._values = ["n", str(_ENCODING)]
+        self._first = ""
+        """What packs the first run, which is done last: the size of all stands in it."""
+
+    def compile(self) -> Encoder:
+        p = self._program
+        names = [p.fresh() for _ in self._message.fields]
+        refusal = f"{p.name(refused)}({p.name(self._message)}, values, exc)"
+        with p.block("def encode(values)"), p.guarded(refusal):
+            p.line("out = [b'']; add = out.append")
+            p.line(f"[{', '.join(names)}] = values")
+            for number, kind in _in_order(self._message):
+                self._value(kind, names[number])
+            self._end_run()
+            with p.block(f"if n > {MAX_BYTES}"):
+                p.line(f"{p.name(check_size)}(n)")
+            p.line(f"out[0] = {self._first}; return b''.join(out)")
+        p.write_functions(self._write)
+        return p.compile("encode")
+
+    def _write(self, function: str, kind: Type) -> None:
+        p = self._program
+        with p.block(f"def {function}(value, n, add)"):
+            if isinstance(kind, Struct):
+                self._struct(kind.fields, p.take_apart(kind, "value"))
+            else:
+                self._value(kind, "value")
+            self._end_run()
+            p.line("return n")
+
+    def _struct(self, fields: tuple[Field, ...], names: list[str]) -> None:
+        if not fields:
+            self._run("B", "0")
+        for field, variable in zip(fields, names, strict=True):
+            self._value(field.type, variable)
+
+    def _run(self, letters: str, *values: str) -> None:
+        self._letters += letters
+        self._values += values
+
+    def _end_run(self, size: str = "", more: str = "") -> None:
+        """Emit what packs the run and, at its end, a size; `more` octets follow."""
+        if not (self._letters or size):
+            return
+        p = self._program
+        values = ", ".join(self._values)
+        octets = str(struct.calcsize("<" + self._letters))
+        if not size:
+            run = f"{p.name(struct.Struct('<' + self._letters).pack)}({values})"
+        else:
+            octets = f"({int(octets) + 1} if {size} < {_LONG} else {int(octets) + 5})"
+            if values:
+                short, long = (p.name(struct.Struct(f"<{self._letters}{each}").pack) for each in ("B", "Bi"))
+                run = f"{short}({values}, {size}) if {size} < {_LONG} else {long}({values}, {_LONG}, {size})"
+            else:
+                long = p.name(_LONG_SIZE.pack)
+                run = f"{p.name(_SIZES)}[{size}] if {size} < {_LONG} else {long}({_LONG}, {size})"
+        if more:
+            octets += f" + {more}"
+        if self._first:
+            p.line(f"add({run}); n += {octets}")
+        else:
+            self._first = run
+            p.line(f"n = {octets}")
+        self._letters, self._values = "", []
+
+    def _value(self, kind: Type, x: str) -> None:
+        p = self._program
+        leaves = _leaves(kind)
+        if leaves is not None:
+            self._run("".join(_letters(leaves, _WRITTEN)), *[self._leaf(leaf, x) for leaf in leaves])
+            return
+        size = p.fresh()
+        match kind:
+            case Primitive():
+                text = p.fresh()
+                p.line(f"{text} = ({x} if type({x}) is str else {p.name(as_str)}({x})).encode(); {size} = len({text})")
+                self._end_run(size, size)
+                p.line(f"add({text})")
+            case Enumeration():
+                number = p.name(_number, "number")
+                p.line(f"{size} = {self._member(kind, x)}")
+                self._end_run()
+                p.line(f"{size} = {number}({size}); add({size}); n += len({size})")
+            case Struct():
+                self._call(kind, x)
+            case Sequence() if kind.dtype is not None:
+                array = p.fresh()
+                p.line(f"{array} = {p.name(as_array)}({x}, {p.name(kind.dtype)}); {size} = {array}.size")
+                if kind.dtype in _WIDER:
+                    p.line(f"{array} = {array}.astype({p.name(_WIDER[kind.dtype])})")
+                self._end_run(size, f"{array}.nbytes")
+                p.line(f"add({array})")
+            case Sequence(item):
+                items = p.fresh()
+                p.line(f"{items} = {x}.copy() if type({x}) is list else {p.name(as_list)}({x}); {size} = len({items})")
+                self._end_run(size)
+                self._items(item, items, size)
+            case Dictionary(key, item):
+                entries, k, v = p.fresh(), p.fresh(), p.fresh()
+                p.line(f"{entries} = {p.name(as_dict)}({x}); {size} = len({entries})")
+                self._end_run(size)
+                self._loop(f"{k}, {v} in {entries}.items()", (key, k), (item, v))
+
+    def _items(self, item: Type, items: str, size: str) -> None:
+        p = self._program
+        each = p.fresh()
+        leaves = _leaves(item) or []
+        letters = _letters(leaves, _WRITTEN)
+        if not letters or not {leaf.kind for leaf in leaves} <= _NUMBERS:
+            self._loop(f"{each} in {items}", (item, each))
+            return
+        layout = struct.Struct("<" + "".join(letters))
+        columns = [f"[{each}{leaf.path} for {each} in {items}]" for leaf in leaves]
+        with p.block(f"if {size}"):
+            if len(set(letters)) == 1 and len(letters[0]) == 1:  # all numbers of one kind: one call packs them all
+                width = len(letters)
+                p.line(f"s = [0] * ({width} * {size})" if width > 1 else f"s = {columns[0]}")
+                for number, column in enumerate(columns if width > 1 else ()):
+                    p.line(f"s[{number}::{width}] = {column}")
+                p.line(f"add({p.name(struct.pack)}(f'<{{len(s)}}{letters[0]}', *s)); n += {layout.size} * {size}")
+                return
+            few = ", ".join(f"{each}{leaf.path}" for leaf in leaves)
+            with p.block(f"if {size} > {FEW}"):
+                p.line(f"add({p.name(packed)}({p.name(layout)}, {p.name(bytes(layout.size))}, {', '.join(columns)}))")
+            with p.block("else"):
+                p.line(f"add(b''.join([{p.name(layout.pack)}({few}) for {each} in {items}]))")
+            p.line(f"n += {layout.size} * {size}")
+
+    def _loop(self, head: str, *parts: tuple[Type, str]) -> None:
+        with self._program.block(f"for {head}"):
+            for kind, x in parts:
+                if is_loop(kind):
+                    self._call(kind, x)
+                else:
+                    self._value(kind, x)
+            self._end_run()
+
+    def _call(self, kind: Type, x: str) -> None:
+        self._end_run()
+        self._program.line(f"n = {self._program.function_for(kind)}({x}, n, add)")
+
+    def _leaf(self, leaf: Leaf, x: str) -> str:
+        """What is packed for a leaf of the value `x`. Numbers are checked by `struct`, and are what it takes."""
+        p = self._program
+        at = x + leaf.path
+        match leaf.kind:
+            case Struct():
+                return "0"
+            case Primitive() if leaf.kind in _NUMBERS:
+                return at
+        each = p.fresh()
+        p.line(f"{each} = {at}")
+        match leaf.kind:
+            case Enumeration():
+                return self._member(leaf.kind, each)
+            case Primitive.BOOL:
+                return f"{each} if {each} is True or {each} is False else {p.name(as_bool)}({each})"
+        low, high = RANGES[TIME]
+        return (
+            f"{each} if type({each}) is int and {low} <= {each} <= {high} else {p.name(as_int)}({each}, {low}, {high})"
+        )
+
+    def _member(self, kind: Enumeration, x: str) -> str:
+        p = self._program
+        table = p.name({number: number for _, number in kind.members}, "enum")
+        return f"{table}[{x}] if type({x}) is {p.name(kind.python or int)} else {p.name(as_member)}({x}, {table})"
+
+
+def _number(number: int) -> bytes:
+    """An enumerator as a size."""
+    return _SIZES[number] if 0 <= number < _LONG else _LONG_SIZE.pack(_LONG, number)
+
+
+class _DecodeProgram:
+    """Writes `decode(payload) -> values`. In it, `data` is the payload, `n` how much was read.
+
+    Reading texts beyond its end gives shorter ones: whether `n` is within is seen when numbers are read, and last.
+    """
+
+    def __init__(self, message: Struct) -> None:
+        self._message = message
+        self._program = Program(message)
+        self._letters = _HEAD
+        self._names = ["size", "encoding"]
+        self._begun = False
+        """Whether anything has been read. What comes first is read from a place that is known."""
+
+    def compile(self, prefix: bool) -> Decoder:
+        p = self._program
+        with p.block("def decode(payload)"), p.guarded(f"{p.name(unreadable)}({p.name(self._message)}, exc)"):
+            p.line(f"data = payload if type(payload) is bytes else {p.name(memoryview)}(payload).cast('B')")
+            values = {number: self._value(kind) for number, kind in _in_order(self._message)}
+            self._end_run()
+            with p.block(f"if n {'>' if prefix else '!='} size"):
+                p.line(f"{p.name(_refuse_rest)}(size, n)")
+            p.line(f"return ({''.join(f'{values[number]}, ' for number in sorted(values))})")
+        p.write_functions(self._write)
+        return p.compile("decode")
+
+    def part(self) -> Callable[[Any, int], tuple[tuple[Any, ...], int]]:
+        """A function that reads the fields somewhere in a payload, and tells where they end."""
+        p = self._program
+        self._begun, self._letters, self._names = True, "", []
+        with p.block("def read(data, n)"):
+            values = "".join(f"{value}, " for value in [self._value(field.type) for field in self._message.fields])
+            self._end_run()
+            p.line(f"return ({values}), n")
+        p.write_functions(self._write)
+        return p.compile("read")
+
+    def _write(self, function: str, kind: Type) -> None:
+        with self._program.block(f"def {function}(data, n)"):
+            value = self._struct(kind) if isinstance(kind, Struct) else self._value(kind)
+            self._end_run()
+            self._program.line(f"return {value}, n")
+
+    def _struct(self, kind: Struct) -> str:
+        if not kind.fields:
+            self._run("B")
+        return self._made(kind, "".join(f"{value}, " for value in [self._value(f.type) for f in kind.fields]))
+
+    def _made(self, kind: Struct, values: str) -> str:
+        return f"{self._program.name(kind.python)}({values})" if kind.python else f"({values})"
+
+    def _run(self, letters: str) -> list[str]:
+        names = [self._program.fresh() for _ in letters]
+        self._letters += letters
+        self._names += names
+        return names
+
+    def _end_run(self) -> None:
+        if not self._letters:
+            return
+        p = self._program
+        layout = struct.Struct("<" + self._letters)
+        names, unpack = ", ".join(self._names), p.name(layout.unpack_from)
+        if self._begun:
+            p.line(f"[{names}] = {unpack}(data, n); n += {layout.size}")
+        else:
+            self._begun = True
+            p.line(f"[{names}] = {unpack}(data); n = {layout.size}")
+            with p.block(f"if size != len(data) or encoding != {_ENCODING} or size > {MAX_BYTES}"):
+                p.line(f"{p.name(_refuse)}(data)")
+        self._letters, self._names = "", []
+
+    def _size(self, long: Callable[[Any, int], tuple[int, int]]) -> str:
+        """Emit what reads a size, and what is in front of it; return the variable."""
+        p = self._program
+        (size,) = self._run("B")
+        self._end_run()
+        p.line(f"if {size} == {_LONG}: {size}, n = {p.name(long)}(data, n)")
+        return size
+
+    def _value(self, kind: Type) -> str:
+        """Emit what reads a value; return an expression for it, valid once the run has ended."""
+        p = self._program
+        leaves = _leaves(kind)
+        if leaves is not None:
+            return self._fixed(kind, iter(self._run("".join(_letters(leaves, _READ)))).__next__)
+        result = p.fresh()
+        match kind:
+            case Primitive():
+                size = self._size(_long_size)
+                p.line(f"{result} = str(data[n : n + {size}], 'utf-8'); n += {size}")
+            case Enumeration():
+                number = self._size(_long_number)
+                p.line(f"{result} = {self._enumerator(kind, number)}")
+            case Struct():
+                return self._call(kind)
+            case Sequence() if kind.dtype is not None:
+                size = self._size(_long_size)
+                wire = _WIDER.get(kind.dtype, kind.dtype)
+                read = _narrowed if wire != kind.dtype else view_of if wire.itemsize == 1 else _copied
+                p.line(f"{result} = {p.name(read)}(data, {p.name(kind.dtype)}, {size}, n)")
+                p.line(f"n += {size} * {wire.itemsize}")
+            case Sequence(item):
+                size = self._size(_long_size)
+                p.line(f"{result} = []")
+                self._repeat(size, (item,), f"{result}.append({{}})", result)
+            case Dictionary(key, item):
+                size = self._size(_long_size)
+                p.line(f"{result} = {{}}")
+                self._repeat(size, (key, item), f"{result}[{{}}] = {{}}", result)
+        return result
+
+    def _repeat(self, count: str, kinds: tuple[Type, ...], store: str, result: str) -> None:
+        p = self._program
+        leaves = [leaf for kind in kinds for leaf in (_leaves(kind) or ())]
+        if len(kinds) == 1 and leaves:
+            self._rows(count, kinds[0], "".join(_letters(leaves, _READ)), result)
+            return
+        p.line(f"{p.name(_check_count)}(data, n, {count})")
+        with p.block(f"for _ in range({count})"):
+            values = [self._call(kind) if is_loop(kind) else self._value(kind) for kind in kinds]
+            self._end_run()
+            p.line(store.format(*values))
+
+    def _rows(self, count: str, item: Type, letters: str, result: str) -> None:
+        """Emit what reads items of fixed size."""
+        p = self._program
+        names = [p.fresh() for _ in letters]
+        take, arguments = iter(names).__next__, f"({p.name(struct.Struct('<' + letters))}, data, n, {count})"
+        few, many = p.name(_few) + arguments, p.name(_many) + arguments
+        if isinstance(item, Struct) and item.fields:
+            p.line(f"count = {count}")
+            p.make_each(item, result, names, [self._fixed(field.type, take) for field in item.fields], few, many)
+        else:
+            p.line(f"s, n = {few}; {result} = [{self._fixed(item, take)} for [{', '.join(names)}] in s]")
+
+    def _call(self, kind: Type) -> str:
+        self._end_run()
+        result = self._program.fresh()
+        self._program.line(f"{result}, n = {self._program.function_for(kind)}(data, n)")
+        return result
+
+    def _fixed(self, kind: Type, take: Callable[[], str]) -> str:
+        """An expression for a value of fixed size from the variables of its leaves."""
+        p = self._program
+        match kind:
+            case Enumeration():
+                return self._enumerator(kind, take())
+            case Struct(fields=()):
+                take()
+                return self._made(kind, "")
+            case Struct(fields=fields):
+                return self._made(kind, "".join(f"{self._fixed(f.type, take)}, " for f in fields))
+        x = take()
+        if kind is BOOL:
+            return f"{p.name(_BOOLS)}[{x}]"
+        if kind is TIME or kind is UINT16 or kind is UINT32:
+            low, high = RANGES[kind]
+            return f"({x} if {low} <= {x} <= {high} else {p.name(as_int)}({x}, {low}, {high}))"
+        return x
+
+    def _enumerator(self, kind: Enumeration, number: str) -> str:
+        python = kind.python
+        table = {value: python(value) if python else value for _, value in kind.members}
+        return f"{self._program.name(table, 'enum')}[{number}]"
+
+
+# What compiled decoders call.
+
+
+def _refuse(data: Any) -> NoReturn:
+    check_size(len(data))
+    size, major, minor = struct.unpack_from("<iBB", data)
+    if (major, minor) != (1, 1):
+        raise ValueError(f"encoding {major}.{minor} of Ice instead of 1.1")
+    raise ValueError(f"an encapsulation of {size} bytes in {len(data)}")
+
+
+def _refuse_rest(size: int, n: int) -> NoReturn:
+    raise ValueError(f"{size - n} bytes left over" if n < size else f"{n - size} bytes are missing")
+
+
+def _check_count(data: Any, n: int, count: int) -> None:
+    if count > len(data) - n:  # every item has a byte at least: refuse before anything is allocated
+        raise ValueError(f"{count} items in {len(data) - n} bytes")
+
+
+def _long_number(data: Any, n: int) -> tuple[int, int]:
+    return _INT32.unpack_from(data, n)[0], n + _INT32.size
+
+
+def _long_size(data: Any, n: int) -> tuple[int, int]:
+    size, n = _long_number(data, n)
+    if not 0 <= size <= len(data) - n:
+        raise ValueError(f"a size of {size} in {len(data) - n} bytes")
+    return size, n
+
+
+def _copied(data: Any, dtype: np.dtype[Any], count: int, n: int) -> np.ndarray[Any, Any]:
+    """A copy: numpy takes twice as long for whatever is done with an array that is not aligned."""
+    if not count:
+        return view_of(b"", dtype, 0, 0)
+    end = n + count * dtype.itemsize
+    if end > len(data):
+        raise ValueError(f"{count} of {dtype.name} exceed the payload")
+    return np.frombuffer(bytes(data[n:end]), dtype)
+
+
+def _narrowed(data: Any, dtype: np.dtype[Any], count: int, n: int) -> np.ndarray[Any, Any]:
+    """An array of what Slice has only wider."""
+    array = view_of(data, _WIDER[dtype], count, n)
+    limit = np.iinfo(dtype).max
+    if count and (array.min() < 0 or array.max() > limit):
+        raise ValueError(f"values from {array.min()} to {array.max()} are not from 0 to {limit}")
+    return np.frombuffer(array.astype(dtype).tobytes(), dtype)
+
+
+def _few(layout: struct.Struct, data: Any, n: int, count: int) -> tuple[Iterator[tuple[Any, ...]], int]:
+    """The leaves of `count` items of fixed size."""
+    end = _end_of_rows(layout, data, n, count)
+    return layout.iter_unpack(memoryview(data)[n:end]), end
+
+
+def _many(layout: struct.Struct, data: Any, n: int, count: int) -> tuple[Columns, int]:
+    """The same as columns."""
+    return unpacked(layout, data, n, count), _end_of_rows(layout, data, n, count)
+
+
+def _end_of_rows(layout: struct.Struct, data: Any, n: int, count: int) -> int:
+    end = n + count * layout.size
+    if end > len(data):
+        raise ValueError(f"{count} items exceed the payload")
+    return end
+
+
+# Exceptions, a slice for each class. One that who asked does not know can be left out if it says how long it is: that
+# is how those with a base are written (Ice's sliced format), and others as Ice itself does (its compact format).
+
+_ENCAPSULATION = struct.Struct("<" + _HEAD)
+_HAS_OPTIONALS, _HAS_REFERENCES, _HAS_SIZE, _IS_LAST = 0x04, 0x08, 0x10, 0x20
+
+_MAX_SLICES = 128
+"""More than languages allow an exception to have bases."""
+
+
+def _thrower(message: Thrown, kind: ExceptionType) -> Encoder:
+    """What writes an exception from its lineage, which its slices tell, and its fields."""
+    writers = [_slice_writer(each, sliced=kind.base is not None) for each in _with_bases(kind)]
+
+    def encode(values: tuple[Any, ...]) -> bytes:
+        try:
+            if len(values) != len(message.fields):
+                raise ValueError(f"{len(values)} values")
+            slices = b"".join([write(values[1:]) for write in writers])
+            size = _ENCAPSULATION.size + len(slices)
+            check_size(size)
+            return _ENCAPSULATION.pack(size, _ENCODING) + slices
+        except Exception as exc:
+            raise refused(message, values, exc) from exc
+
+    return encode
+
+
+def _slice_writer(kind: ExceptionType, *, sliced: bool) -> Callable[[tuple[Any, ...]], bytes]:
+    """What writes the slice of a class from the fields of all."""
+    type_id = f"::{kind.name}".encode()
+    flags = (_HAS_SIZE if sliced else 0) | (0 if kind.base else _IS_LAST)
+    head = bytes([flags]) + _number(len(type_id)) + type_id
+    end = len(kind.all_fields)
+    encode_own = _EncodeProgram(Struct(kind.name, kind.fields)).compile()
+
+    def write(fields: tuple[Any, ...]) -> bytes:
+        own: bytes = encode_own(fields[end - len(kind.fields) : end])[_ENCAPSULATION.size :]
+        return head + (_INT32.pack(_INT32.size + len(own)) if sliced else b"") + own
+
+    return write
+
+
+def _with_bases(kind: ExceptionType) -> Iterator[ExceptionType]:
+    yield kind
+    if kind.base:
+        yield from _with_bases(kind.base)
+
+
+@dataclass(frozen=True)
+class _Slice:
+    """A slice, the place of its fields, and that of what follows it, if it says so."""
+
+    place: int
+    flags: int
+    name: str
+    begin: int
+    end: int | None
+
+
+def _lineage(payload: Payload) -> tuple[Any, ...]:
+    """The names of an exception's classes, as far as they can be read by who does not know them."""
+    try:
+        return (LINEAGE.join(each.name for each in _slices(_opened(payload))),)
+    except Exception as exc:
+        raise unreadable(thrown(), exc) from exc
+
+
+def _catcher(message: Thrown, kind: ExceptionType, *, prefix: bool) -> Decoder:
+    """What reads the fields of an exception of that kind, or of one derived from it."""
+    parts = [(each.name, _DecodeProgram(Struct(each.name, each.fields)).part()) for each in _with_bases(kind)]
+
+    def decode(payload: Payload) -> tuple[Any, ...]:
+        try:
+            data = _opened(payload)
+            fields: list[Any] = []
+            n = _place_of(kind.name, _slices(data))
+            for name, read in parts:
+                part = _slice_at(data, n)
+                if part.name != name:
+                    raise ValueError(f"a slice of {part.name} instead of one of {name}")
+                own, n = read(data, part.begin)
+                n = _end_of(part, n)
+                fields[:0] = own
+            if n > len(data) or (n < len(data) and not prefix):
+                _refuse_rest(len(data), n)
+            return (LINEAGE.join(kind.lineage), *fields)
+        except Exception as exc:
+            raise unreadable(message, exc) from exc
+
+    return decode
+
+
+def _opened(payload: Payload) -> Any:
+    data = payload if type(payload) is bytes else memoryview(payload).cast("B")
+    size, encoding = _ENCAPSULATION.unpack_from(data)
+    if size != len(data) or encoding != _ENCODING or size > MAX_BYTES:
+        _refuse(data)
+    return data
+
+
+def _slices(data: Any) -> list[_Slice]:
+    """The slices, up to the first that does not say how long it is."""
+    found = [_slice_at(data, _ENCAPSULATION.size)]
+    while (end := found[-1].end) is not None and not found[-1].flags & _IS_LAST:
+        found.append(_slice_at(data, end))
+        if len(found) > _MAX_SLICES:
+            raise ValueError(f"more than {_MAX_SLICES} slices")
+    return found
+
+
+def _place_of(name: str, slices: list[_Slice]) -> int:
+    for each in slices:
+        if each.name == name:
+            return each.place
+    raise ValueError(f"a {slices[0].name} that is no {name}")
+
+
+def _slice_at(data: Any, place: int) -> _Slice:
+    flags, size, n = data[place], data[place + 1], place + 2
+    if size == _LONG:
+        size, n = _long_size(data, n)
+    name = str(data[n : n + size], "utf-8").removeprefix("::")
+    n += size
+    if flags & _HAS_REFERENCES:
+        raise ValueError(f"{name} refers to objects of classes, which only Ice itself can read")
+    if not flags & _HAS_SIZE:
+        return _Slice(place, flags, name, n, None)
+    length, begin = _long_number(data, n)
+    if not begin <= n + length <= len(data):
+        raise ValueError(f"a slice of {length} bytes in {len(data) - n}")
+    return _Slice(place, flags, name, begin, n + length)
+
+
+def _end_of(part: _Slice, n: int) -> int:
+    """Where a slice ends whose fields were read up to there."""
+    if part.end is None:
+        if part.flags & _HAS_OPTIONALS:
+            raise ValueError(f"{part.name} has optional members")
+        return n
+    if n > part.end:
+        raise ValueError(f"the fields of {part.name} are longer than its slice")
+    return part.end
