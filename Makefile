@@ -45,6 +45,7 @@ golden: .venv/ready  ## rewrite what is expected of the generator, and what the 
 	$(BIN)/python -m tests.docs.diagnostics
 
 test-tools: .venv/ready  ## tests that need programs which .ci/run installs
+	$(BIN)/python tests/interop/ice/expose.py .venv
 	$(BIN)/pytest -m tool $(ARGS)
 
 vscode:  ## build and test the extension for VS Code: editors/vscode/*.vsix; needs npm, and Node 18 or newer

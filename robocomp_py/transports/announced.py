@@ -165,7 +165,7 @@ class AnnouncedLink(Generic[T]):
             if time.monotonic() >= end:
                 return False
             self.closed.wait(min(pause, max(0.0, end - time.monotonic())))
-            pause = min(1.3 * pause, _SLOWLY)
+            pause = min(1.3 * pause, max(_SLOWLY, self.transport.directory.pause / 2))
 
     def visible(self) -> bool:
         """Whether the other side is there. Raises ContractMismatch if only others are."""

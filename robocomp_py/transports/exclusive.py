@@ -70,24 +70,17 @@ _swept: set[Path] = set()
 
 def sweep(folder: Path) -> None:
     """Remove the files of processes that ended without giving back what they had claimed."""
-    with contextlib.suppress(FileNotFoundError):
-        left = list(folder.glob("*.lock"))
-        if len(left) > _MANY and not _is_turn(folder):
-            return
-        for path in left:
-            with contextlib.suppress(OSError):  # what cannot be removed now means nothing, and is removed another time
-                _remove_left(path)
-
-
-def _is_turn(folder: Path) -> bool:
-    """Whether nobody has looked through a folder for a while: where there are many files, one of all is enough."""
     told = folder / "swept"
     with contextlib.suppress(OSError):
-        if time.time() - told.stat().st_mtime < _WHILE:
-            return False
+        if time.time() - told.stat().st_mtime < _WHILE:  # where there are many files, one of all is enough
+            return
     with contextlib.suppress(OSError):
-        told.touch()
-    return True
+        left = [name for name in os.listdir(folder) if name.endswith(".lock")]
+        if len(left) > _MANY:
+            told.touch()
+        for name in left:
+            with contextlib.suppress(OSError):  # what cannot be removed now means nothing, and is removed another time
+                _remove_left(folder / name)
 
 
 def _remove_left(path: Path) -> None:

@@ -8,7 +8,7 @@ import time
 import pytest
 
 from robocomp_py.testing.patience import SOON
-from robocomp_py.transports.zenoh.credit import BYTES_AHEAD, Credit
+from robocomp_py.transports.credit import BYTES_AHEAD, Credit
 
 
 def still() -> None: ...

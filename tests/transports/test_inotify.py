@@ -36,16 +36,53 @@ def told(watch: FolderWatch, within: float = SOON) -> bool:
     return found
 
 
+def put(folder: Path, name: str) -> None:
+    (folder / "draft").write_text("x")
+    (folder / "draft").rename(folder / name)
+
+
 def test_files_that_come_go_or_are_replaced_are_told(folder: Path, watch: FolderWatch) -> None:
     assert not told(watch, 0)
-    (folder / "draft").write_text("x")
+    put(folder, "file.json")
     assert told(watch)
-    (folder / "draft").rename(folder / "file")
+    put(folder, "file.json")
     assert told(watch)
-    (folder / "file").unlink()
+    (folder / "file.json").unlink()
     assert told(watch)
     assert not told(watch, 0)
     assert watch.working
+
+
+def test_files_on_their_way_wake_nobody(folder: Path, watch: FolderWatch) -> None:
+    (folder / "draft").write_text("x")
+    assert not told(watch, 0)
+
+
+def test_first_anything_may_have_changed_and_then_what_is_told(folder: Path, watch: FolderWatch) -> None:
+    assert watch.changed() is None
+    assert watch.changed() == set()
+    for name in ("a.json", "b.json", "c.lock", "a.json"):
+        put(folder, name)
+    (folder / "b.json").unlink()
+    assert watch.changed() == {"a", "b"}
+    put(folder, "c.json")
+    watch.read()
+    assert watch.changed() == {"c"}
+    assert watch.changed() == set()
+    watch.forget()
+    assert watch.changed() is None
+    assert watch.changed() == set()
+
+
+def test_what_is_too_much_to_be_told_may_be_anything(folder: Path, watch: FolderWatch) -> None:
+    watch.changed()
+    most = int(Path("/proc/sys/fs/inotify/max_queued_events").read_text())
+    (folder / "0.json").write_text("x")
+    for number in range(most + 1):
+        (folder / f"{number}.json").rename(folder / f"{number + 1}.json")
+    assert watch.changed() is None
+    put(folder, "file.json")
+    assert watch.changed() == {"file"}
 
 
 @pytest.mark.parametrize("how", ["removed", "renamed"])
@@ -60,7 +97,8 @@ def test_of_a_folder_that_went_nothing_is_told_until_the_watch_is_renewed(
     folder.mkdir()
     watch.renew()
     assert watch.working
-    (folder / "file").write_text("x")
+    assert watch.changed() is None
+    put(folder, "file.json")
     assert told(watch)
 
 

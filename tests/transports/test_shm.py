@@ -642,10 +642,11 @@ def test_who_waits_at_a_bell_is_told_as_well_that_the_folder_has_changed(tmp_pat
     (tmp_path / "watched").mkdir()
     watch = FolderWatch(tmp_path / "watched")
     bell, rope = Bell(tmp_path / "bell", watch), Rope(tmp_path / "bell")
-    (tmp_path / "watched" / "new").touch()
+    (tmp_path / "new").touch()
+    (tmp_path / "new").rename(tmp_path / "watched" / "new.json")
     assert list(bell.wait(SOON)) == [NEWS]
     rope.ring(3)
-    (tmp_path / "watched" / "newer").touch()
+    (tmp_path / "watched" / "new.json").unlink()
     assert set(bell.wait(SOON)) == {NEWS, 3}
     assert not list(bell.wait(0.0))
     bell.close()

@@ -26,11 +26,11 @@ from robocomp_py.testing import everything as e
 from robocomp_py.testing.conformance import TransportConformance, answering, blob, command, query, topic, unblob
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, Reply, Status, Transport, TransportConfig, TypeRef, hosting
+from robocomp_py.transports.credit import MOST_AHEAD
 from robocomp_py.transports.directory import runtime_dir
 from robocomp_py.transports.exclusive import holder
 from robocomp_py.transports.zenoh import ZenohTransport
 from robocomp_py.transports.zenoh.asking import COMMANDS_AHEAD
-from robocomp_py.transports.zenoh.credit import MOST_AHEAD
 from robocomp_py.transports.zenoh.session import open_client, open_router
 from robocomp_py.wire import header
 

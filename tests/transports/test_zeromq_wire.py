@@ -443,7 +443,8 @@ try:
         held.append(os.open("/dev/null", 0))
 except OSError:
     pass
-(here.folder / "changed").mkdir()
+(here.folder / "changed.draft").mkdir()
+(here.folder / "changed.draft").rename(here.folder / "changed.json")
 wait_until(lambda: here.directory._unreadable and there.directory._unreadable)
 for opening in (lambda: ZeroMQTransport(TransportConfig()), lambda: there.outlet(topic("a/b/d"))):
     try:
@@ -454,7 +455,7 @@ for opening in (lambda: ZeroMQTransport(TransportConfig()), lambda: there.outlet
         raise AssertionError("opened without descriptors")
 for each in held:
     os.close(each)
-(here.folder / "changed").rmdir()
+(here.folder / "changed.json").rmdir()
 print(unblob(there, caller.call(blob(there, b"later"), SOON).result(SOON).payload).decode())
 there.close()
 here.close()

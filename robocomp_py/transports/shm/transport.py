@@ -78,6 +78,7 @@ class ShmTransport(Announcing):
             undo.callback(self._mailbox.close)
             self.desk = Desk(self, self._mailbox)
             self._loop = Loop(self._bell, self._own, self._tick, self.desk.open_next)
+            self.directory.heed(self._watch, self._loop.wake)
             self._crew = Crew("shm", self._loop.receive, self._loop.wake)
             undo.pop_all()
         self._crew.start()

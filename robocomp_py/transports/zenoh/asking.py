@@ -31,8 +31,8 @@ from ..base import (
     answered,
     mismatch,
 )
+from ..credit import Credit
 from ..pending import Pending
-from .credit import Credit
 from .link import Link, within
 from .messages import Way, direct, octets
 from .table import Token

@@ -20,8 +20,8 @@ from typing import Any
 import zenoh
 
 from ..base import Sink, Statistics, receives
+from ..credit import MOST_AHEAD
 from ..crew import STUCK, belongs
-from .credit import MOST_AHEAD
 
 log = logging.getLogger("robocomp.transport.zenoh")
 

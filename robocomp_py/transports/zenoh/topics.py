@@ -29,9 +29,9 @@ from ..base import (
     Source,
     depth_of,
 )
+from ..credit import BYTES_AHEAD, MOST_AHEAD, Credit
 from ..ledger import Ledger
 from ..reception import Reception
-from .credit import BYTES_AHEAD, MOST_AHEAD, Credit
 from .link import INBOX, TICK, Link
 from .messages import BLOCK, DROP, Message
 from .reader import Reader

@@ -114,6 +114,7 @@ class ZeroMQTransport(Announcing):
             self.member.close()
             raise TransportError(f"zeromq: cannot be opened: {exc.strerror}") from exc
         self._watch = FolderWatch(self.folder)
+        self.directory.heed(self._watch, self._loop.wake)
         keep_memory()
         self.context = zmq.Context()
         self._changes = _Changes(self._watch, self._loop, self.directory)

@@ -1,0 +1,43 @@
+"""Ice for tests: transports whose topics go through an IceStorm of the tests' own, on a port that is free."""
+
+from __future__ import annotations
+
+import os
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from robocomp_py.transports.base import Transport, TransportConfig, find_transport, hosting
+
+_WHERE = "ROBOCOMP_TEST_STORM"
+"""Environment: also the processes that a test starts are to find it."""
+
+
+@contextmanager
+def icestorm() -> Iterator[str]:
+    """While this is entered there is one, and `open_ice` uses it: the proxy of its TopicManager."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    os.environ[_WHERE] = storm = f"IceStorm/TopicManager:tcp -h 127.0.0.1 -p {port}"
+    with hosting("ice", TransportConfig({"storm": storm}, "test")):
+        yield storm
+    del os.environ[_WHERE]
+
+
+def open_ice(**options: Any) -> Transport:
+    return find_transport("ice")(TransportConfig({"storm": os.environ.get(_WHERE, ""), **options}, "test"))
+
+
+def process_of(storm: str) -> int:
+    """The id of the process that has IceStorm."""
+    at = storm.split()[-1].encode()
+    for process in Path("/proc").iterdir():
+        if process.name.isdecimal():
+            with suppress(OSError):
+                words = (process / "cmdline").read_bytes()
+                if words.startswith((b"icebox", b"/")) and b"icebox" in words.split(b"\0")[0] and b"-p " + at in words:
+                    return int(process.name)
+    raise LookupError(f"nobody runs {storm}")

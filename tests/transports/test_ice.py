@@ -1,0 +1,25 @@
+"""Ice keeps the contract."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from robocomp_py.testing.conformance import TransportConformance
+from robocomp_py.transports.base import Transport
+
+from .icestorm import icestorm, open_ice
+
+pytestmark = pytest.mark.tool
+
+
+@pytest.fixture(autouse=True, scope="module")
+def storm() -> Iterator[str]:
+    with icestorm() as proxy:
+        yield proxy
+
+
+class TestIce(TransportConformance):
+    def open_transport(self) -> Transport:
+        return open_ice()
