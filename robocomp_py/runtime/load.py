@@ -16,19 +16,27 @@ from .trace import user_trace
 from .worker import Worker
 
 
-def load_worker(folder: Path, *, afresh: bool = False) -> type[Worker[Any]]:
+def load_worker(folder: Path, *, afresh: bool = False, alone: bool = False) -> type[Worker[Any]]:
     """The SpecificWorker of a generated component, wherever its folder lies and whatever it is called.
 
     Its package is imported under the folder's name, so that its files can import each other; `afresh`, even if it is
-    imported already, so that two instances share no variables of its modules. Raises ComponentError if there is no
-    such class, or if importing its files fails.
+    imported already, so that two instances share no variables of its modules. One that RoboComp's own generator made
+    has its files in `src`; `alone`, it runs in its folder. Raises ComponentError if there is no such class, or if
+    importing its files fails.
     """
     folder = folder.resolve()
-    for file in ("generic/genericworker.py", "specificworker.py"):
+    existing = (folder / "src" / "specificworker.py").is_file() and not (folder / "specificworker.py").exists()
+    for file in ("generic/genericworker.py", "src/specificworker.py" if existing else "specificworker.py"):
         if not (folder / file).is_file():
             raise ComponentError(f"{folder} is no generated component: it has no {file}; run rcgen on its .cdsl")
     try:
+        if existing:
+            from ..compat.existing import existing_worker  # only who has such a component needs it
+
+            return existing_worker(folder, _import_package(folder, afresh), alone)
         module = importlib.import_module(f"{_import_package(folder, afresh)}.specificworker")
+    except ComponentError:
+        raise
     except Exception as exc:
         raise ComponentError(f"{folder.name} cannot be imported\n{user_trace(exc)}") from exc
     worker = getattr(module, "SpecificWorker", None)

@@ -156,6 +156,9 @@ class Running:
         worker._signal = self.signal
         worker._state = lambda: self.state
         worker._set_period = self._set_period
+        worker._wake = self._wake.set
+        worker._released = self.monitor.released
+        worker._settings = self.settings
         if self.component.machine:
             self._machine = Machine(self.component.machine, self._enter, self._wake.set)
             triggers = self.component.machine.triggers().items()
@@ -164,6 +167,8 @@ class Running:
         self._beat = Beat(self.settings.period, time.monotonic())
         try:
             worker_class.__init__(worker)  # after the above, so that a user's __init__ has it
+        except ComponentError:
+            raise
         except Exception as exc:
             raise ComponentError(self._init_failed(exc)) from exc
         return worker
@@ -187,9 +192,9 @@ class Running:
         wanted = [port for port in self.component.ports if not port.verb.provides]
         own = port_of(self.component)
         if own:
-            servant = CommonBehavior(self.worker, self.settings.params, self.monitor.held, self._machine)
+            servant = CommonBehavior(self.worker, self.settings.params, self.monitor.held, vars(self.worker).get("statemachine"))
             try:
-                self._links += ports.bind_handlers(own, servant, self._route, self.monitor)
+                self._links += ports.bind_handlers(own, servant, self._route, self.monitor, seldom=True)
             except AlreadyServed as exc:
                 who = self.settings.instance
                 raise AlreadyServed(
@@ -233,7 +238,9 @@ class Running:
             chosen.qos,
             chosen.deadline,
         )
-        return replace(route, also=tuple(self._further(route, port, operation, way) for way in chosen.also or ()))
+        if not chosen.also:
+            return route
+        return replace(route, also=tuple(self._further(route, port, operation, way) for way in chosen.also))
 
     def _further(self, route: ports.Route, port: Port, operation: Operation[Any], way: Way) -> ports.Route:
         middleware = self._carrier(way.middleware) if way.middleware else route.middleware
@@ -290,7 +297,7 @@ class Running:
             return
         self.monitor.open()
         self._watching.begin()
-        self._beat = Beat(self.worker.period, time.monotonic())
+        self._beat = self.worker._beats(time.monotonic())
         self.ready.set()
         self._tell("READY=1")
         log.info("ready")
@@ -421,10 +428,14 @@ class _Transports:
                 log.exception("closing the transport %s", name)
 
 
-def main(worker_class: type[Worker[Any]], arguments: Sequence[str] | None = None) -> int:
-    """Run a component as a program: `python -m PACKAGE`, `rc run DIR`. Returns the exit code."""
-    component = worker_class.component
-    options = parser_of(component).parse_args(arguments)
+def main(
+    worker_class: type[Worker[Any]], arguments: Sequence[str] | None = None, options: argparse.Namespace | None = None
+) -> int:
+    """Run a component as a program: `python -m PACKAGE`, `rc run DIR`. Returns the exit code.
+
+    `options` are its arguments, if they have been read already.
+    """
+    options = options or parser_of(worker_class.component).parse_args(arguments)
     try:
         chosen, document = prepare(worker_class, options)
         if options.print_config:
@@ -438,7 +449,8 @@ def main(worker_class: type[Worker[Any]], arguments: Sequence[str] | None = None
         return 1
     received: list[int] = []
     with Signals(partial(_stop_by, running, received)), Watchdog([running], [chosen.watchdog], notify):
-        fine = running.run()
+        front = running.worker._in_front
+        fine = front(running.run, running.stop) if front else running.run()
     return 1 if not fine else 128 + received[0] if received else 0
 
 
@@ -473,6 +485,32 @@ def parser_of(component: Component) -> argparse.ArgumentParser:
     return parser
 
 
+def read_plain(arguments: Sequence[str]) -> argparse.Namespace | None:
+    """What `parser_of` reads from arguments that are nothing but options with their values; None for others.
+
+    So rcdeploy writes them, for many components at a time, and a parser takes a quarter of the memory that is a
+    component's own.
+    """
+    options = argparse.Namespace(
+        config=None, name=None, middleware=None, set=[], keys=None, print_config=False, json=False
+    )
+    if len(arguments) % 2:
+        return None
+    for option, value in zip(arguments[::2], arguments[1::2], strict=True):
+        match option:
+            case _ if value.startswith("-"):
+                return None
+            case "--set" if settings.is_assignment(value):
+                options.set.append(value)
+            case "--config":
+                options.config = Path(value)
+            case "--name" | "--middleware" | "--keys":
+                setattr(options, option.removeprefix("--"), value)
+            case _:
+                return None
+    return options
+
+
 def _assignment(text: str) -> str:
     """What follows `--set`, if it is written as it should be."""
     if not settings.is_assignment(text):
@@ -493,9 +531,9 @@ def prepare(worker_class: type[Worker[Any]], options: argparse.Namespace) -> tup
 
 def _document(worker_class: type[Worker[Any]], options: argparse.Namespace) -> settings.Document:
     component = worker_class.component
-    path = options.config or settings.find(Path(inspect.getfile(worker_class)).parent)
-    params = component.params
-    document = settings.read(_short(path), params) if path else settings.Document(params=params)
+    path = options.config or settings.find(worker_class.folder or Path(inspect.getfile(worker_class)).parent)
+    document = settings.read_for(_short(path), component) if path else settings.Document(params=component.params)
+    document.passed_on = worker_class.takes_any_params and component.params is None
     settings.environment(document, component, os.environ)
     for assignment in options.set:
         settings.override(document, assignment)
@@ -504,6 +542,7 @@ def _document(worker_class: type[Worker[Any]], options: argparse.Namespace) -> s
         settings.override(document, f"middleware={options.middleware}", origin)
     if options.keys:
         _set_keys(document, options.keys)
+    settings.settle(document, component, worker_class.middleware)
     return document
 
 
@@ -531,7 +570,8 @@ def tell_notes(document: settings.Document) -> None:
     for note in document.notes:
         if not note.understood:
             log.warning("%s:%d: %s", document.path, note.line, note.why)
-    idle = [note.key for note in document.notes if note.understood and not note.became]
+    taken = (settings.UNDECLARED,) if document.passed_on else ()
+    idle = [note.key for note in document.notes if note.understood and not note.became and note.why not in taken]
     if document.notes:
         shown = ", ".join(idle[:_TOLD]) + (f" and {len(idle) - _TOLD} more" if len(idle) > _TOLD else "")
         log.info("configured by %s, written for RoboComp; without effect here: %s", document.path, shown or "nothing")

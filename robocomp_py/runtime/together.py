@@ -225,7 +225,8 @@ def main(parts: Sequence[Part]) -> int:
     try:
         wishes = [settings.watchdog for settings, _ in prepared]
         with Signals(stop_by), Watchdog(together.every, wishes, notify):
-            fine = together.run()
+            front = next((each.worker._in_front for each in together.every if each.worker._in_front), None)
+            fine = front(together.run, together.stop) if front else together.run()
     except KeyboardInterrupt:  # the second one: what the components' threads do cannot be interrupted
         logging.shutdown()
         sys.stdout.flush()

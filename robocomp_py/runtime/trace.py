@@ -8,7 +8,7 @@ from pathlib import Path
 from ..errors import RobocompError
 
 _PACKAGE = Path(__file__).parent.parent
-_PLUMBING = tuple(str(_PACKAGE / part) for part in ("runtime", "transports", "wire", "cli"))
+_PLUMBING = tuple(str(_PACKAGE / part) for part in ("runtime", "transports", "wire", "cli", "compat"))
 _NO_FILES = ("<frozen ", "<robocomp_py")
 
 

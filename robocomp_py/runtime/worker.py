@@ -6,13 +6,21 @@ import inspect
 import logging
 from abc import ABC
 from collections.abc import Callable, Iterator
-from typing import Any, ClassVar, Generic, TypeVar
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from ..contract.component import MAX_SECONDS, Component
 from ..errors import ComponentError
-from .lifecycle import Event, State
+from .lifecycle import Beat, Event, State
+
+if TYPE_CHECKING:
+    from .settings import Settings
 
 P = TypeVar("P")
+
+Front = Callable[[Callable[[], bool], Callable[[], None]], bool]
+"""Given how components live and how they are stopped, has them live on a thread of their own, and returns how it went."""
 
 
 class Worker(ABC, Generic[P]):
@@ -27,6 +35,12 @@ class Worker(ABC, Generic[P]):
     middleware: ClassVar[str]
     """What carries its messages, unless configuration or deployment say otherwise."""
 
+    folder: ClassVar[Path | None] = None
+    """Where the component is, if not where this class is written."""
+
+    takes_any_params: ClassVar[bool] = False
+    """Whether its own code looks at what its configuration says, whatever that is."""
+
     log: logging.Logger
     """Where to write messages for people."""
 
@@ -34,6 +48,20 @@ class Worker(ABC, Generic[P]):
     _signal: Callable[[Event], None]
     _state: Callable[[], State]
     _set_period: Callable[[float], None]
+    _wake: Callable[[], None]
+    """Has it looked at once whether it is time to call something."""
+
+    _released: Callable[[], AbstractContextManager[None]]
+    """Around a wait: lets the others in meanwhile."""
+
+    _settings: Settings
+
+    _in_front: Front | None = None
+    """What the main thread is for instead, if this one's code cares: windows belong to the main thread."""
+
+    def _beats(self, now: float) -> Beat:
+        """When `compute` is called, from now on."""
+        return Beat(self._period, now)
 
     def initialize(self) -> None:
         """Called once, when everything required is visible; handlers are let in afterwards."""

@@ -1,0 +1,503 @@
+"""A component of RoboComp's own generators as a worker of ours: what surrounds it, and what calls it.
+
+Its `SpecificWorker` is no `Worker`: it is an object that one has, whose base, `GenericWorker`, is made here with
+nothing in it but what RoboComp's generated class has. So no name of ours is in the way of its author's, and windows
+may be what they are. Everything of it runs as a worker's code does: one piece at a time.
+"""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+import logging
+import os
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from pathlib import Path
+from types import ModuleType
+from typing import Any, ClassVar
+
+from ..contract.component import Component, Port
+from ..contract.interface import Operation
+from ..contract.statemachine import StateMachine
+from ..errors import ComponentError, TransportError
+from ..runtime.lifecycle import Beat
+from ..runtime.trace import user_trace
+from ..runtime.worker import Worker
+from . import qt, waits
+from .given import entries
+from .ice import Ices
+from .imports import Imports, source_text
+from .libraries import advice
+from .machines import Chart
+from .proxies import handler, proxy_class
+from .python2 import NotConverted, as_python3
+from .slices import Slices, component_of, module_of
+
+log = logging.getLogger("robocomp.worker")
+
+WORKER = Path("src") / "specificworker.py"
+
+_ARGUMENTS = {
+    **dict.fromkeys(("configData", "configdata", "config_data", "config"), "tables"),
+    **dict.fromkeys(("params", "parameters"), "texts"),
+    "startup_check": "no",
+}
+"""What is given to a constructor behind the proxies."""
+
+_AGAIN_S = 10.0
+"""So often the same exception of a slot is told again."""
+
+_MAX_TOLD = 100
+
+
+def existing_worker(folder: Path, package: str, alone: bool) -> type[ExistingWorker]:
+    """The worker for a component whose generic part is generated, and whose folder is the package of that name.
+
+    `alone`, it runs in its own folder, as RoboComp starts it. Raises ComponentError if its file cannot be read; what
+    it imports is imported when it is made.
+    """
+    sources = {path.name: _source(path) for path in sorted((folder / "src").glob("*.py")) if _is_users(path, folder)}
+    generated = importlib.import_module(f"{package}.generic.genericworker").GenericWorker
+    component: Component = generated.component
+    modules = {
+        path.stem: importlib.import_module(f"{package}.generic.{path.stem}")
+        for path in sorted((folder / "generic").glob("*.py"))
+        if path.stem not in ("__init__", "genericworker", "params")
+    }
+    known = {name: module for name, module in modules.items() if vars(module).get("__file__")}
+    # each instance imports its files afresh, and so has a package of its own for them
+    namespace = {"generated": known, "folder": folder, "package": package, "sources": sources, "alone": alone}
+    namespace |= {"machine": component.machine, "window": component.window}
+    ices = Ices(package)
+    slices = Slices(package, ices.user_exception)
+    own = component_of(component, slices, partial(proxy_class, ices=ices))
+    namespace |= {"ices": ices, "slices": slices, "component": own, "middleware": generated.middleware}
+    for port in own.ports:
+        if not port.verb.has_proxy:
+            for operation, _ in port.interface.under(port.verb):
+                name = port.handler(operation.name)
+                namespace[name] = _handler(port, operation)
+    namespace["__module__"] = __name__
+    _check_class(sources[WORKER.name], folder)
+    return type("SpecificWorker", (ExistingWorker,), namespace)
+
+
+def _check_class(text: str, folder: Path) -> None:
+    """Raise ComponentError if there is no class to make a worker of."""
+    if not any(isinstance(node, ast.ClassDef) and node.name == "SpecificWorker" for node in ast.walk(ast.parse(text))):
+        raise ComponentError(f"{folder / WORKER} has no class SpecificWorker(GenericWorker)")
+
+
+def _source(path: Path) -> str:
+    text = source_text(path.read_bytes())
+    try:
+        return as_python3(text, str(path))[0]
+    except NotConverted as exc:
+        raise ComponentError(
+            f"{path}:{exc.lineno or 1}: this is neither Python 3 nor something that 2to3 can make it from: {exc.msg}"
+        ) from exc
+
+
+def _is_users(path: Path, folder: Path) -> bool:
+    """Whether a file of `src` is the author's, and not one that RoboComp's generator writes."""
+    if path.name in ("genericworker.py", "interfaces.py", "__init__.py", f"{folder.name}.py"):
+        return False
+    return path.name == WORKER.name or not path.name.startswith("ui_")
+
+
+class ExistingWorker(Worker[Any]):
+    """Base of the workers made here, one class for each loaded component."""
+
+    takes_any_params: ClassVar[bool] = True
+    folder: ClassVar[Path]
+    package: ClassVar[str]
+    alone: ClassVar[bool]
+    window: ClassVar[str]
+    machine: ClassVar[StateMachine | None]
+    sources: ClassVar[Mapping[str, str]]
+    generated: ClassVar[Mapping[str, ModuleType]]
+    ices: ClassVar[Ices]
+    slices: ClassVar[Slices]
+    _instances: ClassVar[int] = 0
+
+    def __init__(self) -> None:
+        if self.alone:
+            os.chdir(self.folder)
+        self._told: dict[str, tuple[float, int]] = {}
+        self._user: Any = None
+        self.statemachine = None
+        self._chart: Chart | None = None
+        if self.machine:
+            self._chart = Chart(self.machine, self._enter, lambda: self._wake())
+            self.statemachine = self._chart.engine
+        self._need = qt.need({f"src/{name}": text for name, text in self.sources.items()}, self.window)
+        self._loop = qt.open_loop(
+            self._need,
+            wake=self._wake,
+            quit=self.stop,
+            outside=self._released,
+            tell=self._tell,
+            folder=self.folder,
+            name=self._settings.instance,
+        )
+        self._in_front = self._loop.in_front
+        self._imports = self._surroundings()
+        try:
+            module = self._loop.call(self._imports.load, "specificworker")
+        except ModuleNotFoundError as exc:
+            raise ComponentError(self._missing(exc)) from exc
+        generic = vars(self._imports.given["genericworker"])["GenericWorker"]
+        found = getattr(module, "SpecificWorker", None)
+        if not (isinstance(found, type) and issubclass(found, generic)):
+            raise ComponentError(f"{self.folder / WORKER} has no class SpecificWorker(GenericWorker)")
+        self._class: type[Any] = found
+        self._generic: type[Any] = generic
+        self._wanted = self._constructor()
+
+    # What the framework calls.
+
+    def initialize(self) -> None:
+        texts, tables = entries(self._settings)
+        proxies = {key: proxy for port, proxy in self._proxies() for key in _keys(port)}
+        given = {"proxies": proxies, "tables": tables, "texts": texts, "no": False}
+        params = tables if "tables" in self._wanted else texts
+        self._loop.call(self._construct, [given[each] for each in self._wanted], params)
+        for name in self._lacking():
+            self.log.warning("%s has no method %s; calls of it fail", self.folder / WORKER, name)
+
+    def compute(self) -> None:
+        """One thing that is due: a step of the state machine, a timer, or a queued signal; handlers come between."""
+        if self._chart and self._chart.due:
+            self._chart.step()
+        else:
+            self._loop.run(time.monotonic())
+
+    def finish(self) -> None:
+        self._loop.close()
+        self._loop.call(self._part)
+
+    def _part(self) -> None:
+        """Let go of their object, whose `__del__` may have something to do."""
+        self._user = None
+
+    def _beats(self, now: float) -> Beat:
+        return _LoopBeat(self._loop, self._chart, self._period, self._period_set)
+
+    def _period_set(self, seconds: float) -> None:
+        """Somebody has asked for another period from outside."""
+        user = self._user
+        if user is not None:
+            self._loop.post(partial(user.setPeriod, round(seconds * 1000)))
+
+    def _handle(self, names: tuple[str, ...], operation: str, *arguments: Any) -> Any:
+        method = next((each for each in map(self._method, names) if each), None)
+        if method is None:
+            raise NotImplementedError(f"{WORKER} has no method {names[0]}, so that {operation} is not answered")
+        return self._loop.call(method, *arguments)
+
+    # Their object.
+
+    def _construct(self, arguments: list[Any], params: Mapping[str, Any]) -> None:
+        self._user = self._class(*arguments)
+        set_params = getattr(self._user, "setParams", None)
+        if set_params and set_params(params) is False:
+            self.log.warning("%s: setParams returned False; going on, as RoboComp does", self.folder / WORKER)
+
+    def _constructor(self) -> list[str]:
+        """What its constructor takes, by the names that RoboComp's generators and their users have given to that."""
+        signature = inspect.signature(getattr(self._class, "__init__"))  # noqa: B009 - of a class, not of an instance
+        taken = [each for each in signature.parameters.values() if each.kind is each.POSITIONAL_OR_KEYWORD][2:]
+        wanted = ["proxies"]
+        for parameter in taken:
+            if parameter.name in _ARGUMENTS:
+                wanted.append(_ARGUMENTS[parameter.name])
+            elif parameter.default is parameter.empty:
+                raise ComponentError(
+                    f"{self.folder / WORKER}: SpecificWorker is made with (proxy_map) or (proxy_map, configData), and "
+                    f"startup_check=False behind it; give `{parameter.name}` a default"
+                )
+            else:
+                break
+        return wanted
+
+    def _proxies(self) -> Iterator[tuple[Port, Any]]:
+        for port in self.component.ports:
+            if port.verb.has_proxy:
+                proxy = getattr(self, port.attribute)
+                proxy._wait = self._loop.wait_for if self._need else None
+                yield port, proxy
+
+    def _method(self, name: str) -> Callable[..., Any] | None:
+        """A method that the component's author has written; those of a window are none."""
+        for each in type(self._user).__mro__ if self._user is not None else ():
+            if each is self._generic:
+                return None
+            if name in vars(each):
+                found: Callable[..., Any] = getattr(self._user, name)
+                return found
+        return None
+
+    def _lacking(self) -> Iterator[str]:
+        for port in self.component.ports:
+            if not port.verb.has_proxy:
+                for operation, _ in port.interface.under(port.verb):
+                    names = _names(port, operation)
+                    if not any(map(self._method, names)):
+                        yield names[0]
+        for state in self.machine.every_state() if self.machine else ():
+            if not self._method(state.method):
+                yield state.method
+
+    def _enter(self, state: str) -> None:
+        method = self._method(f"sm_{state}")
+        if method:
+            try:
+                self._loop.call(method)
+            except Exception as exc:
+                self._tell(exc)
+
+    def _tell(self, exc: BaseException) -> None:
+        """Say what a slot has raised. As with Qt, that does not end the component."""
+        text = str(exc) if isinstance(exc, TransportError) else f"{self._raiser(exc)} raised\n{user_trace(exc)}"
+        now = time.monotonic()
+        since, more = self._told.get(text, (-_AGAIN_S, 0))
+        if now - since < _AGAIN_S:
+            self._told[text] = (since, more + 1)
+            return
+        if len(self._told) >= _MAX_TOLD:
+            self._told.clear()
+        self._told[text] = (now, 0)
+        level = logging.WARNING if isinstance(exc, TransportError) else logging.ERROR
+        self.log.log(level, "%s%s", text, f"\n({more} times more since then)" if more else "")
+
+    def _raiser(self, exc: BaseException) -> str:
+        """What of the component's own was called."""
+        for frame, _ in traceback.walk_tb(exc.__traceback__):
+            if Path(frame.f_code.co_filename).is_relative_to(self.folder):
+                return frame.f_code.co_qualname
+        return "a slot"
+
+    # What surrounds it.
+
+    def _surroundings(self) -> Imports:
+        package = self._own_package()
+        imports = Imports(package, self.folder)
+        self._loop.builtins = imports.builtins
+        types = {name: module_of(module, self.slices, package) for name, module in self.generated.items()}
+        types.setdefault("RoboCompCommonBehavior", ModuleType(f"{package}.RoboCompCommonBehavior"))
+        for module in types.values():
+            for name, other in types.items():
+                if name not in vars(module):
+                    setattr(module, name, other)
+        given = imports.given
+        given |= {**types, "Ice": self.ices.ice, "IceStorm": self.ices.storm}
+        given |= waits.modules(self._loop.outside)
+        given |= self._loop.modules
+        given["genericworker"] = self._genericworker(package, types, given)
+        given["interfaces"] = self._interfaces(package, types)
+        servants = {
+            f"{port.interface.short.lower()}I": types.get(port.interface.module) for port in self.component.ports
+        }
+        given |= {name: module for name, module in servants.items() if module}
+        for each in (given["genericworker"], given["interfaces"]):
+            sys.modules[each.__name__] = each
+        return imports
+
+    def _own_package(self) -> str:
+        """The component's package, or for a further instance one that stands for the same folder."""
+        number = type(self)._instances = type(self)._instances + 1
+        if number == 1:
+            return self.package
+        name = f"{self.package}_again{number}"
+        package = ModuleType(name)
+        package.__path__ = [str(self.folder)]
+        sys.modules[name] = package
+        return name
+
+    def _genericworker(
+        self, package: str, types: Mapping[str, ModuleType], given: Mapping[str, ModuleType]
+    ) -> ModuleType:
+        """The module with all that `from genericworker import *` has brought in one generation or another."""
+        module = ModuleType(f"{package}.genericworker")
+        standard = ("os", "sys", "traceback", "copy", "signal", "subprocess")
+        names: dict[str, Any] = {name: importlib.import_module(name) for name in standard}
+        names |= {"time": given["time"], "threading": given["threading"], "Ice": given["Ice"], "Path": Path}
+        names |= {"ROBOCOMP": os.environ.get("ROBOCOMP") or "/opt/robocomp", "preStr": "", "additionalPathStr": ""}
+        names |= {"icePaths": [], "rDebug": self.log.debug}
+        imported = self._imported()
+        version = next((each for each in ("PySide2", "PySide6", "PySide") if each in imported), "PySide2")
+        names |= {part: given[f"{version}.{part}"] for part in _QT if f"{version}.{part}" in given}
+        if self.window:
+            names |= _public(given["ui_mainUI"])
+        if "interfaces" not in imported:  # since 2020, types are reached by their modules only
+            for each in types.values():
+                names |= _public(each)
+        names |= {**types, "GenericWorker": self._make_generic(given)}
+        vars(module).update(names)
+        return module
+
+    def _imported(self) -> frozenset[str]:
+        """The first parts of what its specific part imports."""
+        tree = ast.parse(self.sources[WORKER.name])
+        found = set()
+        for node in ast.walk(tree):
+            match node:
+                case ast.Import(names=names):
+                    found |= {each.name.partition(".")[0] for each in names}
+                case ast.ImportFrom(module=str(name)):
+                    found.add(name.partition(".")[0])
+                case _:
+                    continue
+        return frozenset(found)
+
+    def _interfaces(self, package: str, types: Mapping[str, ModuleType]) -> ModuleType:
+        module = _Interfaces(f"{package}.interfaces")
+        lists = {
+            name: value
+            for each in types.values()
+            for name, value in vars(each).items()
+            if isinstance(value, type) and issubclass(value, list)
+        }
+        vars(module).update({**lists, **types, "Ice": self.ices.ice, "IceStorm": self.ices.storm, "time": time})
+        return module
+
+    def _make_generic(self, given: Mapping[str, ModuleType]) -> type[Any]:
+        """The class that RoboComp generates: what it has, and nothing else."""
+        adapter = self
+        core = next(given[name] for name in ("PySide6.QtCore", "PySide2.QtCore") if name in given)
+
+        def make(this: Any, mprx: Any = None, configData: Any = None, *rest: Any) -> None:
+            super(generic, this).__init__()
+            adapter._equip(this, core, configData)
+
+        def kill_yourself(this: Any) -> None:
+            this.kill.emit()
+            adapter.stop()
+
+        def set_period(this: Any, p: Any) -> None:
+            this.Period = p
+            this.timer.start(p)
+
+        def startup_check(this: Any) -> None:
+            core.QTimer.singleShot(200, adapter.stop)
+
+        generic: type[Any] = type(self._loop.base)(
+            "GenericWorker",
+            (self._loop.base,),
+            {
+                "__module__": "genericworker",
+                "__doc__": "As RoboComp generates it.",
+                "__init__": make,
+                "kill": core.Signal(),
+                "killYourSelf": core.Slot()(kill_yourself),
+                "setPeriod": core.Slot(int)(set_period),
+                "startup_check": startup_check,
+            },
+        )
+        return generic
+
+    def _equip(self, user: Any, core: Any, config: Any) -> None:
+        """What the generated constructor sets."""
+        for port, proxy in self._proxies():
+            for attribute in _attributes(port):
+                setattr(user, attribute, proxy)
+        if self.window:
+            form = self._imports.given["ui_mainUI"]
+            user.ui = vars(form)["Ui_guiDlg"]()
+            user.ui.setupUi(user)
+            user.show()
+        user.mutex = core.QRecursiveMutex() if "QRecursiveMutex" in vars(core) else core.QMutex(core.QMutex.Recursive)
+        user.Period = round(self._period * 1000)
+        user.timer = core.QTimer(user)
+        user.configData = config
+        if self._chart:
+            for name, part in self._chart.names.items():
+                setattr(user, name, part)
+            again = self._chart.names.get("t_compute_to_compute")
+            if again and self.machine and self.machine.name == "defaultMachine":
+                user.timer.timeout.connect(again)
+
+    def _missing(self, exc: ModuleNotFoundError) -> str:
+        return advice(exc, self.folder)
+
+
+class _LoopBeat(qt.LoopBeat):
+    """When something is due in a component's loop, or in its state machine."""
+
+    def __init__(self, loop: qt.Loop, chart: Chart | None, period: float, changed: Callable[[float], None]) -> None:
+        self._chart, self._changed, self._seconds = chart, changed, period
+        super().__init__(loop, period)
+
+    @property
+    def period(self) -> float:
+        return self._seconds
+
+    @period.setter
+    def period(self, seconds: float) -> None:
+        if seconds != self._seconds:
+            self._seconds = seconds
+            self._changed(seconds)
+
+    def due(self, now: float) -> float:
+        return 0.0 if self._chart and self._chart.due else super().due(now)
+
+
+class _Interfaces(ModuleType):
+    """`interfaces`: its console is made when it is used, since that takes its time."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in ("console", "Console", "Text"):
+            raise AttributeError(
+                f"{name} is no type of the component's interfaces; those are {', '.join(_listed(self))}"
+            )
+        from rich.console import Console
+        from rich.text import Text
+
+        vars(self).update(Console=Console, Text=Text, console=Console())
+        return vars(self)[name]
+
+
+def _listed(module: ModuleType) -> list[str]:
+    return sorted(name for name, each in vars(module).items() if isinstance(each, ModuleType) and name != "time")
+
+
+_QT = ("QtCore", "QtWidgets", "QtGui")
+
+
+def _public(module: ModuleType) -> dict[str, Any]:
+    return {name: value for name, value in vars(module).items() if not name.startswith("_")}
+
+
+def _names(port: Port, operation: Operation[Any]) -> tuple[str, ...]:
+    """What the method for an operation may be called: as since 2018, as before, as if there were one such port."""
+    short = port.interface.short
+    return tuple(dict.fromkeys((port.handler(operation.name), operation.name, f"{short}_{operation.name}")))
+
+
+def _handler(port: Port, operation: Operation[Any]) -> Callable[..., Any]:
+    names = _names(port, operation)
+    about = f"{port.interface.short}.{operation.name}"
+    handle = handler(operation)
+
+    def method(self: ExistingWorker, *arguments: Any) -> Any:
+        return handle(partial(self._handle, names, about), arguments)
+
+    method.__name__, method.__qualname__ = names[0], f"SpecificWorker.{names[0]}"
+    return method
+
+
+def _attributes(port: Port) -> tuple[str, ...]:
+    """Where a proxy is: as always; that of a topic also as before 2018."""
+    return (port.attribute, port.name) if port.verb.is_topic else (port.attribute,)
+
+
+def _keys(port: Port) -> tuple[str, ...]:
+    """What a proxy is called in the map that the constructor is given."""
+    short, number = port.interface.short, port.number
+    suffix = "Pub" if port.verb.is_topic else "Proxy"
+    return f"{short}{suffix}{number}", f"{short}{number}{suffix}", f"{short}{number}"

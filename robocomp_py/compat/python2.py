@@ -1,0 +1,73 @@
+"""Source text of a component, of whichever Python it is.
+
+Components of before 2019 are written in Python 2. What its converter (`lib2to3`, which is part of Python up to 3.12)
+makes of them is compiled; their files stay as they are. It keeps the lines, so that tracebacks name the right ones.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import warnings
+from functools import cache, lru_cache
+from typing import Any
+
+
+class NotConverted(SyntaxError):
+    """A text is no Python 3, and cannot be made one; its attributes are those of the first SyntaxError."""
+
+
+@lru_cache(maxsize=64)
+def as_python3(text: str, name: str) -> tuple[str, bool]:
+    """The text, or what it is in Python 3, and whether it had to be converted. Raises NotConverted."""
+    try:
+        parsed(text, name)
+    except (SyntaxError, ValueError) as exc:
+        return _converted(text, name, exc), True
+    return text, False
+
+
+def parsed(text: str, name: str) -> ast.Module:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what its strings look like is none of our business
+        return ast.parse(text, name)
+
+
+def _converted(text: str, name: str, why: SyntaxError | ValueError) -> str:
+    for attempt in (_untabbed(text), _by_2to3(text), _by_2to3(_untabbed(text))):
+        try:
+            if attempt is not None:
+                parsed(attempt, name)
+                return attempt
+        except (SyntaxError, ValueError):
+            continue
+    raise NotConverted(*why.args) from why
+
+
+def _untabbed(text: str) -> str:
+    """With blanks at the beginnings of lines, as Python 2 reads tabs there: up to the next multiple of eight."""
+    return re.sub(r"^[ \t]+", lambda found: found[0].expandtabs(8), text, flags=re.MULTILINE)
+
+
+def _by_2to3(text: str) -> str | None:
+    tool = _tool()
+    if tool is None:
+        return None
+    try:
+        return str(tool.refactor_string(text.replace("\r\n", "\n").rstrip() + "\n", "their file"))
+    except Exception:  # its tokenizer and parser raise whatever they like: then it is no Python 2 either
+        return None
+
+
+@cache
+def _tool() -> Any:
+    """The converter, if this Python has it still."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # it will be gone
+        try:
+            from lib2to3 import refactor
+        except ImportError:
+            return None
+        tool = refactor.RefactoringTool(refactor.get_fixers_from_package("lib2to3.fixes"))
+    tool.logger.disabled = True  # which fixers it left out is nothing that anybody has to know
+    return tool

@@ -1,0 +1,365 @@
+"""The main thread of a process whose components use real Qt: it runs Qt's loop, and what others have it call.
+
+Windows may be touched by the main thread only. So whatever is a user's runs there: what timers and clicks call, since
+Qt calls it, and handlers, since the threads that have them (and with them the monitor) have it call them, and wait.
+
+    main thread   Qt's loop, between whose events it serves errands
+    life          Running.run: hooks, as everywhere
+    asks          what the main thread waits for; it serves errands meanwhile, so two components can call each other
+
+Errands of a thread whose code waits for an answer let go of the monitor until that is there. While a QMutex is locked
+no errand is served inside of a wait: its code would want the mutex, and be what keeps the other from unlocking it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import logging
+import os
+import signal
+import socket
+import sys
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, ExitStack
+from enum import Enum
+from queue import SimpleQueue
+from types import TracebackType
+from typing import Any, ClassVar, TypeVar
+
+from ...errors import Closed, ComponentError
+from ...runtime.monitor import MAX_ASIDE
+from ...runtime.run import STUCK
+from .served import GUI
+
+log = logging.getLogger("robocomp.worker")
+
+T = TypeVar("T")
+
+Outside = Callable[[], AbstractContextManager[None]]
+
+_LOOK_S = 1.0
+"""After so long, who waits looks again: a signal that comes just before a wait does not end it."""
+
+_ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+def qt(name: str) -> Any:
+    """A module of PySide6. Raises ComponentError if it is not installed."""
+    try:
+        return importlib.import_module(f"PySide6.{name}")
+    except ModuleNotFoundError:
+        raise ComponentError(f"PySide6.{name} is not installed: pip install '{GUI}'") from None
+    except ImportError as exc:
+        raise ComponentError(
+            f"PySide6 cannot be loaded ({exc}); on Debian: apt-get install libegl1 libgl1 libxkbcommon0 libdbus-1-3 "
+            "libfontconfig1"
+        ) from exc
+
+
+class _Word(Enum):
+    """What the main thread says to who waits for an errand."""
+
+    WAITS = "its code waits for others"
+    GOES_ON = "it goes on"
+    DONE = "it is done"
+
+
+class _Errand:
+    """Something that another thread has the main thread call."""
+
+    def __init__(self, call: Callable[[], Any], always: bool) -> None:
+        self.call, self.always = call, always
+        self.words: SimpleQueue[_Word] = SimpleQueue()
+        self.is_back = False
+        self.result: Any = None
+        self.error: BaseException | None = None
+
+    def do(self) -> None:
+        try:
+            self.result = self.call()
+        except KeyboardInterrupt:
+            _end_now()
+        except BaseException as exc:  # whoever waits for it gets it
+            self.error = exc
+        finally:
+            self.words.put(_Word.DONE)
+
+
+class Front:
+    """The one of this process. Made by the main thread, before anything of Qt's is."""
+
+    _only: ClassVar[Front | None] = None
+
+    @classmethod
+    def there(cls, screen: bool, name: str) -> Front:
+        """Raises ComponentError if there can be none."""
+        if cls._only is None:
+            cls._only = cls(screen, name)
+        elif screen and not cls._only.screen:
+            raise ComponentError("another component of this process began Qt without windows: run this one by itself")
+        return cls._only
+
+    def __init__(self, screen: bool, name: str) -> None:
+        if threading.current_thread() is not threading.main_thread():
+            raise ComponentError("Qt belongs to the main thread of a process: run this component by `rc run`")
+        self.screen = screen
+        self.application = _application(screen, name)
+        self._thread = threading.get_ident()
+        self._news = threading.Condition()
+        self._inbox: deque[_Errand] = deque()
+        self._at: list[_Errand] = []
+        """What the main thread is at; the last one is the innermost."""
+        self._is_over = False
+        self._is_leaving = False
+        self._is_locked: list[Callable[[], bool]] = []
+        self._tell: list[Callable[[BaseException], None]] = []
+        self._asks = ThreadPoolExecutor(MAX_ASIDE + 8, thread_name_prefix="asks")
+        self._bell = _bell(self._serve_one, self.leave)
+        self._exit_code = 0
+
+    @property
+    def here(self) -> bool:
+        return threading.get_ident() == self._thread
+
+    def join(self, tell: Callable[[BaseException], None], is_locked: Callable[[], bool]) -> Callable[[], None]:
+        """One more component. Call what is returned when it ends."""
+        self._tell.append(tell)
+        self._is_locked.append(is_locked)
+
+        def leave() -> None:
+            self._is_locked.remove(is_locked)
+            if not self._is_locked:
+                self.leave()
+
+        return leave
+
+    # On the main thread.
+
+    def live(self, life: Callable[[], bool], stop: Callable[[], None]) -> bool:
+        """Run Qt's loop until `life`, on a thread of its own, has ended. If Qt is to quit, `stop` is called."""
+        result: list[bool] = []
+
+        def run() -> None:
+            try:
+                result.append(life())
+            finally:
+                self._end()
+
+        thread = threading.Thread(target=run, name="life")
+        with ExitStack() as stack:
+            stack.enter_context(self._signals())
+            stack.enter_context(self._exceptions())
+            stack.enter_context(self._exits(thread, stop))
+            thread.start()
+            qt("QtCore").QTimer.singleShot(0, self._check)
+            self.application.exec()
+            stop()
+            self._serve(lambda: self._is_over)
+            thread.join()
+        self._asks.shutdown()
+        return bool(result) and result[0]
+
+    def wait_for(self, function: Callable[[], T]) -> T:
+        """Have a function called that waits, and do meanwhile what other threads want."""
+        if not self.here:
+            return function()
+        errand = self._at[-1] if self._at else None
+        if errand:
+            errand.words.put(_Word.WAITS)
+        answer = self._asks.submit(function)
+        answer.add_done_callback(lambda _: self._tell_news())
+        self._serve(answer.done)
+        if errand:
+            errand.words.put(_Word.GOES_ON)
+            self._serve(lambda: errand.is_back or self._is_over)
+            errand.is_back = False
+        return answer.result()
+
+    def leave(self) -> None:
+        """Have no events of Qt's happen any more, and close dialogs that somebody waits for."""
+        self._is_leaving = True
+        self.application.exit(0)
+
+    def _check(self) -> None:
+        """Leave a loop that had not begun when it was left."""
+        if self._is_leaving:
+            self.leave()
+
+    def _serve(self, until: Callable[[], bool]) -> None:
+        """Do errands, and wait for such, until something holds."""
+        while True:
+            with self._news:
+                while not until() and not self._next():
+                    self._news.wait(_LOOK_S)
+                if until():
+                    return
+                errand = self._next()
+                assert errand is not None
+                self._inbox.remove(errand)
+            self._do(errand)
+
+    def _next(self) -> _Errand | None:
+        locked = any(is_locked() for is_locked in self._is_locked)
+        return next((each for each in self._inbox if each.always or not locked), None)
+
+    def _serve_one(self) -> None:
+        with self._news:
+            if not self._inbox:
+                return  # done inside of a wait
+            errand = self._inbox.popleft()
+        self._do(errand)
+
+    def _do(self, errand: _Errand) -> None:
+        self._at.append(errand)
+        try:
+            errand.do()
+        finally:
+            self._at.remove(errand)
+
+    @contextlib.contextmanager
+    def _signals(self) -> Iterator[None]:
+        """Python handles signals between two of its steps, of which there are none while Qt waits: wake it."""
+        reading, writing = socket.socketpair()
+        reading.setblocking(False)
+        writing.setblocking(False)
+        before = signal.set_wakeup_fd(writing.fileno(), warn_on_full_buffer=False)
+        core = qt("QtCore")
+        notifier = core.QSocketNotifier(reading.fileno(), core.QSocketNotifier.Type.Read)
+
+        def received() -> None:
+            with contextlib.suppress(BlockingIOError):
+                if set(reading.recv(64)) & {int(each) for each in _ENDING}:
+                    self.leave()
+
+        notifier.activated.connect(received)
+        try:
+            yield
+        finally:
+            notifier.setEnabled(False)
+            signal.set_wakeup_fd(before)
+            reading.close()
+            writing.close()
+
+    @contextlib.contextmanager
+    def _exceptions(self) -> Iterator[None]:
+        """PySide gives what slots raise to Python's hook for that."""
+        before = sys.excepthook
+
+        def raised(kind: type[BaseException], exc: BaseException, trace: TracebackType | None) -> None:
+            if isinstance(exc, KeyboardInterrupt):
+                _end_now()
+            self._tell[0](exc)
+
+        sys.excepthook = raised
+        try:
+            yield
+        finally:
+            sys.excepthook = before
+
+    @contextlib.contextmanager
+    def _exits(self, life: threading.Thread, stop: Callable[[], None]) -> Iterator[None]:
+        """PySide ends Python when a slot raises SystemExit: then nothing here goes on but what Python waits for."""
+        before = sys.exit
+
+        def note(status: Any = None, /) -> Any:
+            if self.here:
+                self._exit_code = status if isinstance(status, int) else int(status is not None)
+            before(status)
+
+        def gone() -> None:
+            if self._is_over or not life.is_alive():
+                return
+            log.info("sys.exit was called")
+            stop()
+            self._end()
+            life.join(STUCK)
+            logging.shutdown()
+            sys.stdout.flush()
+            os._exit(self._exit_code)
+
+        sys.exit = note
+        threading._register_atexit(gone)  # type: ignore[attr-defined]  # `atexit` is called after all threads have ended
+        try:
+            yield
+        finally:
+            sys.exit = before
+
+    # On any other thread.
+
+    def call(self, call: Callable[[], T], outside: Outside, *, always: bool = False) -> T:
+        """Have the main thread call something, and wait. `always`: nobody's code runs by it, so it hinders nobody."""
+        if self.here:
+            return call()
+        errand = _Errand(call, always)
+        with self._news:
+            if self._is_over:
+                raise Closed("the component ends")
+            self._inbox.append(errand)
+            self._news.notify_all()
+        self._bell.rung.emit()
+        with ExitStack() as aside:
+            while (word := errand.words.get()) is not _Word.DONE:
+                if word is _Word.WAITS:
+                    aside.enter_context(outside())
+                else:
+                    aside.close()
+                    errand.is_back = True
+                    self._tell_news()
+        if errand.error:
+            raise errand.error
+        result: T = errand.result
+        return result
+
+    def _tell_news(self) -> None:
+        with self._news:
+            self._news.notify_all()
+
+    def _end(self) -> None:
+        """Life is over: who still waits is sent away."""
+        with self._news:
+            self._is_over = True
+            waiting = [*self._inbox, *self._at]
+            self._inbox.clear()
+            self._news.notify_all()
+        for errand in waiting:
+            errand.error = Closed("the component ends")
+            errand.words.put(_Word.DONE)
+        self._is_leaving = True
+        with contextlib.suppress(RuntimeError):  # Qt is gone already
+            self._bell.left.emit()
+
+
+def _application(screen: bool, name: str) -> Any:
+    core = qt("QtCore")
+    if not screen:
+        return core.QCoreApplication([name])
+    if not any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM"))):
+        raise ComponentError(
+            f"{name} has a window, and here is no screen to show it on (neither DISPLAY nor WAYLAND_DISPLAY is set); "
+            "to run it without being seen: QT_QPA_PLATFORM=offscreen"
+        )
+    return qt("QtWidgets").QApplication([name])
+
+
+def _bell(serve: Callable[[], None], leave: Callable[[], None]) -> Any:
+    """By which other threads reach the main one, while that is in Qt's loop."""
+    core = qt("QtCore")
+
+    class Bell(core.QObject):  # type: ignore[misc, name-defined]  # made when it is needed
+        rung, left = core.Signal(), core.Signal()
+
+    bell = Bell()
+    bell.rung.connect(serve, core.Qt.ConnectionType.QueuedConnection)
+    bell.left.connect(leave, core.Qt.ConnectionType.QueuedConnection)
+    return bell
+
+
+def _end_now() -> None:
+    """The second Ctrl-C."""
+    logging.shutdown()
+    sys.stdout.flush()
+    os._exit(128 + signal.SIGINT)
