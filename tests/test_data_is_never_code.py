@@ -12,6 +12,8 @@ import pytest
 from robocomp_py.cli.rcgen import main as rcgen
 from robocomp_py.contract.types import INT32, STRING, Enumeration, Field, Sequence, Struct
 from robocomp_py.wire.cdr import Cdr
+from robocomp_py.wire.codec import Codec
+from robocomp_py.wire.ice import Ice
 from robocomp_py.wire.messagepack import MessagePack
 
 from .codegen.generated import copied
@@ -164,8 +166,8 @@ class Ran(Exception):
     """Somebody's data was run."""
 
 
-@pytest.mark.parametrize("codec", [MessagePack(), Cdr()])
-def test_codecs_compile_no_word_of_a_contract_or_a_value(codec: MessagePack | Cdr) -> None:
+@pytest.mark.parametrize("codec", [MessagePack(), Cdr(), Ice()])
+def test_codecs_compile_no_word_of_a_contract_or_a_value(codec: Codec) -> None:
     """Names of types and fields are in no text that is compiled, whatever they are."""
     evil = "x'\"\n    raise SystemExit('run')\n    #"
     inner = Struct(f"M::{evil}", (Field(evil, STRING), Field("é" + evil, Sequence(INT32))))

@@ -17,6 +17,7 @@ FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py.installed": BUILD | MIDDLEWARES | {"numpy", "robocomp_py.contract"},
     "robocomp_py.contract.module": BUILD | MIDDLEWARES | {"robocomp_py.wire", "robocomp_py.transports", "msgpack"},
     "robocomp_py.wire.cdr": BUILD | MIDDLEWARES | {"robocomp_py.transports", "robocomp_py.runtime", "msgpack"},
+    "robocomp_py.wire.ice": BUILD | MIDDLEWARES | {"Ice", "robocomp_py.transports", "robocomp_py.runtime", "msgpack"},
     "robocomp_py.wire.messagepack": BUILD | MIDDLEWARES | {"robocomp_py.transports", "robocomp_py.runtime"},
     "robocomp_py.transports.base": BUILD | MIDDLEWARES | {"robocomp_py.runtime", "msgpack"},
     "robocomp_py.transports.inproc": BUILD | MIDDLEWARES | {"robocomp_py.runtime", "msgpack"},

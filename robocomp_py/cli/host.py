@@ -9,12 +9,13 @@ import threading
 from .common import FINE, USAGE, complain
 
 NAME = "host"
-HELP = "run what the components of this machine share: the router of Zenoh"
+HELP = "run what the components of this machine share: the router of Zenoh, IceStorm"
 
 _EXAMPLES = """\
 examples:
   rc host zenoh                                           the router that this user's components here use
   rc host zenoh --set transports.zenoh.connect=here/net   ... the one of a network, as its components are told
+  rc host ice                                             IceStorm, as RoboComp's rcnode does
 
 exit status: 0 there is nothing to run, 1 it cannot be run, 2 usage, 130/143 stopped by a signal
 """
@@ -27,7 +28,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     )
     to.epilog = _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
-    to.add_argument("middleware", metavar="MIDDLEWARE", help="whose; zenoh, say")
+    to.add_argument("middleware", metavar="MIDDLEWARE", help="whose: zenoh, or ice")
     to.add_argument(
         "--set",
         action="append",

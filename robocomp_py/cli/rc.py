@@ -45,20 +45,20 @@ exit status: 0 fine, 1 wrong input or a component failed, 2 usage, 130/143 by a 
 
 @command
 def main(arguments: Sequence[str] | None = None) -> int:
+    given = sys.argv[1:] if arguments is None else list(arguments)
+    if given[:1] == [run.NAME] and (code := run.run_plain(given[1:])) is not None:
+        return code
     made = parser("rc", "Check and run components.", _EXAMPLES)
     commands = made.add_subparsers(dest="command", metavar="COMMAND", required=True)
     parsers: dict[str, argparse.ArgumentParser] = {}
     every: tuple[Described, ...] = (*_COMMANDS, run)
-    wanted = sys.argv[1:2] if arguments is None else list(arguments[:1])
     for each in every:
         own = commands.add_parser(each.NAME, help=each.HELP, add_help=each is not run)
-        if (
-            wanted != [run.NAME] or each is run
-        ):  # many components may be started at the same time: each does its own only
+        if given[:1] != [run.NAME] or each is run:
             each.add_arguments(own)
         add_version(own, f"rc {each.NAME}")
         parsers[each.NAME] = own
-    first, *others = run.split(sys.argv[1:] if arguments is None else arguments)
+    first, *others = run.split(given)
     options, rest = made.parse_known_args(first)
     if options.command == run.NAME:
         return run.run(options, rest, parsers[run.NAME], others)

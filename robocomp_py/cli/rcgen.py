@@ -6,12 +6,14 @@ import argparse
 import json
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from .. import installed
+from ..codegen import porting
 from ..codegen.existing import (
+    NO_WINDOW,
     WORKER,
     Finding,
     Verdict,
@@ -39,7 +41,7 @@ from ..codegen.write import compare, remove_stale, write
 from ..contract.component import Component
 from ..contract.parameters import ParameterSet
 from ..dsl.cdsl.parser import parse as parse_cdsl
-from ..dsl.diagnostics import Report
+from ..dsl.diagnostics import Diagnostic, Report
 from ..dsl.format import format_text
 from ..dsl.workspace import Workspace, read_file
 from ..errors import ConfigurationError
@@ -55,7 +57,8 @@ examples:
   rcgen --check camera.cdsl               exit 1 if something is out of date (for CI)
   rcgen --new Hello                       write a starter component into hello/
   rcgen Laser.idsl --to slice -o ice/     write the interfaces in another language
-  rcgen components/laser                  a component made by RoboComp: only generic/ is added
+  rcgen components/laser                  a component made by RoboComp: only generic/ is added; of one
+                                          in C++, a skeleton and a list of what is to be written
 
 The folder generic/ is rewritten on every run. specificworker.py, etc/config.toml, README.md
 and tests/ are written once and then yours. Imports are looked for beside the importing file,
@@ -78,6 +81,8 @@ class _Job:
     artifacts: tuple[Artifact, ...]
     findings: tuple[Finding, ...] | None = None
     """What became of a component that RoboComp's generator made; None of one that is ours."""
+    porting: porting.Porting | None = None
+    """What is to be written in Python of a component in C++; None of others."""
 
 
 @command
@@ -168,7 +173,8 @@ def _jobs(models: list[Path], include: list[Path], output: Path | None, middlewa
     workspace = Workspace(include)
     paths = _components(models, workspace)
     found = [(path, workspace.component(path)) for path in paths]
-    show(workspace.report.diagnostics)
+    theirs = {path.resolve() for path in paths if is_existing(output or path.parent)}
+    show(each for each in workspace.report.diagnostics if not _is_of(theirs, each))
     if workspace.report.errors:
         return None
     jobs: dict[Path, _Job] = {}
@@ -183,9 +189,26 @@ def _jobs(models: list[Path], include: list[Path], output: Path | None, middlewa
         if is_existing(root):
             findings = tuple(_findings(path, root, linked.component, workspace))
             jobs[root.resolve()] = _Job(model, root, beside(generate(model), root), findings)
+        elif porting.is_cpp(path.parent):
+            artifacts = porting.beside(generate(model), root)
+            jobs[root.resolve()] = _Job(model, root, artifacts, porting=_to_port(path.parent, root, model))
         else:
             jobs[root.resolve()] = _Job(model, root, generate(model))
     return list(jobs.values())
+
+
+def _to_port(folder: Path, root: Path, model: Model) -> porting.Porting:
+    """What a component in C++ has that is to be written in Python."""
+    source = folder / porting.WORKER.parent
+    files = [f"{porting.WORKER.parent}/{name}" for name in porting.sources([path.name for path in source.iterdir()])]
+    texts = {file: read_file(folder / file).decode(errors="replace") for file in files}
+    ours = root / "specificworker.py"
+    return porting.porting(texts, read_file(ours).decode(errors="replace") if ours.exists() else "", model)
+
+
+def _is_of(theirs: Collection[Path], diagnostic: Diagnostic) -> bool:
+    """Whether something is said of a component of RoboComp's that is only so of ours."""
+    return diagnostic.code == NO_WINDOW and diagnostic.span.source.path.resolve() in theirs
 
 
 def _findings(cdsl: Path, root: Path, component: Component, workspace: Workspace) -> Iterator[Finding]:
@@ -282,6 +305,9 @@ def _write(jobs: list[_Job]) -> int:
         print(f"{job.model.component.name}: {', '.join(done) or 'up to date'} in {job.root}/ ({job.model.middleware})")
         if job.findings is None:
             _announce_stubs(job)
+            if job.porting:
+                print("\nIt is a component in C++, whose files stay as they are.")
+                print("\n".join(porting.listed(job.porting, job.root)))
         else:
             print(f"\nIt was made by RoboComp's generator, and its files stay as they are. What is in {job.root}/:\n")
             print("\n".join(listed(job.findings)))
@@ -297,6 +323,7 @@ def _write_as_json(jobs: list[_Job]) -> int:
             "removed": changes.removed,
             "existing": job.findings is not None,
             "report": [each.to_json() for each in job.findings or ()],
+            "porting": job.porting.to_json() if job.porting else None,
         }
         print(json.dumps(found))
     return FINE

@@ -73,7 +73,7 @@ def run(
     if None in [part.folder for part, _ in parts]:
         usage.error(f"give it the folder of a component{' behind each `+`' if others else ''}, as in: rc run .")
     try:
-        workers = [load_worker(part.folder, afresh=bool(others)) for part, _ in parts]
+        workers = [load_worker(part.folder, afresh=bool(others), alone=not others) for part, _ in parts]
     except ComponentError as exc:
         return complain(exc)
     arguments = [[*(part.passed or []), *own, *(["--help"] if part.help else [])] for part, own in parts]
@@ -82,6 +82,23 @@ def run(
     from ..runtime.together import main as run_together
 
     return run_together(list(zip(workers, arguments, strict=True)))
+
+
+def run_plain(arguments: Sequence[str]) -> int | None:
+    """Run a component whose arguments can be read without a parser; None, and nothing is done, for others."""
+    from ..runtime.load import load_worker
+    from ..runtime.run import main as run_component
+    from ..runtime.run import read_plain
+
+    folder, *rest = arguments or ["-"]
+    options = None if folder.startswith("-") else read_plain(rest)
+    if options is None:
+        return None
+    try:
+        worker = load_worker(Path(folder), alone=True)
+    except ComponentError as exc:
+        return complain(exc)
+    return run_component(worker, options=options)
 
 
 def _again(option: str, value: str) -> str:

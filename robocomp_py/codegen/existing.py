@@ -10,19 +10,20 @@ configuration; only the generic part is new.
 from __future__ import annotations
 
 import ast
-import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..compat.python2 import NotConverted, as_python3, parsed
 from ..contract.component import Component, Port
 from ..contract.interface import Operation, Verb
 from ..contract.parameters import ParameterSet
 from ..dsl.cdsl.model import Component as CdslComponent
 from ..dsl.diagnostics import Diagnostic, did_you_mean, mistyped
 from ..dsl.source import Span
+from ..runtime.document import UNDECLARED
 from ..spelling import unknown
 from .generate import Artifact, Owner, handlers
 from .machine import states_of
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
     from ..runtime.document import Note
 
 WORKER = Path("src") / "specificworker.py"
+NO_WINDOW = "ineffective-gui"
+"""What a `gui` is warned of; theirs has its effect."""
 
 
 class Verdict(StrEnum):
@@ -80,7 +83,7 @@ def in_model(model: CdslComponent, diagnostics: Sequence[Diagnostic]) -> Iterato
         yield Finding(file, _line(item.span), f"{item.verb} {item.interface}", Verdict.UNDERSTOOD)
     for clause in model.clauses:
         text = " ".join(clause.span.text.split()).rstrip(";")
-        said = [each for each in diagnostics if _overlap(each.span, clause.span)]
+        said = [each for each in diagnostics if _overlap(each.span, clause.span) and each.code != NO_WINDOW]
         if said:
             yield Finding(file, _line(clause.span), text, Verdict.WITHOUT_EFFECT, said[0].message)
         else:
@@ -102,15 +105,14 @@ def in_worker(text: str, component: Component) -> Iterator[Finding]:
     """Which operations its class handles, and which proxies it uses."""
     file = str(WORKER)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # what its strings look like is none of our business
-            tree = ast.parse(text)
-    except (SyntaxError, ValueError) as exc:
-        message = (
-            f"this is no Python 3 ({getattr(exc, 'msg', exc)}); what is Python 2 has to be converted first, as by 2to3"
-        )
-        yield Finding(file, getattr(exc, "lineno", None) or 1, "the file", Verdict.NOT_UNDERSTOOD, message)
+        source, converted = as_python3(text, file)
+    except NotConverted as exc:
+        message = f"this is no Python 3 ({exc.msg}), and 2to3 cannot make it any"
+        yield Finding(file, exc.lineno or 1, "the file", Verdict.NOT_UNDERSTOOD, message)
         return
+    if converted:
+        yield Finding(file, 1, "Python 2 (converted when it is run)", Verdict.UNDERSTOOD)
+    tree = parsed(source, file)
     worker = next((node for node in ast.walk(tree) if _is_worker(node)), None)
     if worker is None:
         yield Finding(file, 1, "the file", Verdict.NOT_UNDERSTOOD, "there is no class SpecificWorker in it")
@@ -208,7 +210,9 @@ def in_configuration(file: str, notes: Iterable[Note], params: ParameterSet) -> 
     """What each key of a configuration of RoboComp's sets."""
     names = [*(each.name for each in params.parameters), *(each.name for each in params.lists)]
     for note in notes:
-        if note.became[:1] == ("params",) and note.became[1] not in names:
+        if note.why == UNDECLARED:
+            yield Finding(file, note.line, note.key, Verdict.UNDERSTOOD, "given to setParams")
+        elif note.became[:1] == ("params",) and note.became[1] not in names:
             message = unknown("parameter", str(note.became[1]), names)
             yield Finding(file, note.line, note.key, Verdict.NOT_UNDERSTOOD, message)
         elif note.became:

@@ -2,6 +2,7 @@
 
     channels.json   every channel of the component, and what travels on it (docs/native.md)
     *.idl           the types of what travels, where they are in CDR; MessagePack's are in channels.json
+    *.ice           the interfaces, for programs of Ice
 
 The names are those of a component that runs as generated, without a deployment.
 """
@@ -16,8 +17,10 @@ from typing import Any
 from ..contract import types as t
 from ..contract.component import Component, Port
 from ..contract.interface import Operation, Pattern
+from ..transports import iceoptions
 from ..wire import names
 from . import omgidl
+from .slicenative import slices
 
 Json = dict[str, Any]
 
@@ -174,7 +177,19 @@ def _headers(uses: Iterable[_Use]) -> Json:
     return {kind: [each.split() for each in text.split(", ")] for kind, text in _HEADERS.items() if kind in there}
 
 
-_KINDS = {"dds": _dds, "zenoh": _zenoh, "zeromq": _zeromq}
+def _ice(uses: list[_Use], about: str) -> tuple[dict[str, str], Json]:
+    files = slices((use.port.interface for use in uses), about)
+    return files, {"slice": sorted(files), "channels": _channels(uses, _in_ice)}
+
+
+def _in_ice(use: _Use, kind: str) -> Json:
+    if kind == "publication":
+        return {"topic": iceoptions.IceOptions().topic_of(use.channel), "operation": use.operation.name}
+    mode = "idempotent" if use.operation.idempotent else "normal"
+    return {"identity": iceoptions.identity_of(use.channel), "operation": use.operation.name, "mode": mode}
+
+
+_KINDS = {"dds": _dds, "zenoh": _zenoh, "zeromq": _zeromq, "ice": _ice}
 
 
 # -- JSON ------------------------------------------------------------------------------

@@ -11,8 +11,6 @@ The rules for names are those of slice2py 3.7.
 
 from __future__ import annotations
 
-import re
-import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import PurePosixPath
 
@@ -26,50 +24,22 @@ from ..dsl.source import Name, Span
 from .exporting import Files, heading, in_order, innermost
 from .generate import Artifact
 from .layout import printable
+from .slicewords import (
+    NOTED,
+    SPELLED,
+    SUFFIXES,
+    TYPES_OF_ITS_OWN,
+    WIDTH,
+    comment,
+    escaped,
+    indented,
+    macro,
+)
 
-WIDTH = 100
-
-_SPELLED = {
-    Primitive.BOOL: "bool",
-    Primitive.INT8: "byte",
-    Primitive.UINT8: "byte",
-    Primitive.INT16: "short",
-    Primitive.UINT16: "int",
-    Primitive.INT32: "int",
-    Primitive.UINT32: "long",
-    Primitive.INT64: "long",
-    Primitive.UINT64: "long",
-    Primitive.FLOAT32: "float",
-    Primitive.FLOAT64: "double",
-    Primitive.STRING: "string",
-    Primitive.TIME: "long",
-}
 _LOSSY = {
     Primitive.INT8: "a byte of Slice has no sign",
     Primitive.UINT64: "the widest integer of Slice, long, ends at 9223372036854775807",
 }
-_NOTED = {
-    Primitive.INT8: "int8",
-    Primitive.UINT16: "uint16",
-    Primitive.UINT32: "uint32",
-    Primitive.UINT64: "uint64",
-    Primitive.TIME: "time: nanoseconds since 1970",
-}
-"""What a reader would not know from the type that is written."""
-
-_KEYWORDS = frozenset(
-    re.findall(
-        r"\w+",
-        """
-    bool byte class const dictionary double enum exception extends false float idempotent implements int interface
-    local LocalObject long module Object optional out sequence short string struct throws true Value void
-    """,
-    )
-)
-_TYPES_OF_ITS_OWN = ("LocalObject", "Object", "Value")
-"""What even escaped names mean."""
-
-_SUFFIXES = ("Prx", "Ptr", "Helper", "Holder")
 
 
 def to_slice(files: Files, report: Report, *, underscore: bool = False) -> tuple[Artifact, ...]:
@@ -97,7 +67,7 @@ class _Writer:
 
     def file(self, file: m.File) -> Iterator[str]:
         self._module = file.module.text
-        guard = _macro(file.source.path.stem)
+        guard = macro(file.source.path.stem)
         yield f"// {heading(file.source.path.name)}"
         yield ""
         yield f"#ifndef {guard}_ICE"
@@ -108,7 +78,7 @@ class _Writer:
             yield ""
         included = [f'#include "{_stem(each.text)}.ice"' for each in file.imports]
         yield from (*included, "") if included else ()
-        yield f"module {_escaped(self._module)}"
+        yield f"module {escaped(self._module)}"
         yield "{"
         for number, definition in enumerate(in_order(file)):
             if number:
@@ -122,8 +92,8 @@ class _Writer:
         yield f"#endif  // {guard}_ICE"
 
     def _definition(self, definition: m.Definition) -> Iterator[str]:
-        name = _escaped(definition.name.text)
-        yield from _comment(definition.doc, 4)
+        name = escaped(definition.name.text)
+        yield from comment(definition.doc, 4)
         match definition:
             case m.Struct(fields=fields):
                 if not fields:
@@ -155,8 +125,8 @@ class _Writer:
         yield "{"
         for field in fields:
             value = f" = {self._literal(field.type, field.default)}" if field.default else ""
-            line = f"{self._type(field.type, field.type.span)} {_escaped(field.name.text)}{value};"
-            yield from _indented(_behind(line, self._note(field.type), field.doc))
+            line = f"{self._type(field.type, field.type.span)} {escaped(field.name.text)}{value};"
+            yield from indented(_behind(line, self._note(field.type), field.doc))
         yield "};"
 
     def _enumerators(self, enum: m.Enum) -> Iterator[str]:
@@ -167,7 +137,7 @@ class _Writer:
                 at = member.value.span if member.value else member.name.span
                 self._refuse(f"`{member.name}` is {value}; enumerators of Slice are not negative", at)
             given = f" = {value}" if member.value else ""
-            yield f"    {_escaped(member.name.text)}{given}{',' if number < last else ''}"
+            yield f"    {escaped(member.name.text)}{given}{',' if number < last else ''}"
         yield "};"
 
     def _operations(self, interface: m.Interface) -> Iterator[str]:
@@ -183,8 +153,8 @@ class _Writer:
             about = " ".join(filter(None, (f"[{operation.pattern}]" if operation.pattern else "", operation.doc)))
             if about and number:
                 yield ""
-            yield from _indented(_comment(about, 8))
-            yield from _indented(self._operation(operation))
+            yield from indented(comment(about, 8))
+            yield from indented(self._operation(operation))
         yield "};"
         self._operation_names = set()
 
@@ -195,11 +165,11 @@ class _Writer:
                 message = f"Slice has no defaults of parameters; that of `{param.name}` is left out"
                 self._report.warning("lossy-in-slice", message, param.default.span)
         params = [
-            f"{'out ' if each.out else ''}{self._type(each.type, each.span)} {_escaped(each.name.text)}"
+            f"{'out ' if each.out else ''}{self._type(each.type, each.span)} {escaped(each.name.text)}"
             for each in given
         ]
         result = self._type(operation.result, operation.result.span)
-        head = f"{'idempotent ' if operation.idempotent else ''}{result} {_escaped(operation.name.text)}"
+        head = f"{'idempotent ' if operation.idempotent else ''}{result} {escaped(operation.name.text)}"
         tail = f" throws {', '.join(map(self._reference, operation.throws))}" if operation.throws else ""
         line = f"{head}({', '.join(params)}){tail};"
         notes = {note for each in (operation.result, *(param.type for param in given)) if (note := self._note(each))}
@@ -223,9 +193,9 @@ class _Writer:
             return self._reference(kind)
         primitive = BUILTIN[kind.text]
         if primitive in _LOSSY:
-            what = f"`{primitive}` becomes `{_SPELLED[primitive]}`: {_LOSSY[primitive]}"
+            what = f"`{primitive}` becomes `{SPELLED[primitive]}`: {_LOSSY[primitive]}"
             self._report.warning("lossy-in-slice", what, kind.span)
-        return _SPELLED[primitive]
+        return SPELLED[primitive]
 
     def _sequence(self, kind: m.SequenceOf, at: Span) -> str:
         """The name of a sequence that has none in the IDSL; it is defined here when it is used first."""
@@ -247,14 +217,14 @@ class _Writer:
 
     def _whole(self, module: str, name: str) -> str:
         """A type's name; with all that is in front of it where its own would mean something else."""
-        if name.lower() in self._operation_names or name in _TYPES_OF_ITS_OWN:
+        if name.lower() in self._operation_names or name in TYPES_OF_ITS_OWN:
             return f"::{module}::{name}"
-        return _escaped(name) if module == self._module else f"{_escaped(module)}::{name}"
+        return escaped(name) if module == self._module else f"{escaped(module)}::{name}"
 
     def _note(self, kind: m.TypeName) -> str:
         """A comment on a type that is not written as the IDSL has it."""
         found = BUILTIN.get(innermost(kind).text)
-        return f"  // {_NOTED[found]}" if found in _NOTED else ""
+        return f"  // {NOTED[found]}" if found in NOTED else ""
 
     def _literal(self, kind: m.TypeName, literal: m.Literal) -> str:
         assert isinstance(kind, Name)
@@ -355,7 +325,7 @@ class _Names:
             message, hint = f"`{text}`: names of Slice have no underscores", "allow them by --underscore, or rename it"
         elif text.lower().startswith("ice"):
             message, hint = f"`{text}`: names that begin with `Ice` are Ice's own", "rename it"
-        elif suffix := next((each for each in _SUFFIXES if text.endswith(each)), ""):
+        elif suffix := next((each for each in SUFFIXES if text.endswith(each)), ""):
             message, hint = f"`{text}`: names that end in `{suffix}` are Slice's own", "rename it"
         if message:
             self._report.error("not-in-slice", message, name.span, hint)
@@ -367,30 +337,11 @@ def _stem(imported: str) -> str:
     return path.stem if path.suffix.lower() == ".idsl" else path.name
 
 
-def _macro(stem: str) -> str:
-    """The name of a file as one that the preprocessor takes: `año` → `A_F1O`."""
-    found = re.sub(r"[^A-Za-z0-9_]", lambda char: "_" if char[0].isascii() else f"_{ord(char[0]):X}", stem).upper()
-    return f"_{found}" if found[:1].isdigit() else found
-
-
-def _escaped(name: str) -> str:
-    return f"\\{name}" if name in _KEYWORDS else name
-
-
-def _comment(text: str, indent: int) -> Iterator[str]:
-    for line in textwrap.wrap(printable(text), WIDTH - indent - 3, break_long_words=False, break_on_hyphens=False):
-        yield f"// {line}".rstrip("\\ ")  # a backslash would make the next line part of the comment
-
-
 def _behind(line: str, note: str, doc: str) -> Iterator[str]:
     """A member, with what is to be said of it behind it or, if that would be too long, above it."""
     about = "; ".join(filter(None, (note.partition("// ")[2], " ".join(printable(doc).split()))))
     if about and len(line) + len(about) + 13 <= WIDTH:
         yield f"{line}  // {about}".rstrip("\\ ")
         return
-    yield from _comment(about, 8)
+    yield from comment(about, 8)
     yield line
-
-
-def _indented(lines: Iterable[str]) -> Iterator[str]:
-    yield from (f"    {line}" for line in lines)

@@ -20,6 +20,7 @@ from ..runtime.document import Document, NotToml
 from ..runtime.settings import Settings
 from ..spelling import unknown
 from .mending import Mended, mend
+from .routes import generated_for
 
 
 def is_configuration(path: Path) -> bool:
@@ -43,7 +44,8 @@ def check_configuration(path: Path, workspace: Workspace, against: Path | None =
         return
     component = _component(model, workspace)
     if component:
-        check_text(source, component, workspace, ports=model.suffix.lower() != ".pdsl")
+        known = model.suffix.lower() != ".pdsl"
+        check_text(source, component, workspace, ports=known, middleware=generated_for(model.parent) if known else "")
 
 
 def _beside(path: Path) -> Path | None:
@@ -63,17 +65,24 @@ def _component(model: Path, workspace: Workspace) -> Component | None:
     return Component(params.name, (), params) if params else None
 
 
-def check_text(source: Source, component: Component, workspace: Workspace, *, ports: bool = True) -> None:
-    """Report what is wrong with a configuration for a component; not with its ports, if these are not known."""
+def check_text(
+    source: Source, component: Component, workspace: Workspace, *, ports: bool = True, middleware: str = ""
+) -> None:
+    """Report what is wrong with a configuration for a component; not with its ports, if these are not known.
+
+    `middleware` is what its generic part was generated for.
+    """
     report = workspace.report
+    about = component.params, component.topics
     try:
-        document, mended = settings.from_text(source.text, source.path, component.params), Mended(source.text)
+        document, mended = settings.from_text(source.text, source.path, *about), Mended(source.text)
     except NotToml:
         mended = mend(source.text, source.path)
         report.extend(_not_toml(source, each) for each in mended.errors)
         if mended.is_wrong or mended.lacks_header:
             return
-        document = settings.from_text(mended.text, source.path, component.params)
+        document = settings.from_text(mended.text, source.path, *about)
+    settings.settle(document, component, middleware)
     checked, complaints = settings.examine(component, document)
     complaints = [each for each in complaints if not _may_be_left_out(each, mended)]
     for each in [*complaints, *_unknown_middlewares(checked)]:

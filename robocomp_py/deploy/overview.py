@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import astuple
 
+from ..runtime.notify import BETWEEN
 from .changes import Change, Kind
 from .plan import Host, Link, Plan
 from .policy import Escalation, Restart, When
@@ -98,12 +98,18 @@ def _restart(restart: Restart) -> str:
 
 def _addresses(process: Process) -> list[str]:
     """Where its instances listen, if that is beyond this machine's own folder."""
-    found = []
+    found: dict[tuple[int, str], str] = {}
+    instance = 0
     for word in process.command:
+        instance += word == BETWEEN
         key, _, value = word.partition("=")
-        if key.startswith("transports.") and key.split(".")[-1] in ("bind", "interface"):
-            found.append(key.split(".")[1] + " " + value.strip('"'))
-    return found
+        value = value.strip('"')
+        _, middleware, *option = key.split(".") if key.startswith("transports.") else ("", "", "")
+        if option in (["bind"], ["interface"]):
+            found[instance, key] = value and f"{middleware} {value}"
+        elif option[0] == "endpoints":
+            found[instance, key] = f"{middleware} {option[-1]} {value}"
+    return [said for said in found.values() if said]
 
 
 def _uses(plan: Plan, instance: str) -> list[str]:
@@ -114,7 +120,8 @@ def _over(plan: Plan, link: Link) -> str:
     ways = [
         way.middleware
         for way in plan.ways
-        if (way.interface.rpartition(".")[2], way.provider, way.client, way.verb) == astuple(link)
+        if (way.client, way.provider, way.verb) == (link.client, link.provider, link.verb)
+        and way.interface.rpartition(".")[2] == link.interface
     ]
     return f" over {', '.join(dict.fromkeys(ways))}" if ways else ""
 

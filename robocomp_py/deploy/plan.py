@@ -84,6 +84,8 @@ class Plan:
     security: Security = Security.LOCAL
     routers: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """By host that needs one, the settings of its Zenoh router; "" is the one that launches the network."""
+    storms: tuple[str, ...] = ()
+    """The TopicManagers of IceStorm whose topics it uses, as proxies."""
 
     @property
     def carriers(self) -> tuple[str, ...]:
@@ -107,6 +109,7 @@ class Plan:
             "transports": [asdict(each) for each in self.transports],
             "ways": [asdict(each) for each in self.ways],
             "routers": {host: dict(settings) for host, settings in self.routers.items()},
+            "storms": list(self.storms),
             "notes": list(self.notes),
         }
 

@@ -5,12 +5,14 @@ Nothing is started here, and nothing is started at all while there is an error.
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 
 from .. import installed
+from ..contract.component import Port
 from ..contract.interface import Verb
 from ..contract.parameters import Complaint
 from ..dsl.cdsl.qos import read_qos as qos_of
@@ -25,16 +27,27 @@ from ..runtime.document import Document, NotToml
 from ..runtime.effective import toml
 from ..runtime.notify import BETWEEN
 from ..spelling import unknown
-from . import placing, security
+from . import iceplaces, placing, security
 from .auto import Choice, Usable, choose, installed_here, unsupported_by_others
 from .configuration import check_text, span_of
+from .iceplaces import ICE, Place, Places
 from .plan import Link, OpenedTransport, Overrides, Plan, Security
 from .process import Member, Process
 from .qos import unsupported
-from .routes import Configured, check_routes, generated_for, providers, stays_inside, unfit, unshared, worth_telling
+from .routes import (
+    Configured,
+    Fault,
+    check_routes,
+    generated_for,
+    providers,
+    stays_inside,
+    unfit,
+    unshared,
+    worth_telling,
+)
 from .uses import Node, node_of, read_qos, wire
 from .waiting import Requirement, endless
-from .wiring import ZENOH, Network, Site, Wiring
+from .wiring import ZENOH, ZEROMQ, Network, Site, Wiring, first_free_port
 from .wiring import wire as wire_hosts
 
 Addresses = Callable[[Mapping[str, str]], Mapping[str, str]]
@@ -75,18 +88,18 @@ class _Planner:
         self._report: Report = workspace.report
         self._folder = model.source.path.parent
         self._instances = [instance.name.text for instance in model.instances]
-        self._together = processes_of(model)
+        self._together, self._dependences = processes_of(model), process_dependences(model)
         self._links: list[Link] = []
         self._configured: list[Configured] = []
         self._programs: list[Configured] = []
-        self._choice, self._wiring = Choice(), Wiring()
+        self._choice, self._wiring, self._places = Choice(), Wiring(), Places()
         self._unfit: set[str] = set()
         """Middlewares that were complained about where the network names them."""
 
     def plan(self) -> Plan:
         self._check_network()
         nodes = self._nodes()
-        self._links = wire(nodes, self._model, self._report)
+        self._links = wire(nodes, self._model, self._report, self._is_outside)
         for node in nodes:
             read_qos(node, self._report)
         ordered = self._in_order(nodes)
@@ -98,7 +111,9 @@ class _Planner:
         self._check_routes(nodes)
         self._check_waiting()
         self._choice = choose([*self._configured, *self._programs], self._usable)
-        self._wire_hosts(ordered)
+        if addresses := self._host_addresses(ordered):
+            self._find_over_ice(ordered, addresses)
+            self._wire_hosts(ordered, addresses)
         self._check_security(nodes)
         processes = [self._process(name, together) for name, together in ordered.items()]
         named = self._overrides.middleware or (self._model.middleware.text if self._model.middleware else "")
@@ -109,11 +124,12 @@ class _Planner:
             tuple(self._links),
             tuple(self._transports()),
             self._choice.ways,
-            self._choice.notes,
+            (*self._choice.notes, *dict.fromkeys(self._outside())),
             placing.hosts_of(self._model, self._model.instances),
             placing.escalations(self._model),
             placing.security(self._model),
             self._wiring.routers,
+            tuple(self._places.storms),
         )
 
     # The network as a whole.
@@ -208,6 +224,19 @@ class _Planner:
                 self._error("unknown-component", message, instance.component, hint or "import its .cdsl")
         return nodes
 
+    def _is_outside(self, node: Node, port: Port) -> bool:
+        """Whether all that a port uses is found over Ice outside of the network, as its configuration says."""
+        if node.instance.program:
+            return False
+        try:
+            document = self._document(node, self._config(node))
+        except ConfigurationError:
+            return False  # which is told when it is configured
+        checked, complaints = settings.examine(node.component, document, node.instance.local)
+        each = Configured(node.name, node.component, checked, document, generated_for(node.linked.path.parent))
+        names = [operation.name for operation, _ in port.interface.under(port.verb)]
+        return not complaints and all(each.outside(port, name, aim) for name in names for aim in each.aims(port, name))
+
     # In which order, and how.
 
     def _in_order(self, nodes: Sequence[Node]) -> dict[str, list[Node]]:
@@ -217,7 +246,7 @@ class _Planner:
         together: dict[str, list[Node]] = {}
         for node in map(by_name.__getitem__, first):
             together.setdefault(node.instance.runs_in.text, []).append(node)
-        order, _ = start_order(process_dependences(self._model))
+        order, _ = start_order(self._dependences)
         return {name: together[name] for name in order if name in together}
 
     def _process(self, name: str, together: Sequence[Node]) -> Process | None:
@@ -233,7 +262,7 @@ class _Planner:
             tuple(_joined(commands)),
             self._folder.resolve() if own else Path.cwd(),
             self._variables(only),
-            tuple(dict.fromkeys(other.text for other in process_dependences(self._model)[name])),
+            tuple(dict.fromkeys(other.text for other in self._dependences[name])),
             notifies=not own,
             members=tuple(Member(node.name, node.component.name) for node in together) if only.instance.process else (),
             host=only.host,
@@ -319,12 +348,25 @@ class _Planner:
             yield assignment, f"--set {assignment}"
 
     def _note_program(self, node: Node) -> None:
-        """What is known of a program of somebody's own: what the network says of it."""
+        """What is known of a program of somebody's own: what the network says of it, and its configuration of Ice."""
+        middleware = generated_for(node.linked.path.parent)
         document = Document()
+        config = self._config(node) if node.instance.config else None
+        try:
+            theirs = settings.read_for(config, node.component) if config else Document()
+            settings.settle(theirs, node.component, ICE)
+        except ConfigurationError as exc:
+            self._error("configuration", f"`{node.name}` is configured wrongly: {exc}", node.place())
+            return
+        if of_ice := theirs.data.get("transports", {}).get(ICE):
+            document.data["transports"] = {ICE: of_ice}
         for assignment, origin in self._assignments(node):
             settings.override(document, assignment, origin)
-        known, _ = settings.examine(node.component, document, node.instance.local)
-        middleware = generated_for(node.linked.path.parent)
+        known, complaints = settings.examine(node.component, document, node.instance.local)
+        wrong = [each for each in complaints if each.key[:2] == ("transports", ICE)]
+        self._report.extend(_complaint(node, config, theirs, each) for each in wrong)
+        if wrong:
+            return
         self._programs.append(
             Configured(node.name, node.component, known, document, middleware, is_program=True, host=node.host)
         )
@@ -333,15 +375,11 @@ class _Planner:
         at = node.place()
         config = self._config(node)
         try:
-            params = node.component.params
-            document = settings.read(config, params) if config else Document(params=params)
-            settings.environment(document, node.component, {**os.environ, **self._variables(node)})
-            for assignment, origin in self._assignments(node):
-                settings.override(document, assignment, origin)
+            document = self._document(node, config)
         except NotToml:
             source = self._workspace.source(config) if config else None
             if source:
-                check_text(source, node.component, self._workspace)
+                check_text(source, node.component, self._workspace, middleware=generated_for(node.linked.path.parent))
             return
         except ConfigurationError as exc:
             self._error("configuration", f"`{node.name}` is configured wrongly: {exc}", at)
@@ -357,6 +395,16 @@ class _Planner:
             Configured(node.name, node.component, checked, document, middleware, shared, host=node.host)
         )
 
+    def _document(self, node: Node, config: Path | None) -> Document:
+        """Everything that is set for an instance; raises ConfigurationError."""
+        component = node.component
+        document = settings.read_for(config, component) if config else Document(params=component.params)
+        settings.environment(document, component, {**os.environ, **self._variables(node)})
+        for assignment, origin in self._assignments(node):
+            settings.override(document, assignment, origin)
+        settings.settle(document, component, generated_for(node.linked.path.parent))
+        return document
+
     def _transports(self) -> Iterator[OpenedTransport]:
         found: list[OpenedTransport] = []
         for each in self._configured:
@@ -366,6 +414,16 @@ class _Planner:
                 if opened not in found:
                     found.append(opened)
                     yield opened
+
+    def _outside(self) -> Iterator[str]:
+        """What is found outside of the network, in words."""
+        known = [*self._configured, *self._programs]
+        for each in self._configured:
+            for port, name in each.operations(providing=False):
+                for aim in each.aims(port, name):
+                    proxy = each.outside(port, name, aim)
+                    if proxy and not any(offers for _, offers in providers(each, port, aim, known)):
+                        yield f"`{each.name}` finds `{port.label}` over ice outside of the network: {proxy}"
 
     def _check_routes(self, nodes: Sequence[Node]) -> None:
         named = {node.name: node for node in nodes}
@@ -378,29 +436,63 @@ class _Planner:
             at = named[fault.instance].place(fault.port)
             self._error(fault.code, fault.message, at, fault.hint, *blame)
 
-    def _wire_hosts(self, ordered: Mapping[str, Sequence[Node]]) -> None:
-        """How those on several hosts reach each other."""
+    def _host_addresses(self, ordered: Mapping[str, Sequence[Node]]) -> Mapping[str, str]:
+        """At which number each host is reached, "" being this one; nothing if that is not known."""
         hosts = placing.hosts_of(self._model, self._model.instances)
-        if not hosts or not self._is_placed(ordered):
-            return
+        if not hosts:
+            return {"": iceplaces.LOOPBACK} if all(not node.host for each in ordered.values() for node in each) else {}
+        if not self._is_placed(ordered):
+            return {}
         try:
-            addresses = self._addresses({host.name: host.address for host in hosts})
+            return self._addresses({host.name: host.address for host in hosts})
         except OSError as exc:
             self._error("bad-host", f"the addresses of its hosts are not known: {exc}", self._model.name)
-            return
+            return {}
+
+    def _wire_hosts(self, ordered: Mapping[str, Sequence[Node]], addresses: Mapping[str, str]) -> None:
+        """How those on several hosts reach each other, beside what is found over Ice."""
         named = {node.name: node for together in ordered.values() for node in together}
         sites = [
-            Site(node.name, process, node.host, placing.port(node.instance), node.instance.program is not None)
+            Site(node.name, process, node.host, self._zeromq_port(node), node.instance.program is not None)
             for process, together in ordered.items()
             for node in together
         ]
         encrypted = placing.security(self._model) is Security.LAN
         network = Network(self._model.name.text, addresses, sites, self._choice.ways, encrypted)
-        self._wiring = wire_hosts(network)
-        once = {(fault.code, fault.instance, fault.other): fault for fault in reversed(self._wiring.faults)}
+        wiring = wire_hosts(network) if len(addresses) > 1 else Wiring()
+        once = {(fault.code, fault.instance, fault.other): fault for fault in reversed(wiring.faults)}
         for fault in reversed(once.values()):
-            related = [("the other end", named[fault.other].instance.name)] if fault.other else []
-            self._error(fault.code, fault.message, named[fault.instance].place(fault.port), fault.hint, *related)
+            self._fault(fault, named)
+        further = self._places.settings
+        names = (*further, *wiring.settings)
+        merged = {name: (*further.get(name, ()), *wiring.settings.get(name, ())) for name in names}
+        self._wiring = dataclasses.replace(wiring, settings=merged)
+
+    def _find_over_ice(self, ordered: Mapping[str, Sequence[Node]], addresses: Mapping[str, str]) -> None:
+        """Where what goes over Ice is found."""
+        named = {node.name: node for together in ordered.values() for node in together}
+        places = {
+            node.name: Place(node.host, addresses[node.host], placing.port(node.instance)) for node in named.values()
+        }
+        everyone = [*self._configured, *self._programs]
+        free = first_free_port(self._model.name.text, len(places))
+        self._places = iceplaces.find(everyone, self._choice.ways, places, free, addresses.get("", iceplaces.LOOPBACK))
+        for fault in worth_telling(self._places.faults):
+            self._fault(fault, named)
+        for each in self._configured:
+            if each.name in self._places.taken:
+                port = self._zeromq_port(named[each.name])
+                bind = f"tcp://{iceplaces.LOOPBACK}:{port}" if _provides_over(ZEROMQ, each) else ""
+                self._places.settings.setdefault(each.name, []).append(f"transports.zeromq.bind={toml(bind)}")
+
+    def _zeromq_port(self, node: Node) -> int:
+        """The one it has for ZeroMQ: behind those of its interfaces over Ice."""
+        first = placing.port(node.instance)
+        return first + self._places.taken.get(node.name, 0) if first else 0
+
+    def _fault(self, fault: Fault, named: Mapping[str, Node]) -> None:
+        related = [("the other end", named[fault.other].instance.name)] if fault.other else []
+        self._error(fault.code, fault.message, named[fault.instance].place(fault.port), fault.hint, *related)
 
     def _is_placed(self, ordered: Mapping[str, Sequence[Node]]) -> bool:
         """Whether it is clear where everybody runs."""
@@ -444,6 +536,12 @@ class _Planner:
 
     def _error(self, code: str, message: str, at: Name, hint: str = "", *related: tuple[str, Name]) -> None:
         self._report.error(code, message, at.span, hint, *((text, name.span) for text, name in related))
+
+
+def _provides_over(middleware: str, each: Configured) -> bool:
+    """Whether anything that it provides goes over a middleware."""
+    provided = each.operations(providing=True)
+    return any(middleware in each.settings.middlewares(*at, each.generated_for) for at in provided)
 
 
 def _complaint(node: Node, config: Path | None, document: Document, complaint: Complaint) -> Diagnostic:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from .. import installed
@@ -19,8 +20,11 @@ from ..dsl.diagnostics import did_you_mean
 from ..errors import ConfigurationError
 from ..runtime.settings import Document, Settings, Way, carrier, is_auto
 from ..spelling import unknown
+from ..transports import iceoptions
 from ..transports.base import Capability, find_transport
 from ..wire import names
+
+ICE = "ice"
 
 _MIDDLEWARE = re.compile(r'^    middleware = "([^"]+)"$', re.MULTILINE)
 
@@ -73,7 +77,7 @@ class Configured:
     host: str = ""
     """Which host it runs on; "" for the one that launches the network."""
 
-    @property
+    @cached_property
     def instance(self) -> str:
         """What it is called in its namespace."""
         return self.name.rpartition("/")[2]
@@ -134,6 +138,13 @@ class Configured:
     def aim_origin(self, port: Port, operation: str, aim: Aim) -> str:
         """Where the middleware of an aim was chosen, for people."""
         return self.document.place(("ports", port.name, "also")) if aim.said == "also" else self.origin(port, operation)
+
+    def outside(self, port: Port, operation: str, aim: Aim) -> str:
+        """The proxy of what a port finds over Ice outside of the network; "" if it finds nothing there."""
+        options = self.settings.transports.get(ICE)
+        if not options or (aim.middleware or self.middleware(port, operation)) != ICE:
+            return ""
+        return iceoptions.read(options).proxy_of(names.channel(*self.source(port, aim), operation)) or ""
 
     def operations(self, *, providing: bool) -> Iterator[tuple[Port, str]]:
         yield from ((port, operation) for port, operation, _ in self.patterns(providing=providing))
@@ -207,7 +218,8 @@ def check_routes(configured: Sequence[Configured], instances: Collection[str], t
     for client in configured:
         for port, operation in client.operations(providing=False):
             for aim in client.aims(port, operation):
-                found += _check_aim(client, port, aim, configured, instances)
+                if not client.outside(port, operation, aim):
+                    found += _check_aim(client, port, aim, configured, instances)
             for aim, server, theirs in met(client, port, operation, configured):
                 found += _check_ends(client, port, aim, server, theirs, operation)
     return worth_telling(found)
@@ -227,7 +239,7 @@ def providers(
     """The instances whose channels a port looks for, with their ports that offer what it uses."""
     namespace, instance, segment = client.source(port, aim)
     for server in configured:
-        if server.settings.namespace != namespace or instance not in (names.ANY, server.instance):
+        if server.instance != instance != names.ANY or server.settings.namespace != namespace:
             continue
         if server is client and instance == names.ANY:
             continue  # any instance is any other one

@@ -17,8 +17,10 @@ from dataclasses import dataclass
 
 from ..contract.interface import Verb
 from ..errors import DeploymentError, HostUnreachable
+from ..runtime.notify import notify
 from ..transports.base import TransportConfig, hosting
-from .agents import Agent, Listener
+from .agents import Agent, Listener, Usage
+from .iceplaces import ICE
 from .lane import Lane
 from .plan import Plan
 from .policy import (
@@ -265,6 +267,8 @@ class _Run(Listener, Network):
         before, was_stopping = supervisor.states, supervisor.stopping
         actions = supervisor.handle(event, self._clock(), self._chance())
         self._teller.tell(event, before, was_stopping, actions)
+        if supervisor.stopping and not was_stopping:
+            notify("STOPPING=1")
         return actions
 
     def _show(self) -> None:
@@ -272,6 +276,7 @@ class _Run(Listener, Network):
         if self._supervisor.up and not self._was_up:
             self._was_up = True
             self._display.up()
+            notify("READY=1")
             if self._options.duration is not None:
                 self._later("duration", self._options.duration, self._is_over)
 
@@ -365,6 +370,7 @@ class _Run(Listener, Network):
 
     def snapshot(self) -> Snapshot:
         supervisor, now = self._supervisor, self._clock()
+        usage = {name: used for lane in self._lanes.values() for name, used in lane.agent.usage().items()}
         hosts = tuple(
             HostStatus(
                 each.name, each.address, each.name not in self._unreachable, self._unreachable.get(each.name, "")
@@ -378,13 +384,13 @@ class _Run(Listener, Network):
             supervisor.why,
             now - self._began,
             hosts,
-            tuple(self._status_of(name, now) for name in self._processes),
+            tuple(self._status_of(name, now, usage) for name in self._processes),
         )
 
-    def _status_of(self, name: str, now: float) -> ProcessStatus:
+    def _status_of(self, name: str, now: float, used: Mapping[str, Usage]) -> ProcessStatus:
         process, progress = self._processes[name], self._supervisor.progress[name]
         there = not progress.state.gone
-        usage = self._lane(name).agent.usage().get(name) if there else None
+        usage = used.get(name) if there else None
         return ProcessStatus(
             name=name,
             component=process.component,
@@ -444,9 +450,13 @@ def run(plan: Plan, options: Options, display: Display, services: Sequence[Servi
     Raises TransportError or ConfigurationError if that cannot be had.
     """
     with contextlib.ExitStack() as hosted, contextlib.suppress(asyncio.CancelledError):
+        owner = f"rcdeploy {plan.name}"
         for opened in plan.transports:
-            hosted.enter_context(hosting(opened.middleware, TransportConfig(opened.options, f"rcdeploy {plan.name}")))
+            if opened.middleware != ICE:  # of which only topics need something
+                hosted.enter_context(hosting(opened.middleware, TransportConfig(opened.options, owner)))
+        for storm in plan.storms:
+            hosted.enter_context(hosting(ICE, TransportConfig({"storm": storm}, owner)))
         if "" in plan.routers:
-            hosted.enter_context(hosting("zenoh", TransportConfig(plan.routers[""], f"rcdeploy {plan.name}")))
+            hosted.enter_context(hosting("zenoh", TransportConfig(plan.routers[""], owner)))
         return asyncio.run(run_plan(plan, options, display, services))
     return 1

@@ -1,7 +1,7 @@
 """What the security of a network allows: pure, from how its instances will be configured.
 
 local    nothing that another machine could reach: loopback, sockets and shared memory of the run-time folder
-lan      beyond that only what authenticates and encrypts: ZeroMQ with CURVE, Zenoh with TLS; never DDS
+lan      beyond that only what authenticates and encrypts: ZeroMQ with CURVE, Zenoh with TLS; never DDS or Ice
 open     everything, once `--insecure` says that this is meant
 """
 
@@ -18,13 +18,21 @@ from typing import Any
 from ..runtime import settings
 from ..runtime.document import Document
 from ..runtime.notify import BETWEEN
+from ..transports import iceoptions
+from ..transports.iceoptions import IceEndpoint, IceOptions
 from . import keys
 from .auto import Way
 from .plan import Plan, Security
 from .process import Process
 from .routes import Configured, Fault
 
-ZEROMQ, ZENOH, DDS = "zeromq", "zenoh", "dds"
+ZEROMQ, ZENOH, DDS, ICE = "zeromq", "zenoh", "dds", "ice"
+
+_UNPROTECTED = {
+    DDS: "DDS as pip installs it has neither authentication nor encryption",
+    ICE: "Ice as RoboComp's programs speak it has neither authentication nor encryption",
+}
+"""What no key of ours helps, and why."""
 
 _SAY = "write `security lan;` and make keys by `rcdeploy keys`, or `security open;` if everybody may take part"
 
@@ -71,15 +79,13 @@ def faults(security: Security, openings: Sequence[Opening], ways: Sequence[Way])
 
 
 def _unprotected(openings: Sequence[Opening], ways: Sequence[Way]) -> Iterator[Fault]:
-    users = {end: way for way in ways if way.middleware == DDS for end in (way.client, way.provider)}
-    told = {opening.instance for opening in openings if opening.middleware == DDS}
-    for instance in [*users, *(each for each in told if each not in users)]:
-        message = (
-            f"`{instance}` uses `dds`, which `security lan` does not allow: DDS as pip installs it has neither "
-            "authentication nor encryption"
-        )
-        hint = f"use {ZEROMQ} or {ZENOH}, or `security open;` on a network that you trust"
-        yield Fault("insecure", message, hint, instance)
+    for middleware, why in _UNPROTECTED.items():
+        users = [end for way in ways if way.middleware == middleware for end in (way.client, way.provider)]
+        told = [opening.instance for opening in openings if opening.middleware == middleware]
+        for instance in dict.fromkeys((*users, *told)):
+            message = f"`{instance}` uses `{middleware}`, which `security lan` does not allow: {why}"
+            hint = f"use {ZEROMQ} or {ZENOH}, or `security open;` on a network that you trust"
+            yield Fault("insecure", message, hint, instance)
 
 
 _BEYOND = "other machines reach it, and it would know nobody"
@@ -102,6 +108,23 @@ def _reached(opening: Opening) -> Iterator[tuple[str, str]]:
             interface = options.get("interface", "lo")
             if interface != "lo":
                 yield "uses the network interface", str(interface) or "of DDS's own choice"
+        case "ice":
+            yield from _reached_by_ice(iceoptions.read(options))
+
+
+def _reached_by_ice(options: IceOptions) -> Iterator[tuple[str, str]]:
+    served = [each for text in options.endpoints.values() for each in iceoptions.parse_endpoints(text)]
+    for each in (IceEndpoint("tcp", options.host), *served):
+        yield "listens at", _address(each, options)
+    said = [] if options.storm == iceoptions.STORM else [options.storm]  # else it is wherever we are
+    for text in (*options.proxies.values(), *said):
+        for each in iceoptions.parse_proxy(text).endpoints:
+            yield "connects to", _address(each, options)
+
+
+def _address(endpoint: IceEndpoint, options: IceOptions) -> str:
+    host = endpoint.host or options.host
+    return f"tcp://{f'[{host}]' if ':' in host else host}:{endpoint.port or '*'}"
 
 
 def is_loopback(address: str) -> bool:

@@ -6,7 +6,7 @@ around it, and so on.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ..contract.component import Component, Port
@@ -55,10 +55,15 @@ def node_of(model: Deployment, instance: Instance, linked: LinkedComponent) -> N
     return Node(instance, linked, placing.host_name(model, instance), placing.namespace(model, instance))
 
 
-def wire(nodes: Sequence[Node], model: Deployment, report: Report) -> list[Link]:
-    """Who uses whom; each node is told its own part of it. What is wrong goes into the report."""
+def wire(
+    nodes: Sequence[Node], model: Deployment, report: Report, is_outside: Callable[[Node, Port], bool] | None = None
+) -> list[Link]:
+    """Who uses whom; each node is told its own part of it. What is wrong goes into the report.
+
+    `is_outside` tells whether a port that nobody in the network offers anything to finds it elsewhere.
+    """
     complete = len(nodes) == len(model.instances)
-    return [link for node in nodes for link in _Wirer(node, nodes, complete, report).links()]
+    return [link for node in nodes for link in _Wirer(node, nodes, complete, report, is_outside).links()]
 
 
 _Offer = tuple[Node, Port]
@@ -73,6 +78,7 @@ class _Wirer:
     complete: bool
     """Whether the nodes are all instances of the network."""
     report: Report
+    is_outside: Callable[[Node, Port], bool] | None
 
     def links(self) -> Iterator[Link]:
         node = self.node
@@ -115,7 +121,8 @@ class _Wirer:
         else:
             offers = self._nearest(port)
         if not offers:
-            self._report_nobody(port)
+            if not (self.is_outside and self.is_outside(node, port)):
+                self._report_nobody(port)
             return
         providers = {other.name: other for other, _ in offers}
         if len(providers) > 1 and port.verb is Verb.REQUIRES:

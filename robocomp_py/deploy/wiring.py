@@ -2,6 +2,7 @@
 
     zeromq    who is used from elsewhere binds at its host's address; who uses it is told where
     zenoh     one router a host, run by the agent there; routers are connected to each other, components to theirs
+    ice       see `iceplaces`
     dds       those that reach each other over DDS are on their host's address, and know the other hosts; no multicast
 
 Only what crosses between hosts leaves loopback: who is used on its own host alone gets no setting. Shared memory and
@@ -20,7 +21,7 @@ from ..runtime.effective import toml
 from .auto import INPROC, SHM, Way
 from .routes import Fault
 
-ZEROMQ, ZENOH, DDS = "zeromq", "zenoh", "dds"
+ZEROMQ, ZENOH, DDS, ICE = "zeromq", "zenoh", "dds", "ice"
 
 FIRST_PORT, BLOCK, BLOCKS = 20000, 100, 100
 """Each network has a block of ports, below those that systems give away: the router's, then one an instance."""
@@ -109,7 +110,7 @@ class _Wirer:
             what = f"`{way.middleware}` does not reach other hosts, and is to carry `{way.interface}` between {between}"
             hint = f"name another one, {ZEROMQ} say, or leave it open"
             self._fault(way, "unfit-middleware", what, hint)
-        elif way.middleware not in (ZEROMQ, ZENOH, DDS, ""):  # "": not generated yet, which is said elsewhere
+        elif way.middleware not in (ZEROMQ, ZENOH, DDS, ICE, ""):  # "": not generated yet, which is said elsewhere
             what = f"`{way.middleware}` is to carry `{way.interface}` between {between}, which is not wired from here"
             self._fault(way, "unfit-middleware", what, f"name {ZEROMQ}, {ZENOH} or {DDS}")
         elif way.middleware == DDS and any(":" in self._address(end) for end in ends):
@@ -215,6 +216,11 @@ class _Wirer:
 
     def _block(self) -> int:
         return block_of(self._network.name)
+
+
+def first_free_port(network: str, instances: int) -> int:
+    """The first port of a network's block that is none of its router or its instances."""
+    return FIRST_PORT + block_of(network) * BLOCK + 1 + instances
 
 
 def block_of(network: str) -> int:

@@ -5,7 +5,8 @@
               [Period]  Compute = 100                 or sections: a TOML file
 
 `Period.Compute` (ms) is `component.period` (s) here. Where Ice finds and serves what, its topics and its own
-settings have no meaning for other middlewares: they are noted. Every other key is a parameter, found by its name:
+settings mean something to ports that go over Ice (see `iceports`), and nothing to other middlewares: they are noted.
+Every other key is a parameter, found by its name:
 `Robot.Speed` is the parameter `Robot_Speed`, or `Speed`. The items of a list are written side by side, and may be
 counted:
 
@@ -22,7 +23,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -30,18 +31,19 @@ from typing import Any
 
 from ..contract.parameters import Complaint, Key, Parameter, ParameterList, ParameterSet
 from ..errors import ConfigurationError
-from .document import Document, Note, has_sections, parsed
+from .document import UNDECLARED, Document, Note, OfIce, OfIceKind, has_sections, parsed
 from .toml_places import Range, Spot, locate
 
 MOST_ITEMS = 1000
 """A number behind a key that is larger is none of an item."""
 
 
-def read_classic(path: Path, params: ParameterSet | None = None) -> Document:
+def read_classic(path: Path, params: ParameterSet | None = None, topics: Collection[str] = ()) -> Document:
     """A file of RoboComp's, classic or of 2025, as a document of ours; its notes say what became of each line.
 
     With the parameters of a component, values have their types, and only declared keys are taken. Without, all
-    are: types and lists are what they look like. Raises ConfigurationError if it cannot be read.
+    are: types and lists are what they look like. `topics` are the interfaces it publishes and subscribes to.
+    Raises ConfigurationError if it cannot be read.
     """
     try:
         raw = path.read_bytes()
@@ -51,15 +53,25 @@ def read_classic(path: Path, params: ParameterSet | None = None) -> Document:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = raw.decode("latin-1")  # comments were written before everybody had UTF-8
-    return from_text(text.replace("\r\n", "\n"), path, params)
+    return from_text(text.replace("\r\n", "\n"), path, params, topics)
 
 
-def from_text(text: str, path: Path, params: ParameterSet | None = None) -> Document:
+def from_text(text: str, path: Path, params: ParameterSet | None = None, topics: Collection[str] = ()) -> Document:
     """The same for a text that was read."""
     entries, notes = (_entries_of(parsed(text, path), text), []) if has_sections(text) else _lines(text)
-    reading = _Reading(Document(path=path, text=text, spots={}, params=params), params, notes)
+    reading = _Reading(Document(path=path, text=text, spots={}, params=params), params, notes, topics)
     reading.take(entries)
     return reading.document
+
+
+def as_written(text: str, path: Path) -> list[tuple[tuple[str, ...], str, Any]]:
+    """Every key of a file of RoboComp's in its parts, with its value as text, and as what it looks like.
+
+    What is set twice counts as it stands last. Raises ConfigurationError.
+    """
+    entries = _entries_of(parsed(text, path), text) if has_sections(text) else _lines(text)[0]
+    last = {entry.names: entry for entry in entries}
+    return [(names, str(entry.value), _guessed(entry)) for names, entry in last.items()]
 
 
 @dataclass(frozen=True)
@@ -140,9 +152,13 @@ def _stripped(found: re.Match[str], group: int, start: int) -> tuple[str, Range]
 class _Reading:
     """Entries on their way into a document."""
 
-    def __init__(self, document: Document, params: ParameterSet | None, notes: list[Note]) -> None:
+    def __init__(
+        self, document: Document, params: ParameterSet | None, notes: list[Note], topics: Collection[str]
+    ) -> None:
         self.document, self._params = document, params
         self._notes, self._spots, self._complaints = notes, dict[Key, Spot](), list[Complaint]()
+        self._topics = {f"{topic}Topic" for topic in topics}
+        self._of_ice: list[OfIce] = []
 
     def take(self, entries: Sequence[_Entry]) -> None:
         last = {entry.key: entry for entry in entries}
@@ -157,6 +173,7 @@ class _Reading:
             self._declared(left, self._params)
         self.document.spots = self._spots
         self.document.complaints = tuple(self._complaints)
+        self.document.of_ice = tuple(self._of_ice)
         self.document.notes = tuple(sorted(self._notes, key=lambda note: note.line))
 
     def _take_known(self, entry: _Entry) -> bool:
@@ -166,10 +183,23 @@ class _Reading:
         if entry.folded == "period_compute":
             self._take_period(entry)
             return True
+        if self._take_of_ice(entry):
+            return True
         why = _of_robocomp(entry)
         if why:
             self._note(entry, why=why)
         return bool(why)
+
+    def _take_of_ice(self, entry: _Entry) -> bool:
+        written = f"{entry.key}={entry.value}"
+        matches = ((re.fullmatch(pattern, written, re.DOTALL), kind, why) for kind, pattern, why in _OF_ICE)
+        match, kind, why = next((each for each in matches if each[0]), (None, OfIceKind.TOPIC, _TOPIC))
+        if not match and entry.key not in self._topics:
+            return False
+        name = "".join(filter(None, match.groups())) if match else entry.key.removesuffix("Topic")
+        self._note(entry, why=why)
+        self._of_ice.append(OfIce(kind, name, str(entry.value), self._notes[-1]))
+        return True
 
     def _take_period(self, entry: _Entry) -> None:
         value = _guessed(entry)
@@ -196,7 +226,7 @@ class _Reading:
         if params.parameters or params.lists:
             self._put(entry, ("params", entry.key), entry.value)
         else:
-            self._note(entry, why="the component has no parameters (params in its .cdsl)")
+            self._note(entry, why=UNDECLARED)
 
     def _guess(self, entries: Sequence[_Entry]) -> None:
         """Into parameters that are made up as they come."""
@@ -235,17 +265,24 @@ def _of_robocomp(entry: _Entry) -> str:
     return next((why for pattern, why in _WITHOUT_EFFECT if re.fullmatch(pattern, written, re.DOTALL)), "")
 
 
-_WITHOUT_EFFECT = (
-    (r"(Ice|IceStorm|IceGrid|IceSSL|Glacier2)\..*", "a setting of Ice"),
-    (r"(Proxies\.)?TopicManager(\.\w+|Proxy)?=.*", "where the topics of IceStorm are managed"),
-    (r"\w+\.ThreadPool\..*", "a setting of Ice"),
-    (r"(Endpoints|Proxies)\.\w*Prefix=.*", "the prefix of a topic of IceStorm"),
-    (r"(Endpoints\.\w+|[\w.]+\.Endpoints)=.*", "where Ice serves an interface"),
+_TOPIC = "the name of a topic of IceStorm"
+_OF_ICE = (
+    (OfIceKind.STORM, r"(?:Proxies\.)?TopicManager(?:\.\w+|Proxy)?=.*", "where the topics of IceStorm are managed"),
+    (OfIceKind.PROPERTY, r"Ice\.([^=]*)=.*", "a setting of Ice"),
+    (OfIceKind.PREFIX, r"(?:Endpoints|Proxies)\.(\w*)Prefix=.*", "the prefix of a topic of IceStorm"),
+    (OfIceKind.ENDPOINTS, r"(?:Endpoints\.(\w+)|([\w.]+)\.Endpoints)=.*", "where Ice serves an interface"),
     (
-        r"(Proxies\.\w+|\w*Proxy\d*|\w+\.Proxy)=.*",
+        OfIceKind.PROXY,
+        r"(?:Proxies\.(\w+)|(\w*)Proxy(\d*)|(\w+)\.Proxy)=.*",
         "where Ice finds an interface; here a deployment, or `from`, says so",
     ),
-    (r"(\w+?)(Topic)?=\1(Topic)?", "the name of a topic of IceStorm"),
+    (OfIceKind.TOPIC, r"(\w+?)(?:Topic)?=\1(?:Topic)?", _TOPIC),
+)
+"""What a key and its value look like that tell Ice something; the groups are whom it is about."""
+
+_WITHOUT_EFFECT = (
+    (r"(IceStorm|IceGrid|IceSSL|Glacier2)\..*", "a setting of Ice"),
+    (r"\w+\.ThreadPool\..*", "a setting of Ice"),
     (r"Period\.Emergency=.*", "`emergency` is called every period, too"),
     (r"Component\.Debug\..*", 'how much is logged; here: component.log = "debug"'),
     (r"InnerModelPath=.*", "the path of an inner model, which is not loaded"),

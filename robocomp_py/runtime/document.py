@@ -6,6 +6,7 @@ import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,10 @@ from .toml_places import Spot, locate
 
 SECTIONS = ("Proxies", "Endpoints", "Period", "Ice", "Agent")
 """Tables of which a TOML file of 2025 has at least one."""
+
+
+UNDECLARED = "the component has no parameters (params in its .cdsl)"
+"""Why a key of a file of RoboComp's sets nothing."""
 
 
 @dataclass
@@ -32,8 +37,12 @@ class Document:
     """What was wrong already when it was read."""
     params: ParameterSet | None = None
     """The parameters of the component it is for, if it is known."""
+    passed_on: bool = False
+    """Whether the component's own code is given all that is in it, whatever that is."""
     notes: tuple[Note, ...] = ()
     """What became of the lines of a file of RoboComp's own; a file in our form needs none."""
+    of_ice: tuple[OfIce, ...] = ()
+    """What such a file says for Ice, which has an effect on ports that go over it: see `iceports`."""
 
     def place(self, key: Key) -> str:
         """`etc/config.toml:12`, or the `--set` that gave it."""
@@ -82,6 +91,27 @@ class Note:
     understood: bool = True
     """Whether it is known what it means, which may be nothing here."""
     spot: Spot | None = None
+
+
+@dataclass(frozen=True)
+class OfIce:
+    """A line of a file that was written for RoboComp, which tells Ice something."""
+
+    kind: OfIceKind
+    name: str
+    """Whom it is about: an interface, or the name of a property without its `Ice.`."""
+    value: str
+    note: Note
+    """What is said of it as long as it has no effect."""
+
+
+class OfIceKind(StrEnum):
+    PROXY = "proxy"
+    ENDPOINTS = "endpoints"
+    TOPIC = "topic"
+    PREFIX = "prefix"
+    STORM = "storm"
+    PROPERTY = "property"
 
 
 class NotToml(ConfigurationError):

@@ -174,10 +174,17 @@ def bind_proxy(
 
 
 def bind_handlers(
-    port: Port, handlers: object, router: Router, monitor: Monitor, watching: Watching | None = None
+    port: Port,
+    handlers: object,
+    router: Router,
+    monitor: Monitor,
+    watching: Watching | None = None,
+    *,
+    seldom: bool = False,
 ) -> list[Link]:
-    """Connect what calls a worker; return the links."""
+    """Connect what calls a worker; return the links. What is called `seldom` is compiled when it is."""
     links: list[Link] = []
+    claimed: set[str] = set()
     for operation, pattern in port.interface.under(port.verb):
         routes = router(port, operation).all
         method = getattr(handlers, port.handler(operation.name))
@@ -185,7 +192,13 @@ def bind_handlers(
         turn = threading.Lock() if len(routes) > 1 and pattern is Pattern.PUBLISH and not port.concurrent else None
         for route in routes:
             channel = checked_channel(route, operation, pattern)
-            handling = _Handling(Answering(operation, route.transport.codec, method), monitor, port.concurrent, turn)
+            answering = Answering(operation, route.transport.codec, method)
+            if not seldom:
+                answering.compile()
+            handling = _Handling(answering, monitor, port.concurrent, turn)
+            if pattern is not Pattern.PUBLISH:  # who serves the first operation of an interface serves the others
+                channel = replace(channel, claims=route.middleware not in claimed)
+                claimed.add(route.middleware)
             if pattern is Pattern.QUERY:
                 link = route.transport.server(channel, handling.serve)
             else:

@@ -31,7 +31,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -45,6 +45,7 @@ from ..contract.qos import PRESETS, Durability, History, Liveliness, QoS, Reliab
 from ..errors import ConfigurationError
 from ..spelling import closest, unknown
 from ..wire import names
+from .document import UNDECLARED as UNDECLARED
 from .document import Document as Document
 from .document import has_sections, is_of_2025, parsed
 
@@ -105,6 +106,8 @@ class Settings:
     ports: Mapping[tuple[str, ...], PortSettings] = field(default_factory=dict)
     """By (port,) and (port, operation)."""
     transports: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    document: Document | None = field(default=None, compare=False, repr=False)
+    """What it was read from."""
 
     def middlewares(self, port: Port, operation: str, generated_for: str) -> list[str]:
         """Over what an operation of a port goes, first by what its port says."""
@@ -115,8 +118,10 @@ class Settings:
     def port(self, port: Port, operation: str) -> PortSettings:
         """What holds for one operation of a port."""
         base = PortSettings(port.middleware or self.middleware, "", DEADLINE, port.qos)
-        of_port = self.ports.get((port.name,), PortSettings()).under(base)
-        return self.ports.get((port.name, operation), PortSettings()).under(of_port)
+        for key in ((port.name,), (port.name, operation)):
+            if key in self.ports:
+                base = self.ports[key].under(base)
+        return base
 
 
 def middlewares(settings: Settings) -> dict[Key, str]:
@@ -146,10 +151,11 @@ def find(folder: Path) -> Path | None:
     return own if own.exists() else other if other.is_file() else None
 
 
-def read(path: Path, params: ParameterSet | None = None) -> Document:
+def read(path: Path, params: ParameterSet | None = None, topics: Collection[str] = ()) -> Document:
     """A configuration file for a component with these parameters, in our form or in one of RoboComp's own.
 
-    Raises ConfigurationError with the place if it is none.
+    `topics` are the interfaces it publishes and subscribes to, which such a file may name. Raises ConfigurationError
+    with the place if it is none.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -160,11 +166,16 @@ def read(path: Path, params: ParameterSet | None = None) -> Document:
             raise ConfigurationError(f"{path}: is not UTF-8 text") from exc
         from . import classic
 
-        return classic.read_classic(path, params)
-    return from_text(text, path, params)
+        return classic.read_classic(path, params, topics)
+    return from_text(text, path, params, topics)
 
 
-def from_text(text: str, path: Path, params: ParameterSet | None = None) -> Document:
+def read_for(path: Path, component: Component) -> Document:
+    """The same for a component of which everything is known."""
+    return read(path, component.params, component.topics)
+
+
+def from_text(text: str, path: Path, params: ParameterSet | None = None, topics: Collection[str] = ()) -> Document:
     """The same for a text that was read."""
     declared = params or ParameterSet("")
     if path.suffix == ".toml" or _is_toml_of_ours(text):
@@ -173,7 +184,7 @@ def from_text(text: str, path: Path, params: ParameterSet | None = None) -> Docu
             return Document(data, path, text, params=params)
     from . import classic  # only who has such a file needs it
 
-    return classic.from_text(text, path, declared)
+    return classic.from_text(text, path, declared, topics)
 
 
 def _is_toml_of_ours(text: str) -> bool:
@@ -241,6 +252,15 @@ def _set(document: Document, key: Key, text: str, origin: str) -> None:
     document.overrides.append((key, origin))
 
 
+def settle(document: Document, component: Component, generated_for: str) -> None:
+    """To be called once when everything is set, before `check`: what only then can be told of ports over Ice."""
+    transports = document.data.get("transports")
+    if document.of_ice or (isinstance(transports, Mapping) and "ice" in transports):
+        from . import iceports  # only who may use Ice needs it
+
+        iceports.settle(document, component, generated_for)
+
+
 def _means_parameter(name: str, params: ParameterSet) -> bool:
     """Whether the first part of a key that is none of ours is the name of a parameter, or nearly so."""
     names = [*(each.name for each in params.parameters), *(each.name for each in params.lists)]
@@ -264,7 +284,7 @@ def check(component: Component, document: Document, instance: str | None = None)
     if complaints:
         lines = [f"{document.place(c.key)}: {c.message}" if c.key else c.message for c in complaints]
         raise ConfigurationError("\n".join(lines))
-    return settings
+    return replace(settings, document=document)
 
 
 def examine(component: Component, document: Document, instance: str | None = None) -> tuple[Settings, list[Complaint]]:
@@ -272,7 +292,10 @@ def examine(component: Component, document: Document, instance: str | None = Non
     checker = _Checker(component)
     settings = checker.settings(document.data, instance or component.name.lower())
     told = [each.key for each in document.complaints]
-    return settings, [*document.complaints, *(each for each in checker.complaints if each.key not in told)]
+    complaints = [*document.complaints, *(each for each in checker.complaints if each.key not in told)]
+    if document.passed_on:
+        complaints = [each for each in complaints if each.key[:1] != ("params",)]
+    return settings, complaints
 
 
 class _Checker:
@@ -300,6 +323,8 @@ class _Checker:
             self._complain("config-bad-name", (), message)
         transports = self._table(data, "transports", ())
         self._known(transports, ("transports",), installed.transports())
+        if "ice" in transports:
+            self._check_ice(self._table(transports, "ice", ("transports",)))
         return Settings(
             instance=instance,
             namespace=namespace.strip("/"),
@@ -392,6 +417,12 @@ class _Checker:
         else:
             values["depth"] = depth
         return QoS(**values)
+
+    def _check_ice(self, options: Mapping[str, Any]) -> None:
+        from ..transports import iceoptions  # only who has such a table needs it
+
+        for each in iceoptions.examine(options):
+            self._complain(each.code, ("transports", "ice", *each.key), each.message)
 
     def _table(self, data: Mapping[str, Any], name: str, at: Key) -> Mapping[str, Any]:
         value = data.get(name, {})

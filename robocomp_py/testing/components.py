@@ -59,14 +59,14 @@ _buses = itertools.count(1)
 class ComponentTest:
     """A running component, from entering the `with` block until leaving it.
 
-    `config` holds settings by dotted key (`{"params.max_speed": 0.5, "component.period": 0.01}`);
-    the keyword arguments are fakes: by port (`laser`), then by operation.
+    `config` holds settings by dotted key (`{"params.max_speed": 0.5, "component.period": 0.01}`), or is a
+    configuration that was read; the keyword arguments are fakes: by port (`laser`), then by operation.
     """
 
     def __init__(
         self,
         worker: type[Worker[Any]],
-        config: Mapping[str, Any] | None = None,
+        config: Mapping[str, Any] | settings.Document | None = None,
         **fakes: Mapping[str, Any],
     ) -> None:
         self._operations = {
@@ -77,11 +77,13 @@ class ComponentTest:
             for operation in faked:
                 self._known(f"{name}.{operation}")
             self._known(name)
-        document = settings.Document()
+        document = config if isinstance(config, settings.Document) else settings.Document()
+        document.passed_on = worker.takes_any_params and worker.component.params is None
+        given = {} if config is document else config or {}
         sources = {
             f"ports.{port.name}.from": _source(port) for port in worker.component.ports if not port.verb.provides
         }
-        for key, value in {"component.patience": SOON, **(config or {}), **sources}.items():
+        for key, value in {"component.patience": SOON, **given, **sources}.items():
             settings.override(document, f"{key}={_toml(value)}")
         bus = f"test-{next(_buses)}"
 

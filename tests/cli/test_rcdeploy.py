@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -131,6 +132,19 @@ def test_an_option_is_blamed_for_a_middleware_that_stays_in_a_process(
 ) -> None:
     assert rcdeploy([str(folder / "net.ddsl"), "--middleware", "inproc"]) == 1
     assert "error[unfit-middleware]: --middleware inproc: `inproc` does not reach other" in capsys.readouterr().err
+
+
+def test_who_launches_a_network_is_told_when_it_is_ready_and_when_it_stops(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as told:
+        told.bind(str(tmp_path / "told"))
+        told.setblocking(False)
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "told"))
+        assert run(folder / "net.ddsl", "--for", 0).returncode == 0
+        assert [told.recv(100), told.recv(100)] == [b"READY=1", b"STOPPING=1"]
+        with pytest.raises(BlockingIOError):
+            told.recv(100)
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])

@@ -138,8 +138,8 @@ def test_the_report_tells_what_became_of_everything(arm: Path, capsys: pytest.Ca
         _without_reasons(report)
         == """\
   arm.cdsl
-    understood: implements Arm, requires Hand, publishes Touch, subscribesTo Stop, language python, params "arm.pdsl"
-    without effect: line 6: gui Qt(QWidget)
+    understood: implements Arm, requires Hand, publishes Touch, subscribesTo Stop, language python, gui Qt(QWidget), \
+params "arm.pdsl"
   src/specificworker.py
     understood: Arm_where, Arm_move, Stop_halt, self.hand_proxy, self.touch_proxy
   etc/config
@@ -193,6 +193,17 @@ def test_handlers_may_be_called_as_they_were_before_2018(arm: Path) -> None:
     assert {"where", "Arm_move", "halt"} <= told(arm, older, Verdict.UNDERSTOOD).keys()
 
 
+def test_python_2_is_understood_and_said_to_be_converted(arm: Path) -> None:
+    older = WORKER.replace("        return 0.5\n", "        print 'here'\n        return 0.5\n")
+    assert {"Arm_where", "Python 2 (converted when it is run)"} <= told(arm, older, Verdict.UNDERSTOOD).keys()
+
+
+def test_keys_that_no_pdsl_declares_are_given_to_setParams(arm: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (arm / "arm.cdsl").write_text(CDSL.replace('params "arm.pdsl";', ""))
+    assert rcgen([str(arm)]) == 0
+    assert "    understood: Period.Compute, speed, spead\n" in capsys.readouterr().out
+
+
 def test_proxies_of_topics_may_be_called_as_they_were_before_2018(arm: Path) -> None:
     assert "self.touch" in told(arm, WORKER.replace("touch_proxy", "touch"), Verdict.UNDERSTOOD)
 
@@ -223,7 +234,7 @@ def test_proxies_that_are_none_and_operations_they_lack_are_named(arm: Path) -> 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("print 'hello'\n", "this is no Python 3 (Missing parentheses in call to 'print'"),
+        ("print 'hello'\ndef (:", "this is no Python 3 (Missing parentheses in call to 'print'"),
         ("class Other: pass\n", "there is no class SpecificWorker in it"),
         ("", "there is no class SpecificWorker in it"),
         ("\0", "this is no Python 3"),

@@ -42,6 +42,10 @@ BEYOND = [
     ("zenoh", {"connect": "tcp/10.0.0.2:7447"}),
     ("dds", {"interface": "eth0"}),
     ("dds", {"interface": ""}),
+    ("ice", {"host": "0.0.0.0"}),
+    ("ice", {"endpoints": {"Laser": "tcp -h 10.0.0.2 -p 10003"}}),
+    ("ice", {"proxies": {"Laser": "laser:tcp -h robot.local -p 10003"}}),
+    ("ice", {"storm": "IceStorm/TopicManager:tcp -h 10.0.0.2 -p 9999"}),
 ]
 
 
@@ -76,13 +80,14 @@ def test_lan_lets_zeromq_out_which_then_has_keys_and_zenoh_if_it_is_encrypted() 
     assert "not encrypted" in message
 
 
-def test_lan_refuses_dds_and_says_why_and_what_to_do() -> None:
-    (fault,) = faults(Security.LAN, [Opening("laser", "dds", {})], [])
+@pytest.mark.parametrize("middleware", ["dds", "ice"])
+def test_lan_refuses_what_has_no_keys_and_says_why_and_what_to_do(middleware: str) -> None:
+    (fault,) = faults(Security.LAN, [Opening("laser", middleware, {})], [])
     assert "neither authentication nor encryption" in fault.message
     assert "use zeromq or zenoh" in fault.hint
-    by_way = list(faults(Security.LAN, [], [replace(way("viewer", "camera", "divide"), middleware="dds")]))
+    by_way = list(faults(Security.LAN, [], [replace(way("viewer", "camera", "divide"), middleware=middleware)]))
     assert {fault.instance for fault in by_way} == {"viewer", "camera"}
-    assert told(Security.LOCAL, "dds") == []
+    assert told(Security.LOCAL, middleware) == []
 
 
 def test_open_needs_a_word_on_the_command_line_besides_and_is_loud() -> None:

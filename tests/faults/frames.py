@@ -74,7 +74,7 @@ ROWS = [
         "malformed",
         "10^5 malformed frames per transport (10^6 by `make fuzz`)",
         "0 crashes, 0 hangs, ≤ 1 log line/s",
-        HERE,
+        (*HERE, "ice"),
         60,
         _fuzzed,
     ),

@@ -165,9 +165,57 @@ def _posted(post: Any, line: int, to: int, head: bytes, body: bytes) -> None:
         time.sleep(0.0005)
 
 
+def _ice(
+    transport: Any, channel: Channel, seed: int, count: int, undo: contextlib.ExitStack
+) -> Iterator[Callable[[], object]]:
+    """As requests with half of a frame as the context, half as what is asked; and as octets of its connections."""
+    import Ice
+
+    from robocomp_py.transports.ice.messages import RC, RC_MAX
+
+    role = "serves" if channel.pattern == "query" else "receives"
+    address = transport.directory.find(role, channel.name)[0][1].address.partition(" ")[2]
+    proxy = transport.communicator.stringToProxy(address).ice_invocationTimeout(10_000)
+    endpoint = proxy.ice_getEndpoints()[0].getInfo()
+    operation = channel.name.rpartition("/")[2]
+    chance = random.Random(seed)
+    good = _good(transport, channel)
+    header = len(good[0]) - len(blob(transport, b"hello|"))
+    messages = [
+        b"IceP\1\0\1\0" + bytes([kind, 0]) + (14 + len(each)).to_bytes(4, "little") + each
+        for kind in range(5)
+        for each in good
+    ]
+    packets = damaged(seed, count, messages)
+    for number, frame in enumerate(damaged(seed, count, good)):
+        if number % 100 == 50:
+            yield lambda: _poured(endpoint.host, endpoint.port, next(packets))
+            continue
+        at = chance.choice((header, header, 0, len(frame)))
+        told = {RC: frame[:at].hex() if number % 10 else chance.choice(("", "rc", "\U0001f916", "0" * 10_000))}
+        if number % 7 == 0:
+            told[RC_MAX] = chance.choice(("", "-1", "0", "9" * 30, "\N{SUPERSCRIPT TWO}", "100"))
+        mode = chance.choice((Ice.OperationMode.Normal, Ice.OperationMode.Idempotent, Ice.OperationMode.Nonmutating))
+        way = proxy if number % 3 else proxy.ice_oneway()
+        yield lambda way=way, told=told, mode=mode, body=frame[at:]: _invoked(way, operation, mode, body, told)  # type: ignore[misc]
+
+
+def _invoked(proxy: Any, operation: str, mode: Any, body: bytes, told: dict[str, str]) -> None:
+    import Ice
+
+    with contextlib.suppress(Ice.Exception):  # also what Ice sends to nobody
+        proxy.ice_invoke(operation, mode, body, told)
+
+
+def _poured(host: str, port: int, octets: bytes) -> None:
+    with socket.create_connection((host, port), 5.0) as connection, contextlib.suppress(OSError):
+        connection.sendall(octets)
+
+
 _SENDING: dict[str, Callable[..., Iterator[Callable[[], object]]]] = {
     "zeromq": _zeromq,
     "zenoh": _zenoh,
     "dds": _dds,
     "shm": _shm,
+    "ice": _ice,
 }

@@ -117,7 +117,7 @@ def test_an_interface_that_is_not_imported_is_proposed_with_its_import(editor: E
 @pytest.mark.parametrize(
     ("statement", "clause", "expected"),
     [
-        ("requires Arm(|);", "", {"zeromq", "dds", "zenoh", "inproc"}),
+        ("requires Arm(|);", "", {"zeromq", "dds", "zenoh", "inproc", "ice"}),
         ("publishes Arm qos(|);", "", {"sensor_data", "reliable", "depth", "deadline"}),
         ("publishes Arm qos(liveliness |);", "", {"automatic", "manual_by_topic"}),
         ("", "language |;", {"python"}),
@@ -161,7 +161,7 @@ NETWORK = (
         ("Component chess { requires Arm from |; };", {"left"}, {"arm"}),
         ("Component left { requires |; };", set(), {"Arm"}),
         ("Component chess { process |; }; Component b { process vision; };", {"vision"}, {"chess"}),
-        ("middleware |;", {"zeromq"}, {"left"}),
+        ("middleware |;", {"zeromq", "ice"}, {"left"}),
         ("Component chess { | };", {"dependences", "config", "requires"}, {"Deployment"}),
     ],
 )

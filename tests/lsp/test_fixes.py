@@ -91,6 +91,7 @@ NOT_FIXABLE = {
     "insecure",
     "leaves-end-state",
     "middleware-mismatch",
+    "no-address",
     "no-initial-state",
     "no-states",
     "nobody-provides",
@@ -116,6 +117,7 @@ NOT_FIXABLE = {
     # It is not in the text that is open.
     "bad-import",
     "bad-state-name",
+    "config-bad-address",
     "config-bad-name",
     "config-item-count",
     "config-missing",

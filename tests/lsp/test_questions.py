@@ -118,6 +118,11 @@ def test_a_built_in_type_is_said_with_its_width(reader: Editor) -> None:
     assert said(reader, "Joints.idsl", "flo|at angle") == "`float`: float32, built in"
 
 
+def test_a_middleware_is_said_in_a_sentence(editor: Editor) -> None:
+    editor.open("marked.cdsl", 'import "Arm.idsl"; Component m { Communications { requires Arm(ice); }; };')
+    assert said(editor, "marked.cdsl", "i|ce)") == "`ice`: ZeroC Ice, as RoboComp's own programs speak it"
+
+
 def test_a_word_that_is_nothing_is_said_nothing_of(reader: Editor) -> None:
     assert said(reader, "Arm.idsl", "mod|ule RoboCompArm") == ""
 

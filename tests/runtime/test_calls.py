@@ -10,6 +10,7 @@ from robocomp_py.contract.types import Struct
 from robocomp_py.errors import RemoteFailure
 from robocomp_py.runtime.calls import Answering, Call
 from robocomp_py.testing import everything as e
+from robocomp_py.transports.base import Status
 from robocomp_py.wire.codec import Decoder, Encoder
 from robocomp_py.wire.messagepack import MessagePack
 
@@ -37,10 +38,21 @@ def undeclared(dividend: int, divisor: int) -> Any:
     raise KeyError("on purpose")
 
 
+def test_what_answers_is_compiled_when_it_is_first_needed_or_before() -> None:
+    codec = CountingCodec()
+    answering = Answering(e.divide, codec, lambda dividend, divisor: (dividend, divisor))
+    assert codec.compiled == 0
+    answering.compile()
+    assert codec.compiled == 2
+    assert answering.answer((1, 2)).status is Status.OK
+    assert codec.compiled == 2
+
+
 @pytest.mark.parametrize(("method", "error"), [(declared, e.FailedBadly), (undeclared, RemoteFailure)])
 def test_exceptions_are_compiled_once(method: Any, error: type[Exception]) -> None:
     codec = CountingCodec()
     answering, call = Answering(e.divide, codec, method), Call(e.divide, codec)
+    answering.compile()
     counts = []
     for _ in range(3):
         with pytest.raises(error):

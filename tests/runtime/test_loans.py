@@ -30,6 +30,7 @@ from robocomp_py.testing.everything import Arrays
 from robocomp_py.transports.base import Capability, Channel, Statistics
 from robocomp_py.wire.cdr import Cdr
 from robocomp_py.wire.codec import MAX_BYTES, Codec, Payload
+from robocomp_py.wire.ice import Ice
 from robocomp_py.wire.identity import Identity
 from robocomp_py.wire.messagepack import MessagePack
 
@@ -340,7 +341,7 @@ def test_what_was_sent_cannot_be_written_any_more(outlet: Callable[[], Any]) -> 
 # Where the transport has no loans.
 
 
-@pytest.mark.parametrize("codec", [Cdr(), MessagePack(), Identity()], ids=lambda codec: codec.name)
+@pytest.mark.parametrize("codec", [Cdr(), MessagePack(), Ice(), Identity()], ids=lambda codec: codec.name)
 def test_without_loans_the_message_is_sent_as_usual(codec: Codec) -> None:
     feed = Feed(FRAME, Plain(), codec)
     with feed.loan(frame, (3, 5)) as filled:

@@ -12,12 +12,19 @@ from typing import TYPE_CHECKING, Any
 
 from ...errors import DeploymentError
 from ..agents import Agent, Listener
+from ..iceplaces import ICE, LOOPBACK
 from ..plan import Host, Plan
 
 if TYPE_CHECKING:
     from .remote import Share
 
-_MODULES = {"zeromq": ("zmq", "msgpack"), "dds": ("cyclonedds",), "zenoh": ("zenoh",), "shm": ("iceoryx2",)}
+_MODULES = {
+    "zeromq": ("zmq", "msgpack"),
+    "dds": ("cyclonedds",),
+    "zenoh": ("zenoh",),
+    "shm": ("iceoryx2",),
+    "ice": ("Ice",),
+}
 """What our transports import."""
 
 _PACKAGES = {
@@ -27,6 +34,7 @@ _PACKAGES = {
     "cyclonedds": "cyclonedds",
     "zenoh": "eclipse-zenoh",
     "iceoryx2": "iceoryx2",
+    "Ice": "zeroc-ice",
 }
 
 
@@ -101,7 +109,10 @@ def share_of(plan: Plan, host: Host) -> Share:
 
     processes = tuple(process for process in plan.processes if process.host == host.name)
     carriers, router = _carriers(plan, host), plan.routers.get(host.name, {})
+    hosted: tuple[tuple[str, Mapping[str, Any]], ...]
     hosted = (("zenoh", router),) if "zenoh" in carriers or router else ()
+    if ICE in carriers:  # whose topics go through a program on the one host that has that address
+        hosted += tuple((ICE, {"storm": storm}) for storm in plan.storms if LOOPBACK not in storm)
     keys = _router_keys(router.get("router", {}))
     files = sorted(path for path in keys.iterdir() if path.is_file()) if keys else []
     return Share(plan.name, processes, hosted, needs(carriers), {path: path.name for path in files}, keys)

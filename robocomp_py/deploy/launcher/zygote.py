@@ -12,6 +12,7 @@ handled, no logging configured. When the channel closes, this ends.
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import ctypes
 import gc
@@ -22,12 +23,19 @@ import os
 import signal
 import socket
 import sys
+import threading
 import time
-from collections.abc import Mapping
-from typing import Any
+import weakref
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, NoReturn
 
 from ... import installed
+from ...contract.component import Component
 from ...errors import ConfigurationError
+from ...runtime.commonbehavior import port_of
+from ...runtime.ports import type_of
+from ...runtime.run import prepare, read_plain
+from ...runtime.worker import Worker
 from ...transports.base import find_transport
 from .birth import PADDING, Birth, lifeline_of_its_own
 
@@ -38,6 +46,7 @@ _NEEDED = (
     *(f"robocomp_py.runtime.{name}" for name in ("api", "document", "load", "run", "together")),
     "encodings.utf_8_sig",
     "numpy.random",
+    "subprocess",
 )
 """What `rc run` and components import."""
 
@@ -52,17 +61,48 @@ _PR_SET_NAME = 15
 
 def main() -> None:
     channel, lifeline = socket.socket(fileno=int(sys.argv[1])), int(sys.argv[2])
-    for module in _NEEDED:
-        importlib.import_module(module)
-    for name in sys.argv[3:-1]:
-        with contextlib.suppress(ConfigurationError):  # its components tell that
-            find_transport(name)
-    gc.collect()
-    gc.freeze()  # what is there now is not looked at, and so stays shared
+    get_ready(sys.argv[3:-1])
     with installed.asked_once():  # what is installed is looked up here, for all
         request = serve(channel, lifeline)
-        if request is not None:
-            become(request)
+        if request is None:
+            return
+        shared = frozenset(sys.modules)
+        try:
+            code = become(request)
+        except SystemExit as exc:
+            if exc.code is not None and not isinstance(exc.code, int):
+                raise  # Python prints it
+            code = exc.code or 0
+        end(code, shared)
+
+
+def get_ready(middlewares: Sequence[str]) -> None:
+    """Import all that components need, and have done what each of them would do again."""
+    for module in _NEEDED:
+        importlib.import_module(module)
+    for name in middlewares:
+        with contextlib.suppress(ConfigurationError):  # its components tell that
+            find_transport(name)
+    _rehearse(middlewares[0] if middlewares else "inproc")
+    gc.collect()
+    gc.freeze()  # what is there now is not looked at, and so stays shared
+
+
+def _rehearse(carrier: str) -> None:
+    """Begin as a component does, without any effect: what is computed at the first time only is computed here."""
+
+    class Nobody(Worker[None]):
+        component = Component("nobody", ports=())
+        middleware = carrier
+
+    with contextlib.suppress(ConfigurationError):  # by something in the environment; components tell that
+        options = read_plain(["--name", "nobody", "--set", "component.period=1.0"])
+        assert options is not None
+        prepare(Nobody, options)
+    own = port_of(Nobody.component)
+    assert own is not None
+    for operation, pattern in own.interface.under(own.verb):
+        type_of(operation, pattern)
 
 
 def serve(channel: socket.socket, lifeline: int) -> Mapping[str, Any] | None:
@@ -121,15 +161,15 @@ def _answer(channel: socket.socket, request: Mapping[str, Any], **told: Any) -> 
         channel.send(json.dumps({"id": request["id"], **told}).encode())
 
 
-def become(request: Mapping[str, Any]) -> None:
-    """Be as a process is that was started with this command: `python -m robocomp_py.cli.rc …`."""
+def become(request: Mapping[str, Any]) -> int:
+    """Be as a process is that was started with this command: `python -m robocomp_py.cli.rc …`. Returns its exit code."""
     _renew_output()
     arguments: list[str] = request["arguments"]
     try:
         os.chdir(request["cwd"])
     except OSError as exc:
         print(f"{request['cwd']}: {exc.strerror}", file=sys.stderr)
-        raise SystemExit(1) from None
+        return 1
     os.environ.update(request["env"], WATCHDOG_PID=str(os.getpid()))
     sys.argv = [str(importlib.import_module(PROGRAM).__file__), *arguments]
     sys.path.insert(0, request["cwd"])
@@ -139,7 +179,31 @@ def become(request: Mapping[str, Any]) -> None:
     _show([sys.executable, "-m", PROGRAM, *arguments], request["name"])
     program = importlib.import_module(PROGRAM)
     program.__name__, sys.modules["__main__"] = "__main__", program
-    raise SystemExit(program.main())
+    code: int = program.main()
+    return code
+
+
+def end(code: int, shared: Collection[str]) -> NoReturn:
+    """End as Python ends, but without taking apart the modules that were `shared` with the others.
+
+    Python would touch all of their memory for that, which would be copied first: it would take five times as long as
+    all else that a component does to end. So we do what can be seen of it: wait for threads, call what is registered
+    to be called, have objects of the component's own modules finalized (files are written out by that), and leave the
+    rest to the C library.
+    """
+    threading._shutdown()  # type: ignore[attr-defined]  # what the interpreter calls; it ends pools of threads, too
+    atexit._run_exitfuncs()
+    own = [weakref.ref(sys.modules.pop(name)) for name in sys.modules.keys() - shared]
+    gc.collect()
+    for each in own:
+        if module := each():  # something that is shared knows it
+            vars(module).clear()
+    gc.collect()
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):
+            stream.flush()
+    ctypes.PyDLL(None).exit(code)
+    raise AssertionError("exit does not return")
 
 
 def _renew_output() -> None:

@@ -16,8 +16,8 @@ from .qos import read_qos
 OPTIONS = ("dsr", "agmagent", "innermodelviewer")
 """Options that RoboComp's generators know; none of them has an effect here."""
 
-FOREIGN = ("ice", "ros")
-"""Markers of RoboComp's own middlewares, which are read, and left without effect."""
+FOREIGN = ("ros",)
+"""Markers that RoboComp's generators know, which are read, and left without effect."""
 
 _ONCE = ("language", "gui", "statemachine", "params", "period")
 

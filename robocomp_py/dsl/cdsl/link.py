@@ -36,11 +36,22 @@ def link(
         )
     seconds = model.period.seconds if model.period else None
     period = {"period": seconds} if seconds else {}
-    return Component(model.name.text, tuple(ports), params, description=model.doc, machine=machine, **period)
+    window = _window(model)
+    return Component(
+        model.name.text, tuple(ports), params, description=model.doc, machine=machine, window=window, **period
+    )
+
+
+def _window(model: m.Component) -> str:
+    """What a `gui Qt(QWidget);` says; `gui Qt;` and the older forms mean the plainest window."""
+    for clause in model.all("gui"):
+        named = [name.text for name in clause.names if name.text.lower() not in ("qt", "none")]
+        return named[-1] if named else "QWidget"
+    return ""
 
 
 def _middleware(item: m.Item) -> str | None:
-    """The middleware an item asks for; Ice and ROS are not carried yet."""
+    """The middleware an item asks for; ROS is not carried yet."""
     if item.marker is None or item.marker.text.lower() in FOREIGN:
         return None
     return item.marker.text.lower()

@@ -263,10 +263,12 @@ class _Checker:
         if operation.returns:
             self._check_type(operation.result)
         self._check_names([param.name for param in operation.params], "parameter")
+        outputs = [param for param in operation.params if param.out]
         for param in operation.params:
             self._check_type(param.type)
-            if param.out and param.name.text == "ret" and operation.returns:
-                self._error("duplicate", "an output named `ret` beside a returned value", param.name.span, "rename it")
+            if param.out and param.name.text == "ret" and (operation.returns or len(outputs) > 1):
+                beside = "a returned value" if operation.returns else "others would be taken for what is returned"
+                self._error("duplicate", f"an output named `ret` beside {beside}", param.name.span, "rename it")
         self._check_param_defaults(operation)
         self._check_throws(operation)
         pattern = operation.pattern

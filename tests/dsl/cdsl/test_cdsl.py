@@ -175,7 +175,9 @@ def test_every_language_becomes_python(language: str) -> None:
     assert warned == ([] if "python" in language.lower() else ["not-python"]), rendered(found)
 
 
-@pytest.mark.parametrize(("marker", "middleware"), [("(zeromq)", "zeromq"), ("(ZeroMQ)", "zeromq"), ("(ice)", None)])
+@pytest.mark.parametrize(
+    ("marker", "middleware"), [("(zeromq)", "zeromq"), ("(ZeroMQ)", "zeromq"), ("(ice)", "ice"), ("(ros)", None)]
+)
 def test_a_marker_chooses_the_middleware_of_a_port(marker: str, middleware: str | None) -> None:
     [port] = arm(f"requires Laser{marker};").ports
     assert port.middleware == middleware

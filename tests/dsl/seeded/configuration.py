@@ -58,6 +58,12 @@ middleware = "zenoh"
 qos = { reliability = "best_effort", depth = 5 }
 
 [transports.zeromq]
+
+[transports.ice]
+message_size_max = 1000000
+
+[transports.ice.proxies]
+Laser = "laser:tcp -p 10003"
 """,
 }
 
@@ -82,6 +88,9 @@ SEEDS = [
     Seed("a number for a bool", "config-wrong-type", _FILE, {"careful = true": "careful = «1»"}),
     Seed("too fast", "config-out-of-range", _FILE, {"max_speed = 0.5": "max_speed = «5.0»"}),
     Seed("a period that is none", "config-out-of-range", _FILE, {"period = 0.05": "period = «-1»"}),
+    Seed("an option of Ice misspelt", "config-unknown-key", _FILE, {"message_size_max": "«mesage_size_max»"}),
+    Seed("a proxy misspelt", "config-bad-address", _FILE, {'"laser:tcp -p 10003"': '«"laser:tpc -p 10003"»'}),
+    Seed("a proxy of nobody", "config-unknown-key", _FILE, {"\nLaser = ": "\n«Lasser» = "}),
     Seed("no space in a name", "config-bad-name", _FILE, {'"robot1"': '«"my robot"»'}),
     Seed(
         "something mandatory forgotten",

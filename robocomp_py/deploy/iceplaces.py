@@ -1,0 +1,255 @@
+"""Where the instances of a network find each other over Ice: pure, from who uses whom.
+
+Those of one host find each other by themselves. Elsewhere, somebody has to say where an object is:
+
+- a program of somebody's own is where its `config`, which is one of RoboComp's, says, or at its `port`
+- what is used from another host, or by such a program, is where its configuration says, or at its `port`, or where the
+  program expects it; else, from another host, at a port that follows from the network's name
+- several interfaces of an instance are at `port`, the next one, and so on, in the order of its CDSL
+
+Who uses it is told (`transports.ice.proxies`), unless its own configuration says it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..contract.interface import Verb
+from ..runtime.document import OfIceKind
+from ..runtime.effective import toml
+from ..transports import iceoptions
+from ..transports.iceoptions import IceOptions
+from .auto import Way
+from .routes import Configured, Fault
+
+ICE, ZEROMQ = "ice", "zeromq"
+
+LOOPBACK = "127.0.0.1"
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where an instance runs."""
+
+    host: str = ""
+    address: str = LOOPBACK
+    """At which the other hosts reach that one."""
+    port: int = 0
+    """That its network gives it; 0 if none."""
+
+
+@dataclass
+class Places:
+    """What comes of it."""
+
+    settings: dict[str, list[str]] = field(default_factory=dict)
+    """By instance, `key=value`."""
+    taken: dict[str, int] = field(default_factory=dict)
+    """By instance, how many numbers from its `port` on are those of its interfaces over Ice."""
+    faults: list[Fault] = field(default_factory=list)
+    storms: list[str] = field(default_factory=list)
+    """The TopicManagers whose topics the network uses."""
+
+
+def find(
+    everyone: Sequence[Configured],
+    ways: Sequence[Way],
+    where: Mapping[str, Place],
+    first_port: int = 0,
+    here: str = LOOPBACK,
+) -> Places:
+    """How the ways over Ice are found.
+
+    `first_port` is the first of those that the network may give itself, `here` the address at which other hosts reach
+    the one that launches it.
+    """
+    return _Finder(everyone, [way for way in ways if way.middleware == ICE], where, first_port, here).found()
+
+
+@dataclass(frozen=True)
+class _Object:
+    """An interface of an instance."""
+
+    instance: str
+    segment: str
+
+
+class _Finder:
+    def __init__(
+        self,
+        everyone: Sequence[Configured],
+        ways: Sequence[Way],
+        where: Mapping[str, Place],
+        first_port: int,
+        here: str,
+    ) -> None:
+        self._everyone = {each.name: each for each in everyone}
+        self._calls = [way for way in ways if not way.verb.is_topic]
+        self._topics = [way for way in ways if way.verb.is_topic]
+        self._where, self._first_port, self._here = where, first_port, here
+        self._options = {each.name: _options(each) for each in everyone}
+        self._at: dict[_Object, tuple[str, int]] = {}
+        """Host, "" if it is that of the instance, and port of what is known to be somewhere."""
+        self._listening: list[str] = []
+        """Those that are reached from other hosts."""
+        self._result = Places()
+
+    def found(self) -> Places:
+        for each in self._everyone.values():
+            self._place(each)
+        for way in self._calls:
+            self._place_as_expected(way)
+        for number, each in enumerate(dict.fromkeys(map(_object, filter(self._crosses, self._calls)))):
+            if each not in self._at and not self._everyone[each.instance].is_program:
+                self._serve(each, self._first_port + number)
+        self._listen()
+        told: dict[str, dict[str, str]] = {}
+        for way in {(way.client, way.channel.rpartition("/")[0]): way for way in self._calls}.values():
+            for key, proxy in self._proxy(way):
+                told.setdefault(way.client, {})[key] = proxy
+        for client, proxies in told.items():
+            self._set(client, "proxies", {**self._options[client].proxies, **proxies})
+        self._find_storms()
+        return self._result
+
+    # Where things are.
+
+    def _place(self, each: Configured) -> None:
+        """What its configuration says, and what `port` says of the others."""
+        objects = [_Object(each.name, segment) for segment in self._served(each)]
+        for served in objects:
+            if said := self._options[each.name].endpoints.get(served.segment):
+                endpoint = iceoptions.parse_endpoints(said)[0]
+                if endpoint.port:
+                    self._at[served] = endpoint.host, endpoint.port
+        first = self._where[each.name].port
+        if not first or not objects:
+            return
+        self._result.taken[each.name] = len(objects)
+        for number, served in enumerate(objects):
+            if served in self._at:
+                continue
+            if not each.is_program:
+                self._serve(served, first + number)
+            elif len(objects) == 1:
+                self._at[served] = "", first
+
+    def _served(self, each: Configured) -> list[str]:
+        """The interfaces that it is called by over Ice."""
+        used = {way.channel.split("/")[-2] for way in self._calls if way.provider == each.name}
+        segments = []
+        for port in each.component.ports:
+            names = [operation.name for operation, _ in port.interface.under(port.verb)]
+            if port.verb is Verb.IMPLEMENTS and (segment := each.component.segment(port)):
+                over = (each.settings.middlewares(port, name, each.generated_for) for name in names)
+                if segment in used or any(ICE in every for every in over):
+                    segments.append(segment)
+        return segments
+
+    def _place_as_expected(self, way: Way) -> None:
+        """What a program of somebody's own expects to be somewhere is there."""
+        client, served = self._everyone[way.client], _object(way)
+        if not client.is_program:
+            return
+        said = self._options[client.name].proxies.get(way.port)
+        if said:
+            expected = iceoptions.parse_proxy(said).endpoints[0].port
+            if served not in self._at:
+                self._serve(served, expected)
+            elif (at := self._at[served][1]) != expected:
+                message = f"`{way.client}` expects `{way.interface}` at port {expected}, and `{way.provider}` has {at}"
+                self._fault(way, message, "change the configuration of one of them")
+        elif served not in self._at:
+            message = f"`{way.client}` is to find `{way.interface}` of `{way.provider}`, and nothing says at which port"
+            self._fault(way, message, f"give `{way.provider}` the port that the program asks: port 10003;")
+
+    def _serve(self, served: _Object, port: int) -> None:
+        self._at[served] = "", port
+        self._set(served.instance, f"endpoints.{served.segment}", f"tcp -p {port}")
+
+    def _listen(self) -> None:
+        """Who has to do with somebody on another host is reached at the address of its own."""
+        crossing = filter(self._crosses, (*self._calls, *self._topics))
+        for name in dict.fromkeys(end for way in crossing for end in (way.client, way.provider)):
+            if self._options[name].host == iceoptions.HOST:
+                self._listening.append(name)
+                self._set(name, "host", self._where[name].address)
+
+    def _proxy(self, way: Way) -> Iterator[tuple[str, str]]:
+        """What a client has to be told of whom it uses, with its key."""
+        client, provider, served = self._everyone[way.client], self._everyone[way.provider], _object(way)
+        if client.is_program or (not provider.is_program and not self._crosses(way)):
+            return
+        options = self._options[client.name]
+        if options.proxy_of(way.channel):
+            return
+        *namespace, instance, segment, _ = way.channel.split("/")
+        key = "/".join(("", *namespace, instance, segment)) if namespace else f"{instance}/{segment}"
+        if served in self._at:
+            host, port = self._at[served]
+            there = self._where[way.provider].address if self._crosses(way) else LOOPBACK
+            yield key, f"{segment.lower()}:tcp -h {_quoted(host or there)} -p {port}"
+        elif own := _old_proxy(client, way.port):
+            yield key, own
+        else:
+            message = f"nothing says where the program `{way.provider}` serves `{way.interface}` for `{way.client}`"
+            by_port, by_file = "add its port: port 10003;", 'name its own configuration: config "etc/config";'
+            self._fault(way, message, by_file if len(self._served(provider)) > 1 else by_port)
+
+    # IceStorm.
+
+    def _find_storms(self) -> None:
+        users = dict.fromkeys(end for way in self._topics for end in (way.client, way.provider))
+        own = [name for name in users if not self._everyone[name].is_program]
+        abroad = any(self._where[name].host for name in users)
+        for name in own:
+            storm, host = self._options[name].storm, self._options[name].host
+            if storm == iceoptions.STORM and host == iceoptions.HOST:
+                storm = _at_host(storm, self._here if abroad else LOOPBACK)
+                if abroad or name in self._listening:
+                    self._set(name, "storm", storm)
+            elif storm == iceoptions.STORM:
+                storm = _at_host(storm, host)
+            self._result.storms += [storm] if storm not in self._result.storms else []
+
+    # What all need.
+
+    def _crosses(self, way: Way) -> bool:
+        return self._where[way.client].host != self._where[way.provider].host
+
+    def _set(self, instance: str, key: str, value: Any) -> None:
+        if not self._everyone[instance].is_program:
+            self._result.settings.setdefault(instance, []).append(f"transports.ice.{key}={toml(value)}")
+
+    def _fault(self, way: Way, message: str, hint: str) -> None:
+        subject = way.client, way.provider, way.interface
+        self._result.faults.append(Fault("no-address", message, hint, way.client, subject, way.provider, way.port))
+
+
+def _object(way: Way) -> _Object:
+    return _Object(way.provider, way.channel.split("/")[-2])
+
+
+def _options(each: Configured) -> IceOptions:
+    """Of an instance whose configuration has been checked."""
+    return iceoptions.read(each.settings.transports.get(ICE, {}))
+
+
+def _old_proxy(client: Configured, port: str) -> str:
+    """Where a file of RoboComp's own says that an instance finds what a port uses; "" if it does not."""
+    lines = (line for line in client.document.of_ice if line.kind is OfIceKind.PROXY)
+    found = next((line.value for line in lines if line.name.lower() == port.lower()), "")
+    with contextlib.suppress(ValueError):
+        return found if found and iceoptions.parse_proxy(found) else ""
+    return ""
+
+
+def _at_host(proxy: str, host: str) -> str:
+    return proxy.replace(":tcp ", f":tcp -h {_quoted(host)} ", 1)
+
+
+def _quoted(host: str) -> str:
+    return f'"{host}"' if ":" in host else host

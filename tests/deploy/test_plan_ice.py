@@ -1,0 +1,183 @@
+"""Networks that go over Ice, or whose programs do: who finds whom where."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robocomp_py.deploy.plan import Overrides, Plan
+
+from .planned import errors, plan
+
+pytestmark = pytest.mark.tool  # needs Ice for Python
+
+ONBOARD = 'host onboard { address "192.168.1.10"; };'
+PROGRAM = 'existing "sleep 1000"; middleware ice;'
+OVER_ICE = Overrides(settings=(("driver", "ports.laser.middleware=ice"),))
+
+
+def planned(folder: Path, body: str, overrides: Overrides | None = None) -> Plan:
+    found, diagnostics = plan(folder, body, overrides)
+    assert found is not None, [each.message for each in diagnostics]
+    return found
+
+
+def told(folder: Path, body: str, overrides: Overrides | None = None) -> list[str]:
+    """What is wrong, with what to do."""
+    _, diagnostics = plan(folder, body, overrides)
+    return [f"{each.code}: {each.message}; {each.hint}" for each in diagnostics if each.severity == "error"]
+
+
+def options(found: Plan, instance: str, middleware: str = "ice") -> dict[str, Any]:
+    """What an instance is told of a transport, the later one counting."""
+    [process] = [each for each in found.processes if each.name == instance]
+    told: dict[str, Any] = {}
+    for word in process.command:
+        if word.startswith(f"transports.{middleware}."):
+            key, _, value = word.removeprefix(f"transports.{middleware}.").partition("=")
+            *tables, last = key.split(".")
+            table = told
+            for each in tables:
+                table = table.setdefault(each, {})
+            table[last] = tomllib.loads(f"value = {value}")["value"] if value[:1] in '"{[' else value
+    return told
+
+
+def over(found: Plan) -> dict[tuple[str, str], str]:
+    return {(way.client, way.interface): way.middleware for way in found.ways}
+
+
+# On one host.
+
+
+def test_a_network_may_go_over_ice_as_a_whole(folder: Path) -> None:
+    found = planned(folder, "middleware ice; Component sensor { }; Component driver { };")
+    assert set(over(found).values()) == {"ice"}
+    assert options(found, "driver") == options(found, "sensor") == {}  # they find each other
+    assert len(found.storms) == 1
+
+
+def test_ice_is_never_chosen_but_taken_where_a_port_names_it(folder: Path) -> None:
+    body = "Component sensor { }; Component driver { };"
+    assert "ice" not in over(planned(folder, body)).values()
+    found = planned(folder, body, OVER_ICE)
+    assert over(found) == {("driver", "Laser"): "ice", ("driver", "LaserPub"): "shm"}
+    [sensor, _] = found.processes
+    assert 'ports.Laser.also=["ice"]' in sensor.command
+    assert found.storms == ()  # no topic goes over it
+
+
+def test_a_port_of_the_network_is_that_of_the_interface_over_ice(folder: Path) -> None:
+    found = planned(folder, "middleware ice; Component sensor { port 10003; }; Component driver { };")
+    assert options(found, "sensor") == {"endpoints": {"Laser": "tcp -p 10003"}}
+    assert options(found, "sensor", "zeromq") == {"bind": ""}
+
+
+def test_what_goes_over_zeromq_beside_it_has_the_next_port(folder: Path) -> None:
+    found = planned(folder, "Component sensor { port 10003; }; Component driver { };", OVER_ICE)
+    assert options(found, "sensor") == {"endpoints": {"Laser": "tcp -p 10003"}}
+    assert options(found, "sensor", "zeromq") == {"bind": "tcp://127.0.0.1:10004"}
+
+
+# Programs of one's own.
+
+
+def test_who_uses_a_program_is_told_where_it_is(folder: Path) -> None:
+    found = planned(folder, f"Component sensor {{ {PROGRAM} port 10003; }}; Component driver {{ }};")
+    assert set(over(found).values()) == {"ice"}
+    assert options(found, "driver") == {"proxies": {"sensor/Laser": "laser:tcp -h 127.0.0.1 -p 10003"}}
+
+
+def test_a_program_is_where_its_own_configuration_says(folder: Path) -> None:
+    (folder / "their.config").write_text("Laser.Endpoints = tcp -h 127.0.0.2 -p 11000\nOther = x\n")
+    found = planned(folder, f'Component sensor {{ {PROGRAM} config "their.config"; }}; Component driver {{ }};')
+    assert options(found, "driver") == {"proxies": {"sensor/Laser": "laser:tcp -h 127.0.0.2 -p 11000"}}
+
+
+def test_what_is_wrong_in_the_configuration_of_a_program_is_told_there(folder: Path) -> None:
+    (folder / "their.config").write_text("\nLaser.Endpoints = laser:tcp -p 11000\n")
+    body = f'Component sensor {{ {PROGRAM} config "their.config"; }}; Component driver {{ }};'
+    _, diagnostics = plan(folder, body)
+    [found] = [each for each in diagnostics if each.severity == "error"]
+    source = found.span.source
+    assert (found.code, source.path.name) == ("config-bad-address", "their.config")
+    assert source.position(found.span.start)[0] == 2
+
+
+def test_a_program_of_which_nothing_says_where_it_is_is_an_error(folder: Path) -> None:
+    [said] = told(folder, f"Component sensor {{ {PROGRAM} }}; Component driver {{ }};")
+    assert said.startswith(
+        "no-address: nothing says where the program `sensor` serves `Laser` for `driver`; add its port"
+    )
+
+
+def test_who_knows_by_itself_where_a_program_is_is_believed(folder: Path) -> None:
+    (folder / "old.config").write_text("LaserProxy = laser:tcp -p 12000\n")
+    body = f'Component sensor {{ {PROGRAM} }}; Component driver {{ middleware ice; config "old.config"; }};'
+    found = planned(folder, body)
+    assert options(found, "driver")["proxies"]["sensor/Laser"] == "laser:tcp -p 12000"
+
+
+def test_what_a_program_uses_is_served_where_that_expects_it(folder: Path) -> None:
+    (folder / "their.config").write_text("LaserProxy = laser:tcp -h localhost -p 10003\n")
+    body = "Component sensor {{ {} }}; Component driver {{ " + PROGRAM + ' config "their.config"; }};'
+    body = body.replace("{{", "{").replace("}}", "}")
+    assert options(planned(folder, body.replace("{}", "")), "sensor") == {"endpoints": {"Laser": "tcp -p 10003"}}
+    [said] = told(folder, body.replace("{}", "port 10005;"))
+    assert said.startswith("no-address: `driver` expects `Laser` at port 10003, and `sensor` has 10005")
+
+
+def test_a_program_that_is_to_find_something_nobody_knows_where_is_an_error(folder: Path) -> None:
+    [said] = told(folder, f"Component sensor {{ }}; Component driver {{ {PROGRAM} }};")
+    assert said.startswith("no-address: `driver` is to find `Laser` of `sensor`, and nothing says at which port")
+
+
+def test_what_runs_outside_of_the_network_is_found_by_its_proxy(folder: Path) -> None:
+    (folder / "old.config").write_text("LaserProxy = laser:tcp -h localhost -p 10003\n")
+    body = 'Component driver { config "old.config"; };'
+    found = planned(folder, body, OVER_ICE)
+    note = "`driver` finds `Laser` over ice outside of the network: laser:tcp -h localhost -p 10003"
+    assert [each for each in found.notes if "outside" in each] == [note]
+    assert errors(folder, body) == ["nobody-provides"]  # it does not go over Ice
+
+
+# On several.
+
+
+def test_between_hosts_everybody_is_told_addresses(folder: Path) -> None:
+    body = f"security open; middleware ice; {ONBOARD} Component sensor {{ host onboard; }}; Component driver {{ }};"
+    found = planned(folder, body)
+    sensor, driver = options(found, "sensor"), options(found, "driver")
+    assert sensor["host"] == "192.168.1.10"
+    [endpoint] = sensor["endpoints"].values()
+    assert driver["proxies"] == {"sensor/Laser": f"laser:{endpoint.replace('tcp', 'tcp -h 192.168.1.10')}"}
+    assert sensor["storm"] == driver["storm"] == found.storms[0] == "IceStorm/TopicManager:tcp -h 127.0.0.1 -p 9999"
+
+
+def test_an_instance_of_a_system_is_found_by_its_whole_name(folder: Path) -> None:
+    body = f"""
+    security open; middleware ice; {ONBOARD}
+    System left {{ Component sensor {{ host onboard; port 10003; }}; Component driver {{ }}; }};
+    """
+    found = planned(folder, body)
+    assert options(found, "left/driver")["proxies"] == {"/left/sensor/Laser": "laser:tcp -h 192.168.1.10 -p 10003"}
+
+
+def test_security_says_whether_ice_may_leave_the_machine(folder: Path) -> None:
+    body = f"middleware ice; {ONBOARD} Component sensor {{ host onboard; }}; Component driver {{ }};"
+    assert errors(folder, body) == ["insecure"]
+    assert errors(folder, f"security open; {body}") == []
+    said = told(folder, f"security lan; {body}")
+    assert all("Ice as RoboComp's programs speak it has neither authentication nor encryption" in each for each in said)
+    assert all("use zeromq or zenoh, or `security open;`" in each for each in said)
+
+
+def test_a_proxy_on_another_machine_needs_the_network_to_be_open(folder: Path) -> None:
+    (folder / "old.config").write_text("LaserProxy = laser:tcp -h 10.0.0.2 -p 10003\n")
+    body = 'Component driver { config "old.config"; };'
+    [said] = told(folder, body, OVER_ICE)
+    assert said.startswith("insecure: `driver` connects to tcp://10.0.0.2:10003, which `security local` does not allow")
+    assert errors(folder, f"security open; {body}", OVER_ICE) == []
