@@ -50,7 +50,7 @@ from . import (
 )
 from .goals import Finding
 from .options import some_of, tell
-from .parties import FAILURES, MIDDLEWARES
+from .parties import BY_NAME, FAILURES, MIDDLEWARES
 from .rounds import FULL, QUICK, Effort
 from .tables import Table, as_markdown, as_text, fill, octets
 
@@ -225,10 +225,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--only",
-        type=some_of(MIDDLEWARES),
+        type=some_of((*MIDDLEWARES, *BY_NAME)),
         default=MIDDLEWARES,
         metavar="NAMES",
-        help=f"middlewares, with commas between them: {', '.join(MIDDLEWARES)} (default: all)",
+        help=f"middlewares, with commas between them: {', '.join((*MIDDLEWARES, *BY_NAME))} "
+        f"(default: all but {', '.join(BY_NAME)})",
     )
     parser.add_argument(
         "--what",

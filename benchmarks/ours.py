@@ -120,4 +120,13 @@ def _transport(middleware: str, place: Place) -> Transport:
 
 
 def options(middleware: str, place: Place) -> dict[str, Any]:
-    return {"domain": place.domain} if middleware == "dds" else {}
+    match middleware:
+        case "dds":
+            return {"domain": place.domain}
+        case "ice":
+            return {"storm": f"IceStorm/TopicManager:tcp -h 127.0.0.1 -p {_FIRST_PORT + 2 * place.domain}"}
+    return {}
+
+
+_FIRST_PORT = 20_000
+"""From here on, below those that the kernel gives away, IceStorm listens for a place, and the bare library after it."""

@@ -23,6 +23,9 @@ Hear = Callable[[Array], object]
 
 MIDDLEWARES = ("zeromq", "dds", "zenoh", "shm", "inproc")
 
+BY_NAME = ("ice",)
+"""Those that are measured only if they are named: what they need is not there as a rule."""
+
 FAILURES = (RobocompError, OSError, RuntimeError, ValueError, SubprocessError)
 """What keeps one party from being measured, and no reason to keep the figures of others from anybody."""
 
@@ -108,6 +111,8 @@ def raw(middleware: str) -> Party | None:
             from . import raw_shm as bare  # type: ignore[no-redef]
         case "shm":
             from . import raw_shm as bare  # type: ignore[no-redef]
+        case "ice":
+            from . import raw_ice as bare  # type: ignore[no-redef]
         case _:
             return None
     return Party(bare.Far, bare.Near, bare.encode, bare.decode)

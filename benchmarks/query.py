@@ -12,8 +12,11 @@ from functools import partial
 
 import numpy as np
 
+from robocomp_py.transports.base import TransportConfig, hosting
+
 from . import parties
 from .goals import Finding, failed
+from .ours import options
 from .pair import Pair, place
 from .parties import FAILURES, Array, Near
 from .rounds import Effort, Times, by_turns, difference, how_many, ratio, seconds_of, times
@@ -79,6 +82,7 @@ def run(middlewares: Iterable[str], sizes: Sequence[int], effort: Effort, tell: 
 def both(middleware: str, depth: int) -> Iterator[list[Pair]]:
     """Our pair, and that of the bare library if there is one."""
     with place(depth) as here, contextlib.ExitStack() as open_pairs:
+        open_pairs.enter_context(hosting(middleware, TransportConfig(options(middleware, here))))
         bare = parties.raw(middleware)
         compared = [parties.ours(middleware), *([bare] if bare else [])]
         pairs = [Pair(party, here) for party in compared]

@@ -31,6 +31,10 @@ FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py.graph.netsvg": BUILD | MIDDLEWARES | {"numpy", "xml", "robocomp_py.wire", "robocomp_py.runtime"},
     "robocomp_py.runtime.api": BUILD | MIDDLEWARES | {"xml", "pyexpat", "msgpack", "argparse"},
     "robocomp_py.runtime.run": BUILD | MIDDLEWARES | {"msgpack", "robocomp_py.runtime.classic"},
+    "robocomp_py.compat.qt": BUILD | MIDDLEWARES | {"PySide6", "robocomp_py.runtime.run", "robocomp_py.compat.qt.real"},
+    "robocomp_py.runtime.load": BUILD | MIDDLEWARES | {"robocomp_py.compat", "lib2to3"},
+    "robocomp_py.compat.existing": BUILD | MIDDLEWARES | {"PySide6", "Ice", "msgpack", "lib2to3"},
+    "robocomp_py.compat.python2": BUILD | MIDDLEWARES | {"numpy", "robocomp_py.runtime", "lib2to3"},
     "robocomp_py.cli.rc": MIDDLEWARES
     | {"pygls", "lark", "jinja2", "rich", "robocomp_py.codegen", "robocomp_py.deploy"},
     "robocomp_py.dsl.workspace": MIDDLEWARES | {"jinja2", "robocomp_py.codegen", "robocomp_py.runtime", "msgpack"},

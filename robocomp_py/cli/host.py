@@ -68,6 +68,7 @@ def run(options: argparse.Namespace) -> int:
                 print(f"rc host: components share nothing that has to be run for {middleware}", file=sys.stderr)
                 return FINE
             notify("READY=1", f"STATUS=hosting {middleware}")
+            print(f"rc host: {middleware}, until Ctrl-C", flush=True)
             while not ended.wait(0.5):  # a signal that comes just before an endless wait begins does not end it
                 pass
             notify("STOPPING=1")

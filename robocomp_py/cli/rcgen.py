@@ -6,14 +6,13 @@ import argparse
 import json
 import re
 import sys
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from .. import installed
 from ..codegen import porting
 from ..codegen.existing import (
-    NO_WINDOW,
     WORKER,
     Finding,
     Verdict,
@@ -41,7 +40,7 @@ from ..codegen.write import compare, remove_stale, write
 from ..contract.component import Component
 from ..contract.parameters import ParameterSet
 from ..dsl.cdsl.parser import parse as parse_cdsl
-from ..dsl.diagnostics import Diagnostic, Report
+from ..dsl.diagnostics import Report
 from ..dsl.format import format_text
 from ..dsl.workspace import Workspace, read_file
 from ..errors import ConfigurationError
@@ -173,8 +172,7 @@ def _jobs(models: list[Path], include: list[Path], output: Path | None, middlewa
     workspace = Workspace(include)
     paths = _components(models, workspace)
     found = [(path, workspace.component(path)) for path in paths]
-    theirs = {path.resolve() for path in paths if is_existing(output or path.parent)}
-    show(each for each in workspace.report.diagnostics if not _is_of(theirs, each))
+    show(workspace.report.diagnostics)
     if workspace.report.errors:
         return None
     jobs: dict[Path, _Job] = {}
@@ -187,7 +185,7 @@ def _jobs(models: list[Path], include: list[Path], output: Path | None, middlewa
         chosen = middleware or _middleware_before(root) or DEFAULT_MIDDLEWARE
         model = Model(linked.component, linked.modules, path.name, linked.params, chosen, linked.statemachine)
         if is_existing(root):
-            findings = tuple(_findings(path, root, linked.component, workspace))
+            findings = tuple(_findings(path, root, linked.component, workspace, chosen))
             jobs[root.resolve()] = _Job(model, root, beside(generate(model), root), findings)
         elif porting.is_cpp(path.parent):
             artifacts = porting.beside(generate(model), root)
@@ -206,12 +204,9 @@ def _to_port(folder: Path, root: Path, model: Model) -> porting.Porting:
     return porting.porting(texts, read_file(ours).decode(errors="replace") if ours.exists() else "", model)
 
 
-def _is_of(theirs: Collection[Path], diagnostic: Diagnostic) -> bool:
-    """Whether something is said of a component of RoboComp's that is only so of ours."""
-    return diagnostic.code == NO_WINDOW and diagnostic.span.source.path.resolve() in theirs
-
-
-def _findings(cdsl: Path, root: Path, component: Component, workspace: Workspace) -> Iterator[Finding]:
+def _findings(
+    cdsl: Path, root: Path, component: Component, workspace: Workspace, middleware: str
+) -> Iterator[Finding]:
     """The report of a component that RoboComp's generator made."""
     source = workspace.source(cdsl)
     parsed = parse_cdsl(source, Report()) if source else None
@@ -224,7 +219,8 @@ def _findings(cdsl: Path, root: Path, component: Component, workspace: Workspace
     file = str(configuration.relative_to(root))
     try:
         params = component.params or ParameterSet("")
-        document = settings.read(configuration, params)
+        document = settings.read_for(configuration, component)
+        settings.settle(document, component, middleware)
     except ConfigurationError as exc:
         yield Finding(file, 1, "the file", Verdict.NOT_UNDERSTOOD, str(exc))
     else:
@@ -309,7 +305,8 @@ def _write(jobs: list[_Job]) -> int:
                 print("\nIt is a component in C++, whose files stay as they are.")
                 print("\n".join(porting.listed(job.porting, job.root)))
         else:
-            print(f"\nIt was made by RoboComp's generator, and its files stay as they are. What is in {job.root}/:\n")
+            print(f"\nIt was made by RoboComp's generator, its files stay as they are, and `rc run {job.root}` runs it.")
+            print(f"What is in {job.root}/:\n")
             print("\n".join(listed(job.findings)))
     return FINE
 

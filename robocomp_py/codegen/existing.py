@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from ..runtime.document import Note
 
 WORKER = Path("src") / "specificworker.py"
-NO_WINDOW = "ineffective-gui"
-"""What a `gui` is warned of; theirs has its effect."""
 
 
 class Verdict(StrEnum):
@@ -83,7 +81,7 @@ def in_model(model: CdslComponent, diagnostics: Sequence[Diagnostic]) -> Iterato
         yield Finding(file, _line(item.span), f"{item.verb} {item.interface}", Verdict.UNDERSTOOD)
     for clause in model.clauses:
         text = " ".join(clause.span.text.split()).rstrip(";")
-        said = [each for each in diagnostics if _overlap(each.span, clause.span) and each.code != NO_WINDOW]
+        said = [each for each in diagnostics if _overlap(each.span, clause.span)]
         if said:
             yield Finding(file, _line(clause.span), text, Verdict.WITHOUT_EFFECT, said[0].message)
         else:

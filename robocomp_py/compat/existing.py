@@ -8,11 +8,13 @@ may be what they are. Everything of it runs as a worker's code does: one piece a
 from __future__ import annotations
 
 import ast
+import gc
 import importlib
 import inspect
 import logging
 import os
 import sys
+import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping
@@ -30,7 +32,7 @@ from ..runtime.trace import user_trace
 from ..runtime.worker import Worker
 from . import qt, waits
 from .given import entries
-from .ice import Ices
+from .ice import Ices, real, uses_ice
 from .imports import Imports, source_text
 from .libraries import advice
 from .machines import Chart
@@ -71,9 +73,10 @@ def existing_worker(folder: Path, package: str, alone: bool) -> type[ExistingWor
     }
     known = {name: module for name, module in modules.items() if vars(module).get("__file__")}
     # each instance imports its files afresh, and so has a package of its own for them
-    namespace = {"generated": known, "folder": folder, "package": package, "sources": sources, "alone": alone}
+    namespace = {"generated": known, "_home": folder, "package": package, "sources": sources, "alone": alone}
     namespace |= {"machine": component.machine, "window": component.window}
-    ices = Ices(package)
+    is_ice = "Ice" in sys.modules or any(map(uses_ice, sources.values()))
+    ices = Ices(package, real if is_ice else _nothing)
     slices = Slices(package, ices.user_exception)
     own = component_of(component, slices, partial(proxy_class, ices=ices))
     namespace |= {"ices": ices, "slices": slices, "component": own, "middleware": generated.middleware}
@@ -85,6 +88,10 @@ def existing_worker(folder: Path, package: str, alone: bool) -> type[ExistingWor
     namespace["__module__"] = __name__
     _check_class(sources[WORKER.name], folder)
     return type("SpecificWorker", (ExistingWorker,), namespace)
+
+
+def _nothing(name: str) -> None:
+    return None
 
 
 def _check_class(text: str, folder: Path) -> None:
@@ -113,8 +120,8 @@ def _is_users(path: Path, folder: Path) -> bool:
 class ExistingWorker(Worker[Any]):
     """Base of the workers made here, one class for each loaded component."""
 
-    takes_any_params: ClassVar[bool] = True
-    folder: ClassVar[Path]
+    _takes_any_params: ClassVar[bool] = True
+    _home: ClassVar[Path]
     package: ClassVar[str]
     alone: ClassVar[bool]
     window: ClassVar[str]
@@ -124,12 +131,16 @@ class ExistingWorker(Worker[Any]):
     ices: ClassVar[Ices]
     slices: ClassVar[Slices]
     _instances: ClassVar[int] = 0
+    _grace_s = 2.0
+    """So long it is waited in the end for threads that they have begun."""
 
     def __init__(self) -> None:
         if self.alone:
-            os.chdir(self.folder)
+            os.chdir(self._home)
         self._told: dict[str, tuple[float, int]] = {}
         self._user: Any = None
+        self._threads: list[threading.Thread] = []
+        """Those that its code has begun, and that would keep a process of its own from ending."""
         self.statemachine = None
         self._chart: Chart | None = None
         if self.machine:
@@ -142,7 +153,7 @@ class ExistingWorker(Worker[Any]):
             quit=self.stop,
             outside=self._released,
             tell=self._tell,
-            folder=self.folder,
+            folder=self._home,
             name=self._settings.instance,
         )
         self._in_front = self._loop.in_front
@@ -154,12 +165,22 @@ class ExistingWorker(Worker[Any]):
         generic = vars(self._imports.given["genericworker"])["GenericWorker"]
         found = getattr(module, "SpecificWorker", None)
         if not (isinstance(found, type) and issubclass(found, generic)):
-            raise ComponentError(f"{self.folder / WORKER} has no class SpecificWorker(GenericWorker)")
+            raise ComponentError(f"{self._home / WORKER} has no class SpecificWorker(GenericWorker)")
         self._class: type[Any] = found
         self._generic: type[Any] = generic
         self._wanted = self._constructor()
 
     # What the framework calls.
+
+    @property
+    def period(self) -> float:
+        """Seconds between two timeouts of their timer, as they have said it last."""
+        said = getattr(self._user, "Period", None)
+        return said / 1000 if isinstance(said, int | float) and said > 0 else self._period
+
+    @period.setter
+    def period(self, seconds: float) -> None:
+        Worker.period.__set__(self, seconds)  # type: ignore[attr-defined]  # a property, to mypy a function
 
     def initialize(self) -> None:
         texts, tables = entries(self._settings)
@@ -168,7 +189,7 @@ class ExistingWorker(Worker[Any]):
         params = tables if "tables" in self._wanted else texts
         self._loop.call(self._construct, [given[each] for each in self._wanted], params)
         for name in self._lacking():
-            self.log.warning("%s has no method %s; calls of it fail", self.folder / WORKER, name)
+            self.log.warning("%s has no method %s; calls of it fail", self._home / WORKER, name)
 
     def compute(self) -> None:
         """One thing that is due: a step of the state machine, a timer, or a queued signal; handlers come between."""
@@ -180,10 +201,18 @@ class ExistingWorker(Worker[Any]):
     def finish(self) -> None:
         self._loop.close()
         self._loop.call(self._part)
+        end = time.monotonic() + self._grace_s
+        for thread in self._threads:
+            with self._released():
+                thread.join(max(0.0, end - time.monotonic()))
+        left = [thread.name for thread in self._threads if thread.is_alive()]
+        if left:
+            self.log.warning("threads of its own go on, and end with the process: %s", ", ".join(left))
 
     def _part(self) -> None:
         """Let go of their object, whose `__del__` may have something to do."""
         self._user = None
+        gc.collect()  # its timers and signals refer to it, and it to them
 
     def _beats(self, now: float) -> Beat:
         return _LoopBeat(self._loop, self._chart, self._period, self._period_set)
@@ -206,7 +235,7 @@ class ExistingWorker(Worker[Any]):
         self._user = self._class(*arguments)
         set_params = getattr(self._user, "setParams", None)
         if set_params and set_params(params) is False:
-            self.log.warning("%s: setParams returned False; going on, as RoboComp does", self.folder / WORKER)
+            self.log.warning("%s: setParams returned False; going on, as RoboComp does", self._home / WORKER)
 
     def _constructor(self) -> list[str]:
         """What its constructor takes, by the names that RoboComp's generators and their users have given to that."""
@@ -218,7 +247,7 @@ class ExistingWorker(Worker[Any]):
                 wanted.append(_ARGUMENTS[parameter.name])
             elif parameter.default is parameter.empty:
                 raise ComponentError(
-                    f"{self.folder / WORKER}: SpecificWorker is made with (proxy_map) or (proxy_map, configData), and "
+                    f"{self._home / WORKER}: SpecificWorker is made with (proxy_map) or (proxy_map, configData), and "
                     f"startup_check=False behind it; give `{parameter.name}` a default"
                 )
             else:
@@ -278,7 +307,7 @@ class ExistingWorker(Worker[Any]):
     def _raiser(self, exc: BaseException) -> str:
         """What of the component's own was called."""
         for frame, _ in traceback.walk_tb(exc.__traceback__):
-            if Path(frame.f_code.co_filename).is_relative_to(self.folder):
+            if Path(frame.f_code.co_filename).is_relative_to(self._home):
                 return frame.f_code.co_qualname
         return "a slot"
 
@@ -286,18 +315,20 @@ class ExistingWorker(Worker[Any]):
 
     def _surroundings(self) -> Imports:
         package = self._own_package()
-        imports = Imports(package, self.folder)
+        imports = Imports(package, self._home)
         self._loop.builtins = imports.builtins
         types = {name: module_of(module, self.slices, package) for name, module in self.generated.items()}
         types.setdefault("RoboCompCommonBehavior", ModuleType(f"{package}.RoboCompCommonBehavior"))
+        for name, module in types.items():
+            sys.modules.setdefault(f"{self.package}.{name}", module)  # where pickle looks for their classes
         for module in types.values():
             for name, other in types.items():
                 if name not in vars(module):
                     setattr(module, name, other)
         given = imports.given
         given |= {**types, "Ice": self.ices.ice, "IceStorm": self.ices.storm}
-        given |= waits.modules(self._loop.outside)
-        given |= self._loop.modules
+        given |= waits.modules(self._loop.outside, self._loop.locked, self._threads.append)
+        imports.lazily |= {name: partial(self._loop.modules.__getitem__, name) for name in self._loop.modules}
         given["genericworker"] = self._genericworker(package, types, given)
         given["interfaces"] = self._interfaces(package, types)
         servants = {
@@ -315,7 +346,7 @@ class ExistingWorker(Worker[Any]):
             return self.package
         name = f"{self.package}_again{number}"
         package = ModuleType(name)
-        package.__path__ = [str(self.folder)]
+        package.__path__ = [str(self._home)]
         sys.modules[name] = package
         return name
 
@@ -331,26 +362,36 @@ class ExistingWorker(Worker[Any]):
         names |= {"icePaths": [], "rDebug": self.log.debug}
         imported = self._imported()
         version = next((each for each in ("PySide2", "PySide6", "PySide") if each in imported), "PySide2")
-        names |= {part: given[f"{version}.{part}"] for part in _QT if f"{version}.{part}" in given}
+        modules = self._loop.modules
+        names |= {part: modules[f"{version}.{part}"] for part in _QT if f"{version}.{part}" in modules}
         if self.window:
-            names |= _public(given["ui_mainUI"])
+            names |= _public(modules["ui_mainUI"])
         if "interfaces" not in imported:  # since 2020, types are reached by their modules only
+            bound = self._bound()
             for each in types.values():
-                names |= _public(each)
-        names |= {**types, "GenericWorker": self._make_generic(given)}
+                names |= {name: value for name, value in _public(each).items() if name not in bound}
+        names |= {**types, "GenericWorker": self._make_generic()}
         vars(module).update(names)
         return module
 
     def _imported(self) -> frozenset[str]:
         """The first parts of what its specific part imports."""
-        tree = ast.parse(self.sources[WORKER.name])
-        found = set()
-        for node in ast.walk(tree):
+        return frozenset(
+            name.partition(".")[0]
+            for node in ast.walk(ast.parse(self.sources[WORKER.name]))
+            if isinstance(node, ast.Import | ast.ImportFrom)
+            for name in ([each.name for each in node.names] if isinstance(node, ast.Import) else [node.module or ""])
+        )
+
+    def _bound(self) -> frozenset[str]:
+        """What its specific part itself calls something, wherever that stands: more than a name that comes by a `*`."""
+        found: set[str] = set()
+        for node in ast.parse(self.sources[WORKER.name]).body:
             match node:
-                case ast.Import(names=names):
-                    found |= {each.name.partition(".")[0] for each in names}
-                case ast.ImportFrom(module=str(name)):
-                    found.add(name.partition(".")[0])
+                case ast.Import(names=names) | ast.ImportFrom(names=names):
+                    found |= {each.asname or each.name.partition(".")[0] for each in names}
+                case ast.ClassDef(name=name) | ast.FunctionDef(name=name):
+                    found.add(name)
                 case _:
                     continue
         return frozenset(found)
@@ -366,10 +407,10 @@ class ExistingWorker(Worker[Any]):
         vars(module).update({**lists, **types, "Ice": self.ices.ice, "IceStorm": self.ices.storm, "time": time})
         return module
 
-    def _make_generic(self, given: Mapping[str, ModuleType]) -> type[Any]:
+    def _make_generic(self) -> type[Any]:
         """The class that RoboComp generates: what it has, and nothing else."""
         adapter = self
-        core = next(given[name] for name in ("PySide6.QtCore", "PySide2.QtCore") if name in given)
+        core = self._loop.modules["PySide6.QtCore"]
 
         def make(this: Any, mprx: Any = None, configData: Any = None, *rest: Any) -> None:
             super(generic, this).__init__()
@@ -407,7 +448,7 @@ class ExistingWorker(Worker[Any]):
             for attribute in _attributes(port):
                 setattr(user, attribute, proxy)
         if self.window:
-            form = self._imports.given["ui_mainUI"]
+            form = self._loop.modules["ui_mainUI"]
             user.ui = vars(form)["Ui_guiDlg"]()
             user.ui.setupUi(user)
             user.show()
@@ -423,7 +464,13 @@ class ExistingWorker(Worker[Any]):
                 user.timer.timeout.connect(again)
 
     def _missing(self, exc: ModuleNotFoundError) -> str:
-        return advice(exc, self.folder)
+        return advice(exc, self._home)
+
+
+# as they are called where one of them fails
+ExistingWorker.initialize.__qualname__ = "the start of SpecificWorker"
+ExistingWorker.compute.__qualname__ = "SpecificWorker's loop"
+ExistingWorker.finish.__qualname__ = "the end of SpecificWorker"
 
 
 class _LoopBeat(qt.LoopBeat):
@@ -453,7 +500,7 @@ class _Interfaces(ModuleType):
     def __getattr__(self, name: str) -> Any:
         if name not in ("console", "Console", "Text"):
             raise AttributeError(
-                f"{name} is no type of the component's interfaces; those are {', '.join(_listed(self))}"
+                f"`{name}` is none of the component's interfaces; those are {', '.join(_listed(self))}"
             )
         from rich.console import Console
         from rich.text import Text

@@ -7,10 +7,12 @@ and whatever else the module has is there; where it is not, they are made up.
 
 from __future__ import annotations
 
+import importlib
 import logging
+import re
 from collections.abc import Callable
 from types import ModuleType
-from typing import Any, NoReturn
+from typing import Any
 
 from ..errors import (
     AlreadyServed,
@@ -82,10 +84,15 @@ _MEANS: tuple[tuple[type[RobocompError], str], ...] = (
 """What an error of ours is to Ice; the first that fits."""
 
 
+def uses_ice(text: str) -> bool:
+    """Whether a file does more with Ice than to catch what it raises: only then it is worth its time to import it."""
+    return any(name not in (*_BASES, "loadSlice") for name in re.findall(r"\bIce(?:Storm)?\.(\w+)", text))
+
+
 def real(name: str) -> ModuleType | None:
     """ZeroC's module, if it is installed and can be used."""
     try:
-        return __import__(name)
+        return importlib.import_module(name)
     except Exception as exc:
         if not isinstance(exc, ModuleNotFoundError):
             log.warning("%s is installed, and cannot be imported: %s", name, exc)
@@ -95,7 +102,7 @@ def real(name: str) -> ModuleType | None:
 class Ices:
     """What Ice is to one component."""
 
-    def __init__(self, package: str, find: Callable[[str], ModuleType | None] = real) -> None:
+    def __init__(self, package: str, find: Callable[[str], ModuleType | None]) -> None:
         """`find` gives ZeroC's modules, or None."""
         self._real = find("Ice")
         self.ice = _Module(f"{package}.Ice", self._real, "Ice")
@@ -136,6 +143,7 @@ class Ices:
             "__str__": kind.__str__,
             "__repr__": kind.__repr__,
             "unknown": property(str),  # of Ice.UnknownException
+            "error": 0,  # of Ice.SyscallException
             "reason": property(lambda self: self.__dict__.get("reason", str(self)), _set_reason),
         }
         return type(kind.__name__, (kind, other), namespace)
@@ -166,8 +174,3 @@ class _Module(ModuleType):
 
 def _load_nothing(*arguments: Any, **named: Any) -> None:
     """Slice files are not needed: `import RoboCompLaser` gives what the IDSL says."""
-
-
-def refuse(what: str) -> NoReturn:
-    """For what only RoboComp's own main program does."""
-    raise AttributeError(f"{what} is for RoboComp's own main program; `rc run` has connected everything already")

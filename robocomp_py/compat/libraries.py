@@ -38,6 +38,8 @@ def advice(exc: ModuleNotFoundError, folder: Path) -> str:
     head = name.partition(".")[0]
     frames = [each for each in traceback.extract_tb(exc.__traceback__) if Path(each.filename).is_relative_to(folder)]
     where = f"{frames[-1].filename}:{frames[-1].lineno}" if frames else str(folder)
+    if head in ("src", "generated"):
+        return f"{where}: imports `{name}`, which is not there in {folder}"
     if head.startswith(_OF_ROBOCOMP):
         return f"{where}: imports `{name}`, a library of RoboComp's own, which has to be installed from there"
     if head.startswith("RoboComp"):

@@ -12,8 +12,7 @@ middleware. Only what slice2py leaves None and our codecs do not is given to the
 from __future__ import annotations
 
 import keyword
-import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields, make_dataclass, replace
 from enum import IntEnum
 from types import ModuleType
@@ -129,6 +128,8 @@ class Slices:
             members = [(slice_name(name), number) for name, number in kind.members]
             make: Any = _Enumerators  # called with names, it makes a class
             python = make(_short(kind.name), members, module=self._module(kind.name))
+            for name, number in kind.members:
+                python(number)._name_ = name  # as it prints; what Python could not call so has another attribute
             self.classes[kind.name] = python
             self._enumerations[kind.name] = replace(kind, python=python)
         return self._enumerations[kind.name]
@@ -141,7 +142,7 @@ class _Enumerators(IntEnum):
     """Base of enumerations."""
 
     def __str__(self) -> str:
-        return self.name.removeprefix("_") if self.name[1:] in _KEYWORDS else self.name
+        return self.name
 
     @classmethod
     def valueOf(cls, number: int) -> _Enumerators | None:
@@ -367,11 +368,3 @@ def component_of(component: Component, slices: Slices, proxies: Callable[[Interf
         proxy = proxies(interface, port) if port.verb.has_proxy else None
         made.append(replace(port, interface=interface, proxy=proxy))
     return replace(component, ports=tuple(made), machine=None)
-
-
-def modules_of(generated: Mapping[str, ModuleType], slices: Slices, package: str) -> dict[str, ModuleType]:
-    """Those of all interfaces, by their name, also in `sys.modules` under the component's package."""
-    found = {name: module_of(module, slices, package) for name, module in generated.items()}
-    for module in found.values():
-        sys.modules[module.__name__] = module
-    return found

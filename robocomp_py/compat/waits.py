@@ -19,10 +19,16 @@ Outside = Callable[[], AbstractContextManager[None]]
 """Around a wait: others are let in meanwhile."""
 
 
-def modules(outside: Outside) -> Mapping[str, ModuleType]:
-    """The modules by name, with those of their parts that wait exchanged."""
+def modules(
+    outside: Outside, locked: Callable[[int], None], begun: Callable[[threading.Thread], None]
+) -> Mapping[str, ModuleType]:
+    """The modules by name, with those of their parts that wait exchanged.
+
+    `locked` is told of each lock that is taken (1) and given back (-1), `begun` of each thread that somebody would have
+    to wait for at the end; the process does not.
+    """
     return {
-        "threading": _like(threading, **_threading(outside)),
+        "threading": _like(threading, **_threading(outside, locked, begun)),
         "queue": _like(queue, **_queues(outside)),
         "time": _like(time, sleep=_sleeping(outside)),
     }
@@ -42,7 +48,9 @@ def _sleeping(outside: Outside) -> Callable[[float], None]:
     return sleep
 
 
-def _threading(outside: Outside) -> dict[str, Any]:
+def _threading(
+    outside: Outside, locked: Callable[[int], None], begun: Callable[[threading.Thread], None]
+) -> dict[str, Any]:
     class Lock:
         """A lock that lets others in while it is waited for."""
 
@@ -52,15 +60,17 @@ def _threading(outside: Outside) -> dict[str, Any]:
             self._lock = self._make()
 
         def acquire(self, blocking: bool = True, timeout: float = -1) -> bool:
-            if self._lock.acquire(False):
-                return True
-            if not blocking:
-                return False
-            with outside():
-                return bool(self._lock.acquire(True, timeout))
+            taken = bool(self._lock.acquire(False))
+            if blocking and not taken:
+                with outside():
+                    taken = bool(self._lock.acquire(True, timeout))
+            if taken:
+                locked(1)
+            return taken
 
         def release(self) -> None:
             self._lock.release()
+            locked(-1)
 
         def __enter__(self) -> bool:
             return self.acquire()
@@ -115,9 +125,18 @@ def _threading(outside: Outside) -> dict[str, Any]:
         __enter__ = acquire
 
     class Thread(threading.Thread):
+        def start(self) -> None:
+            if not self.daemon:
+                self.daemon = True
+                begun(self)
+            super().start()
+
         def join(self, timeout: float | None = None) -> None:
             with outside():
                 super().join(timeout)
+
+    class Timer(Thread, threading.Timer):
+        pass
 
     return {
         "Lock": Lock,
@@ -127,6 +146,7 @@ def _threading(outside: Outside) -> dict[str, Any]:
         "Semaphore": Semaphore,
         "BoundedSemaphore": BoundedSemaphore,
         "Thread": Thread,
+        "Timer": Timer,
     }
 
 

@@ -17,7 +17,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..contract.interface import Verb
+from ..contract.interface import Pattern, Verb
 from ..runtime.document import OfIceKind
 from ..runtime.effective import toml
 from ..transports import iceoptions
@@ -102,9 +102,9 @@ class _Finder:
             self._place(each)
         for way in self._calls:
             self._place_as_expected(way)
-        for number, each in enumerate(dict.fromkeys(map(_object, filter(self._crosses, self._calls)))):
-            if each not in self._at and not self._everyone[each.instance].is_program:
-                self._serve(each, self._first_port + number)
+        for number, served in enumerate(dict.fromkeys(map(_object, filter(self._crosses, self._calls)))):
+            if served not in self._at and not self._everyone[served.instance].is_program:
+                self._serve(served, self._first_port + number)
         self._listen()
         told: dict[str, dict[str, str]] = {}
         for way in {(way.client, way.channel.rpartition("/")[0]): way for way in self._calls}.values():
@@ -202,7 +202,9 @@ class _Finder:
     # IceStorm.
 
     def _find_storms(self) -> None:
+        """Whoever publishes or subscribes over Ice needs it, also if the others are outside of the network."""
         users = dict.fromkeys(end for way in self._topics for end in (way.client, way.provider))
+        users |= dict.fromkeys(name for name, each in self._everyone.items() if _has_topics(each))
         own = [name for name in users if not self._everyone[name].is_program]
         abroad = any(self._where[name].host for name in users)
         for name in own:
@@ -236,6 +238,12 @@ def _object(way: Way) -> _Object:
 def _options(each: Configured) -> IceOptions:
     """Of an instance whose configuration has been checked."""
     return iceoptions.read(each.settings.transports.get(ICE, {}))
+
+
+def _has_topics(each: Configured) -> bool:
+    patterns = each.patterns()
+    topics = ((port, name) for port, name, pattern in patterns if pattern is Pattern.PUBLISH)
+    return any(ICE in each.settings.middlewares(*at, each.generated_for) for at in topics)
 
 
 def _old_proxy(client: Configured, port: str) -> str:

@@ -461,8 +461,14 @@ class Workspace:
         importable: list[str] = []
         if any(item.interface.text not in interfaces for item in model.items):
             importable = [f.stem for each in self.search_path(model.source.path) for f in sorted(each.glob("*.idsl"))]
-        check_cdsl(model, Surroundings(interfaces, importable, self._middlewares, machine), found)
+        surroundings = Surroundings(interfaces, importable, self._middlewares, machine, self._has_window(model.source))
+        check_cdsl(model, surroundings, found)
         self.report.extend(e for e in found.diagnostics if suspects is None or not _is_follow_up(e, suspects))
+
+    def _has_window(self, source: Source) -> bool:
+        """Whether a `gui` has an effect: for components of RoboComp's own generators, whose files are in `src`."""
+        folder = source.path.parent
+        return self._exists(folder / "src" / "specificworker.py") and not self._exists(folder / "specificworker.py")
 
     def _errors_in(self, source: Source) -> bool:
         return any(each.span.source is source for each in self.report.errors)

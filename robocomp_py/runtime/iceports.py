@@ -43,8 +43,8 @@ def settle(document: Document, component: Component, generated_for: str) -> None
     ports = _Ports(component, settings, generated_for)
     document.complaints = (*document.complaints, *_unknown_keys(document, ports, settings))
     _Reading(document, ports).take(document.of_ice)
-    proxies = _table(_table(document.data, "transports"), ICE).get("proxies")
-    for port in ports.using if isinstance(proxies, Mapping) else ():
+    proxies = _table(_table(_table(document.data, "transports"), ICE), "proxies")
+    for port in ports.using:
         key = next((name for name in (port.label, port.name) if name in proxies), None)
         for at in ports.without_source(port) if key else ():
             _put(document.data, (*at, "from"), key)

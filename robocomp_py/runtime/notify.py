@@ -48,7 +48,9 @@ def notify(*lines: str) -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as channel:
         channel.settimeout(1.0)
         try:
-            channel.sendto("\n".join(lines).encode(), "\0" + address[1:] if address[0] == "@" else address)
+            # Connected: else it could not be waited for until a launcher that is stopped takes it, only tried for.
+            channel.connect("\0" + address[1:] if address[0] == "@" else address)
+            channel.send("\n".join(lines).encode())
         except OSError:
             return  # the launcher has gone; that is its business, and we end when we are told to
 

@@ -259,7 +259,7 @@ class Running:
         for port, link in required:
             while self.state is State.STARTING and not link.wait_peer(0.2):
                 now = time.monotonic()
-                whom = self.settings.port(port, "").source or "any instance"
+                whom = self.settings.whom(port)
                 if now - begun > self.settings.patience:
                     raise Unreachable(
                         f"nobody offers {port.interface.short} ({whom}) after {self.settings.patience:g} s; "
@@ -531,9 +531,9 @@ def prepare(worker_class: type[Worker[Any]], options: argparse.Namespace) -> tup
 
 def _document(worker_class: type[Worker[Any]], options: argparse.Namespace) -> settings.Document:
     component = worker_class.component
-    path = options.config or settings.find(worker_class.folder or Path(inspect.getfile(worker_class)).parent)
+    path = options.config or settings.find(worker_class._home or Path(inspect.getfile(worker_class)).parent)
     document = settings.read_for(_short(path), component) if path else settings.Document(params=component.params)
-    document.passed_on = worker_class.takes_any_params and component.params is None
+    document.passed_on = worker_class._takes_any_params and component.params is None
     settings.environment(document, component, os.environ)
     for assignment in options.set:
         settings.override(document, assignment)

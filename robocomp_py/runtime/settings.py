@@ -123,6 +123,12 @@ class Settings:
                 base = self.ports[key].under(base)
         return base
 
+    def whom(self, port: Port) -> str:
+        """Whom a port uses, for people: over Ice, a proxy says more than the name it has here."""
+        source = self.port(port, "").source
+        proxies = self.transports.get("ice", {}).get("proxies", {})
+        return str(proxies.get(source, source)) if source else "any instance"
+
 
 def middlewares(settings: Settings) -> dict[Key, str]:
     """Every middleware that is named, by the key that names it."""

@@ -35,10 +35,10 @@ class Worker(ABC, Generic[P]):
     middleware: ClassVar[str]
     """What carries its messages, unless configuration or deployment say otherwise."""
 
-    folder: ClassVar[Path | None] = None
+    _home: ClassVar[Path | None] = None
     """Where the component is, if not where this class is written."""
 
-    takes_any_params: ClassVar[bool] = False
+    _takes_any_params: ClassVar[bool] = False
     """Whether its own code looks at what its configuration says, whatever that is."""
 
     log: logging.Logger

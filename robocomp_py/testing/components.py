@@ -77,9 +77,8 @@ class ComponentTest:
             for operation in faked:
                 self._known(f"{name}.{operation}")
             self._known(name)
-        document = config if isinstance(config, settings.Document) else settings.Document()
-        document.passed_on = worker.takes_any_params and worker.component.params is None
-        given = {} if config is document else config or {}
+        document, given = (config, {}) if isinstance(config, settings.Document) else (settings.Document(), config or {})
+        document.passed_on = worker._takes_any_params and worker.component.params is None
         sources = {
             f"ports.{port.name}.from": _source(port) for port in worker.component.ports if not port.verb.provides
         }

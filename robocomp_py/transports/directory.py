@@ -207,8 +207,7 @@ class Directory:
         if _locked(self._folder / f"{member_id}.lock"):
             return True
         with contextlib.suppress(OSError):
-            for leftover in self._folder.glob(f"{member_id}*"):
-                leftover.unlink(missing_ok=True)
+            _remove_all(self._folder, member_id)
         return False
 
     def responds(self, member: Member, within: float) -> bool:
@@ -514,8 +513,7 @@ class Membership:
             try:
                 with contextlib.suppress(OSError):  # whoever looks there next removes it
                     self._lock_file.unlink(missing_ok=True)  # first: who sees our entries go finds nobody who lives
-                    for leftover in self._file.parent.glob(f"{self.id}*"):
-                        leftover.unlink(missing_ok=True)
+                    _remove_all(self._file.parent, self.id)
             finally:
                 os.close(self._held)
                 self._held = -1
@@ -543,6 +541,12 @@ class Membership:
         if 0 < len(about) <= _LONGEST_LINK:
             os.symlink(about, os.fsencode(link))
             self._about = about
+
+
+def _remove_all(folder: Path, member_id: str) -> None:
+    for name in os.listdir(folder):
+        if name.startswith(member_id):
+            (folder / name).unlink(missing_ok=True)
 
 
 @contextlib.contextmanager

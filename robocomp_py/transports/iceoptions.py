@@ -70,8 +70,7 @@ class IceProxy:
 
     identity: str
     """With its category in front: `IceStorm/TopicManager`."""
-    endpoints: tuple[IceEndpoint, ...] = ()
-    """None if only a locator knows where it is."""
+    endpoints: tuple[IceEndpoint, ...]
 
 
 def parse_proxy(text: str) -> IceProxy:
@@ -83,9 +82,10 @@ def parse_proxy(text: str) -> IceProxy:
     name, *options = words
     if name.lower() in PROTOCOLS and (options[:1] == ["-h"] or options[:1] == ["-p"]):
         raise ValueError(f"`{text}` lacks the name of an object in front of it: `NAME:{text.strip()}`")
-    located = "@" in options
+    if "@" in options:
+        raise ValueError(f"`{text}` needs IceGrid to be found: write `{name}:tcp -h HOST -p PORT`")
     _check_options(text, options, _OF_PROXIES)
-    if not endpoints and not located:
+    if not endpoints:
         raise ValueError(f"`{text}` says no place: write `{name}:tcp -h HOST -p PORT`")
     found = tuple(_endpoint(each, text) for each in endpoints)
     for each in found:
@@ -121,7 +121,7 @@ def _endpoint(part: str, text: str) -> IceEndpoint:
 
 
 _OF_ENDPOINTS = {"-h": True, "-p": True, "-t": True, "-z": False, "-r": True, "--sourceAddress": True}
-_OF_PROXIES = {"-f": True, "-e": True, "-p": True, "@": True, "-t": False, "-o": False, "-O": False, "-d": False}
+_OF_PROXIES = {"-f": True, "-e": True, "-p": True, "-t": False, "-o": False, "-O": False, "-d": False}
 _OF_PROXIES |= {"-D": False, "-s": False}
 """Options of Ice, and whether a value follows."""
 
@@ -225,9 +225,13 @@ def examine(options: Mapping[str, Any]) -> Iterator[Complaint]:
             yield from _examine_table(name, value)
         elif name == "message_size_max":
             if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= MOST_BYTES:
-                yield Complaint((name,), f"`{name}` is {value!r}; allowed: bytes, 0 to {MOST_BYTES}", "config-out-of-range")
+                yield Complaint(
+                    (name,), f"`{name}` is {value!r}; allowed: bytes, 0 to {MOST_BYTES}", "config-out-of-range"
+                )
         elif name not in _TEXTS:
-            yield Complaint((name,), unknown("key", name, (*_TEXTS, "message_size_max", *_TABLES)), "config-unknown-key")
+            yield Complaint(
+                (name,), unknown("key", name, (*_TEXTS, "message_size_max", *_TABLES)), "config-unknown-key"
+            )
         elif not isinstance(value, str):
             yield Complaint((name,), f"`{name}` is a string, not {value!r}", "config-wrong-type")
         elif name == "storm" and value:

@@ -164,19 +164,16 @@ class _EncodeProgram:
             return
         p = self._program
         values = ", ".join(self._values)
-        octets = str(struct.calcsize("<" + self._letters))
+        fixed = struct.calcsize("<" + self._letters)
         if not size:
-            run = f"{p.name(struct.Struct('<' + self._letters).pack)}({values})"
+            octets, run = str(fixed), f"{p.name(struct.Struct('<' + self._letters).pack)}({values})"
         else:
-            octets = f"({int(octets) + 1} if {size} < {_LONG} else {int(octets) + 5})"
+            octets = f"({fixed + 1} if {size} < {_LONG} else {fixed + 5}){' + ' if more else ''}{more}"
             if values:
                 short, long = (p.name(struct.Struct(f"<{self._letters}{each}").pack) for each in ("B", "Bi"))
                 run = f"{short}({values}, {size}) if {size} < {_LONG} else {long}({values}, {_LONG}, {size})"
             else:
-                long = p.name(_LONG_SIZE.pack)
-                run = f"{p.name(_SIZES)}[{size}] if {size} < {_LONG} else {long}({_LONG}, {size})"
-        if more:
-            octets += f" + {more}"
+                run = f"{p.name(_SIZES)}[{size}] if {size} < {_LONG} else {p.name(_LONG_SIZE.pack)}({_LONG}, {size})"
         if self._first:
             p.line(f"add({run}); n += {octets}")
         else:
@@ -545,27 +542,27 @@ def _thrower(message: Thrown, kind: ExceptionType) -> Encoder:
         try:
             if len(values) != len(message.fields):
                 raise ValueError(f"{len(values)} values")
-            slices = b"".join([write(values[1:]) for write in writers])
-            size = _ENCAPSULATION.size + len(slices)
+            slices = [part for write in writers for part in write(values[1:])]
+            size = _ENCAPSULATION.size + sum(map(len, slices))
             check_size(size)
-            return _ENCAPSULATION.pack(size, _ENCODING) + slices
+            return b"".join((_ENCAPSULATION.pack(size, _ENCODING), *slices))
         except Exception as exc:
             raise refused(message, values, exc) from exc
 
     return encode
 
 
-def _slice_writer(kind: ExceptionType, *, sliced: bool) -> Callable[[tuple[Any, ...]], bytes]:
-    """What writes the slice of a class from the fields of all."""
+def _slice_writer(kind: ExceptionType, *, sliced: bool) -> Callable[[tuple[Any, ...]], tuple[Any, ...]]:
+    """What writes the slice of a class, in pieces, from the fields of all."""
     type_id = f"::{kind.name}".encode()
     flags = (_HAS_SIZE if sliced else 0) | (0 if kind.base else _IS_LAST)
     head = bytes([flags]) + _number(len(type_id)) + type_id
     end = len(kind.all_fields)
     encode_own = _EncodeProgram(Struct(kind.name, kind.fields)).compile()
 
-    def write(fields: tuple[Any, ...]) -> bytes:
-        own: bytes = encode_own(fields[end - len(kind.fields) : end])[_ENCAPSULATION.size :]
-        return head + (_INT32.pack(_INT32.size + len(own)) if sliced else b"") + own
+    def write(fields: tuple[Any, ...]) -> tuple[Any, ...]:
+        own = memoryview(encode_own(fields[end - len(kind.fields) : end]))[_ENCAPSULATION.size :]
+        return (head, _INT32.pack(_INT32.size + len(own)), own) if sliced else (head, own)
 
     return write
 

@@ -14,6 +14,8 @@ import pytest
 
 from robocomp_py.cli.rc import main as rc
 from robocomp_py.cli.rcgen import main as rcgen
+from robocomp_py.contract.component import Component
+from robocomp_py.runtime.run import parser_of, read_plain
 
 from ..codegen.generated import model_in, snapshot
 
@@ -173,6 +175,33 @@ def test_options_may_stand_before_and_behind_the_folder(arm: Path, arguments: li
     (arm.parent / "left.toml").write_text("[component]\nperiod = 0.5\n")
     assert rc(["run", *arguments]) == 0
     assert said_by(arm) == "0.5 left"
+
+
+PLAIN = [
+    ["--name", "left", "--set", "component.period=0.5", "--set", "params.x=1", "--middleware", "zeromq"],
+    ["--config", "some/file.toml", "--keys", "keys", "--name", "a", "--name", "b"],
+    [],
+]
+OTHERWISE = [
+    ["--name"],
+    ["--name=left", "--set=a=b"],
+    ["--name", "--json"],
+    ["--set", "nothing"],
+    ["--print-config", "--json"],
+    ["--help"],
+    ["+", "folder"],
+    ["--nam", "left"],
+]
+
+
+@pytest.mark.parametrize("arguments", PLAIN, ids=lambda arguments: " ".join(arguments) or "none")
+def test_what_is_read_without_a_parser_is_what_the_parser_reads(arguments: list[str]) -> None:
+    assert read_plain(arguments) == parser_of(Component("it")).parse_args(arguments)
+
+
+@pytest.mark.parametrize("arguments", OTHERWISE, ids=" ".join)
+def test_whatever_else_there_may_be_is_left_to_the_parser(arguments: list[str]) -> None:
+    assert read_plain(arguments) is None
 
 
 def test_every_option_of_a_component_that_takes_a_value_is_known_to_rc(arm: Path, capsys: Said) -> None:

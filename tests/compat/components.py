@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -383,12 +384,21 @@ def made(folder: Path, form: Form, **instead: str) -> Path:
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
+    models = tuple((folder / name).read_text() for name in sorted(form.files) if name.endswith("dsl"))
     before = digests(folder)
-    assert rcgen([str(folder)]) == 0
+    if models in _GENERATED and (_GENERATED[models] / "generic").is_dir():
+        shutil.copytree(_GENERATED[models] / "generic", folder / "generic")
+    else:
+        assert rcgen([str(folder)]) == 0
+        _GENERATED[models] = folder
     after = digests(folder)
     assert before.items() <= after.items()
     assert {name.partition("/")[0] for name in after.keys() - before.keys()} <= {"generic", "etc"}
     return folder
+
+
+_GENERATED: dict[tuple[str, ...], Path] = {}
+"""Where there is a generic part of these models already: it depends on nothing else."""
 
 
 def _named(texts: Mapping[str, str]) -> dict[str, str]:

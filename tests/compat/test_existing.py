@@ -83,8 +83,7 @@ def test_a_component_of_each_generation_starts_computes_and_answers(arms: dict[s
     assert digests(arms[year]) == before
 
 
-@pytest.mark.parametrize("middleware", ["inproc", "shm", "zeromq"])
-@pytest.mark.parametrize("year", ["2016", "2025"])
+@pytest.mark.parametrize(("middleware", "year"), [("inproc", "2016"), ("shm", "2021"), ("zeromq", "2025")])
 def test_two_of_them_meet_over_any_middleware(
     arms: dict[str, Path], asker: Path, middleware: str, year: str, tmp_path: Path
 ) -> None:
@@ -135,6 +134,15 @@ def test_two_in_one_process_have_modules_of_their_own(tmp_path: Path) -> None:
         assert types[0].__mro__[1] is not types[1].__mro__[1]
 
 
+def test_names_of_their_own_count_more_than_those_that_come_by_a_star(tmp_path: Path) -> None:
+    folder = made(tmp_path / "arm", FORMS["2019"], **{"src/lib.py": "class Joint:\n    own = True\n"})
+    worker = folder / "src" / "specificworker.py"
+    text = "from lib import Joint\n" + worker.read_text()
+    worker.write_text(text.replace("def Arm_halt(self):", "def Arm_halt(self):\n        assert Joint.own and Frame"))
+    with running(folder) as arm:
+        arm.call("Arm.halt")
+
+
 def test_a_second_instance_shares_no_variables_with_the_first(tmp_path: Path) -> None:
     code = """
     def Arm_halt(self):
@@ -177,6 +185,7 @@ def test_files_import_each_other_by_whatever_name_their_generation_uses(tmp_path
         ("import cv2xyz", "imports `cv2xyz`, which is not installed here; try: pip install cv2xyz"),
         ("import RoboCompHand", "imports `RoboCompHand`, which no .idsl that its .cdsl imports defines"),
         ("import librobocomp_qmat", "imports `librobocomp_qmat`, a library of RoboComp's own"),
+        ("import src.absent", "imports `src.absent`, which is not there in "),
     ],
 )
 def test_a_library_that_is_missing_is_named_with_what_to_do(tmp_path: Path, line: str, told: str) -> None:
@@ -380,6 +389,42 @@ def test_killYourSelf_ends_the_component(tmp_path: Path) -> None:
         wait_until(lambda: arm._running.is_over, SOON, "it has ended")
     assert arm.fine
     assert seen == ["killed"]
+
+
+def test_threads_of_theirs_are_waited_for_and_do_not_keep_the_process(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    code = """
+    def setParams(self, params):
+        self.ended = threading.Event()
+        threading.Thread(target=self.ended.wait, name="brief").start()
+        threading.Thread(target=self.forever, name="endless").start()
+
+    def __del__(self):
+        self.ended.set()
+
+    @staticmethod
+    def forever():
+        OVER.wait()
+
+OVER = threading.Event()
+"""
+    folder = server(tmp_path, "")
+    worker = folder / "src" / "specificworker.py"
+    worker.write_text(
+        "import threading\n"
+        + worker.read_text()
+        + code.replace(
+            "threading.Thread(target=self.ended", "ended = self.ended\n        threading.Thread(target=ended"
+        )
+    )
+    with running(folder) as arm:
+        arm.worker._grace_s = 0.2
+        over = vars(arm.worker._imports.load("specificworker"))["OVER"]
+    assert arm.fine
+    [told] = [each.getMessage() for each in caplog.records if "threads of its own" in each.getMessage()]
+    assert told.endswith(": endless")
+    over.set()
 
 
 # What it is configured with.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import importlib
 import inspect
 import pickle
 import subprocess
@@ -16,7 +17,7 @@ import pytest
 
 from robocomp_py import errors
 from robocomp_py.cli.rcgen import main as rcgen
-from robocomp_py.compat.ice import Ices
+from robocomp_py.compat.ice import Ices, real, uses_ice
 from robocomp_py.testing.components import ComponentTest, load_component
 
 from .components import OF_2021, made
@@ -85,34 +86,6 @@ def test_declared_exceptions_are_ice_s(given: dict[str, Any], arm: Any) -> None:
     assert "no way" in str(stuck)
 
 
-@pytest.mark.parametrize(
-    ("ours", "theirs"),
-    [
-        (errors.Unreachable("gone"), "ConnectionRefusedException"),
-        (errors.Timeout("late"), "TimeoutException"),
-        (errors.Closed("over"), "CommunicatorDestroyedException"),
-        (errors.ContractMismatch("other"), "OperationNotExistException"),
-        (errors.Refused("no"), "RequestFailedException"),
-        (errors.Busy("busy"), "LocalException"),
-        (errors.RemoteFailure("op", "E", "why"), "UnknownException"),
-        (errors.EncodeError("wrong"), "MarshalException"),
-        (errors.ConfigurationError("set"), "Exception"),
-    ],
-)
-@pytest.mark.parametrize("find", [lambda name: None, lambda name: ZEROC.get(name)], ids=["without", "with"])
-def test_errors_of_ours_become_those_of_ice(ours: Any, theirs: str, find: Any) -> None:
-    ices = Ices("one", find)
-    exc = copy.copy(ours)
-    text, kind = str(exc), type(exc)
-    raised = ices.raised(exc)
-    assert raised is exc
-    assert isinstance(exc, getattr(ices.ice, theirs))
-    assert isinstance(exc, ices.ice.Exception)
-    assert isinstance(exc, kind)
-    assert (str(exc), exc.reason) == (text, getattr(ours, "reason", text))
-    assert type(ices.raised(exc)) is type(exc)
-
-
 class _Base(Exception):
     """As Ice's own, which says what its fields are."""
 
@@ -146,6 +119,65 @@ def _zeroc() -> dict[str, ModuleType]:
 
 
 ZEROC = _zeroc()
+
+
+class Failure(errors.RemoteFailure):
+    """One that can be copied."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__("op", "E", reason)
+        self.args = (reason,)
+
+
+@pytest.mark.parametrize(
+    ("ours", "theirs"),
+    [
+        (errors.Unreachable("gone"), "ConnectionRefusedException"),
+        (errors.Timeout("late"), "TimeoutException"),
+        (errors.Closed("over"), "CommunicatorDestroyedException"),
+        (errors.ContractMismatch("other"), "OperationNotExistException"),
+        (errors.Refused("no"), "RequestFailedException"),
+        (errors.Busy("busy"), "LocalException"),
+        (Failure("why"), "UnknownException"),
+        (errors.EncodeError("wrong"), "MarshalException"),
+        (errors.ConfigurationError("set"), "Exception"),
+    ],
+)
+@pytest.mark.parametrize("find", [lambda name: None, lambda name: ZEROC.get(name)], ids=["without", "with"])
+def test_errors_of_ours_become_those_of_ice(ours: Any, theirs: str, find: Any) -> None:
+    ices = Ices("one", find)
+    exc = copy.copy(ours)
+    text, kind = str(exc), type(exc)
+    raised = ices.raised(exc)
+    assert raised is exc
+    assert isinstance(exc, getattr(ices.ice, theirs))
+    assert isinstance(exc, ices.ice.Exception)
+    assert isinstance(exc, kind)
+    assert (str(exc), exc.reason) == (text, getattr(ours, "reason", text))
+    assert type(ices.raised(exc)) is type(exc)
+
+
+@pytest.mark.parametrize(
+    ("text", "uses"),
+    [
+        ("except Ice.Exception as e: pass\nIce.loadSlice('-I.')", False),
+        ("except Ice.ConnectionRefusedException: pass  # Icecream.melts", False),
+        ("ic = Ice.initialize(sys.argv)", True),
+        ("IceStorm.TopicManagerPrx.checkedCast(proxy)", True),
+    ],
+)
+def test_ice_itself_is_for_those_who_do_more_with_it_than_catch_its_exceptions(text: str, uses: bool) -> None:
+    assert uses_ice(text) == uses
+
+
+@pytest.mark.tool
+def test_errors_of_ours_become_those_of_the_real_ice() -> None:
+    ices = Ices("one", real)
+    theirs = importlib.import_module("Ice")
+    assert ices.ice.Exception is theirs.Exception
+    exc = ices.raised(errors.Unreachable("gone"))
+    assert isinstance(exc, theirs.ConnectionRefusedException | errors.Unreachable)
+    assert (str(exc), repr(exc)) == ("gone", "Unreachable('gone')")
 
 
 def test_what_else_ice_has_is_there_if_it_is_installed() -> None:

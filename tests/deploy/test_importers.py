@@ -185,6 +185,16 @@ def test_other_programs_are_started_in_their_folder(robot: Path) -> None:
     ]
 
 
+def test_a_program_that_is_not_written_in_python_goes_on_to_speak_ice(robot: Path) -> None:
+    (robot / "cam" / "etc").mkdir(parents=True)
+    (robot / "cam" / "etc" / "config").write_text("Laser.Endpoints=tcp -p 10007\n")
+    communications = "Communications { implements Laser; };"
+    (robot / "cam" / "cam.cdsl").write_text(f'import "Laser.idsl"; Component cam {{ {communications} language Cpp; }};')
+    command = up("bin/cam etc/config")
+    text = imported(rcmanager(node("cam", f'<workingDir path="{robot}/cam"/>', command)), robot)
+    assert {"middleware ice;", 'config "cam/etc/config";', 'path "/usr/bin/env";'} <= set(clauses(text, "cam"))
+
+
 def test_the_hosts_of_programs_are_carried_over(robot: Path) -> None:
     text = imported(
         rcmanager(

@@ -317,6 +317,59 @@ def test_a_forked_component_is_as_one_that_was_executed(component: Path, tmp_pat
     assert len({number for line in drawn for number in line.split()[1:]}) == 4
 
 
+ENDING = """
+import atexit, concurrent.futures, sys, threading, time, weakref
+from typing import Any
+from robocomp_py.contract.component import Component
+from robocomp_py.runtime.worker import Worker
+
+class Owner:
+    def __init__(self, name): self.name = name
+    def __del__(self): notes.write(f"{self.name} was finalized\\n")
+
+notes = open("notes", "a")  # written out when it is closed, which is left to Python
+owned, pool = Owner("what a module has"), concurrent.futures.ThreadPoolExecutor()
+atexit.register(notes.write, "what was registered was called\\n")
+
+class SpecificWorker(Worker[Any]):
+    component, middleware = Component("probe"), "inproc"
+
+    def initialize(self) -> None:
+        self.owned, self.cycle = Owner("what a worker has"), self
+        weakref.finalize(self, notes.write, "the worker was finalized\\n")
+
+    def compute(self) -> None:
+        threading.Thread(target=lambda: (time.sleep(0.1), notes.write("a thread was waited for\\n"))).start()
+        pool.submit(time.sleep, 0)
+        print("last words")
+        self.stop()
+"""
+
+
+def test_a_forked_component_ends_as_one_that_was_executed(
+    component: Path, tmp_path: Path, runtime_folder: Path
+) -> None:
+    (component / "specificworker.py").write_text(ENDING)
+    notes = component / "notes"
+    executed = probed(component, tmp_path / "run", PYTHONHASHSEED="1")
+    said = set(notes.read_text().splitlines())
+    assert len(said) == 4
+    notes.unlink()
+    forked = probed(component, tmp_path / "run")
+    assert set(notes.read_text().splitlines()) >= said
+    assert forked.told[-1] == executed.told[-1] == ("exited", "it", 0)
+    assert "last words" in forked.lines()
+
+
+def test_a_forked_component_writes_its_files_also_if_something_shared_knows_its_modules(
+    component: Path, tmp_path: Path, runtime_folder: Path
+) -> None:
+    known = 'sys.modules["robocomp_py.runtime.worker"].known = lambda: notes\n'
+    (component / "specificworker.py").write_text(ENDING.replace("atexit.register", f"{known}atexit.register"))
+    probed(component, tmp_path / "run")
+    assert len((component / "notes").read_text().splitlines()) >= 4
+
+
 def test_without_the_process_that_forks_components_start_all_the_same(
     component: Path, tmp_path: Path, runtime_folder: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

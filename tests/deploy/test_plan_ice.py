@@ -70,6 +70,30 @@ def test_ice_is_never_chosen_but_taken_where_a_port_names_it(folder: Path) -> No
     assert found.storms == ()  # no topic goes over it
 
 
+@pytest.mark.parametrize(
+    ("driver", "overrides"),
+    [
+        ('config "mixed.toml";', None),
+        ('env ROBOCOMP__PORTS__LASER__MIDDLEWARE "ice";', None),
+        ("", OVER_ICE),
+        ("middleware ice;", Overrides(settings=(("driver", "ports.LaserPub.middleware=zeromq"),))),
+    ],
+)
+def test_one_port_goes_over_ice_and_another_one_does_not(
+    folder: Path, driver: str, overrides: Overrides | None
+) -> None:
+    (folder / "mixed.toml").write_text('[ports.laser]\nmiddleware = "ice"\n')
+    body = f"middleware zeromq; Component sensor {{ middleware auto; }}; Component driver {{ {driver} }};"
+    found = planned(folder, body, overrides)
+    assert over(found) == {("driver", "Laser"): "ice", ("driver", "LaserPub"): "zeromq"}
+
+
+def test_icestorm_is_needed_also_for_who_publishes_or_subscribes_alone(folder: Path) -> None:
+    assert len(planned(folder, "middleware ice; Component sensor { };").storms) == 1
+    assert len(planned(folder, "middleware ice; Component recorder { };").storms) == 1
+    assert planned(folder, "Component recorder { };").storms == ()
+
+
 def test_a_port_of_the_network_is_that_of_the_interface_over_ice(folder: Path) -> None:
     found = planned(folder, "middleware ice; Component sensor { port 10003; }; Component driver { };")
     assert options(found, "sensor") == {"endpoints": {"Laser": "tcp -p 10003"}}

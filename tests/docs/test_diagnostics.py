@@ -18,16 +18,20 @@ from .diagnostics import INDEX, LANGUAGES, PAGES, Page, index, matches, read_pag
 from .pages import ROOT
 
 EVERY = read_pages()
+OF_ICE = ("no-address",)
+"""Those whose examples need Ice for Python."""
+
+EXAMPLES = [pytest.param(page, marks=pytest.mark.tool if page.code in OF_ICE else (), id=page.code) for page in EVERY]
 
 
-@pytest.mark.parametrize("page", EVERY, ids=lambda page: page.code)
+@pytest.mark.parametrize("page", EXAMPLES)
 def test_a_wrong_example_yields_what_its_page_says_and_nothing_else(page: Page, tmp_path: Path) -> None:
     output = page.wrong.run(tmp_path)
     assert set(re.findall(r"(?:error|warning)\[[a-z0-9-]+\]", output)) == {f"{page.severity}[{page.code}]"}, output
     assert matches(page.wrong.said, output), f"`make golden` if this is meant:\n{output}"
 
 
-@pytest.mark.parametrize("page", EVERY, ids=lambda page: page.code)
+@pytest.mark.parametrize("page", EXAMPLES)
 def test_nothing_is_said_of_a_right_example(page: Page, tmp_path: Path) -> None:
     output = page.right.run(tmp_path)
     assert not re.search(r"(?:error|warning)\[|Traceback", output), output

@@ -25,7 +25,9 @@ from robocomp_py.runtime.RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE
 from robocomp_py.runtime.settings import LOG_LEVELS
 from robocomp_py.runtime.worker import HOOKS, Worker
 from robocomp_py.testing.patience import SOON, wait_until
+from robocomp_py.transports import iceoptions
 from robocomp_py.transports.base import TransportConfig, find_transport
+from robocomp_py.transports.iceoptions import IceOptions
 
 from .pages import ROOT, Command, File, blocks, steps
 
@@ -89,6 +91,13 @@ def test_the_guide_to_state_machines_works_as_written(tmp_path: Path) -> None:
     assert (DOCS / "patrol.svg").read_text() == (tmp_path / "patrol.svg").read_text(), "draw it again"
 
 
+def test_the_guide_to_components_of_robocomp_works_as_written(tmp_path: Path) -> None:
+    done = list(steps(DOCS / "existing.md"))
+    assert len(done) > 5
+    for step in done:
+        do(step, tmp_path)
+
+
 def test_the_guide_to_shared_processes_works_as_written(tmp_path: Path) -> None:
     done = list(steps(DOCS / "processes.md"))
     assert len(done) > 6
@@ -135,6 +144,10 @@ def test_the_picture_of_the_example_network_is_as_it_would_be_drawn(tmp_path: Pa
 MIDDLEWARES = DOCS / "middlewares.md"
 
 
+def read_ice(config: TransportConfig) -> IceOptions:
+    return iceoptions.read(config.options)
+
+
 def test_every_middleware_and_all_its_options_are_explained() -> None:
     page = MIDDLEWARES.read_text(encoding="utf-8")
     explained = dict.fromkeys(re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE), "")
@@ -142,12 +155,13 @@ def test_every_middleware_and_all_its_options_are_explained() -> None:
         explained[name] = f"{explained[name]}, {option}".removeprefix(", ")
     assert set(explained) == set(installed.transports())
     for name, options in explained.items():
+        opened = read_ice if name == "ice" else find_transport(name)  # which need not be installed
         with pytest.raises(ConfigurationError, match=f"known: {options or 'none'}$"):
-            find_transport(name)(TransportConfig({"nonsense": 1}))
+            opened(TransportConfig({"nonsense": 1}))
 
 
 def test_the_choices_by_port_and_operation_are_a_configuration(tmp_path: Path) -> None:
-    toml, _ = blocks(MIDDLEWARES, "toml")
+    toml, _, _ = blocks(MIDDLEWARES, "toml")
     config, cdsl = tmp_path / "config.toml", tmp_path / "arm.cdsl"
     config.write_text(toml)
     cdsl.write_text(
@@ -162,7 +176,7 @@ def test_the_choices_by_port_and_operation_are_a_configuration(tmp_path: Path) -
 
 
 def test_several_ways_to_a_port_are_a_configuration(tmp_path: Path) -> None:
-    _, toml = blocks(MIDDLEWARES, "toml")
+    _, toml, _ = blocks(MIDDLEWARES, "toml")
     config, cdsl = tmp_path / "config.toml", tmp_path / "arm.cdsl"
     config.write_text(toml)
     ports = "publishes CameraSimplePub; subscribesTo LaserPub;"
@@ -174,6 +188,20 @@ def test_several_ways_to_a_port_are_a_configuration(tmp_path: Path) -> None:
     chosen = settings.check(linked.component, settings.read(config))
     routes = [chosen.middlewares(port, "", "zeromq") for port in linked.component.ports]
     assert routes == [["zeromq", "inproc", "shm"], ["shm", "zeromq"]]
+
+
+def test_what_is_found_over_ice_is_a_configuration(tmp_path: Path) -> None:
+    *_, toml = blocks(MIDDLEWARES, "toml")
+    config, cdsl = tmp_path / "config.toml", tmp_path / "arm.cdsl"
+    config.write_text(toml)
+    ports = "requires Laser(ice), Laser(ice), Speech(ice); implements Speech(ice);"
+    cdsl.write_text(f'import "Laser.idsl"; import "Speech.idsl"; Component arm {{ Communications {{ {ports} }}; }};')
+    linked = Workspace().component(cdsl)
+    assert linked is not None
+    document = settings.read_for(config, linked.component)
+    settings.settle(document, linked.component, "zeromq")
+    chosen = settings.check(linked.component, document)
+    assert [chosen.port(port, "").source for port in linked.component.ports[:3]] == ["base", "laser1", "base"]
 
 
 TRANSPORTS = DOCS / "transports.md"

@@ -9,6 +9,7 @@ import signal
 import stat
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ import pytest
 from robocomp_py.errors import ConfigurationError, TransportError
 from robocomp_py.testing.patience import wait_until
 from robocomp_py.transports.directory import Directory, Entry, runtime_dir
+from robocomp_py.transports.inotify import FolderWatch
 
 LASER = Entry("serves", "robot/world/Laser/getLaserData", 1, "text", "ipc://laser")
 
@@ -227,6 +229,100 @@ def test_while_it_cannot_be_read_what_was_read_last_holds(
         assert directory.alive(member.id)
     wait_until(lambda: not directory.find("serves", LASER.channel))
     assert sum("cannot be read" in record.message for record in caplog.records) == 1
+    member.close()
+
+
+def test_members_of_no_interest_are_not_read(directory: Directory) -> None:
+    member, other = directory.join("world"), directory.join("camera")
+    member.add(LASER)
+    other.add(Entry("serves", "robot/world/Camera/getImage", 1, "text"))
+    assert directory.find("serves", LASER.channel)
+    assert {name: file.raw is not None for name, file in directory._files.items()} == {member.id: True, other.id: False}
+    for each in (member, other):
+        each.close()
+
+
+def test_what_a_file_is_about_follows_what_is_in_it(directory: Directory) -> None:
+    member = directory.join("world")
+    camera, laser = Entry("serves", "robot/world/Camera/getImage", 1, "text"), directory._folder / f"{member.id}.about"
+    for entry in (LASER, camera, Entry("calls", "robot/*/Laser/getLaserData", 1, "text")):
+        member.add(entry)
+    assert os.readlink(laser) == "robot/*/Laser/ robot/world/Camera/ robot/world/Laser/"
+    member.remove(LASER)
+    assert directory.find("calls", "robot/other/Laser/getLaserData")
+    assert not directory.find("serves", LASER.channel)
+    assert os.readlink(laser) == "robot/*/Laser/ robot/world/Camera/"
+    member.close()
+
+
+def test_a_file_that_is_about_very_much_is_read_by_everybody(directory: Directory) -> None:
+    member = directory.join("world")
+    with member.gathered():
+        for number in range(300):
+            member.add(Entry("serves", f"robot/instance_{number}/Laser/getLaserData", 1, "text"))
+    assert directory.find("serves", "robot/instance_200/Laser/getLaserData")
+    assert not list(directory._folder.glob("*.about"))
+    member.close()
+
+
+@pytest.fixture
+def watched(directory: Directory) -> Iterator[tuple[Directory, list[int]]]:
+    """One that is told of changes, and the versions at which it said that there is news."""
+    news: list[int] = []
+    watch = FolderWatch(directory._folder)
+    directory.heed(watch, lambda: news.append(directory._version))
+    yield directory, news
+    watch.close()
+
+
+def test_who_watches_finds_who_comes_changes_and_goes(watched: tuple[Directory, list[int]]) -> None:
+    directory, news = watched
+    early = directory.join("early")
+    early.add(LASER)
+    assert [member.owner for member, _ in directory.find("serves", LASER.channel)] == ["early"]
+    late = directory.join("late")
+    assert len(directory.find("serves", LASER.channel)) == 1
+    before = directory.version()
+    late.add(LASER)
+    assert len(directory.find("serves", LASER.channel)) == 2
+    assert directory.version() > before
+    early.remove(LASER)
+    assert [member.owner for member, _ in directory.find("serves", LASER.channel)] == ["late"]
+    late.close()
+    assert not directory.find("serves", LASER.channel)
+    assert news == sorted(set(news))
+    assert news[-1] == directory.version()
+    early.close()
+
+
+def test_who_watches_reads_nothing_but_what_has_changed(
+    watched: tuple[Directory, list[int]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    directory, _ = watched
+    crowd = [directory.join(f"member{number}") for number in range(5)]
+    assert not directory.find("serves", LASER.channel)
+    with monkeypatch.context() as patch:
+        patch.delattr(directory.__class__, "_read")
+        crowd[3].add(LASER)
+        assert directory.find("serves", LASER.channel)
+    for member in crowd:
+        member.close()
+
+
+def test_who_watches_a_folder_that_was_made_again_finds_who_is_there(watched: tuple[Directory, list[int]]) -> None:
+    directory, _ = watched
+    member = directory.join("early")
+    member.add(LASER)
+    assert directory.find("serves", LASER.channel)
+    shutil.rmtree(directory._folder)
+    assert not directory.find("serves", LASER.channel)
+    member.close()
+    directory._folder.mkdir()
+    assert directory._watch is not None
+    directory._watch.renew()
+    member = directory.join("late")
+    member.add(LASER)
+    wait_until(lambda: [member.owner for member, _ in directory.find("serves", LASER.channel)] == ["late"])
     member.close()
 
 

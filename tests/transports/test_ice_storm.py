@@ -121,8 +121,8 @@ def test_without_an_icebox_it_is_told_what_to_install(
 ) -> None:
     monkeypatch.setenv("PATH", "/nowhere")
     with hosted(storm):
-        assert "no `icebox` to run it; install" in caplog.text
-        assert "zeroc-icebox libzeroc-icestorm3.7" in caplog.text
+        assert "there is no `icebox` to run it" in caplog.text
+        assert "apt-get install zeroc-icebox libzeroc-icestorm3.7" in caplog.text
 
 
 def test_a_port_that_another_program_has_is_told(storm: str, caplog: pytest.LogCaptureFixture) -> None:

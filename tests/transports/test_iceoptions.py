@@ -25,7 +25,6 @@ from robocomp_py.transports.iceoptions import IceEndpoint, IceOptions, IceProxy,
             [IceEndpoint("tcp", "", 1), IceEndpoint("ssl", "", 2)],
         ),
         ('laser:tcp -h "fd00::10" -p 3', "laser", [IceEndpoint("tcp", "fd00::10", 3)]),
-        ("laser@Adapter", "laser", []),
     ],
 )
 def test_a_proxy_is_an_object_and_where_it_is(text: str, identity: str, endpoints: list[IceEndpoint]) -> None:
@@ -38,6 +37,7 @@ def test_a_proxy_is_an_object_and_where_it_is(text: str, identity: str, endpoint
         ("", "lacks the name of an object"),
         ("tcp -h localhost -p 10003", "in front of it: `NAME:tcp -h localhost -p 10003`"),
         ("laser", "says no place: write `laser:tcp -h HOST -p PORT`"),
+        ("laser @ Adapter", "needs IceGrid to be found: write `laser:tcp -h HOST -p PORT`"),
         ("laser:", "has an empty endpoint"),
         ("laser:tpc -p 10003", "unknown protocol `tpc`; did you mean `tcp`?"),
         ("laser:tcp -q 3", "unknown option `-q`"),

@@ -55,8 +55,8 @@ def qt(name: str) -> Any:
         raise ComponentError(f"PySide6.{name} is not installed: pip install '{GUI}'") from None
     except ImportError as exc:
         raise ComponentError(
-            f"PySide6 cannot be loaded ({exc}); on Debian: apt-get install libegl1 libgl1 libxkbcommon0 libdbus-1-3 "
-            "libfontconfig1"
+            f"PySide6 cannot be loaded ({exc}); on Debian: apt-get install libegl1 libgl1 libglib2.0-0 libxkbcommon0 "
+            "libdbus-1-3 libfontconfig1"
         ) from exc
 
 
@@ -314,6 +314,10 @@ class Front:
         result: T = errand.result
         return result
 
+    def post(self, call: Callable[[], object]) -> None:
+        """Have the main thread call something when it is its turn, without waiting."""
+        self._bell.posted.emit(call)
+
     def _tell_news(self) -> None:
         with self._news:
             self._news.notify_all()
@@ -350,11 +354,12 @@ def _bell(serve: Callable[[], None], leave: Callable[[], None]) -> Any:
     core = qt("QtCore")
 
     class Bell(core.QObject):  # type: ignore[misc, name-defined]  # made when it is needed
-        rung, left = core.Signal(), core.Signal()
+        rung, left, posted = core.Signal(), core.Signal(), core.Signal(object)
 
     bell = Bell()
     bell.rung.connect(serve, core.Qt.ConnectionType.QueuedConnection)
     bell.left.connect(leave, core.Qt.ConnectionType.QueuedConnection)
+    bell.posted.connect(lambda call: call(), core.Qt.ConnectionType.QueuedConnection)
     return bell
 
 

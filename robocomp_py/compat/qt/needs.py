@@ -192,7 +192,7 @@ class _Reading(ast.NodeVisitor):
         module, *names = path or [""]
         if names and names[0] == module:  # as in `from PySide2.QtCharts import QtCharts`
             names = names[1:]
-        if names and names != ["*"] and not _provided(names):
+        if names and names != ["*"] and not provided(names):
             self.uses.append(Use(self._file, line, module, ".".join(names)))
 
 
@@ -201,7 +201,7 @@ def _is_main(node: ast.stmt) -> bool:
     return isinstance(node, ast.If) and any(isinstance(n, ast.Name) and n.id == "__name__" for n in ast.walk(node.test))
 
 
-def _provided(names: list[str]) -> bool:
+def provided(names: list[str]) -> bool:
     """Whether the stand-in has that; of objects, only their classes are known here."""
     found: Any = _stand_in().get(names[0])
     if found is None:

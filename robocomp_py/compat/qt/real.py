@@ -103,7 +103,7 @@ class Real:
         return self._front.wait_for(function)
 
     def post(self, call: Callable[[], object]) -> None:
-        qt("QtCore").QTimer.singleShot(0, self._front.application, call)
+        self._front.post(call)
 
     def close(self) -> None:
         if self._leave is None:

@@ -54,7 +54,7 @@ class _Writer:
             yield from _comment(_PICTURE)
         yield from _remarks(self._listing.notes, "")
         for each in self._brokers.values():
-            message = f"`{each.name}` is the broker of IceStorm; topics need none here, and nobody waits for it"
+            message = f"`{each.name}` is the broker of IceStorm; rcdeploy runs one where topics go over Ice"
             yield from _remarks([Said(message, each.line)], "")
         yield ""
         paths = {self._path(each.found.cdsl): None for each in self._instances if each.found}
@@ -178,6 +178,7 @@ class _Writer:
             yield from self._component_of_ours(program, program.command, command)
         else:
             yield from self._other_program(program.command, program, command)
+            yield from self._over_ice(instance, command)
         if instance.host:
             yield f"host {instance.host}"
         yield from self._wirings(instance, command)
@@ -222,6 +223,16 @@ class _Writer:
             line = f"args {', '.join(map(_quoted, words))}"
             several = f",\n{' ' * len('        args ')}".join(map(_quoted, words))
             yield line if len(line) <= WIDTH - len("        ;") else f"args {several}"
+
+    def _over_ice(self, instance: _Instance, command: CommandLine) -> Iterator[str]:
+        """What the others have to know of a program that goes on to speak Ice."""
+        if instance.found is None or not instance.found.model.items:
+            return
+        yield "middleware ice"
+        arguments = [path for path in map(_configuration, command.arguments) if path]
+        there = self._finder.here(self._joined(instance.program, arguments[0])) if arguments else None
+        if there and there.is_file() and _fits_quotes(self._path(there)):
+            yield f"config {_quoted(self._path(there))}"
 
     def _wirings(self, instance: _Instance, command: CommandLine | None) -> Iterator[str]:
         """Whom it uses, where several could be meant: the one at the port that its configuration names."""

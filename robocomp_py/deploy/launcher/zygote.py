@@ -27,6 +27,7 @@ import threading
 import time
 import weakref
 from collections.abc import Collection, Mapping, Sequence
+from types import ModuleType
 from typing import Any, NoReturn
 
 from ... import installed
@@ -162,7 +163,7 @@ def _answer(channel: socket.socket, request: Mapping[str, Any], **told: Any) -> 
 
 
 def become(request: Mapping[str, Any]) -> int:
-    """Be as a process is that was started with this command: `python -m robocomp_py.cli.rc …`. Returns its exit code."""
+    """Be as a process is that was started with this command: `python -m robocomp_py.cli.rc …`; its exit code."""
     _renew_output()
     arguments: list[str] = request["arguments"]
     try:
@@ -186,24 +187,35 @@ def become(request: Mapping[str, Any]) -> int:
 def end(code: int, shared: Collection[str]) -> NoReturn:
     """End as Python ends, but without taking apart the modules that were `shared` with the others.
 
-    Python would touch all of their memory for that, which would be copied first: it would take five times as long as
-    all else that a component does to end. So we do what can be seen of it: wait for threads, call what is registered
-    to be called, have objects of the component's own modules finalized (files are written out by that), and leave the
-    rest to the C library.
+    Python would touch all of their memory for that, which would be copied first: it would take longer than all else
+    that a component does to end. So we do what can be seen of it: wait for threads, call what is registered to be
+    called, have objects of the component's own modules finalized (files are written out by that), and leave the rest
+    to the C library.
     """
     threading._shutdown()  # type: ignore[attr-defined]  # what the interpreter calls; it ends pools of threads, too
     atexit._run_exitfuncs()
-    own = [weakref.ref(sys.modules.pop(name)) for name in sys.modules.keys() - shared]
+    marks = [_marked(sys.modules.pop(name)) for name in sys.modules.keys() - shared]
     gc.collect()
-    for each in own:
-        if module := each():  # something that is shared knows it
-            vars(module).clear()
+    for namespace in [each for mark in marks if (there := mark()) for each in gc.get_referrers(there)]:
+        if isinstance(namespace, dict):  # of a module that something shared knows
+            namespace.clear()
     gc.collect()
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError):
             stream.flush()
     ctypes.PyDLL(None).exit(code)
     raise AssertionError("exit does not return")
+
+
+class _Mark:
+    """Lives as long as the names of a module."""
+
+
+def _marked(module: object) -> weakref.ref[_Mark]:
+    mark = _Mark()
+    if isinstance(module, ModuleType):  # programs put other things among the modules, too
+        vars(module)["__mark__"] = mark
+    return weakref.ref(mark)
 
 
 def _renew_output() -> None:

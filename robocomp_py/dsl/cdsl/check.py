@@ -34,6 +34,8 @@ class Surroundings:
     """What is installed."""
     machine: StateMachine | None = None
     """Its own, if it has one without mistakes."""
+    has_window: bool = False
+    """Whether its files are RoboComp's, which may have one."""
 
 
 def check(model: m.Component, around: Surroundings, report: Report) -> None:
@@ -185,7 +187,7 @@ class _Checker:
             else:
                 hint = did_you_mean(option.text, OPTIONS)
                 self.report.warning("unknown-option", f"unknown option `{option}`", option.span, hint)
-        for clause in self.model.all("gui"):
+        for clause in () if self.around.has_window else self.model.all("gui"):
             self.report.warning("ineffective-gui", "a `gui` has no effect yet", clause.span)
         for clause in self.model.all("legacy"):
             message = f"`{clause.names[0]}` is from an older RoboComp and has no effect"

@@ -21,7 +21,7 @@ from ...wire.header import clock
 from ..crew import belongs
 from ..directory import runtime_dir
 from . import library
-from .storm import REMEDY, Place
+from .storm import INSTALL, Place
 
 if TYPE_CHECKING:
     from .transport import IceTransport
@@ -158,7 +158,7 @@ class Exchange:
         return (
             f"ice: no IceStorm answers at `{self._transport.options.storm}`, and topics need one: start RoboComp's "
             "`rcnode`, or `rc host ice`, or the network by rcdeploy, which does so; if it is elsewhere, set "
-            f"`transports.ice.storm`; if it is not installed: {REMEDY} ({self._why or 'it has not answered yet'})"
+            f"`transports.ice.storm`; if it is not installed, {INSTALL} ({self._why or 'it has not answered yet'})"
         )
 
     def look_soon(self) -> None:

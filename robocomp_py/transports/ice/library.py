@@ -76,7 +76,7 @@ _ALWAYS = {
     "Ice.ThreadPool.Client.SizeMax": 1,
     "Ice.Warn.Dispatch": 0,
     "Ice.Warn.UnusedProperties": 0,
-    # What Ice tells under a lock of its own, which another thread may want that holds Python's: both would wait for ever.
+    # What is told under a lock of Ice's, which a thread may want that holds Python's: both would wait for ever.
     "Ice.Warn.Connections": 0,
     "Ice.Trace.Network": 0,
     "Ice.Trace.Protocol": 0,
@@ -197,4 +197,8 @@ def why(exc: Any) -> str:
 
 
 _TELLING = ("str", "reason", "unknown", "kindOfObject", "host", "proxy")
-_PLAINLY: Mapping[str, str] = {"ConnectionLost": "the connection was lost", "DNS": "host not found", "Socket": "socket"}
+_PLAINLY: Mapping[str, str] = {
+    "ConnectionLost": "the connection was lost",
+    "DNS": "host not found",
+    "MemoryLimit": "it is larger than `message_size_max` allows",
+}

@@ -206,7 +206,8 @@ class Port:
         limit: int,
         take: Take,
     ) -> None:
-        """`name` is the adapter's, and nobody else's; "" for `endpoints` is where there is room; `ids` tells which interfaces the object has, as Ice names them."""
+        """`name` is the adapter's, and nobody else's. No `endpoints` is where there is room. `ids` tells which
+        interfaces the object has, as Ice names them."""
         self._outstanding: set[Answer] = set()
         endpoints = endpoints or "tcp"
         with as_transport_error(f"listening at {endpoints!r} for {identity}"):

@@ -36,7 +36,7 @@ class CommandInlet(_CommandInlet):
     transport: IceTransport
 
     def accept(self, payload: Payload, expires: float, answer: Any) -> Job | None:
-        """Also those of programs that wait for an answer, which they get when the command has its place in the queue."""
+        """Also those of programs that wait for an answer: they get it when the command has its place in the queue."""
         job = super().accept(payload, expires, answer)
         answer(Reply(Status.OK, NOTHING) if job else Reply(Status.BUSY))
         return job

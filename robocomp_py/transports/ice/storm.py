@@ -53,7 +53,7 @@ QUEUE = 10_000
 HUNG_MS = 5000
 """A subscriber that takes nothing for so long is dropped, with what is kept for it. It comes back by itself."""
 
-REMEDY = "install them (Debian: apt-get install zeroc-icebox libzeroc-icestorm3.7), or start RoboComp's `rcnode`"
+INSTALL = "Debian and Ubuntu have it: apt-get install zeroc-icebox libzeroc-icestorm3.7"
 
 _PR_SET_PDEATHSIG = 1
 _prctl = ctypes.PyDLL(None).prctl if sys.platform.startswith("linux") else lambda *arguments: -1
@@ -185,7 +185,7 @@ class _Keeper:
     def _start(self) -> None:
         program = shutil.which("icebox")
         if program is None:
-            self._complain(f"IceStorm does not answer at {self._place}, and there is no `icebox` to run it; {REMEDY}")
+            self._complain(f"IceStorm does not answer at {self._place}, and there is no `icebox` to run it; {INSTALL}")
             return
         name = f"icestorm {self._place.host} {self._place.port}"
         claims = runtime_dir() / "ice" / "storms"
@@ -214,7 +214,8 @@ class _Keeper:
             self._ending.wait(0.01)
         if not self._ending.is_set() and not self._place.answers():  # else another one was quicker
             said = self._said() or f"it says nothing, for {START:g} s"
-            self._complain(f"IceStorm cannot be run at {self._place}: {said}")
+            lacks = f"; {INSTALL}" if "load" in said and "IceStormService" in said else ""
+            self._complain(f"IceStorm cannot be run at {self._place}: {said}{lacks}")
         self._stop()
 
     def _launch(self, program: str) -> subprocess.Popen[bytes]:
@@ -269,10 +270,11 @@ class _Keeper:
         self._pause = min(2 * self._pause or CALL, LONGEST_PAUSE)
 
     def _said(self) -> str:
-        """What it has written since we last looked."""
+        """What it has written since we last looked, without the time of day."""
         assert self._box
         assert self._box.stderr
-        return (self._box.stderr.read() or b"").decode(errors="replace").strip()
+        said = (self._box.stderr.read() or b"").decode(errors="replace")
+        return re.sub(r"^[-!]! \d\S* \d\S* ", "", said, flags=re.MULTILINE).strip()
 
     def _pass_on(self) -> None:
         for line in self._said().splitlines():

@@ -393,3 +393,31 @@ class Listener(QtCore.QThread):
         program.wait_for("listening elsewhere")
         program.wait_for("heard news main")
         assert program.ended() == 0
+
+
+def test_what_was_posted_from_elsewhere_runs_in_the_main_thread(tmp_path: Path) -> None:
+    script = """
+    import sys, threading
+    from contextlib import nullcontext
+    from pathlib import Path
+    from robocomp_py.compat.qt import Need, open_loop
+
+    loop = open_loop(Need(window="QWidget"), wake=print, quit=print, outside=nullcontext, tell=print,
+                     folder=Path("."), name="post")
+    done = threading.Event()
+
+    def note():
+        print(threading.current_thread() is threading.main_thread())
+        done.set()
+
+    def life():
+        loop.post(note)
+        loop.call(lambda: None)
+        return done.wait(30)
+
+    print(loop.in_front(life, lambda: None))
+    """
+    (tmp_path / "post.py").write_text(dedent(script))
+    command = [sys.executable, str(tmp_path / "post.py")]
+    environment = {**os.environ, "QT_QPA_PLATFORM": "offscreen"}
+    assert subprocess.check_output(command, env=environment, text=True) == "True\nTrue\n"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +50,13 @@ def test_an_agent_runs_the_router_of_its_host():
     options = {"connect": "here/Patrol", "router": {"listen/endpoints": ["tcp/10.0.0.10:20000"]}}
     assert share_of(plan("zenoh", {"robot": options}), ROBOT).hosted == (("zenoh", options),)
     assert share_of(plan("zeromq"), ROBOT).hosted == ()
+
+
+def test_an_agent_runs_icestorm_for_those_who_use_ice_if_it_has_an_address_that_others_reach():
+    abroad, loopback = (f"IceStorm/TopicManager:tcp -h {host} -p 9999" for host in ("10.0.0.10", "127.0.0.1"))
+    network = replace(plan("ice"), storms=(abroad, loopback))
+    assert share_of(network, ROBOT).hosted == (("ice", {"storm": abroad}),)
+    assert share_of(replace(plan("zeromq"), storms=(abroad,)), ROBOT).hosted == ()
 
 
 def test_a_host_gets_the_keys_of_its_own_router_alone(tmp_path: Path):

@@ -1,4 +1,4 @@
-"""What the component `customer` of the tests does: it asks a workshop, and prints what it was told, a line of JSON each."""
+"""What the component `customer` of the tests does: it asks a workshop, and prints what it was told, in JSON."""
 
 from __future__ import annotations
 
