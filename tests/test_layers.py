@@ -26,6 +26,8 @@ FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py.transports.exclusive": BUILD | MIDDLEWARES | {"robocomp_py.runtime", "msgpack", "numpy"},
     "robocomp_py.transports.zenoh": BUILD | (MIDDLEWARES - {"zenoh"}) | {"robocomp_py.runtime", "msgpack"},
     "robocomp_py.transports.shm": BUILD | (MIDDLEWARES - {"iceoryx2"}) | {"robocomp_py.runtime", "msgpack"},
+    "robocomp_py.transports.iceoptions": BUILD | MIDDLEWARES | {"Ice", "robocomp_py.runtime", "msgpack"},
+    "robocomp_py.runtime.iceports": BUILD | MIDDLEWARES | {"Ice", "msgpack", "robocomp_py.runtime.classic"},
     "robocomp_py.runtime.statechart": BUILD | MIDDLEWARES | {"numpy", "robocomp_py.wire", "robocomp_py.transports"},
     "robocomp_py.graph.statemachine": BUILD | MIDDLEWARES | {"numpy", "xml", "robocomp_py.wire", "robocomp_py.runtime"},
     "robocomp_py.graph.netsvg": BUILD | MIDDLEWARES | {"numpy", "xml", "robocomp_py.wire", "robocomp_py.runtime"},

@@ -197,16 +197,17 @@ def _jobs(models: list[Path], include: list[Path], output: Path | None, middlewa
 
 def _to_port(folder: Path, root: Path, model: Model) -> porting.Porting:
     """What a component in C++ has that is to be written in Python."""
-    source = folder / porting.WORKER.parent
-    files = [f"{porting.WORKER.parent}/{name}" for name in porting.sources([path.name for path in source.iterdir()])]
-    texts = {file: read_file(folder / file).decode(errors="replace") for file in files}
-    ours = root / "specificworker.py"
-    return porting.porting(texts, read_file(ours).decode(errors="replace") if ours.exists() else "", model)
+    source, ours = folder / porting.WORKER.parent, root / "specificworker.py"
+    try:
+        names = porting.sources([path.name for path in source.iterdir() if path.is_file()])
+        texts = {f"{source.name}/{name}": read_file(source / name).decode(errors="replace") for name in names}
+        written = read_file(ours).decode(errors="replace") if ours.exists() else ""
+    except OSError as exc:
+        raise GenerationError(f"{exc.filename} cannot be read: {exc.strerror}") from exc
+    return porting.porting(texts, written, model)
 
 
-def _findings(
-    cdsl: Path, root: Path, component: Component, workspace: Workspace, middleware: str
-) -> Iterator[Finding]:
+def _findings(cdsl: Path, root: Path, component: Component, workspace: Workspace, middleware: str) -> Iterator[Finding]:
     """The report of a component that RoboComp's generator made."""
     source = workspace.source(cdsl)
     parsed = parse_cdsl(source, Report()) if source else None
@@ -305,7 +306,9 @@ def _write(jobs: list[_Job]) -> int:
                 print("\nIt is a component in C++, whose files stay as they are.")
                 print("\n".join(porting.listed(job.porting, job.root)))
         else:
-            print(f"\nIt was made by RoboComp's generator, its files stay as they are, and `rc run {job.root}` runs it.")
+            print(
+                f"\nIt was made by RoboComp's generator, its files stay as they are, and `rc run {job.root}` runs it."
+            )
             print(f"What is in {job.root}/:\n")
             print("\n".join(listed(job.findings)))
     return FINE

@@ -466,7 +466,7 @@ def listed(found: Porting, root: Path) -> Iterator[str]:
         if any(task.written for task in group):
             yield f"\n  {kind} written: {', '.join(_called(task) for task in group if task.written)}"
     if found.new:
-        yield f"\n  new, nothing in C++: {', '.join(found.new)}"
+        yield f"\n  new, not in C++: {', '.join(found.new)}"
     for verdict, title in _TITLES.items():
         lines = [each for each in found.others if each.verdict is verdict]
         if lines:

@@ -37,7 +37,7 @@ from .imports import Imports, source_text
 from .libraries import advice
 from .machines import Chart
 from .proxies import handler, proxy_class
-from .python2 import NotConverted, as_python3
+from .python2 import NotConverted, as_python3, parsed
 from .slices import Slices, component_of, module_of
 
 log = logging.getLogger("robocomp.worker")
@@ -71,10 +71,11 @@ def existing_worker(folder: Path, package: str, alone: bool) -> type[ExistingWor
         for path in sorted((folder / "generic").glob("*.py"))
         if path.stem not in ("__init__", "genericworker", "params")
     }
-    known = {name: module for name, module in modules.items() if vars(module).get("__file__")}
-    # each instance imports its files afresh, and so has a package of its own for them
-    namespace = {"generated": known, "_home": folder, "package": package, "sources": sources, "alone": alone}
-    namespace |= {"machine": component.machine, "window": component.window}
+    tree = parsed(sources[WORKER.name], str(folder / WORKER))
+    if not any(isinstance(node, ast.ClassDef) and node.name == "SpecificWorker" for node in ast.walk(tree)):
+        raise ComponentError(f"{folder / WORKER} has no class SpecificWorker(GenericWorker)")
+    namespace = {"generated": modules, "_home": folder, "package": package, "sources": sources, "alone": alone}
+    namespace |= {"machine": component.machine, "window": component.window, "tree": tree}
     is_ice = "Ice" in sys.modules or any(map(uses_ice, sources.values()))
     ices = Ices(package, real if is_ice else _nothing)
     slices = Slices(package, ices.user_exception)
@@ -86,18 +87,11 @@ def existing_worker(folder: Path, package: str, alone: bool) -> type[ExistingWor
                 name = port.handler(operation.name)
                 namespace[name] = _handler(port, operation)
     namespace["__module__"] = __name__
-    _check_class(sources[WORKER.name], folder)
     return type("SpecificWorker", (ExistingWorker,), namespace)
 
 
 def _nothing(name: str) -> None:
     return None
-
-
-def _check_class(text: str, folder: Path) -> None:
-    """Raise ComponentError if there is no class to make a worker of."""
-    if not any(isinstance(node, ast.ClassDef) and node.name == "SpecificWorker" for node in ast.walk(ast.parse(text))):
-        raise ComponentError(f"{folder / WORKER} has no class SpecificWorker(GenericWorker)")
 
 
 def _source(path: Path) -> str:
@@ -127,6 +121,9 @@ class ExistingWorker(Worker[Any]):
     window: ClassVar[str]
     machine: ClassVar[StateMachine | None]
     sources: ClassVar[Mapping[str, str]]
+    """The author's files in `src`, in Python 3."""
+    tree: ClassVar[ast.Module]
+    """That of the specific part."""
     generated: ClassVar[Mapping[str, ModuleType]]
     ices: ClassVar[Ices]
     slices: ClassVar[Slices]
@@ -139,6 +136,8 @@ class ExistingWorker(Worker[Any]):
             os.chdir(self._home)
         self._told: dict[str, tuple[float, int]] = {}
         self._user: Any = None
+        self._thread: int | None = None
+        """Which one its loop is run by."""
         self._threads: list[threading.Thread] = []
         """Those that its code has begun, and that would keep a process of its own from ending."""
         self.statemachine = None
@@ -161,7 +160,7 @@ class ExistingWorker(Worker[Any]):
         try:
             module = self._loop.call(self._imports.load, "specificworker")
         except ModuleNotFoundError as exc:
-            raise ComponentError(self._missing(exc)) from exc
+            raise ComponentError(advice(exc, self._home)) from exc
         generic = vars(self._imports.given["genericworker"])["GenericWorker"]
         found = getattr(module, "SpecificWorker", None)
         if not (isinstance(found, type) and issubclass(found, generic)):
@@ -193,6 +192,7 @@ class ExistingWorker(Worker[Any]):
 
     def compute(self) -> None:
         """One thing that is due: a step of the state machine, a timer, or a queued signal; handlers come between."""
+        self._thread = threading.get_ident()
         if self._chart and self._chart.due:
             self._chart.step()
         else:
@@ -213,6 +213,16 @@ class ExistingWorker(Worker[Any]):
         """Let go of their object, whose `__del__` may have something to do."""
         self._user = None
         gc.collect()  # its timers and signals refer to it, and it to them
+
+    def _end(self) -> None:
+        """End, when those have had their turn who were told of it by a signal from another thread."""
+        if threading.get_ident() == self._thread:
+            self.stop()
+        else:
+            self._loop.post(self.stop)
+
+    def _begun(self, thread: threading.Thread) -> None:
+        self._threads = [*(each for each in self._threads if each.is_alive()), thread]
 
     def _beats(self, now: float) -> Beat:
         return _LoopBeat(self._loop, self._chart, self._period, self._period_set)
@@ -292,7 +302,9 @@ class ExistingWorker(Worker[Any]):
 
     def _tell(self, exc: BaseException) -> None:
         """Say what a slot has raised. As with Qt, that does not end the component."""
-        text = str(exc) if isinstance(exc, TransportError) else f"{self._raiser(exc)} raised\n{user_trace(exc)}"
+        hindered = isinstance(exc, TransportError)
+        what = f"was cut short: {exc}" if hindered else f"raised\n{user_trace(exc)}"
+        text = f"{self._raiser(exc)} {what}"
         now = time.monotonic()
         since, more = self._told.get(text, (-_AGAIN_S, 0))
         if now - since < _AGAIN_S:
@@ -301,8 +313,12 @@ class ExistingWorker(Worker[Any]):
         if len(self._told) >= _MAX_TOLD:
             self._told.clear()
         self._told[text] = (now, 0)
-        level = logging.WARNING if isinstance(exc, TransportError) else logging.ERROR
-        self.log.log(level, "%s%s", text, f"\n({more} times more since then)" if more else "")
+        self.log.log(
+            logging.WARNING if hindered else logging.ERROR,
+            "%s%s",
+            text,
+            f"\n({more} times more since then)" if more else "",
+        )
 
     def _raiser(self, exc: BaseException) -> str:
         """What of the component's own was called."""
@@ -327,10 +343,10 @@ class ExistingWorker(Worker[Any]):
                     setattr(module, name, other)
         given = imports.given
         given |= {**types, "Ice": self.ices.ice, "IceStorm": self.ices.storm}
-        given |= waits.modules(self._loop.outside, self._loop.locked, self._threads.append)
+        given |= waits.modules(self._loop.outside, self._loop.locked, self._begun)
         imports.lazily |= {name: partial(self._loop.modules.__getitem__, name) for name in self._loop.modules}
         given["genericworker"] = self._genericworker(package, types, given)
-        given["interfaces"] = self._interfaces(package, types)
+        given["interfaces"] = self._interfaces(package, {**types, "time": given["time"]})
         servants = {
             f"{port.interface.short.lower()}I": types.get(port.interface.module) for port in self.component.ports
         }
@@ -378,7 +394,7 @@ class ExistingWorker(Worker[Any]):
         """The first parts of what its specific part imports."""
         return frozenset(
             name.partition(".")[0]
-            for node in ast.walk(ast.parse(self.sources[WORKER.name]))
+            for node in ast.walk(self.tree)
             if isinstance(node, ast.Import | ast.ImportFrom)
             for name in ([each.name for each in node.names] if isinstance(node, ast.Import) else [node.module or ""])
         )
@@ -386,7 +402,7 @@ class ExistingWorker(Worker[Any]):
     def _bound(self) -> frozenset[str]:
         """What its specific part itself calls something, wherever that stands: more than a name that comes by a `*`."""
         found: set[str] = set()
-        for node in ast.parse(self.sources[WORKER.name]).body:
+        for node in self.tree.body:
             match node:
                 case ast.Import(names=names) | ast.ImportFrom(names=names):
                     found |= {each.asname or each.name.partition(".")[0] for each in names}
@@ -404,7 +420,7 @@ class ExistingWorker(Worker[Any]):
             for name, value in vars(each).items()
             if isinstance(value, type) and issubclass(value, list)
         }
-        vars(module).update({**lists, **types, "Ice": self.ices.ice, "IceStorm": self.ices.storm, "time": time})
+        vars(module).update({**lists, **types, "Ice": self.ices.ice, "IceStorm": self.ices.storm})
         return module
 
     def _make_generic(self) -> type[Any]:
@@ -418,7 +434,7 @@ class ExistingWorker(Worker[Any]):
 
         def kill_yourself(this: Any) -> None:
             this.kill.emit()
-            adapter.stop()
+            adapter._end()
 
         def set_period(this: Any, p: Any) -> None:
             this.Period = p
@@ -462,9 +478,6 @@ class ExistingWorker(Worker[Any]):
             again = self._chart.names.get("t_compute_to_compute")
             if again and self.machine and self.machine.name == "defaultMachine":
                 user.timer.timeout.connect(again)
-
-    def _missing(self, exc: ModuleNotFoundError) -> str:
-        return advice(exc, self._home)
 
 
 # as they are called where one of them fails

@@ -126,10 +126,10 @@ def _threading(
 
     class Thread(threading.Thread):
         def start(self) -> None:
-            if not self.daemon:
-                self.daemon = True
-                begun(self)
+            is_awaited, self.daemon = not self.daemon, True
             super().start()
+            if is_awaited:
+                begun(self)
 
         def join(self, timeout: float | None = None) -> None:
             with outside():

@@ -105,6 +105,7 @@ class _Finder:
         for number, served in enumerate(dict.fromkeys(map(_object, filter(self._crosses, self._calls)))):
             if served not in self._at and not self._everyone[served.instance].is_program:
                 self._serve(served, self._first_port + number)
+        self._check_ports()
         self._listen()
         told: dict[str, dict[str, str]] = {}
         for way in {(way.client, way.channel.rpartition("/")[0]): way for way in self._calls}.values():
@@ -169,6 +170,18 @@ class _Finder:
     def _serve(self, served: _Object, port: int) -> None:
         self._at[served] = "", port
         self._set(served.instance, f"endpoints.{served.segment}", f"tcp -p {port}")
+
+    def _check_ports(self) -> None:
+        """Of two instances on one host, only one can listen at a port."""
+        first: dict[tuple[str, int], _Object] = {}
+        for served, (_, port) in self._at.items():
+            other = first.setdefault((self._where[served.instance].host, port), served)
+            if other.instance != served.instance:
+                both = f"`{other.instance}` and `{served.instance}`"
+                message = f"port {port} is that of `{other.segment}` and of `{served.segment}` over Ice, of {both}"
+                hint = "give one of them another one; several interfaces of an instance have one each, in a row"
+                fault = Fault("port-clash", message, hint, served.instance, (both, str(port)), other.instance)
+                self._result.faults.append(fault)
 
     def _listen(self) -> None:
         """Who has to do with somebody on another host is reached at the address of its own."""

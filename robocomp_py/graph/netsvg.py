@@ -17,8 +17,10 @@ _LEGEND = 34.0
 _MOST = 5
 """Interfaces that stand at an arrow; how many more there are is said."""
 
-_COLOURS = {"inproc": "#6b7280", "shm": "#0f8a5f", "zeromq": "#b3261e", "zenoh": "#7b3fb5", "dds": "#c06a00"}
-_COLOURS["ice"] = "#0e7490"
+_COLOURS = {
+    **{"inproc": "#6b7280", "shm": "#0f8a5f", "zeromq": "#b3261e"},
+    **{"zenoh": "#7b3fb5", "dds": "#c06a00", "ice": "#0e7490"},
+}
 _OTHER = "#1f6fb2"
 _UNKNOWN = "#51657b"
 

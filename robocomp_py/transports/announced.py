@@ -26,8 +26,8 @@ log = logging.getLogger("robocomp.transport")
 STRANGERS = 1000
 """So many of those who mean something else are told apart; further ones are not reported any more."""
 
-_SLOWLY = 0.05
-"""Seconds between two looks for somebody who has not come for a while."""
+_AT_FIRST, _SLOWLY = 0.005, 0.05
+"""Seconds between two looks for somebody who has not come, and for one who has not come for a while."""
 
 L = TypeVar("L", bound="AnnouncedLink[Any]")
 R = TypeVar("R")
@@ -141,6 +141,8 @@ class AnnouncedLink(Generic[T]):
         self.closed = threading.Event()
         self._closing = threading.Lock()
         self._entry: Entry | None = None
+        self._patience = _AT_FIRST
+        """Seconds until the next look for somebody who has not come yet, however often he is waited for."""
         self._reported: set[object] = set()
         self._sparing = Sparing()
 
@@ -157,15 +159,16 @@ class AnnouncedLink(Generic[T]):
         return True
 
     def wait_peer(self, timeout: float) -> bool:
-        end, pause = time.monotonic() + timeout, 0.005
+        end = time.monotonic() + timeout
         while True:
             self.check_open()
             if self.visible():
+                self._patience = _AT_FIRST
                 return True
             if time.monotonic() >= end:
                 return False
-            self.closed.wait(min(pause, max(0.0, end - time.monotonic())))
-            pause = min(1.3 * pause, max(_SLOWLY, self.transport.directory.pause / 2))
+            self.closed.wait(min(self._patience, max(0.0, end - time.monotonic())))
+            self._patience = min(1.3 * self._patience, max(_SLOWLY, self.transport.directory.pause / 2))
 
     def visible(self) -> bool:
         """Whether the other side is there. Raises ContractMismatch if only others are."""

@@ -47,6 +47,10 @@ _LEAST = 0.002
 """Seconds between two looks for each of many members, where the folder is watched: all together, they look 500 times
 in a second at most, and each look takes a fifth of a millisecond, with all that comes of it."""
 
+_SELDOM = 5.0
+"""Seconds at most between two looks at all of many members, where the folder is not watched: at those who are new, and
+have not said yet what they are about, it is looked each time. Most users have 128 watches for all their processes."""
+
 _ROLL_CALL = 1.0
 """Seconds between two looks whether those who were found live, while the folder changes."""
 
@@ -169,7 +173,7 @@ class Directory:
         """When something was looked for that had not been before."""
         self._remembers = False
         """Whether what members wrote is kept, for what else may be looked for."""
-        self._next_look = 0.0
+        self._next_look = self._full_look = 0.0
         self.pause = 0.0
         """Seconds between two looks into it, by how many there are and how long that took."""
 
@@ -283,28 +287,34 @@ class Directory:
         if self._settled:  # it is not asked whether it is by now: nobody may have looked for a while
             return
         begun = time.thread_time()
-        files = self._read() if stamp else {}
+        is_full = now >= self._full_look or len(self._files) <= _FEW
+        files = self._read(is_full) if stamp else {}
         new = {name: file for name, file in files.items() if self._files.get(name) is not file}
         self._adopt(new, self._files.keys() - files.keys())
         self._remembers = True
-        spent = time.thread_time() - begun
+        spent = max(_LEAST, time.thread_time() - begun)
         self.pause = min(_LONGEST_PAUSE, spent * len(self._files)) if len(self._files) > _FEW else 0.0
         self._next_look = now + self.pause
-        self._settled = now - self._changed_at >= max(_SETTLED, 2 * self.pause)
+        if is_full:
+            self._full_look = now + min(_SELDOM, spent * len(self._files))
+        self._settled = is_full and now - self._changed_at >= max(_SETTLED, 2 * self.pause)
 
-    def _read(self) -> dict[str, _File]:
+    def _read(self, is_full: bool) -> dict[str, _File]:
+        """Who is there; unless it `is_full`, who has said before what it is about is taken not to have changed."""
         found: dict[str, _File] = {}
-        with os.scandir(self._folder) as files:
-            for file in files:
-                if not file.name.endswith(".json"):
-                    continue
-                name = file.name[:-5]
-                try:
-                    stamp = _stamp(file.stat())
-                    known = self._files.get(name)
-                    found[name] = known if known and known.stamp == stamp else _opened(file.path, stamp)
-                except FileNotFoundError:
-                    continue  # it left while we read
+        for file in os.listdir(self._folder):
+            if not file.endswith(".json"):
+                continue
+            name, path = file[:-5], os.path.join(self._folder, file)
+            known = self._files.get(name)
+            if known and known.about and not is_full:
+                found[name] = known
+                continue
+            try:
+                stamp = _stamp(os.stat(path))
+                found[name] = known if known and known.stamp == stamp else _opened(path, stamp)
+            except FileNotFoundError:
+                continue  # it left while we read
         return found
 
     def _adopt(self, new: Mapping[str, _File], gone: Collection[str]) -> None:

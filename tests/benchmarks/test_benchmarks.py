@@ -67,6 +67,15 @@ def test_every_size_of_every_middleware_gets_its_row(tmp_path: Path) -> None:
 
 
 @LONG
+def test_ice_is_measured_if_it_is_named(tmp_path: Path) -> None:
+    _, found = run(tmp_path, "--what", "query", "--only", "ice", "--sizes", "64")
+    [row] = found["query"]
+    assert (row["middleware"], row["failure"]) == ("ice", "")
+    assert row["ours"]
+    assert row["raw"]
+
+
+@LONG
 def test_components_are_started_and_watched_and_time_is_told_apart(tmp_path: Path) -> None:
     out, found = run(tmp_path, "--what", "start,cpu,threads,layers", "--only", "zeromq")
     begun = found["start"][0]

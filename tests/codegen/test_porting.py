@@ -325,6 +325,14 @@ def test_the_list_is_printed(arm: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert "    src/specificworker.h:2: innermodel/innermodel.h: " in out
 
 
+def test_what_is_no_file_and_no_text_is_stepped_over(arm: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (arm / "src" / "models.h").mkdir()
+    (arm / "src" / "gone.cpp").symlink_to("nowhere.cpp")
+    (arm / "src" / "old.cpp").write_bytes(b"// caf\xe9\n/* \x00 */ void SpecificWorker::brew() {}\n")
+    assert rcgen([str(arm)]) == 0
+    assert "src/old.cpp:2: void brew()\n" in capsys.readouterr().out
+
+
 def test_the_list_can_be_had_as_json(arm: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert rcgen(["--json", str(arm)]) == 0
     told = json.loads(capsys.readouterr().out)["porting"]

@@ -167,16 +167,18 @@ def test_files_import_each_other_by_whatever_name_their_generation_uses(tmp_path
         from parts import wing
         from src.parts.wing import NAME
         from root import NAME as ROOT
+        from nested.inner.tool import NAME as TOOL
         assert parts.deep.leaf is leaf is deep.leaf and wing.leaf is leaf
-        return [ifaces.RoboCompArm.Joint(name=NAME + ROOT)]
+        return [ifaces.RoboCompArm.Joint(name=NAME + ROOT + TOOL)]
 """
     more = {
         "src/parts/deep/leaf.py": "import interfaces\nNAME = 'leaf'\n",
         "src/parts/wing.py": "from .deep import leaf\nfrom .deep.leaf import NAME\n",
+        "src/nested/inner/tool.py": "NAME = 'tool'\n",
         "root.py": "from dataclasses import dataclass\n@dataclass\nclass A:\n    a: 'int' = 1\nNAME = 'root'\n",
     }
     with running(server(tmp_path, code, **more)) as arm:
-        assert arm.call("Arm.joints", 0)[0].name == "leafroot"
+        assert arm.call("Arm.joints", 0)[0].name == "leafroottool"
 
 
 @pytest.mark.parametrize(

@@ -48,7 +48,7 @@ def test_a_network_has_components_of_both_kinds(tmp_path: Path) -> None:
     assert [digests(each) for each in folders] == before
 
 
-def test_two_share_a_process_and_one_alone_is_stopped_by_a_signal(tmp_path: Path) -> None:
+def test_two_share_a_process_and_one_alone_runs_in_its_folder(tmp_path: Path) -> None:
     folder = made(tmp_path / "arm", OF_2025)
     worker = folder / "src" / "specificworker.py"
     once = "        self.number += 1\n        print('at', __import__('os').getcwd())\n        self.killYourSelf()\n"

@@ -362,6 +362,14 @@ def test_what_carries_messages_to_other_hosts_is_started_first(folder: Path, kin
     assert "here/Patrol" in text
 
 
+def test_icestorm_is_there_before_who_publishes_over_ice(folder: Path) -> None:
+    storm = "IceStorm/TopicManager:tcp -h 127.0.0.1 -p 9999"
+    plan = network(component(folder, "laser"), storms=(storm,))
+    export = EXPORTERS["systemd"](plan, "n")
+    assert parts(only(export, "-laser.service"))["After"] == ["robocomp-Patrol-ice-storm.service"]
+    assert "transports.ice.storm" in only(export, "-ice-storm.service")
+
+
 def test_a_router_is_there_before_its_components(folder: Path) -> None:
     plan = network(component(folder, "laser"), routers={"": {"connect": "here/Patrol"}})
     unit = parts(only(EXPORTERS["systemd"](plan, "n"), "-laser.service"))

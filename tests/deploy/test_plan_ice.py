@@ -106,6 +106,13 @@ def test_what_goes_over_zeromq_beside_it_has_the_next_port(folder: Path) -> None
     assert options(found, "sensor", "zeromq") == {"bind": "tcp://127.0.0.1:10004"}
 
 
+def test_two_instances_that_are_configured_for_one_port_are_an_error(folder: Path) -> None:
+    (folder / "old.config").write_text("Laser.Endpoints = tcp -p 10003\n")
+    body = 'middleware ice; Component a : sensor { config "old.config"; }; Component b : sensor { port 10003; };'
+    [said] = told(folder, body)
+    assert said.startswith("port-clash: port 10003 is that of `Laser` and of `Laser` over Ice, of `a` and `b`")
+
+
 # Programs of one's own.
 
 

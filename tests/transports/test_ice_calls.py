@@ -390,6 +390,15 @@ def test_what_ice_has_to_say_goes_to_our_log(opening: Open, caplog: pytest.LogCa
     assert set(threading.enumerate()) == before
 
 
+def test_properties_of_ices_own_hold_but_for_those_that_would_break_calls(opening: Open) -> None:
+    here: Any = opening(properties={"Ice.ACM.Client.Timeout": "7", "Ice.ThreadPool.Server.Size": "4", "Ice.Extra": "x"})
+    properties = here.communicator.getProperties()
+    found = [
+        properties.getProperty(f"Ice.{name}") for name in ("ACM.Client.Timeout", "ThreadPool.Server.Size", "Extra")
+    ]
+    assert found == ["7", "1", "x"]
+
+
 def test_a_second_server_is_refused_wherever_it_listens(opening: Open, endpoint: str) -> None:
     echoing(opening())
     with pytest.raises(AlreadyServed):

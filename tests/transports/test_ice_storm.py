@@ -204,6 +204,18 @@ def test_while_there_is_none_best_effort_goes_on_and_reliable_gives_up_at_its_de
     _send_until(here, lossless, inbox)
 
 
+def test_a_reliable_publisher_of_large_messages_does_not_wait_for_what_was_taken(
+    here: Transport, there: Transport
+) -> None:
+    """It may be some megabytes ahead, which are fewer messages than its depth."""
+    deep = QoS(Reliability.RELIABLE, depth=1000)
+    inbox, outlet = subscribe(there, topic(NAME, deep)), here.outlet(topic(NAME, deep))
+    greet(here, outlet, inbox)
+    for _ in range(100):
+        outlet.send(blob(here, bytes(100_000)), SOON)
+    wait_until(lambda: inbox.qsize() == 100)
+
+
 def test_who_was_unsubscribed_subscribes_again(here: Transport, there: Transport, running: str) -> None:
     """As IceStorm does with those it cannot reach for a while."""
     import Ice

@@ -29,6 +29,9 @@ RUNTIME = "/run/robocomp"
 ROUTER = "zenoh-router"
 """No instance is called so: names of instances have no dashes."""
 
+BROKER = "ice-storm"
+"""Likewise."""
+
 USER = 1000
 """Whose number the components have in containers."""
 
@@ -92,6 +95,9 @@ def sites_of(plan: Plan, below: Callable[[Host | None], str]) -> list[Site]:
             moved = places(apart, folder) | {path: f"{kept}/{path.name}" for path in keys.values()}
         if router:
             processes = _behind(_router(_relocated(router, moved), name), processes)
+        if name == ("" if "" in names else next(iter(names))):  # where the network tells everybody that it is
+            for number, storm in enumerate(plan.storms):
+                processes = _behind(_broker(storm, number, name), processes)
         shown = name or "localhost" if len(names) > 1 else ""
         sites.append(Site(shown, host, processes, moved, keys))
     return sites
@@ -121,6 +127,14 @@ def _router(options: Mapping[str, Any], host: str) -> Process:
     given = (part for key, value in options.items() for part in ("--set", f"transports.zenoh.{key}={toml(value)}"))
     command = (sys.executable, "-m", "robocomp_py.cli.rc", "host", "zenoh", *given)
     return Process(ROUTER, "Zenoh", command, Path.cwd(), host=host, restart=Restart(When.ALWAYS))
+
+
+def _broker(storm: str, number: int, host: str) -> Process:
+    """What carries topics over Ice, where nobody else does."""
+    given = ("--set", f"transports.ice.storm={toml(storm)}")
+    command = (sys.executable, "-m", "robocomp_py.cli.rc", "host", "ice", *given)
+    name = f"{BROKER}{number or ''}"
+    return Process(name, "IceStorm", command, Path.cwd(), host=host, restart=Restart(When.ALWAYS))
 
 
 def _behind(first: Process, processes: Iterable[Process]) -> tuple[Process, ...]:

@@ -219,10 +219,11 @@ class Exchange:
                 self._miss(exc)
                 self._due.wait(pause)
                 pause = min(2 * pause, LONGEST_ATTEMPT)
-        if self._reached:
-            with contextlib.suppress(Exception):  # it goes down just now, too, and forgets us then
-                for topic in list(self._topics.values()):
-                    self._end(topic, [*topic.ended, *(each for each in topic.subscriptions if each.epoch)])
+        try:
+            for topic in list(self._topics.values()):
+                self._end(topic, [*topic.ended, *(each for each in topic.subscriptions if each.epoch)])
+        except Exception as exc:  # it goes down just now, too, and forgets us then
+            log.debug("unsubscribing: %s", exc)
 
     def _look(self) -> None:
         connection = self._manager.ice_getConnection()

@@ -192,13 +192,15 @@ def why(exc: Any) -> str:
     if isinstance(exc, Ice.SyscallException) and exc.error:
         told.append(os.strerror(exc.error))
     name = type(exc).__name__.removesuffix("Exception")
-    words = _PLAINLY.get(name) or "".join(f" {letter.lower()}" if letter.isupper() else letter for letter in name)
-    return ": ".join([words.strip(), *told])
+    words = "".join(f" {letter.lower()}" if letter.isupper() else letter for letter in name).strip()
+    return ": ".join(filter(None, (_PLAINLY.get(name, words), *told))) or words
 
 
 _TELLING = ("str", "reason", "unknown", "kindOfObject", "host", "proxy")
 _PLAINLY: Mapping[str, str] = {
     "ConnectionLost": "the connection was lost",
+    "ConnectionRefused": "",  # the error that follows says the same
     "DNS": "host not found",
+    "Socket": "",
     "MemoryLimit": "it is larger than `message_size_max` allows",
 }

@@ -19,7 +19,7 @@ from collections.abc import Mapping
 
 from ...contract.types import BOOL, STRING, Field, Sequence, Struct
 from ...errors import DecodeError
-from ...wire.header import Request, read_request
+from ...wire.header import REQUEST_BYTES, Request, read_request
 from ...wire.ice import Ice
 from ..base import STATUSES, Reply, Status
 
@@ -49,8 +49,16 @@ def request_head(identity: str, operation: str, context: Mapping[str, str]) -> i
     return 32 + sum(5 + len(text.encode()) for text in texts)
 
 
+_LENGTHS = (2 * REQUEST_BYTES, 2 * (REQUEST_BYTES + 4))
+
+
+def is_ours(context: Mapping[str, str]) -> bool:
+    """Whether a request is one of ours, as far as can be told at once; others may use the key for something else."""
+    return len(context.get(RC, "")) in _LENGTHS
+
+
 def header(context: Mapping[str, str]) -> Request | None:
-    """What one of ours tells with a request; None of anybody else, who may use the key for something else."""
+    """What one of ours tells with a request; None of anybody else."""
     told = context.get(RC)
     if told is None:
         return None

@@ -16,11 +16,11 @@ from .messages import (
     LEFT,
     NOTHING,
     OBJECT,
-    RC,
     REPLY_HEAD,
     failed,
     failure_text,
     flag,
+    is_ours,
     refusal,
     room,
     text,
@@ -253,7 +253,7 @@ class _Servant(BlobjectAsync):  # type: ignore[misc]  # Ice has no types
         if operation.startswith("ice_"):
             return self._about_itself(operation, payload)
         context: Mapping[str, str] = current.ctx
-        answer = Answer(RC in context, self._outstanding) if current.requestId else None
+        answer = Answer(is_ours(context), self._outstanding) if current.requestId else None
         arrived = Arrived(operation, payload, context, answer, self._limit)
         if not self._intake.put(lambda: self._take(arrived), len(payload)):
             arrived.reply(Reply(Status.BUSY))

@@ -32,7 +32,7 @@ from ..iceoptions import HOST, IceOptions, parse_proxy
 
 log = logging.getLogger("robocomp.transport.ice")
 
-START = 10.0
+START = 20.0
 """Seconds after which an icebox that has been started should answer."""
 
 LOOK = 0.2
@@ -110,15 +110,17 @@ class Place:
             return False
         return True
 
-    def is_free(self, port: int) -> bool:
-        """Whether a port could be listened at now."""
-        try:
-            with socket.socket(socket.AF_INET6 if ":" in self.host else socket.AF_INET) as probe:
-                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-                probe.bind((self.host, port))
-        except OSError:
-            return False
-        return True
+    def beside(self) -> int:
+        """A port for publications that is free: the one before, as `rcnode` has it, or any."""
+        for port in (self.port - 1, 0):
+            try:
+                with socket.socket(socket.AF_INET6 if ":" in self.host else socket.AF_INET) as probe:
+                    probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                    probe.bind((self.host, port))
+                    return int(probe.getsockname()[1])
+            except OSError:
+                continue
+        return 0
 
     def answers(self, patience: float = CALL) -> bool:
         """Whether IceStorm is there: its TopicManager is asked, in Ice's protocol, whether it exists."""
@@ -138,6 +140,8 @@ class _Keeper:
 
     def __init__(self, place: Place, owner: str, most_bytes: int) -> None:
         self._place, self._owner, self._most_bytes = place, owner or "ice", most_bytes
+        self._beside = 0
+        """The port of publications: that of the first IceStorm, as publishers that know no better go on with it."""
         self._thread = threading.Thread(target=self._keep, name="icestorm-keeper")
         self._ending, self._settled = threading.Event(), threading.Event()
         self._box: subprocess.Popen[bytes] | None = None
@@ -205,7 +209,7 @@ class _Keeper:
         os.set_blocking(self._box.stderr.fileno(), False)
         end = time.monotonic() + START
         while not self._ending.is_set() and time.monotonic() < end:
-            if self._place.answers(LOOK):
+            if self._place.answers():
                 log.info("%s: IceStorm runs at %s (pid %d)", self._owner, self._place, self._box.pid)
                 self._told, self._started_at = "", time.monotonic()
                 return
@@ -219,8 +223,9 @@ class _Keeper:
         self._stop()
 
     def _launch(self, program: str) -> subprocess.Popen[bytes]:
+        self._beside = self._beside or self._place.beside()
         return subprocess.Popen(
-            _command(program, self._place, self._most_bytes),
+            _command(program, self._place, self._beside, self._most_bytes),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
@@ -281,14 +286,12 @@ class _Keeper:
             log.warning("%s: icebox: %s", self._owner, line)
 
 
-def _command(program: str, place: Place, most_bytes: int) -> list[str]:
+def _command(program: str, place: Place, beside: int, most_bytes: int) -> list[str]:
     at = f"tcp -h {place.host}"
-    # beside it, as with `rcnode`, so that publishers that know no better go on after a restart
-    beside = f" -p {place.port - 1}" if place.is_free(place.port - 1) else ""
     settings = {
         "IceStorm.InstanceName": place.instance,
         "IceStorm.TopicManager.Endpoints": f"{at} -p {place.port}",
-        "IceStorm.Publish.Endpoints": at + beside,
+        "IceStorm.Publish.Endpoints": f"{at} -p {beside}",
         "IceStorm.Transient": 1,
         "IceStorm.Send.Timeout": HUNG_MS,
         "IceStorm.Send.QueueSizeMax": QUEUE,

@@ -21,7 +21,7 @@ from ...wire.codec import Payload
 from ...wire.header import pack_publication, random_id
 from ..announced import STRANGERS, AnnouncedLink
 from ..base import ANY_QOS, Channel, Sink, Source, TypeRef, depth_of
-from ..credit import MOST_AHEAD, Credit
+from ..credit import BYTES_AHEAD, MOST_AHEAD, Credit
 from ..crew import Job, Lane
 from ..ledger import Ledger
 from ..reception import Reception, living
@@ -225,8 +225,8 @@ class Subscriber(AnnouncedLink["IceTransport"]):
         self._taking = threading.RLock()
         self._publishers: dict[int, _Told] = {}
         """By their ids."""
-        self._untold: dict[int, tuple[int, int]] = {}
-        """Of each publisher, how many of its messages were taken since it was told so, and the last one's number."""
+        self._untold: dict[int, _Untold] = {}
+        """By publisher."""
         self._held: dict[int, list[tuple[Header, Payload]]] = {}
         """Of publishers that are asked for what they latched: what else they sent meanwhile."""
         self._asked: set[int] = set()
@@ -261,9 +261,9 @@ class Subscriber(AnnouncedLink["IceTransport"]):
         self._reception.meet(Source(entry.channel, from_traits(entry.traits)) for _, entry in found)
         with self._taking:
             self._publishers, self._looked = there, True
-            for source, (count, last) in list(self._untold.items()):
+            for source, untold in list(self._untold.items()):
                 if source in there:
-                    self._tell(there[source], count, last)
+                    self._tell(there[source], untold)
                 elif len(self._untold) > _MOST_UNKNOWN:
                     del self._untold[source]
             jobs = self._catch_up(there) if self._latched else []
@@ -298,7 +298,7 @@ class Subscriber(AnnouncedLink["IceTransport"]):
             self._heard_strangers = True
             if self._reception.on:
                 payload = self._reception.admit(self.channel.name, 0, payload)
-            return self._put(payload if not self.lossless else (None, payload))
+            return self._put(payload if not self.lossless else (None, 0, payload))
         if header.fingerprint != self.channel.type.fingerprint:
             self._meet(header)
             return None
@@ -320,9 +320,10 @@ class Subscriber(AnnouncedLink["IceTransport"]):
     def _admit(self, header: Header, payload: Payload) -> Job | None:
         if not self._ledger.admit(header.source, header.sequence):
             return None
+        octets = len(payload)
         if self._reception.on:
             payload = self._reception.admit(header.channel, header.stamp, payload)
-        return self._put((header, payload) if self.lossless else payload)
+        return self._put((header, octets, payload) if self.lossless else payload)
 
     def _put(self, item: Any) -> Job | None:
         if not self.lane.put(item):
@@ -340,26 +341,26 @@ class Subscriber(AnnouncedLink["IceTransport"]):
     def _give(self, payload: Payload) -> None:
         self._sink(payload)
 
-    def _give_and_tell(self, item: tuple[Header | None, Payload]) -> None:
-        header, payload = item
+    def _give_and_tell(self, item: tuple[Header | None, int, Payload]) -> None:
+        header, octets, payload = item
         if header:
-            self._note(header)
+            self._note(header, octets)
         self._sink(payload)
 
-    def _note(self, header: Header) -> None:
+    def _note(self, header: Header, octets: int) -> None:
         """Have it told to its publisher that a message was taken, when it is worth telling."""
         source = header.source
         with self._taking:
-            publisher = self._publishers.get(source)
-            count = self._untold.get(source, (0, 0))[0] + 1
-            self._untold[source] = count, header.sequence
+            publisher, before = self._publishers.get(source), self._untold.get(source, _NOTHING)
+            untold = _Untold(before.messages + 1, before.octets + octets, header.sequence)
+            self._untold[source] = untold
             if publisher:
-                self._tell(publisher, count, header.sequence)
+                self._tell(publisher, untold)
 
-    def _tell(self, publisher: _Told, count: int, last: int) -> None:
-        if count * _PARTS >= publisher.ahead:
+    def _tell(self, publisher: _Told, untold: _Untold) -> None:
+        if untold.messages * _PARTS >= publisher.ahead or untold.octets * _PARTS >= BYTES_AHEAD:
             del self._untold[publisher.id]
-            self.transport.desk.tell_taken(publisher.desk, publisher.id, self.id, last)
+            self.transport.desk.tell_taken(publisher.desk, publisher.id, self.id, untold.last)
 
     # What is latched.
 
@@ -412,6 +413,18 @@ class Subscriber(AnnouncedLink["IceTransport"]):
             if header.fingerprint == self.channel.type.fingerprint and self._is_next(header, payload)
         ]
         return [job for job in jobs if job]
+
+
+class _Untold(NamedTuple):
+    """What was taken of a publisher since it was told so."""
+
+    messages: int
+    octets: int
+    last: int
+    """The number of the last message."""
+
+
+_NOTHING = _Untold(0, 0, 0)
 
 
 class _Told(NamedTuple):

@@ -100,7 +100,7 @@ class Program:
 
     def ended(self) -> int:
         """Its exit code, when it has ended."""
-        rest, _ = self.process.communicate(timeout=2 * SOON)
+        rest, _ = self.process.communicate(timeout=6 * SOON)
         self.printed += rest.splitlines()
         return self.process.returncode
 

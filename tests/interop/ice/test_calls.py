@@ -122,6 +122,7 @@ def test_what_ice_has_beside_calls_does_no_harm(start: Start, free_port: int) ->
         "id": "::RoboCompWorkshop::Workshop",
         "by a facet": [3, 1],
         "with a context": [3, 1],
+        "fails with a context": ["UnknownException", "RuntimeError", "odd"],
         "idempotent as normal": True,
         "one way": True,
         "another name": ["ObjectNotExistException"],

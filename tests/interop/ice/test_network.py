@@ -108,7 +108,7 @@ def answers(storm: str) -> bool:
 
 
 def until_said(what: str, lines: list[str], times: int = 1) -> None:
-    wait_until(lambda: sum(what in line for line in list(lines)) >= times, SOON * 3, f"{what!r} {times} times: {lines}")
+    wait_until(lambda: sum(what in line for line in list(lines)) >= times, SOON * 9, f"{what!r} {times} times: {lines}")
 
 
 def test_rcdeploy_runs_icestorm_as_long_as_the_network_runs(made: Path, storm: str) -> None:

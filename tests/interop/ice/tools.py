@@ -106,6 +106,7 @@ def probe(proxy):
     tell("id", there.ice_id())
     tell("by a facet", attempt(lambda: workshop.WorkshopPrx.uncheckedCast(there.ice_facet("x")).divide(7, 2)))
     tell("with a context", attempt(lambda: there.divide(7, 2, {"rc": "not yours", "other": "1"})))
+    tell("fails with a context", attempt(lambda: there.fail("odd", {"rc": "not yours"})))
     tell("idempotent as normal", there.ice_invoke("tidied", Ice.OperationMode.Idempotent, NOTHING)[0])
     tell("one way", attempt(lambda: there.ice_oneway().ice_invoke("tidied", Ice.OperationMode.Normal, NOTHING)[0]))
     nobody = there.ice_identity(Ice.stringToIdentity("nobody"))
