@@ -51,6 +51,8 @@ def run(options: argparse.Namespace) -> int:
     try:
         for assignment in options.set:
             settings.override(document, assignment)
+            if not assignment.startswith(f"transports.{middleware}."):
+                raise ConfigurationError(f"--set {assignment}: write it as transports.{middleware}.KEY=VALUE")
     except ConfigurationError as exc:
         print(f"rc host: {exc}", file=sys.stderr)
         return USAGE

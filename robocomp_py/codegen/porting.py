@@ -212,7 +212,7 @@ class _Judge:
         self._seen.add(name)
         port, operation = self._wanted[name]
         changes, types = (*_changes(method, operation), *_nowhere(method)), tuple(_types(method, operation))
-        begins = handler_signature(port, operation)
+        begins = _on_one_line(handler_signature(port, operation))
         done = self._written.does(name, handler(port, operation))
         return Task(file, method.line, method.text, Kind.HANDLER, begins, changes, types, done)
 
@@ -224,21 +224,34 @@ class _Judge:
             return self._made(file, method, Kind.LACKING, "", "a slot of DSR's graph, which is not known here")
         if _AGM.match(method.name):
             return self._made(file, method, Kind.LACKING, "", "of AGM, which is not known here")
-        notes = []
-        interface, _, operation = method.name.partition("_")
-        if operation and interface[:1].isupper() and not interface.isupper():
-            notes.append(f"is it a handler? the .cdsl has no {interface} that is received")
-        notes += [f"gives {each.name or each.type} back: return it" for each in method.parameters if each.gives_back]
-        return self._made(
-            file, method, Kind.HELPER, "", *notes, *_nowhere(method), written=self._written.has(method.name)
-        )
+        notes = [*self._received(method.name), *_given_back(method), *_nowhere(method)]
+        return self._made(file, method, Kind.HELPER, "", *notes, written=self._written.has(method.name))
+
+    def _received(self, name: str) -> list[str]:
+        """Whether a helper is called as if it were a handler."""
+        interface, _, operation = name.partition("_")
+        if not operation or not interface[:1].isupper() or interface.isupper():
+            return []
+        if any(port.label == interface for port, _ in self._wanted.values()):
+            return [f"is it a handler? {interface} has no {operation} here"]
+        return [f"is it a handler? the .cdsl has no {interface} that is received"]
 
     def _made(self, file: str, method: Method, kind: Kind, begins: str, *changes: str, written: bool = False) -> Task:
         return Task(file, method.line, method.text, kind, begins, tuple(filter(None, changes)), written=written)
 
 
+def _given_back(method: Method) -> list[str]:
+    names = [each.name or each.type for each in method.parameters if each.gives_back]
+    return [f"gives {', '.join(names)} back: return {'them' if len(names) > 1 else 'it'}"] if names else []
+
+
 def _nowhere(method: Method) -> list[str]:
     return [] if method.body is not None else ["declared, and defined nowhere"]
+
+
+def _on_one_line(text: str) -> str:
+    """A signature as it is quickest to read beside the one in C++."""
+    return " ".join(text.split()).replace("( ", "(").replace(", )", ")")
 
 
 def _outs(operation: Operation[Any]) -> list[str]:
@@ -372,7 +385,7 @@ def _own(units: Sequence[Unit]) -> Iterator[Finding]:
 
 
 _Place = tuple[tuple[str, ...], Verdict, str]
-_LOCKS = "no two methods run at once here, so locks between them go (docs/components.md)"
+_LOCKS = "no two methods run at once here, so locks between them go"
 _THREADS = "threads of your own are threading.Thread, and are ended in finish"
 _LOG = "self.log.info(…) and the like"
 _PLACES: tuple[_Place, ...] = (
@@ -380,7 +393,6 @@ _PLACES: tuple[_Place, ...] = (
     (("timer", ".", "start"), Verdict.UNDERSTOOD, "the period is self.period, in seconds"),
     (("setPeriod", "("), Verdict.UNDERSTOOD, "the period is self.period, in seconds"),
     (("QTimer",), Verdict.LACKING, "a timer of its own: count in compute"),
-    (("QTimer", "::"), Verdict.LACKING, "a timer of its own: count in compute"),
     (("emit",), Verdict.LACKING, "a signal of Qt: call what is connected to it"),
     (("connect", "("), Verdict.LACKING, "a signal of Qt: call what is connected to it"),
     (("G", "->"), Verdict.LACKING, "the graph of DSR is not known here"),
@@ -487,7 +499,7 @@ def _detailed(tasks: Sequence[Task]) -> Iterator[str]:
     for task in tasks:
         yield f"    {task.file}:{task.line}: {task.method}"
         if task.python:
-            yield from (f"        {line}" for line in textwrap.dedent(task.python).splitlines())
+            yield f"        {task.python}"
         yield from (f"        # {change}" for change in task.changes)
 
 

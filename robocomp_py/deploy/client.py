@@ -51,7 +51,7 @@ def network_of(text: str) -> str:
     The file is only looked into, not checked: it may be half changed while the network runs.
     """
     path = Path(text)
-    if re.fullmatch(r"\w+", text) and not path.exists():
+    if re.fullmatch(r"\w+", text) and not path.is_file():
         return text
     try:
         found = _WORDS.finditer(path.read_text(encoding="utf-8", errors="replace"))

@@ -18,7 +18,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-import math
+import sys
 from collections import deque
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -249,5 +249,5 @@ _FIELDS: Mapping[str, tuple[Callable[[Any], bool], str]] = {
     "names": (lambda value: isinstance(value, list) and all(isinstance(n, str) for n in value), "a list of names"),
     "count": (lambda value: type(value) is int and 0 <= value <= MOST_LINES, f"a whole number up to {MOST_LINES}"),
     "follow": (lambda value: isinstance(value, bool), "true or false"),
-    "grace": (lambda value: type(value) in (int, float) and 0 <= value < math.inf, "a number of seconds"),
+    "grace": (lambda value: type(value) in (int, float) and 0 <= value <= sys.float_info.max, "a number of seconds"),
 }

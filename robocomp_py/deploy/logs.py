@@ -132,21 +132,11 @@ class Logs:
                 older.replace(_numbered(file.path, number))
 
 
-def last(folder: Path, names: Collection[str], count: int) -> list[str]:
-    """The newest lines that files of these processes (all, if none is named) have, as they are written there.
-
-    Both forms begin with the time, so lines of several are in the order in which they came.
-    """
-    chosen = {f"{file_name(name)}.log" for name in names}
-    lines: list[str] = []
-    for path in sorted(folder.glob("*.log")):
-        if not chosen or path.name in chosen:
-            lines += _tail(path, count)
-    return sorted(lines)[-count:] if count else []
-
-
 def recalled(folder: Path, names: Collection[str], count: int) -> list[tuple[str, str]]:
-    """`last`, with the name of the process of each line, and without the time: as they were printed."""
+    """The newest lines that files of these processes (all, if none is named) have, in the order in which they came.
+
+    Each with the name of its process, and without the time: as they were printed.
+    """
     chosen = {file_name(name) for name in names}
     found = [
         (*_parts(line), path.stem)
@@ -175,7 +165,7 @@ def _tail(path: Path, count: int) -> list[str]:
         if len(lines) >= count:
             break
         with contextlib.suppress(OSError):
-            lines = [*file.read_text(errors="replace").splitlines(), *lines]
+            lines = [*file.read_bytes().decode(errors="replace").split("\n")[:-1], *lines]
     return lines[-count:]
 
 

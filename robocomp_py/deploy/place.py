@@ -154,7 +154,7 @@ class Place:
         runner = self.runner()
         who = f"process {runner.pid}" if runner and runner.pid else "another process"
         how = f" ({runner.command})" if runner and runner.command else ""
-        end = f"rcdeploy down, or kill {runner.pid}" if runner and runner.pid else "rcdeploy down"
+        end = f"rcdeploy down {self.network}" + (f", or kill {runner.pid}" if runner and runner.pid else "")
         return f"{self.network} runs already: {who}{how}; to end it: {end}"
 
 

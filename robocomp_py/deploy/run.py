@@ -144,7 +144,9 @@ class _Run(Listener, Network):
 
     async def run(self, services: Sequence[Service]) -> int:
         loop = asyncio.get_running_loop()
-        signals = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+        signals = [signal.SIGINT, signal.SIGTERM]
+        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # as under nohup
+            signals.append(signal.SIGHUP)
         for number in signals:
             loop.add_signal_handler(number, self._interrupted, number)
         try:
@@ -295,7 +297,7 @@ class _Run(Listener, Network):
         if self._supervisor.stopping:
             return
         waiting = self._teller.remind(self._unreachable)
-        self._reminders = self._reminders + 1 if waiting == self._reminded else 0
+        self._reminders = self._reminders + 1 if waiting and waiting == self._reminded else 0
         self._reminded = waiting
         self._remind_later()
 

@@ -194,7 +194,12 @@ class Teller:
         if process.host in unreachable:
             return f"{name} ({process.host} is out of reach)"
         barred = self._supervisor.progress[name].barred
-        after = [each for each in process.after if states[each] is not State.READY and each not in barred]
+        progress = self._supervisor.progress
+        after = [
+            each
+            for each in process.after
+            if states[each] is not State.READY and not progress[each].is_done and each not in barred
+        ]
         return f"{name} (after {', '.join([*after, *(f'the end of {each}' for each in sorted(barred))])})"
 
 

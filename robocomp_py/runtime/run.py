@@ -192,7 +192,8 @@ class Running:
         wanted = [port for port in self.component.ports if not port.verb.provides]
         own = port_of(self.component)
         if own:
-            servant = CommonBehavior(self.worker, self.settings.params, self.monitor.held, vars(self.worker).get("statemachine"))
+            machine = vars(self.worker).get("statemachine")
+            servant = CommonBehavior(self.worker, self.settings.params, self.monitor.held, machine)
             try:
                 self._links += ports.bind_handlers(own, servant, self._route, self.monitor, seldom=True)
             except AlreadyServed as exc:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 P = TypeVar("P")
 
 Front = Callable[[Callable[[], bool], Callable[[], None]], bool]
-"""Given how components live and how they are stopped, has them live on a thread of their own, and returns how it went."""
+"""Given how components live and how they are stopped, has them live on a thread of their own; returns how it went."""
 
 
 class Worker(ABC, Generic[P]):

@@ -172,6 +172,14 @@ def test_a_handler_goes_into_the_one_of_the_skeleton(arm: Path) -> None:
     assert found.changes == ()
 
 
+def test_a_long_signature_is_one_line(arm: Path) -> None:
+    long = [f"int number_of_the_parameter_{each}" for each in range(8)]
+    (arm / "Arm.idsl").write_text(ARM.replace("where(int joint)", f"where({', '.join(long)})"))
+    python = task(of(arm), "Arm_where").python
+    assert python.startswith("def Arm_where(self, number_of_the_parameter_0: int, ")
+    assert python.endswith("number_of_the_parameter_7: int) -> float:")
+
+
 def test_out_parameters_are_returned_behind_what_is_returned(arm: Path) -> None:
     found = task(of(arm), "Arm_move")
     assert found.python == "def Arm_move(self, joint: int, to: RoboCompArm.Angles) -> tuple[bool, bool, str]:"
@@ -228,9 +236,14 @@ def test_the_state_machine_of_every_component_is_its_life_cycle(arm: Path) -> No
 def test_helpers_stay_methods_and_give_back_what_they_change(arm: Path) -> None:
     found = of(arm)
     assert (task(found, "clamp").kind, task(found, "clamp").file) == (Kind.HELPER, "src/specificworker.h")
-    assert task(found, "split").changes == ("gives high back: return it", "gives low back: return it")
+    assert task(found, "split").changes == ("gives high, low back: return them",)
     assert task(found, "forgotten").changes == ("declared, and defined nowhere",)
     assert task(found, "Leg_walk").changes == ("is it a handler? the .cdsl has no Leg that is received",)
+    older = of(arm, "void SpecificWorker::Arm_wave(std::vector<int> &how) {}", header="")
+    assert task(older, "Arm_wave").changes == (
+        "is it a handler? Arm has no wave here",
+        "gives how back: return it",
+    )
 
 
 def test_what_has_no_counterpart_is_no_work(arm: Path) -> None:

@@ -152,6 +152,7 @@ def test_a_refusal_is_told_in_words(running: Running) -> None:
         (b'{"do": "restart", "names": "laser"}', '"names" of a request is a list of names'),
         (b'{"do": "restart", "names": [1]}', '"names" of a request is a list of names'),
         (b'{"do": "down", "grace": -1}', '"grace" of a request is a number of seconds'),
+        (b'{"do": "down", "grace": 1' + b"0" * 400 + b"}", '"grace" of a request is a number of seconds'),
         (b'{"do": "down", "grace": NaN}', '"grace" of a request is a number of seconds'),
         (b'{"do": "down", "grace": true}', '"grace" of a request is a number of seconds'),
         (b'{"do": "logs", "count": 99999}', f'"count" of a request is a whole number up to {MOST_LINES}'),

@@ -295,6 +295,7 @@ def test_names_become_different_ones() -> None:
         "left arm": "left-arm-3",
         "☃": "x",
     }
+    assert unique(["Laser", "laser"], "a-z", str.lower) == {"Laser": "laser", "laser": "laser-2"}
 
 
 def test_files_keep_their_names_where_these_are_free(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from robocomp_py.deploy.logs import KEPT, Form, Logs, last, recalled
+from robocomp_py.deploy.logs import KEPT, Form, Logs, recalled
 from robocomp_py.errors import DeploymentError
 
 
@@ -66,9 +66,17 @@ def test_the_newest_lines_are_told_across_files_and_of_several_in_order(logs: Lo
         logs.write("noisy", f"{number} " + "x" * 1000)
         logs.write("quiet", str(number))
     assert (logs.folder / "noisy.log.1").exists()
-    assert [line.split()[1] for line in last(logs.folder, ["noisy"], 20)] == [str(number) for number in range(50, 70)]
-    assert [line.split()[1] for line in last(logs.folder, [], 4)] == ["68", "68", "69", "69"]
-    assert last(logs.folder, ["nobody"], 4) == []
+    newest = [text.split()[0] for _, text in recalled(logs.folder, ["noisy"], 20)]
+    assert newest == [str(number) for number in range(50, 70)]
+    assert [text.split()[0] for _, text in recalled(logs.folder, [], 4)] == ["68", "68", "69", "69"]
+    assert recalled(logs.folder, ["nobody"], 4) == []
+
+
+def test_a_line_is_one_whatever_is_in_it(logs: Logs) -> None:
+    lines = ["50 %\r100 % done", "a page\x0canother one", "\u2028", "the last one"]
+    for line in lines:
+        logs.write("laser", line)
+    assert [text for _, text in recalled(logs.folder, ["laser"], 10)] == lines
 
 
 def test_what_a_full_disk_loses_is_counted_and_told_later(logs: Logs, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -39,7 +39,7 @@ def asking(network: str, deed: Callable[[Connection], int], absent: Callable[[],
                 return code
             raise
     except NotRunning as exc:
-        start = f"; start it: rcdeploy {shlex.quote(network)}" if os.path.exists(network) else ""
+        start = f"; start it: rcdeploy {shlex.quote(network)}" if os.path.isfile(network) else ""
         return complain(f"rcdeploy: {exc}{start}")
     except HostUnreachable as exc:
         complain(f"rcdeploy: {exc}")

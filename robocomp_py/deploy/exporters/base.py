@@ -90,7 +90,10 @@ def sites_of(plan: Plan, below: Callable[[Host | None], str]) -> list[Site]:
             keys[ROUTER] = found_keys
         moved: dict[Path, str] = {}
         if folder := below(host):
-            apart = [replace(each, files=tuple(set(each.files) - {keys.get(each.name)})) for each in processes]
+            apart = [
+                replace(each, files=tuple(path for path in each.files if path != keys.get(each.name)))
+                for each in processes
+            ]
             kept = f"{folder.removesuffix(APP)}{KEYS}"
             moved = places(apart, folder) | {path: f"{kept}/{path.name}" for path in keys.values()}
         if router:
@@ -151,13 +154,14 @@ def identifier(text: str, allowed: str) -> str:
     return re.sub(rf"[^{allowed}]+", "-", text).strip("-.") or "x"
 
 
-def unique(names: Iterable[str], allowed: str) -> dict[str, str]:
+def unique(names: Iterable[str], allowed: str, spelt: Callable[[str], str] = str) -> dict[str, str]:
     """For each name one that may be used, different ones for different names."""
     found: dict[str, str] = {}
     for name in names:
-        made, number = identifier(name, allowed), 2
+        wanted = identifier(spelt(name), allowed)
+        made, number = wanted, 2
         while made in found.values():
-            made, number = f"{identifier(name, allowed)}-{number}", number + 1
+            made, number = f"{wanted}-{number}", number + 1
         found[name] = made
     return found
 
@@ -186,7 +190,7 @@ def write_export(export: Export, folder: Path) -> None:
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / name).write_text(text, encoding="utf-8")
     except OSError as exc:
-        raise DeploymentError(f"{exc.filename or folder} cannot be written: {exc.strerror}") from exc
+        raise DeploymentError(f"{exc.filename or folder} cannot be written: {exc.strerror or exc}") from exc
 
 
 _OWNER = ".made-by-rcdeploy"

@@ -69,7 +69,7 @@ def _deployment(plan: Plan, site: Site) -> dict[str, Any]:
 
 
 def _pod(site: Site, image: str) -> dict[str, Any]:
-    names = unique_names((each.name.lower() for each in site.processes), _NAME)
+    names = unique_names((each.name for each in site.processes), _NAME, str.lower)
     pod: dict[str, Any] = {}
     if site.host:
         # By its addresses the other machines find it; the labels of nodes are their operator's.
@@ -81,14 +81,11 @@ def _pod(site: Site, image: str) -> dict[str, Any]:
         "enableServiceLinks": False,
         "terminationGracePeriodSeconds": max(1, round(max(grace(each) for each in site.processes))),
         "securityContext": {"runAsNonRoot": True, "runAsUser": USER, "fsGroup": USER},
-        "containers": [_container(site, each, names[each.name.lower()], image) for each in site.processes],
+        "containers": [_container(site, each, names[each.name], image) for each in site.processes],
         "volumes": [
             {"name": "runtime", "emptyDir": {"medium": "Memory"}},
             {"name": "shared-memory", "emptyDir": {"medium": "Memory"}},
-            *(
-                {"name": f"{KEYS}-{names[name.lower()]}", "secret": _secret(image, names[name.lower()])}
-                for name in site.keys
-            ),
+            *({"name": f"{KEYS}-{names[name]}", "secret": _secret(image, names[name])} for name in site.keys),
         ],
     }
 
@@ -140,9 +137,9 @@ def _steps(plan: Plan, all_sites: list[Site]) -> Iterator[str]:
     for site in all_sites:
         folder = site.name or "."
         yield f"docker build -t {_called(plan, site)} {folder}"
-        names = unique_names((each.name.lower() for each in site.processes), _NAME)
+        names = unique_names((each.name for each in site.processes), _NAME, str.lower)
         for process, path in site.keys.items():
             files = f"{'' if folder == '.' else f'{folder}/'}{KEYS}/{path.name}"
-            secret = f"{_called(plan, site)}-{names[process.lower()]}"
+            secret = f"{_called(plan, site)}-{names[process]}"
             yield f"kubectl create secret generic {secret} --from-file={shlex.quote(files)}"
         yield f"kubectl apply -f {'' if folder == '.' else f'{folder}/'}{_called(plan, site)}.yaml"

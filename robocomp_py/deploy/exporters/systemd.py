@@ -96,7 +96,7 @@ def _delay(restart: Restart) -> str:
 def _notes(plan: Plan) -> Iterator[str]:
     yield from escalating(plan, "systemd")
     if any(each.restart.when is not When.NEVER for each in plan.processes):
-        yield "systemd before 254 waits the same time before each restart: `max_delay` has no effect"
+        yield "systemd waits the same time before each restart: `max_delay` has no effect"
     here = {each.host for each in plan.processes if each.host == ""}
     if here and any(each.host for each in plan.processes):
         yield "the units of `localhost` name files where they are on this machine; those of the others go along"
@@ -115,6 +115,7 @@ def _steps(all_sites: list[Site], whole: str) -> Iterator[str]:
             yield f"{scp} {folder}{whole}* {to}:.config/systemd/user/"
             yield f"{ssh} {to} systemctl --user enable --now {whole}.target"
         else:
+            yield "mkdir -p ~/.config/systemd/user"
             yield f"cp {folder}{whole}* ~/.config/systemd/user/"
             yield f"systemctl --user enable --now {whole}.target"
 
