@@ -77,7 +77,7 @@ def _arguments(command: Sequence[str]) -> list[str]:
     """With options and their values together."""
     found: list[str] = []
     for word in command:
-        if found and found[-1] in ("--set", "--name", "--config", "--middleware"):
+        if found and found[-1] in ("--set", "--name", "--config", "--after"):
             found[-1] += f" {word}"
         else:
             found.append(word)

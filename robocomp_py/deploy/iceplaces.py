@@ -220,15 +220,45 @@ class _Finder:
         users |= dict.fromkeys(name for name, each in self._everyone.items() if _has_topics(each))
         own = [name for name in users if not self._everyone[name].is_program]
         abroad = any(self._where[name].host for name in users)
-        for name in own:
-            storm, host = self._options[name].storm, self._options[name].host
-            if storm == iceoptions.STORM and host == iceoptions.HOST:
-                storm = _at_host(storm, self._here if abroad else LOOPBACK)
-                if abroad or name in self._listening:
-                    self._set(name, "storm", storm)
-            elif storm == iceoptions.STORM:
-                storm = _at_host(storm, host)
-            self._result.storms += [storm] if storm not in self._result.storms else []
+        storms = {name: self._storm_of(name, abroad=abroad) for name in own}
+        self._result.storms += dict.fromkeys(storms.values())
+        for way in self._topics:
+            if way.client in storms and way.provider in storms:
+                self._check_topic(way, storms)
+
+    def _storm_of(self, name: str, *, abroad: bool) -> str:
+        """Where an instance looks for IceStorm; told to it, if else it would look at its own address."""
+        storm, host = self._options[name].storm, self._options[name].host
+        if any(each.host for each in iceoptions.parse_proxy(storm).endpoints):
+            return storm
+        if host != iceoptions.HOST:
+            return _at_host(storm, host)
+        storm = _at_host(storm, self._here if abroad else LOOPBACK)
+        if abroad or name in self._listening:
+            self._set(name, "storm", storm)
+        return storm
+
+    def _check_topic(self, way: Way, storms: Mapping[str, str]) -> None:
+        """Both ends have to mean the same topic of the same IceStorm, or nothing is ever heard."""
+        client, provider = storms[way.client], storms[way.provider]
+        heard, told = (self._options[end].topic_of(way.channel) for end in (way.client, way.provider))
+        if not _corners(client) & _corners(provider):
+            message = (
+                f"`{way.client}` hears `{way.interface}` through the IceStorm at `{client}`, "
+                f"and `{way.provider}` publishes it through that at `{provider}`"
+            )
+            hint = "give both the same transports.ice.storm"
+        elif heard != told:
+            message = (
+                f"`{way.client}` hears `{way.interface}` by the topic `{heard}` of IceStorm, "
+                f"and `{way.provider}` publishes it as `{told}`"
+            )
+            hint = "let transports.ice.topics say the same for both"
+        else:
+            return
+        subject = way.client, way.provider, way.interface
+        fault = Fault("middleware-mismatch", message, hint, way.client, subject, way.provider, way.port)
+        self._result.faults.append(fault)
 
     # What all need.
 
@@ -269,7 +299,20 @@ def _old_proxy(client: Configured, port: str) -> str:
 
 
 def _at_host(proxy: str, host: str) -> str:
-    return proxy.replace(":tcp ", f":tcp -h {_quoted(host)} ", 1)
+    """A proxy whose endpoints name no host, at one."""
+    name, *endpoints = proxy.split(":")  # where no host is named, no colon is quoted
+    words = (each.split(maxsplit=1) for each in endpoints)
+    return ":".join((name, *(" ".join((protocol, "-h", _quoted(host), *rest)) for protocol, *rest in words)))
+
+
+def _corners(proxy: str) -> set[tuple[str, str, int]]:
+    """Where the objects of a proxy are, whatever way that is written."""
+    found = iceoptions.parse_proxy(proxy)
+    return {(found.identity, _number(each.host), each.port) for each in found.endpoints}
+
+
+def _number(host: str) -> str:
+    return LOOPBACK if host.lower() in ("localhost", "::1") else host.lower()
 
 
 def _quoted(host: str) -> str:

@@ -187,12 +187,12 @@ def files_of(plan: Plan, host: str, folder: Path) -> tuple[Path, ...]:
     return (*found, *([router_folder(folder, host)] if host in plan.routers else []))
 
 
-def router_settings(plan: Plan, host: str, folder: Path, there: str = "") -> dict[str, Any]:
+def router_settings(plan: Plan, host: str, folder: Path) -> dict[str, Any]:
     """What Zenoh's router on a host needs: its keys, and who may do what there.
 
-    `there` is what its folder of keys is called on that host, if not as here. Raises DeploymentError if there are none.
+    Raises DeploymentError if there are no keys.
     """
-    own = there or str(router_folder(folder, host))
+    own = str(router_folder(folder, host))
     graph = graph_of(plan)
     numbers = {each.name: _identity(folder / each.folder).get("number", -1) for each in graph.principals}
     if -1 in numbers.values():
@@ -380,7 +380,7 @@ class _Maker:
             and found.name == _common_name(name)
             and found.addresses == frozenset(addresses)
             and found.expires - self._now > _soon(found)
-            and certificates.is_signed_by(pem.read_bytes(), authority.certificate)
+            and _is_signed(self._folder, folder_name)
         ):
             return Made(what, False, found.expires)
         issued = certificates.issue(authority, _common_name(name), addresses, self._now, self._days, serves=serves)
@@ -541,8 +541,8 @@ def _tls_hosts(options: Mapping[str, Any]) -> frozenset[str]:
     """The addresses at which a router listens."""
     router = options.get("router", {})
     listening = [*router.get("listen/endpoints", ()), str(options.get("connect", ""))]
-    found = [re.fullmatch(r"tls/\[?([^\]]*?)\]?:\d+.*", each) for each in listening]
-    return frozenset(each[1] for each in found if each) | {"127.0.0.1"}
+    found = [re.fullmatch(r"tls/(?:\[([^\]]+)\]|([^:\[\]]+)):\d+.*", each) for each in listening]
+    return frozenset(each[1] or each[2] for each in found if each) | {"127.0.0.1"}
 
 
 def _soon(found: Certificate) -> datetime.timedelta:

@@ -107,7 +107,7 @@ def _addresses(process: Process) -> list[str]:
         _, middleware, *option = key.split(".") if key.startswith("transports.") else ("", "", "")
         if option in (["bind"], ["interface"]):
             found[instance, key] = value and f"{middleware} {value}"
-        elif option[0] == "endpoints":
+        elif option[:1] == ["endpoints"]:
             found[instance, key] = f"{middleware} {option[-1]} {value}"
     return [said for said in found.values() if said]
 

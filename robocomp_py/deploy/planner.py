@@ -205,13 +205,15 @@ class _Planner:
     def _nodes(self) -> list[Node]:
         """The instances whose component could be read."""
         known: dict[str, LinkedComponent] = {}
-        for path in self._workspace.components_of_model(self._model):
+        paths = self._workspace.components_of_model(self._model)
+        complete = len(paths) == len(self._model.imports)
+        for path in paths:
             linked = self._workspace.component(path)
             if linked:
                 known[linked.component.name.lower()] = linked
+            complete = complete and linked is not None
         read = {linked.path.stem for linked in known.values()}
         unread = {PurePosixPath(name.text).stem for name in self._model.imports} - read
-        complete = len(known) == len(self._model.imports)
         nodes = []
         for instance in self._model.instances:
             found = known.get(instance.component.text.lower())

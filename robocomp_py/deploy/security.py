@@ -35,6 +35,9 @@ _UNPROTECTED = {
 """What no key of ours helps, and why."""
 
 _SAY = "write `security lan;` and make keys by `rcdeploy keys`, or `security open;` if everybody may take part"
+_SAY_UNPROTECTED = (
+    f"stay on this machine, or use {ZEROMQ} or {ZENOH}, or write `security open;` if everybody may take part"
+)
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,8 @@ def faults(security: Security, openings: Sequence[Opening], ways: Sequence[Way])
                 continue
             if security is Security.LOCAL:
                 message = f"`{opening.instance}` {what} {address}, which `security local` does not allow: {_BEYOND}"
-                yield Fault("insecure", message, _SAY, opening.instance)
+                hint = _SAY_UNPROTECTED if opening.middleware in _UNPROTECTED else _SAY
+                yield Fault("insecure", message, hint, opening.instance)
             elif security is Security.LAN and opening.middleware == ZENOH and not address.startswith("tls/"):
                 message = f"`{opening.instance}` {what} {address}, which is not encrypted"
                 hint = "write tls/ADDRESS:PORT, as `security lan` needs it, or leave it to rcdeploy"

@@ -65,11 +65,6 @@ class Wiring:
     faults: tuple[Fault, ...] = ()
 
 
-def crosses(network: Network) -> bool:
-    """Whether anything of it is carried from one host to another."""
-    return bool(list(_Wirer(network).crossing()))
-
-
 def wire(network: Network) -> Wiring:
     """The settings that let instances on several hosts meet, and what is wrong with that."""
     return _Wirer(network).wire()

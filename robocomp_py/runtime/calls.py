@@ -167,10 +167,10 @@ class Answering:
 
     def _thrown(self, exc: BaseException) -> Reply:
         kind = next(kind for kind in map(_contract_of, type(exc).__mro__) if kind)
-        fields = tuple(getattr(exc, field.attribute) for field in kind.all_fields)
         try:
+            fields = tuple(getattr(exc, field.attribute) for field in kind.all_fields)
             payload = _encoder(self._codec, thrown(kind))((LINEAGE.join(kind.lineage), *fields))
-        except EncodeError as wrong:
+        except (AttributeError, EncodeError) as wrong:  # a class derived from it may leave out a field
             log.error("%s raised %s with wrong fields: %s", self.method.__qualname__, type(exc).__name__, wrong)
             return self.failed(wrong)
         return Reply(Status.THROWN, payload)

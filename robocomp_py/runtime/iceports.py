@@ -27,7 +27,7 @@ from ..contract.component import Component, Port
 from ..contract.interface import Verb
 from ..contract.parameters import Complaint, Key
 from ..spelling import unknown
-from ..transports.iceoptions import MOST_BYTES
+from ..transports.iceoptions import MOST_BYTES, why_not_set
 from ..wire import names
 from .commonbehavior import port_of
 from .document import Document, Note, OfIce, OfIceKind
@@ -248,9 +248,11 @@ class _Reading:
         name, _, rest = line.name.partition(".")
         if line.name == "MessageSizeMax" and line.value.isascii() and line.value.isdigit():
             return _Taken(("message_size_max",), min(int(line.value[:12]) * 1024, MOST_BYTES))
-        if line.name == "Default.Host":
+        if line.name == "Default.Host" and line.value:
             return _Taken(("host",), line.value)
         if name in ("Warn", "Trace") and rest:
+            if why := why_not_set(f"Ice.{line.name}", line.value):
+                return _Taken(why=why)
             return _Taken(("properties", f"Ice.{line.name}"), line.value)
         return _Taken(why="a setting of Ice, which is not taken over; transports.ice.properties sets it")
 

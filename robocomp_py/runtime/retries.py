@@ -13,7 +13,7 @@ import random
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from functools import partial
 
 from ..errors import Unreachable
@@ -89,13 +89,14 @@ class Retrying:
         question, answer = self._question(payload), _Answer()
 
         def ask_again(why: Unreachable) -> None:
-            again = partial(self._again, partial(_called, question), why, end)
+            again = partial(self._again, partial(_called, question, answer), why, end)
             with self._lock:
-                if self._closed.is_set():
-                    answer.settle(lambda: _raise(why))
+                if not self._closed.is_set():
+                    self._aside = self._aside or ThreadPoolExecutor(_ASIDE, _THREADS)
+                    self._aside.submit(answer.settle, again).add_done_callback(lambda _: question.close())
                     return
-                self._aside = self._aside or ThreadPoolExecutor(_ASIDE, _THREADS)
-                self._aside.submit(answer.settle, again).add_done_callback(lambda _: question.close())
+            question.close()
+            answer.settle(lambda: _raise(why))  # without the lock: callbacks may close us
 
         def over(first: Future[Reply]) -> None:
             error = None if first.cancelled() else first.exception()
@@ -155,15 +156,17 @@ class Retrying:
 class _Answer(Future[Reply]):
     """What comes of a call in the end. Cancelling it gives up the attempt that is under way."""
 
-    _first: Future[Reply] | None = None
+    _attempt: Future[Reply] | None = None
 
-    def follow(self, first: Future[Reply]) -> None:
-        self._first = first
+    def follow(self, attempt: Future[Reply]) -> None:
+        self._attempt = attempt
+        if self.cancelled():
+            attempt.cancel()
 
     def cancel(self) -> bool:
         cancelled = super().cancel()
-        if cancelled and self._first:
-            self._first.cancel()
+        if cancelled and self._attempt:
+            self._attempt.cancel()
         return cancelled
 
     def settle(self, how: Callable[[], Reply]) -> None:
@@ -192,8 +195,12 @@ class _Anew:
     def close(self) -> None: ...
 
 
-def _called(question: Question, deadline: float) -> Reply:
-    return question.call(deadline).result()
+def _called(question: Question, answer: _Answer, deadline: float) -> Reply:
+    if answer.cancelled():
+        raise CancelledError
+    attempt = question.call(deadline)
+    answer.follow(attempt)
+    return attempt.result()
 
 
 def _raise(error: Exception) -> Reply:

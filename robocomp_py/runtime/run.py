@@ -35,6 +35,7 @@ from ..transports.base import Link, Transport, TransportConfig, TransportFactory
 from ..wire import names
 from . import ports, settings
 from .commonbehavior import CommonBehavior, port_of
+from .files import write_out
 from .lifecycle import Beat, Event, State, after
 from .monitor import Monitor
 from .notify import notify
@@ -452,6 +453,7 @@ def main(
     with Signals(partial(_stop_by, running, received)), Watchdog([running], [chosen.watchdog], notify):
         front = running.worker._in_front
         fine = front(running.run, running.stop) if front else running.run()
+        write_out()
     return 1 if not fine else 128 + received[0] if received else 0
 
 

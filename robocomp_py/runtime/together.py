@@ -22,6 +22,7 @@ from typing import Any
 
 from ..errors import ComponentError, ConfigurationError
 from ..spelling import unknown
+from .files import write_out
 from .notify import ENDED, notify
 from .run import STUCK, Running, parser_of, prepare, tell_notes, tell_where_on_abort
 from .settings import Document, Settings
@@ -227,6 +228,7 @@ def main(parts: Sequence[Part]) -> int:
         with Signals(stop_by), Watchdog(together.every, wishes, notify):
             front = next((each.worker._in_front for each in together.every if each.worker._in_front), None)
             fine = front(together.run, together.stop) if front else together.run()
+            write_out()
     except KeyboardInterrupt:  # the second one: what the components' threads do cannot be interrupted
         logging.shutdown()
         sys.stdout.flush()

@@ -68,7 +68,8 @@ class Watched:
 
     def totals(self) -> tuple[int, int]:
         """So many deadlines were missed, and so often was a publisher lost."""
-        return self._watch.missed, self._watch.lost
+        with self._lock:
+            return self._watch.missed, self._watch.lost
 
     def _sources(self) -> Mapping[str, QoS]:
         there = dict(self._own)

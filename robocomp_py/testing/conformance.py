@@ -700,6 +700,17 @@ class TransportConformance(QoSConformance):
         first.close()
         there.server(query(name), answering(there, bytes.lower))
 
+    def test_a_second_server_is_refused_also_where_one_claim_stands_for_several(
+        self, here: Transport, there: Transport, name: str
+    ) -> None:
+        claimed, unclaimed = query(name), replace(query(name), claims=False)
+        for channel, again in ((claimed, unclaimed), (unclaimed, claimed), (unclaimed, unclaimed)):
+            first = here.server(channel, answering(here, bytes.upper))
+            with pytest.raises(AlreadyServed):
+                there.server(again, answering(there, bytes.lower))
+            first.close()
+        there.server(unclaimed, answering(there, bytes.lower))
+
     # Contracts.
 
     def test_another_contract_is_named_and_calls_do_not_pass(

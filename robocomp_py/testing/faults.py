@@ -140,7 +140,7 @@ class TransportFaults(TransportSuite):
 
         here.inlet(topic(name), sink)
         victim = start(_publish_again_and_again)
-        seen = [heard.get(timeout=SOON) for _ in range(5)]
+        seen = [heard.get(timeout=SOON * 3) for _ in range(5)]  # a process has to start first
         victim.kill()
         outlet = there.outlet(topic(name))
         assert outlet.wait_peer(SOON)

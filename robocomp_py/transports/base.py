@@ -117,8 +117,8 @@ class Channel:
     heard: Callable[[str], object] | None = field(default=None, compare=False, repr=False)
     """Of an inlet of a topic: called with its channel for each message when it comes in, not when its turn has come."""
     claims: bool = field(default=True, compare=False, repr=False)
-    """Of what is served: whether nobody else may serve it. Else another one is opened by the same component that stands
-    for it, too, and nobody serves the one without the other."""
+    """Of what is served: whether a claim of its own keeps others from it, also at the same moment. Else another one is
+    opened by the same component that stands for it, too; and who is announced already is refused all the same."""
 
 
 @dataclass

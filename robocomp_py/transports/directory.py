@@ -206,6 +206,14 @@ class Directory:
                 known = self._search(role, channel)
             return [found for name in sorted(known) for found in known[name]]
 
+    def still_has(self, member_id: str, entry: Entry) -> bool:
+        """Whether what was found is there this moment, in this folder, and its process lives."""
+        try:
+            entries = _parse(_content(self._folder / f"{member_id}.json"), member_id).entries
+        except (OSError, ValueError, TypeError, KeyError):
+            return False
+        return entry in entries and self.alive(member_id)
+
     def alive(self, member_id: str) -> bool:
         """Whether a member's process lives. Removes what a dead one left."""
         if _locked(self._folder / f"{member_id}.lock"):
@@ -287,7 +295,8 @@ class Directory:
         if self._settled:  # it is not asked whether it is by now: nobody may have looked for a while
             return
         begun = time.thread_time()
-        is_full = now >= self._full_look or len(self._files) <= _FEW
+        is_watched = self._watch is not None and self._watch.working  # then nobody looks again at what is missed now
+        is_full = is_watched or now >= self._full_look or len(self._files) <= _FEW
         files = self._read(is_full) if stamp else {}
         new = {name: file for name, file in files.items() if self._files.get(name) is not file}
         self._adopt(new, self._files.keys() - files.keys())

@@ -14,7 +14,7 @@
     [transports.ice.topics]                  what IceStorm calls them; else as the interface, behind its namespace
     LaserPub = "zed/LaserPub"                by the interface; `base/LaserPub` for that of one instance
     [transports.ice.properties]              whatever else Ice itself knows
-    "Ice.Warn.Connections" = "1"
+    "Ice.Override.ConnectTimeout" = "2000"
 
 Beside the transport, and not in it, because whoever checks a configuration or plans a network reads them, too.
 """
@@ -38,15 +38,33 @@ STORM = "IceStorm/TopicManager:tcp -p 9999"
 MOST_BYTES = 2**31 - 1
 """Ice counts the bytes of a message in 32 bits."""
 
-KEPT = (
-    "Ice.Default.Host",
-    "Ice.MessageSizeMax",
-    "Ice.RetryIntervals",
-    "Ice.Default.InvocationTimeout",
-    "Ice.Default.EncodingVersion",
-    "Ice.Default.CollocationOptimized",
-)
-"""Properties of Ice that the transport sets itself."""
+FIXED: Mapping[str, str] = {
+    "Ice.RetryIntervals": "-1",  # Ice would repeat; we do, and know what was asked before
+    "Ice.Default.CollocationOptimized": "0",  # what is sent to ourselves takes the same way as everything
+    "Ice.Default.EncodingVersion": "1.1",
+    # One thread reads what we are asked, one what we are answered; both leave all else to the crew.
+    "Ice.ThreadPool.Server.Size": "1",
+    "Ice.ThreadPool.Server.SizeMax": "1",
+    "Ice.ThreadPool.Client.Size": "1",
+    "Ice.ThreadPool.Client.SizeMax": "1",
+    "Ice.Warn.Dispatch": "0",
+    "Ice.Warn.UnusedProperties": "0",
+    # What is told under a lock of Ice's, which a thread may want that holds Python's: both would wait for ever.
+    "Ice.Warn.Connections": "0",
+    "Ice.Trace.Network": "0",
+    "Ice.Trace.Protocol": "0",
+}
+"""Properties of Ice that the transport needs to be so."""
+
+_SAID_BY = {
+    "Ice.Default.Host": "`host` says it",
+    "Ice.MessageSizeMax": "`message_size_max` says it",
+    "Ice.Default.InvocationTimeout": "each call has its deadline",
+}
+"""Properties that are set from elsewhere."""
+
+_UNSEEN = ("Ice.Admin.", "Ice.Default.Locator", "Ice.Default.Router")
+"""Beginnings of properties by which a program is reached, or reaches others, in ways that nobody here would check."""
 
 PROTOCOLS = ("tcp", "ssl", "ws", "wss", "default")
 """Of endpoints that calls can go to."""
@@ -234,6 +252,8 @@ def examine(options: Mapping[str, Any]) -> Iterator[Complaint]:
             )
         elif not isinstance(value, str):
             yield Complaint((name,), f"`{name}` is a string, not {value!r}", "config-wrong-type")
+        elif name == "host" and not re.fullmatch(r"[^\s\"'/]+", value):
+            yield Complaint((name,), f"{value!r} is no address; {HOST} is this machine alone", "config-bad-address")
         elif name == "storm" and value:
             yield from _examine_address((name,), value)
 
@@ -269,12 +289,25 @@ def _examine_address(at: Key, text: str) -> Iterator[Complaint]:
 
 def _examine_property(at: Key, key: str, value: Any) -> Iterator[Complaint]:
     if isinstance(value, Mapping):
-        message = f'the name of a property is one key: write "{key}.{next(iter(value), "…")}" in quotes'
-        yield Complaint(at, message, "config-wrong-type")
+        whole, inner = key, value
+        while isinstance(inner, Mapping):
+            name, inner = next(iter(inner.items()), ("…", None))
+            whole += f".{name}"
+        yield Complaint(at, f'the name of a property is one key: write "{whole}" in quotes', "config-wrong-type")
     elif not key.startswith(("Ice.", "IceSSL.")):
         yield Complaint(at, f"`{key}` is no property of Ice; their names begin with `Ice.`", "config-unknown-key")
-    elif key in KEPT:
-        instead = {"Ice.Default.Host": "; `host` says it", "Ice.MessageSizeMax": "; `message_size_max` says it"}
-        yield Complaint(at, f"`{key}` is set by the transport itself{instead.get(key, '')}", "config-unknown-key")
+    elif why := why_not_set(key, value):
+        yield Complaint(at, why, "config-unknown-key")
     elif isinstance(value, list):
         yield Complaint(at, f"`{key}` is a string, not {value!r}", "config-wrong-type")
+
+
+def why_not_set(key: str, value: object) -> str:
+    """Why a property of Ice cannot have a value; "" if it can."""
+    if key in _SAID_BY:
+        return f"`{key}` is set by the transport itself; {_SAID_BY[key]}"
+    if key in FIXED and str(value) != FIXED[key]:
+        return f"`{key}` is {FIXED[key]}, as the transport needs it"
+    if key.startswith(_UNSEEN):
+        return f"`{key}` has no place here: programs are reached by `endpoints`, and reach others by `proxies`"
+    return ""

@@ -7,6 +7,7 @@ import ctypes
 import logging
 import os
 import threading
+import time
 from pathlib import Path
 
 log = logging.getLogger("robocomp.transport")
@@ -15,6 +16,10 @@ _MOVED_TO, _DELETED = 0x80, 0x200
 _SELF_GONE = 0x400 | 0x800  # deleted, or moved
 _GONE = _SELF_GONE | 0x8000  # ignored: nothing more will be told
 _TOO_MUCH = 0x4000
+
+_UNWATCHED = "unwatched"
+_WHILE = 60.0
+"""Seconds within which one of all processes says that it cannot watch a folder: of hundreds, most cannot."""
 
 ENDING = b".json"
 """Of the files that are told of; others come and go beside them."""
@@ -39,7 +44,8 @@ class FolderWatch:
             self.fileno = self._library.inotify_init1(os.O_NONBLOCK | os.O_CLOEXEC)
             if self.fileno < 0:
                 why = os.strerror(ctypes.get_errno())  # each user has 128 of them as a rule, for all processes
-                log.warning(
+                log.log(
+                    logging.WARNING if _is_first(folder) else logging.DEBUG,
                     "%s is looked at from time to time instead of being watched: %s; "
                     "allow for more (sysctl fs.inotify.max_user_instances)",
                     folder,
@@ -99,3 +105,14 @@ class FolderWatch:
             if self.fileno >= 0:
                 os.close(self.fileno)
                 self.fileno = -1
+
+
+def _is_first(folder: Path) -> bool:
+    """Whether nobody has said for a while that a folder cannot be watched."""
+    told = folder / _UNWATCHED
+    with contextlib.suppress(OSError):
+        if abs(time.time() - told.stat().st_mtime) < _WHILE:
+            return False
+    with contextlib.suppress(OSError):
+        told.touch()
+    return True

@@ -36,17 +36,19 @@ class ServingLink(AnnouncedLink[Announcing], ABC):
         self.ledger = Ledger(self.stats, ordered=self.ordered)
 
     def open(self) -> None:
-        if self.channel.claims:
-            self._have_alone()
+        self._have_alone()
         self.address = self.transport.enlist(self)
         self.announce(self.address)
 
     def _have_alone(self) -> None:
-        for member, entry in self.transport.directory.find(self.role, self.channel.name):
+        directory = self.transport.directory
+        for member, entry in directory.find(self.role, self.channel.name):
             other = entry.channel != self.channel.name  # one that has `*` in its name, or ours has
-            if other and self.transport.directory.alive(member.id):
+            # One of the same name has a claim, which tells of it sooner, or another one that stands for it.
+            if directory.alive(member.id) if other else directory.still_has(member.id, entry):
                 raise AlreadyServed(f"{self.channel.name}: already served by {member.owner} (pid {member.pid})")
-        self._claim = claim(self.transport.served, self.channel.name, self.transport.owner)
+        if self.channel.claims:
+            self._claim = claim(self.transport.served, self.channel.name, self.transport.owner)
 
     @abstractmethod
     def accept(self, payload: Payload, expires: float, answer: Callable[[Reply], None]) -> Job | None:

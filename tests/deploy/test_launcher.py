@@ -336,12 +336,15 @@ class SpecificWorker(Worker[Any]):
 
     def initialize(self) -> None:
         self.owned, self.cycle = Owner("what a worker has"), self
+        self.left_open, concurrent.opened = open("worker", "a"), open("shared", "a")
         weakref.finalize(self, notes.write, "the worker was finalized\\n")
 
     def compute(self) -> None:
         threading.Thread(target=lambda: (time.sleep(0.1), notes.write("a thread was waited for\\n"))).start()
         pool.submit(time.sleep, 0)
         print("last words")
+        for file in (self.left_open, concurrent.opened):
+            file.write("words")
         self.stop()
 """
 
@@ -356,6 +359,7 @@ def test_a_forked_component_ends_as_one_that_was_executed(
     assert len(said) == 4
     notes.unlink()
     forked = probed(component, tmp_path / "run")
+    assert [(component / name).read_text() for name in ("worker", "shared")] == ["wordswords"] * 2
     assert set(notes.read_text().splitlines()) >= said
     assert forked.told[-1] == executed.told[-1] == ("exited", "it", 0)
     assert "last words" in forked.lines()

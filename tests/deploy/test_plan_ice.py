@@ -94,6 +94,30 @@ def test_icestorm_is_needed_also_for_who_publishes_or_subscribes_alone(folder: P
     assert planned(folder, "Component recorder { };").storms == ()
 
 
+@pytest.mark.parametrize(
+    ("option", "says"),
+    [
+        (
+            'storm = "IceStorm/TopicManager:tcp -p 9899"',
+            "through the IceStorm at `IceStorm/TopicManager:tcp -h 127.0.0.1 -p 9899`",
+        ),
+        ('topics.LaserPub = "zed/LaserPub"', "by the topic `zed/LaserPub` of IceStorm, and `sensor` publishes it as"),
+    ],
+)
+def test_a_subscriber_that_would_never_hear_its_publisher_is_an_error(folder: Path, option: str, says: str) -> None:
+    (folder / "other.toml").write_text(f"[transports.ice]\n{option}\n")
+    driver = 'Component driver { config "other.toml"; };'
+    [said] = told(folder, f"middleware ice; Component sensor {{ }}; {driver}")
+    assert said.startswith("middleware-mismatch: `driver` hears `LaserPub`")
+    assert says in said
+    assert errors(folder, f'middleware ice; Component sensor {{ config "other.toml"; }}; {driver}') == []
+
+
+def test_an_icestorm_is_the_same_however_its_address_is_written(folder: Path) -> None:
+    (folder / "other.toml").write_text('[transports.ice]\nstorm = "IceStorm/TopicManager:default -h localhost -p 9999"')
+    assert not errors(folder, 'middleware ice; Component sensor { }; Component driver { config "other.toml"; };')
+
+
 def test_a_port_of_the_network_is_that_of_the_interface_over_ice(folder: Path) -> None:
     found = planned(folder, "middleware ice; Component sensor { port 10003; }; Component driver { };")
     assert options(found, "sensor") == {"endpoints": {"Laser": "tcp -p 10003"}}
@@ -188,6 +212,19 @@ def test_between_hosts_everybody_is_told_addresses(folder: Path) -> None:
     assert sensor["storm"] == driver["storm"] == found.storms[0] == "IceStorm/TopicManager:tcp -h 127.0.0.1 -p 9999"
 
 
+def test_an_icestorm_at_another_port_is_the_same_one_for_all_hosts(folder: Path) -> None:
+    for name in ("sensor", "driver"):
+        (folder / f"{name}.toml").write_text('[transports.ice]\nstorm = "IceStorm/TopicManager:tcp -p 9899"\n')
+    body = f"""
+    security open; middleware ice; {ONBOARD}
+    Component sensor {{ host onboard; config "sensor.toml"; }}; Component driver {{ config "driver.toml"; }};
+    """
+    found = planned(folder, body)
+    [storm] = found.storms
+    assert options(found, "sensor")["storm"] == options(found, "driver")["storm"] == storm
+    assert "-h 127.0.0.1" in storm  # of who launches it
+
+
 def test_an_instance_of_a_system_is_found_by_its_whole_name(folder: Path) -> None:
     body = f"""
     security open; middleware ice; {ONBOARD}
@@ -211,4 +248,6 @@ def test_a_proxy_on_another_machine_needs_the_network_to_be_open(folder: Path) -
     body = 'Component driver { config "old.config"; };'
     [said] = told(folder, body, OVER_ICE)
     assert said.startswith("insecure: `driver` connects to tcp://10.0.0.2:10003, which `security local` does not allow")
+    assert "or write `security open;`" in said
+    assert "security lan" not in said
     assert errors(folder, f"security open; {body}", OVER_ICE) == []

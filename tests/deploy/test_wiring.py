@@ -10,7 +10,7 @@ import pytest
 
 from robocomp_py.contract.interface import Verb
 from robocomp_py.deploy.auto import Way
-from robocomp_py.deploy.wiring import DDS_DOMAIN, Network, Site, Wiring, addresses_of, crosses, wire
+from robocomp_py.deploy.wiring import DDS_DOMAIN, Network, Site, Wiring, addresses_of, wire
 
 HERE, ROBOT, BASE = "10.0.0.1", "10.0.0.10", "10.0.0.11"
 
@@ -164,11 +164,6 @@ def test_a_program_of_ones_own_is_given_no_settings():
     sites = [site("laser", "robot", is_program=True), WANDER]
     wiring = wire(network(sites, way("wander", "laser", "zeromq")))
     assert set(wiring.settings) == {"wander"}
-
-
-def test_whether_anything_crosses_between_hosts_is_known():
-    assert crosses(network([LASER, WANDER], way("wander", "laser", "zeromq")))
-    assert not crosses(network([LASER, site("wander", "robot")], way("wander", "laser", "zeromq")))
 
 
 def test_the_address_of_this_machine_is_the_one_on_the_way_to_the_others():

@@ -121,6 +121,20 @@ def test_nothing_of_it_has_an_effect_where_no_port_goes_over_ice(tmp_path: Path)
     assert not any(note.became for note in document.notes)
 
 
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("Ice.Warn.Connections = 1", "`Ice.Warn.Connections` is 0, as the transport needs it"),
+        ("Ice.Default.Host =", "a setting of Ice, which is not taken over; transports.ice.properties sets it"),
+    ],
+)
+def test_a_setting_that_the_transport_does_not_take_is_no_mistake_and_told(tmp_path: Path, line: str, why: str) -> None:
+    document = settled(tmp_path, f"{line}\n")
+    assert document.data == {}
+    assert [note.why for note in document.notes] == [why]
+    settings.check(COMPONENT, document)
+
+
 def test_whoever_else_says_it_counts_more(tmp_path: Path) -> None:
     storm = "transports.ice.storm=IceStorm/TopicManager:tcp -p 1"
     document = settled(tmp_path, CLASSIC, storm, "ports.laser.from=world")

@@ -2,11 +2,55 @@
 
 from __future__ import annotations
 
+import contextlib
+import secrets
+import socket
+import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from robocomp_py.runtime.notify import READY_FILE, notify
+from robocomp_py.testing.patience import SOON
+
+
+@pytest.fixture(params=["a file", "an abstract name"])
+def launcher(
+    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[socket.socket]:
+    name = f"@rc-{secrets.token_hex(8)}" if request.param == "an abstract name" else str(tmp_path / "notify")
+    monkeypatch.setenv("NOTIFY_SOCKET", name)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listening:
+        listening.settimeout(SOON)
+        listening.bind(name.replace("@", "\0", 1))
+        yield listening
+
+
+def test_what_is_told_comes_as_one_datagram(launcher: socket.socket) -> None:
+    notify("READY=1", "STATUS=calm")
+    assert launcher.recv(1000) == b"READY=1\nSTATUS=calm"
+
+
+def test_a_launcher_that_is_busy_is_waited_for(launcher: socket.socket) -> None:
+    name = launcher.getsockname()
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as other, contextlib.suppress(BlockingIOError):
+        other.connect(name)
+        other.setblocking(False)
+        while True:
+            other.send(b"more")
+    telling = threading.Thread(target=notify, args=("READY=1",))
+    telling.start()
+    telling.join(0.01)  # most likely, it waits by now
+    told = b""
+    while told != b"READY=1":
+        told = launcher.recv(1000)
+    telling.join()
+
+
+def test_a_launcher_that_has_gone_stops_nobody(launcher: socket.socket) -> None:
+    launcher.close()
+    notify("READY=1")
 
 
 def test_a_file_is_there_while_a_process_is_ready(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,9 +7,13 @@ import socket
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from robocomp_py.transports.base import Transport, TransportConfig, find_transport, hosting
+from robocomp_py.transports.iceoptions import IceOptions
+
+if TYPE_CHECKING:
+    from robocomp_py.transports.ice.storm import Place
 
 _WHERE = "ROBOCOMP_TEST_STORM"
 """Environment: also the processes that a test starts are to find it."""
@@ -29,6 +33,13 @@ def icestorm() -> Iterator[str]:
 
 def open_ice(**options: Any) -> Transport:
     return find_transport("ice")(TransportConfig({"storm": os.environ.get(_WHERE, ""), **options}, "test"))
+
+
+def place_of(storm: str) -> Place:
+    """Where it is, or would be. Looked for when it is needed: collecting tests needs no Ice."""
+    from robocomp_py.transports.ice.storm import Place
+
+    return Place.of(IceOptions(storm=storm))
 
 
 def process_of(storm: str) -> int:

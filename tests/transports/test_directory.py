@@ -309,6 +309,25 @@ def test_who_watches_reads_nothing_but_what_has_changed(
         member.close()
 
 
+def test_who_was_not_told_of_everything_looks_at_everybody_also_at_many(
+    watched: tuple[Directory, list[int]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, seconds in (("_LEAST", 1.0), ("_LONGEST_PAUSE", 0.0)):  # as among many more
+        monkeypatch.setattr(f"robocomp_py.transports.directory.{name}", seconds)
+    directory, _ = watched
+    crowd = [directory.join(f"member{number}") for number in range(40)]
+    for number, member in enumerate(crowd):
+        member.add(Entry("serves", f"robot/member{number}/Camera/getImage", 1, "text"))
+    assert not directory.find("serves", LASER.channel)
+    crowd[20].add(LASER)
+    assert directory._watch is not None
+    directory._watch.changed()
+    directory._watch.forget()  # as if there had been too much to tell
+    wait_until(lambda: directory.find("serves", LASER.channel))
+    for member in crowd:
+        member.close()
+
+
 def test_who_watches_a_folder_that_was_made_again_finds_who_is_there(watched: tuple[Directory, list[int]]) -> None:
     directory, _ = watched
     member = directory.join("early")

@@ -18,6 +18,7 @@ from typing import Any
 import pytest
 
 from robocomp_py.errors import AlreadyServed, Closed, ConfigurationError, Timeout, TransportError, Unreachable
+from robocomp_py.testing.faults import memory
 from robocomp_py.testing.parts import A_MOMENT, Inbox, blob, command, put, query, unblob
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Caller, Outlet, Reply, Status, Transport, TransportConfig, find_transport
@@ -259,10 +260,26 @@ def test_what_is_served_in_the_run_time_folder_is_not_asked_by_who_was_told_anot
         question(asking, asking.caller(query(NAME)), "ask", b"x")
 
 
-def test_a_host_that_does_not_exist_is_unreachable(opening: Open) -> None:
+def test_who_waits_for_an_object_by_a_wrong_name_is_told(
+    opening: Open, endpoint: str, echo: Callable[..., Echo], caplog: pytest.LogCaptureFixture
+) -> None:
+    echo()
+    caller = opening(proxies={"server": f"Conformance:{endpoint}"}).caller(query(NAME))
+    assert not caller.wait_peer(A_MOMENT)
+    [told] = caplog.messages
+    assert told == f"Conformance:{endpoint}: who answers there has no object `Conformance`; waiting for it"
+
+
+def test_an_address_that_is_no_address_of_this_machine_is_named(opening: Open) -> None:
+    with pytest.raises(TransportError, match=r"listening at 'tcp' of 192\.0\.2\.1 for conformance: Cannot assign"):
+        echoing(opening(host="192.0.2.1"))
+
+
+def test_a_host_that_does_not_exist_is_unreachable(opening: Open, caplog: pytest.LogCaptureFixture) -> None:
     there = opening(proxies={"server": "conformance:tcp -h nowhere.invalid -p 10003"})
     caller = there.caller(query(NAME))
     assert not caller.wait_peer(0.0)
+    wait_until(lambda: not caller.wait_peer(0.0) and "host not found" in caplog.text)
     with pytest.raises(Unreachable, match=r"nowhere\.invalid"):
         question(there, caller, "ask", b"x")
 
@@ -380,6 +397,23 @@ def sockets() -> int:
 
 def files() -> set[str]:
     return {str(path) for path in runtime_dir().rglob("*") if path.is_file()}
+
+
+def test_what_was_sent_one_way_is_not_kept(opening: Open) -> None:
+    here, there = opening(), opening()
+    inbox = Inbox()
+    here.inlet(command(NAME), lambda payload: inbox.put(b""))
+    outlet, large = there.outlet(command(NAME)), blob(there, bytes(1_000_000))
+
+    def send() -> None:
+        outlet.send(large, SOON)
+        inbox.get(timeout=SOON)
+
+    send()
+    before = memory()
+    for _ in range(100):
+        send()
+    assert memory() - before < 50_000_000
 
 
 def test_what_ice_has_to_say_goes_to_our_log(opening: Open, caplog: pytest.LogCaptureFixture) -> None:

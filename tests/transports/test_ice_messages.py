@@ -92,6 +92,17 @@ def test_a_context_of_ours_is_one(messages: Any) -> None:
     [
         ('Traceback (most recent call last):\n  File "a.py", line 1, in f\nValueError: odd\n', "ValueError", "odd"),
         ("Traceback (most recent call last):\n  …\nmy.own.Error\n", "Error", ""),
+        (
+            'Traceback (most recent call last):\n  File "a.py", line 1, in f\nValueError: one\n  File two:\n\nthree: 3',
+            "ValueError",
+            "one\n  File two:\n\nthree: 3",
+        ),
+        (
+            'Traceback (most recent call last):\n  File "a.py", line 1\nKeyError: 1\n\nDuring handling of the above '
+            'exception, another exception occurred:\n\nTraceback (most recent call last):\n  File "a.py", line 2\nOdd: 2',
+            "Odd",
+            "2",
+        ),
         ("c++ exception: std::exception", "UnknownException", "c++ exception: std::exception"),
         ("two\nlines: of it", "UnknownException", "two\nlines: of it"),
         ("", "UnknownException", "no reason given"),

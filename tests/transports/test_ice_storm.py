@@ -18,14 +18,12 @@ import pytest
 from robocomp_py.contract.qos import Durability, QoS, Reliability
 from robocomp_py.errors import Closed, ConfigurationError, Timeout, TransportError
 from robocomp_py.testing.conformance import Inbox, blob, greet, subscribe, topic
+from robocomp_py.testing.faults import memory
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Outlet, Transport, TransportConfig, hosting
 from robocomp_py.transports.directory import runtime_dir
-from robocomp_py.transports.ice import exchange
-from robocomp_py.transports.ice.storm import Place
-from robocomp_py.transports.iceoptions import IceOptions
 
-from .icestorm import icestorm, open_ice, process_of
+from .icestorm import icestorm, open_ice, place_of, process_of
 
 pytestmark = pytest.mark.tool
 
@@ -65,7 +63,7 @@ def hosted(storm: str, owner: str = "net") -> contextlib.AbstractContextManager[
 
 
 def answers(storm: str) -> bool:
-    return Place.of(IceOptions(storm=storm)).answers()
+    return place_of(storm).answers()
 
 
 # -- running it ------------------------------------------------------------------------
@@ -126,7 +124,7 @@ def test_without_an_icebox_it_is_told_what_to_install(
 
 
 def test_a_port_that_another_program_has_is_told(storm: str, caplog: pytest.LogCaptureFixture) -> None:
-    place = Place.of(IceOptions(storm=storm))
+    place = place_of(storm)
     with socket.create_server((place.host, place.port)), hosted(storm):
         assert f"IceStorm cannot be run at {place}" in caplog.text
         assert "Address already in use" in caplog.text
@@ -148,6 +146,8 @@ def test_what_names_no_topic_manager_is_refused() -> None:
 def test_without_one_a_topic_is_not_opened_and_the_error_says_what_to_start(
     storm: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    from robocomp_py.transports.ice import exchange
+
     monkeypatch.setattr(exchange, "OPEN_PATIENCE", 0.3)
     with contextlib.closing(open_ice(storm=storm)) as transport:
         for use in (lambda: transport.outlet(topic(NAME)), lambda: transport.inlet(topic(NAME), lambda _: None)):
@@ -214,6 +214,16 @@ def test_a_reliable_publisher_of_large_messages_does_not_wait_for_what_was_taken
     for _ in range(100):
         outlet.send(blob(here, bytes(100_000)), SOON)
     wait_until(lambda: inbox.qsize() == 100)
+
+
+def test_what_was_published_is_not_kept(here: Transport, there: Transport) -> None:
+    inbox, outlet, large = subscribe(there, topic(NAME)), here.outlet(topic(NAME)), blob(here, bytes(1_000_000))
+    greet(here, outlet, inbox)
+    before = memory()
+    for _ in range(100):
+        outlet.send(large)
+        inbox.get(timeout=SOON)
+    assert memory() - before < 50_000_000
 
 
 def test_who_was_unsubscribed_subscribes_again(here: Transport, there: Transport, running: str) -> None:

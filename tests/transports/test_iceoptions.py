@@ -66,6 +66,8 @@ def test_endpoints_may_leave_host_and_port_open_and_name_no_object() -> None:
     [
         ({"prxies": {}}, ("prxies",), "config-unknown-key"),
         ({"host": 7}, ("host",), "config-wrong-type"),
+        ({"host": ""}, ("host",), "config-bad-address"),
+        ({"host": "tcp -h 10.0.0.2"}, ("host",), "config-bad-address"),
         ({"storm": "tcp -p 9999"}, ("storm",), "config-bad-address"),
         ({"message_size_max": -1}, ("message_size_max",), "config-out-of-range"),
         ({"message_size_max": 2**31}, ("message_size_max",), "config-out-of-range"),
@@ -78,6 +80,12 @@ def test_endpoints_may_leave_host_and_port_open_and_name_no_object() -> None:
         ({"properties": {"Warn": "1"}}, ("properties", "Warn"), "config-unknown-key"),
         ({"properties": {"Ice": {"Warn": "1"}}}, ("properties", "Ice"), "config-wrong-type"),
         ({"properties": {"Ice.Default.Host": "x"}}, ("properties", "Ice.Default.Host"), "config-unknown-key"),
+        ({"properties": {"Ice.Warn.Connections": 1}}, ("properties", "Ice.Warn.Connections"), "config-unknown-key"),
+        (
+            {"properties": {"Ice.Admin.Endpoints": "tcp -h 0.0.0.0"}},
+            ("properties", "Ice.Admin.Endpoints"),
+            "config-unknown-key",
+        ),
     ],
 )
 def test_what_is_wrong_is_told_by_its_key(options: dict[str, Any], key: tuple[str, ...], code: str) -> None:
@@ -85,6 +93,15 @@ def test_what_is_wrong_is_told_by_its_key(options: dict[str, Any], key: tuple[st
     assert (complaint.key, complaint.code) == (key, code)
     with pytest.raises(ConfigurationError, match=r"transports\.ice\."):
         iceoptions.read(options)
+
+
+def test_a_property_may_be_said_to_be_what_it_is_anyway() -> None:
+    assert not [*iceoptions.examine({"properties": {"Ice.Warn.Connections": 0}})]
+
+
+def test_the_name_of_a_property_without_its_quotes_is_told_whole() -> None:
+    [complaint] = iceoptions.examine({"properties": {"Ice": {"ACM": {"Client": {"Timeout": 5}}}}})
+    assert 'write "Ice.ACM.Client.Timeout" in quotes' in complaint.message
 
 
 def test_a_proxy_is_found_by_whom_its_channel_names_the_whole_name_first() -> None:

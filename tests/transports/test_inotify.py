@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import resource
 import select
 from collections.abc import Iterator
@@ -102,13 +104,35 @@ def test_of_a_folder_that_went_nothing_is_told_until_the_watch_is_renewed(
     assert told(watch)
 
 
-def test_without_a_descriptor_nothing_is_told_and_nothing_fails(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
+@contextlib.contextmanager
+def no_descriptors() -> Iterator[None]:
     _, most = limits = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (0, most))
     try:
-        watch = FolderWatch(folder)
+        yield
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+
+
+def test_of_many_who_cannot_watch_a_folder_one_says_it_once_in_a_while(
+    folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    def told_by_three() -> int:
+        caplog.clear()
+        for _ in range(3):
+            FolderWatch(folder).close()
+        return len(caplog.records)
+
+    (folder / "unwatched").touch()
+    with no_descriptors():
+        assert told_by_three() == 0
+        os.utime(folder / "unwatched", (0, 0))
+        assert told_by_three() == 1
+
+
+def test_without_a_descriptor_nothing_is_told_and_nothing_fails(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with no_descriptors():
+        watch = FolderWatch(folder)
     assert "max_user_instances" in caplog.text
     watch.renew()
     watch.read()

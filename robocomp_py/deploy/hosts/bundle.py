@@ -34,11 +34,15 @@ _NOT_THERE = (
     "lsp",
     "codegen",
     "testing",
-    "compat",
     "deploy/importers",
     "deploy/exporters",
     "interfaces",
-    "diagnostics",
+    "graph",
+    "dsl/idsl",
+    "dsl/cdsl",
+    "dsl/pdsl",
+    "dsl/ddsl",
+    "dsl/smdsl",
 )
 """Folders of our package that are for workstations."""
 

@@ -71,8 +71,9 @@ def end_kept(network: str, hosts: Mapping[str, Host]) -> list[str]:
         return agent.kept
 
     async def end_all() -> list[str]:
-        ended = await asyncio.gather(*map(end, hosts.values()))
-        return [name for names in ended for name in names]
+        ends = [asyncio.ensure_future(end(host)) for host in hosts.values()]
+        await asyncio.gather(*ends, return_exceptions=True)  # one out of reach: the others are ended all the same
+        return [name for each in ends for name in each.result()]
 
     return asyncio.run(end_all())
 

@@ -73,7 +73,3 @@ def lifeline_of_its_own(shared: int) -> int:
 def adopt_orphans(on: bool) -> None:
     """Whether those whose parents end become children of this process, rather than of the first one."""
     _prctl(_PR_SET_CHILD_SUBREAPER, int(on), 0, 0, 0)
-
-
-def is_linux() -> bool:
-    return sys.platform.startswith("linux")

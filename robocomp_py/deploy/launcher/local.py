@@ -293,7 +293,7 @@ class Launcher(Agent):
         groups = running.groups()
         for pid in groups:
             _send_group(pid, signal.SIGTERM)
-        for pid in cgroups.members(running.group) if running.group else ():
+        for pid in {*running.handles, *(cgroups.members(running.group) if running.group else ())}:
             with contextlib.suppress(OSError):
                 if os.getpgid(pid) not in groups:
                     os.kill(pid, signal.SIGTERM)
@@ -420,7 +420,8 @@ class Launcher(Agent):
             return
         if note.main_pid and note.main_pid != running.main and self._is_of(running, note.main_pid):
             running.main = note.main_pid
-            self._wait_for(running, note.main_pid)
+            if note.main_pid not in running.handles:  # else we wait for it already
+                self._wait_for(running, note.main_pid)
         running.access = note.access or running.access
         if note.stopping:
             self._watchdogs.forget(running.name)

@@ -26,7 +26,7 @@ class Watchdogs:
 
     def feed(self, name: str, limit: float) -> None:
         """It lives. `limit` holds as long as none was set."""
-        seconds = self._limits.get(name, limit)
+        seconds = self._limits.setdefault(name, limit)
         if not seconds:
             self._due.pop(name, None)
             return
@@ -53,7 +53,7 @@ class Watchdogs:
         late = now - self._timer.when() if self._timer else 0.0
         self._timer = None
         if late > _LATE:
-            self._due = {name: now + self._limits.get(name, _LATE * 10) for name in self._due}
+            self._due = {name: now + self._limits[name] for name in self._due}
         for name in [name for name, due in self._due.items() if due <= now]:
             self._due.pop(name, None)
             self._hung(name)

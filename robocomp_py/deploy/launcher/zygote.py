@@ -34,6 +34,7 @@ from ... import installed
 from ...contract.component import Component
 from ...errors import ConfigurationError
 from ...runtime.commonbehavior import port_of
+from ...runtime.files import write_out
 from ...runtime.ports import type_of
 from ...runtime.run import prepare, read_plain
 from ...runtime.worker import Worker
@@ -194,6 +195,7 @@ def end(code: int, shared: Collection[str]) -> NoReturn:
     """
     threading._shutdown()  # type: ignore[attr-defined]  # what the interpreter calls; it ends pools of threads, too
     atexit._run_exitfuncs()
+    write_out()  # also of files that something shared knows
     marks = [_marked(sys.modules.pop(name)) for name in sys.modules.keys() - shared]
     gc.collect()
     for namespace in [each for mark in marks if (there := mark()) for each in gc.get_referrers(there)]:

@@ -81,7 +81,8 @@ def is_address(text: str) -> bool:
         ip_address(text)
     except ValueError:
         return len(text) < 254 and not _NUMBERS.match(text) and all(map(_LABEL.match, text.rstrip(".").split(".")))
-    return True
+    _, found, zone = text.partition("%")
+    return not found or bool(_LABEL.match(zone))
 
 
 def is_user(text: str) -> bool:

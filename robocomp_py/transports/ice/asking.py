@@ -27,10 +27,12 @@ from .library import (
     NORMAL,
     InvocationTimeout,
     LocalException,
+    NoSuchHost,
     NotServed,
     Unknown,
     as_transport_error,
     error,
+    gone,
     kind_of,
     why,
 )
@@ -107,6 +109,7 @@ class Peer:
         self.flags = Flag.NONE
         """Of all requests."""
         self.closed = False
+        self._told = ""
         with as_transport_error(f"the proxy {self.named!r}"):
             self._proxy = transport.communicator.stringToProxy(self.named)
         if self._proxy is None:
@@ -155,9 +158,22 @@ class Peer:
         except InvocationTimeout:
             self.doubt(line, begun)
             return False
-        except LocalException:
+        except LocalException as exc:
+            self._tell(exc)
             return False
         return True
+
+    def _tell(self, exc: Any) -> None:
+        """Tell, once, why it will probably never be there: a name is wrong."""
+        if isinstance(exc, NotServed):
+            reason = f"who answers there has no object `{self.identity}`"
+        elif isinstance(exc, NoSuchHost):
+            reason = why(exc)
+        else:
+            return
+        if reason != self._told:
+            self._told = reason
+            log.warning("%s: %s; waiting for it", self.named, reason)
 
     def close(self) -> None:
         self.closed = True
@@ -304,8 +320,9 @@ class CommandOutlet(AskingLink):
             try:
                 proxy = peer.oneway.within(max(0.0, end - time.monotonic()))
                 sending = proxy.ice_invokeAsync(self._operation, self._mode, payload, context)
-                _wait_for(sending, partial(self._still, peer, sending))
-                sending.result()
+                if not gone(sending):
+                    _wait_for(sending, partial(self._still, peer, sending))
+                    sending.result()
             except LocalException as exc:
                 self.outcome(peer, exc, deadline, len(payload))
         finally:

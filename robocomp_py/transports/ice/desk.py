@@ -225,7 +225,7 @@ class Desk:
         """Tell a publisher what a subscriber took, without waiting. One that has left is not told."""
         data = _wrapped(_TOOK.pack(publisher, subscriber, sequence))
         try:
-            self._proxy(desk).ice_oneway().ice_invokeAsync("took", library.NORMAL, data)
+            library.gone(self._proxy(desk).ice_oneway().ice_invokeAsync("took", library.NORMAL, data))
         except library.LocalException as exc:
             log.debug("telling %s: %s", desk, library.why(exc))
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from ...errors import Closed, ConfigurationError, TransportError, Unreachable
-from ..iceoptions import IceOptions
+from ..iceoptions import FIXED, IceOptions
 
 try:
     import Ice
@@ -36,10 +36,9 @@ NotServed: Any = Ice.RequestFailedException
 """There is no such object, facet or operation."""
 NoSuchObject: Any = Ice.ObjectNotExistException
 NoSuchOperation: Any = Ice.OperationNotExistException
+NoSuchHost: Any = Ice.DNSException
 Unknown: Any = Ice.UnknownException
 """What raised on the other side is no exception that its operation declares."""
-NotTaken: Any = Ice.CloseConnectionException
-"""The other side closed its connection in good order: what had not been answered was not executed either."""
 
 CONNECTING_MS = 5000
 """A connection that is not there by then will not be."""
@@ -65,23 +64,6 @@ _USUAL = {
 }
 """Unless the options say otherwise."""
 
-_ALWAYS = {
-    "Ice.RetryIntervals": -1,  # Ice would repeat; we do, and know what was asked before
-    "Ice.Default.CollocationOptimized": 0,  # what is sent to ourselves takes the same way as everything
-    "Ice.Default.EncodingVersion": "1.1",
-    # One thread reads what we are asked, one what we are answered; both leave all else to the crew.
-    "Ice.ThreadPool.Server.Size": 1,
-    "Ice.ThreadPool.Server.SizeMax": 1,
-    "Ice.ThreadPool.Client.Size": 1,
-    "Ice.ThreadPool.Client.SizeMax": 1,
-    "Ice.Warn.Dispatch": 0,
-    "Ice.Warn.UnusedProperties": 0,
-    # What is told under a lock of Ice's, which a thread may want that holds Python's: both would wait for ever.
-    "Ice.Warn.Connections": 0,
-    "Ice.Trace.Network": 0,
-    "Ice.Trace.Protocol": 0,
-}
-
 
 def communicator(options: IceOptions, limit: int, tell: Callable[[int, str], object]) -> Any:
     """A new one, which takes messages of so many octets.
@@ -90,7 +72,7 @@ def communicator(options: IceOptions, limit: int, tell: Callable[[int, str], obj
     """
     size = {"Ice.Default.Host": options.host, "Ice.MessageSizeMax": limit // 1024 + _MORE_KB}
     properties = Ice.createProperties()
-    for key, value in (_USUAL | dict(options.properties) | _ALWAYS | size).items():
+    for key, value in (_USUAL | dict(options.properties) | dict(FIXED) | size).items():
         properties.setProperty(key, str(value))
     data = Ice.InitializationData()
     data.properties, data.logger, data.threadHook = properties, _Logger(tell), _ThreadHook()
@@ -136,6 +118,18 @@ class _ThreadHook(Ice.ThreadNotification):  # type: ignore[misc]  # Ice has no t
 
 _HELD = 0
 """PyGILState_LOCKED: the lock is held by who calls, and stays so."""
+
+
+def gone(sending: Any) -> bool:
+    """Whether a one-way request was sent at once; nothing is left of it then.
+
+    Ice for Python would keep it for ever, with its payload: the future of such a request and what Ice knows of it hold
+    each other.
+    """
+    if not sending.is_sent_synchronously():
+        return False
+    sending._asyncResult = None
+    return True
 
 
 @contextlib.contextmanager

@@ -144,13 +144,16 @@ def failed(kind: str, reason: str, trace: str = "") -> Reply:
 def failure_told(unknown: str) -> Reply:
     """What a program that is none of ours tells of an exception it did not declare.
 
-    Ice for Python tells the traceback, whose last line is the exception; others tell what they like.
+    Ice for Python tells the traceback, with the exception behind its last frame; others tell what they like.
     """
     text = unknown.strip()
-    trace, _, last = text.rpartition("\n")
-    kind, colon, reason = last.partition(": ")
-    if text.startswith("Traceback ") and kind.replace(".", "_").isidentifier():
-        return failed(kind.rpartition(".")[2], reason if colon else "", trace)
+    lines = text.split("\n")
+    begins = [number for number, line in enumerate(lines) if line.startswith("Traceback ")]
+    if begins[:1] == [0]:
+        end = next((n for n in range(begins[-1] + 1, len(lines)) if not lines[n].startswith(" ")), len(lines))
+        kind, _, reason = "\n".join(lines[end:]).partition(": ")
+        if kind.replace(".", "_").isidentifier():
+            return failed(kind.rpartition(".")[2], reason, "\n".join(lines[:end]))
     return failed("UnknownException", text or "no reason given")
 
 

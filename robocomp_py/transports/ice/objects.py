@@ -210,10 +210,12 @@ class Port:
         interfaces the object has, as Ice names them."""
         self._outstanding: set[Answer] = set()
         endpoints = endpoints or "tcp"
-        with as_transport_error(f"listening at {endpoints!r} for {identity}"):
+        host = communicator.getProperties().getProperty("Ice.Default.Host")
+        where = f"listening at {endpoints!r}{'' if '-h ' in endpoints else f' of {host}'} for {identity}"
+        with as_transport_error(where):
             self._adapter = communicator.createObjectAdapterWithEndpoints(name, endpoints)
         try:
-            with as_transport_error(f"listening at {endpoints!r} for {identity}"):
+            with as_transport_error(where):
                 named = communicator.stringToIdentity(identity)
                 servant = _Servant((named.category, named.name), ids, intake, limit, take, self._outstanding)
                 self._adapter.add(servant, named)

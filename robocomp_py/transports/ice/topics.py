@@ -145,7 +145,7 @@ class Publisher(AnnouncedLink["IceTransport"]):
             self.stats.dropped += 1
             return
         future = self._invoke(proxy, data, context)
-        if not future.is_sent_synchronously():
+        if not library.gone(future):
             unsent.append((future, len(data)))
             self._unsent_bytes += len(data)
 

@@ -19,7 +19,7 @@ import struct
 import threading
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,7 +29,7 @@ import zmq
 from ...errors import DecodeError
 from ...wire.header import Flag, pack_request, random_id
 from ..crew import Job
-from ..directory import Directory, Entry, Member, member_of
+from ..directory import Directory, Entry, Member, member_of, told_of
 from .curve import WATCHED, Rights, Secure
 from .frames import Frames, joined, read_reply_frames, topic
 from .sockets import Socket, as_transport_error, new_socket, receive_frames, send_frames
@@ -158,7 +158,7 @@ class Neighbours(Directory):
 
 def record(member_id: str, owner: str, pid: int, entries: Iterable[Entry]) -> bytes:
     """What somebody tells of itself."""
-    told = {"id": member_id, "owner": owner, "pid": pid, "entries": [asdict(each) for each in entries]}
+    told = {"id": member_id, "owner": owner, "pid": pid, "entries": list(map(told_of, entries))}
     return json.dumps(told).encode()
 
 

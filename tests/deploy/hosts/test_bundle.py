@@ -50,6 +50,12 @@ def test_a_bundle_is_called_by_the_sha256_of_its_archive():
     assert made.name == hashlib.sha256(gzip.decompress(made.packed)).hexdigest()
 
 
+def test_what_runs_is_sent_and_what_generates_is_not():
+    parts = {name.split("/")[2] for name in collect({}) if name.count("/") > 2}
+    assert {"runtime", "transports", "compat"} <= parts
+    assert not {"codegen", "lsp", "graph"} & parts
+
+
 def test_files_are_for_their_user_alone(component: Path):
     (component / "driver").write_text("#!/bin/sh\n")
     (component / "driver").chmod(0o755)

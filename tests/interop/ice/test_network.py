@@ -17,9 +17,7 @@ import pytest
 
 from robocomp_py.cli.rcgen import main as rcgen
 from robocomp_py.testing.patience import SOON, wait_until
-from robocomp_py.transports.ice.storm import Place
-from robocomp_py.transports.iceoptions import IceOptions
-from tests.transports.icestorm import process_of
+from tests.transports.icestorm import place_of, process_of
 
 pytestmark = pytest.mark.tool
 
@@ -104,7 +102,7 @@ def deployed(made: Path, name: str, storm: str) -> Iterator[tuple[subprocess.Pop
 
 
 def answers(storm: str) -> bool:
-    return Place.of(IceOptions(storm=storm)).answers()
+    return place_of(storm).answers()
 
 
 def until_said(what: str, lines: list[str], times: int = 1) -> None:
