@@ -105,8 +105,7 @@ def in_worker(text: str, component: Component) -> Iterator[Finding]:
     try:
         source, converted = as_python3(text, file)
     except NotConverted as exc:
-        message = f"this is no Python 3 ({exc.msg}), and 2to3 cannot make it any"
-        yield Finding(file, exc.lineno or 1, "the file", Verdict.NOT_UNDERSTOOD, message)
+        yield Finding(file, exc.lineno or 1, "the file", Verdict.NOT_UNDERSTOOD, exc.why)
         return
     if converted:
         yield Finding(file, 1, "Python 2 (converted when it is run)", Verdict.UNDERSTOOD)

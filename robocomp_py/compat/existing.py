@@ -63,7 +63,7 @@ def existing_worker(folder: Path, package: str, alone: bool) -> type[ExistingWor
     `alone`, it runs in its own folder, as RoboComp starts it. Raises ComponentError if its file cannot be read; what
     it imports is imported when it is made.
     """
-    sources = {path.name: _source(path) for path in sorted((folder / "src").glob("*.py")) if _is_users(path, folder)}
+    sources = dict(_sources(folder))
     generated = importlib.import_module(f"{package}.generic.genericworker").GenericWorker
     component: Component = generated.component
     modules = {
@@ -94,14 +94,19 @@ def _nothing(name: str) -> None:
     return None
 
 
-def _source(path: Path) -> str:
-    text = source_text(path.read_bytes())
-    try:
-        return as_python3(text, str(path))[0]
-    except NotConverted as exc:
-        raise ComponentError(
-            f"{path}:{exc.lineno or 1}: this is neither Python 3 nor something that 2to3 can make it from: {exc.msg}"
-        ) from exc
+def _sources(folder: Path) -> Iterator[tuple[str, str]]:
+    """The author's files that can be read; others than the specific part may be left-overs that nothing imports."""
+    for path in sorted((folder / "src").glob("*.py")):
+        if _is_users(path, folder):
+            try:
+                yield path.name, as_python3(source_text(path.read_bytes()), str(path))[0]
+            except NotConverted as exc:
+                if path.name == WORKER.name:
+                    raise ComponentError(_not_converted(exc, path)) from exc
+
+
+def _not_converted(exc: NotConverted, path: Path) -> str:
+    return f"{exc.filename or path}:{exc.lineno or 1}: {exc.why}"
 
 
 def _is_users(path: Path, folder: Path) -> bool:
@@ -156,11 +161,15 @@ class ExistingWorker(Worker[Any]):
             name=self._settings.instance,
         )
         self._in_front = self._loop.in_front
+        if self.window and "ui_mainUI" not in self._loop.modules:
+            raise ComponentError(f"{self._home / 'src' / 'mainUI.ui'} is not there, and the .cdsl says gui: its window")
         self._imports = self._surroundings()
         try:
             module = self._loop.call(self._imports.load, "specificworker")
         except ModuleNotFoundError as exc:
             raise ComponentError(advice(exc, self._home)) from exc
+        except NotConverted as exc:
+            raise ComponentError(_not_converted(exc, self._home / WORKER)) from exc
         generic = vars(self._imports.given["genericworker"])["GenericWorker"]
         found = getattr(module, "SpecificWorker", None)
         if not (isinstance(found, type) and issubclass(found, generic)):
@@ -212,7 +221,8 @@ class ExistingWorker(Worker[Any]):
     def _part(self) -> None:
         """Let go of their object, whose `__del__` may have something to do."""
         self._user = None
-        gc.collect()  # its timers and signals refer to it, and it to them
+        if self._need or "PySide6" not in sys.modules:  # windows of others may be garbage, too: that is Qt's thread's
+            gc.collect()  # its timers and signals refer to it, and it to them
 
     def _end(self) -> None:
         """End, when those have had their turn who were told of it by a signal from another thread."""

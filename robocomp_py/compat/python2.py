@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 import re
+import sys
 import warnings
 from functools import cache, lru_cache
 from typing import Any
@@ -15,6 +16,17 @@ from typing import Any
 
 class NotConverted(SyntaxError):
     """A text is no Python 3, and cannot be made one; its attributes are those of the first SyntaxError."""
+
+    @property
+    def why(self) -> str:
+        """For the author of the file, who knows whether it is Python 2."""
+        if _tool() is not None:
+            return f"this is neither Python 3 nor something that 2to3 can make it from: {self.msg}"
+        return (
+            f"this is no Python 3 ({self.msg}); if it is Python 2, it cannot be converted here, for this Python "
+            f"({sys.version_info.major}.{sys.version_info.minor}) has no lib2to3: that is part of Python up to 3.12 "
+            "(Debian: apt-get install python3-lib2to3), whose `2to3 -w FILE` makes it Python 3 once and for all"
+        )
 
 
 @lru_cache(maxsize=64)

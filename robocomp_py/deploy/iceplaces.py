@@ -7,14 +7,15 @@ Those of one host find each other by themselves. Elsewhere, somebody has to say 
   program expects it; else, from another host, at a port that follows from the network's name
 - several interfaces of an instance are at `port`, the next one, and so on, in the order of its CDSL
 
-Who uses it is told (`transports.ice.proxies`), unless its own configuration says it.
+Who uses it is told (`transports.ice.proxies`), unless its own configuration says it; likewise what a program calls a
+topic (`transports.ice.topics`).
 """
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ..contract.interface import Pattern, Verb
@@ -199,8 +200,7 @@ class _Finder:
         options = self._options[client.name]
         if options.proxy_of(way.channel):
             return
-        *namespace, instance, segment, _ = way.channel.split("/")
-        key = "/".join(("", *namespace, instance, segment)) if namespace else f"{instance}/{segment}"
+        key, segment = _key(way.channel), served.segment
         if served in self._at:
             host, port = self._at[served]
             there = self._where[way.provider].address if self._crosses(way) else LOOPBACK
@@ -222,9 +222,12 @@ class _Finder:
         abroad = any(self._where[name].host for name in users)
         storms = {name: self._storm_of(name, abroad=abroad) for name in own}
         self._result.storms += dict.fromkeys(storms.values())
+        self._name_topics()
+        said = {name: self._options[name].storm for name in users if name not in storms}
+        known = storms | {name: storm for name, storm in said.items() if storm != iceoptions.STORM}
         for way in self._topics:
-            if way.client in storms and way.provider in storms:
-                self._check_topic(way, storms)
+            if way.client in known and way.provider in known:
+                self._check_topic(way, known)
 
     def _storm_of(self, name: str, *, abroad: bool) -> str:
         """Where an instance looks for IceStorm; told to it, if else it would look at its own address."""
@@ -238,17 +241,38 @@ class _Finder:
             self._set(name, "storm", storm)
         return storm
 
+    def _name_topics(self) -> None:
+        """Programs call a topic as their own configuration says, or as its interface; the others are told."""
+        by_programs: dict[str, str] = {}
+        for way in self._topics:
+            for end in (way.provider, way.client):
+                if self._everyone[end].is_program:
+                    name = self._options[end].topics.get(way.interface, way.interface)
+                    by_programs.setdefault(_key(way.channel), name)
+        told: dict[str, dict[str, str]] = {}
+        for way in self._topics:
+            name = by_programs.get(_key(way.channel), "")
+            for end in (way.provider, way.client):
+                options = self._options[end]
+                if name and not self._everyone[end].is_program and not options.topic_said_of(way.channel):
+                    told.setdefault(end, {})[_key(way.channel)] = name
+        for end, topics in told.items():
+            options = self._options[end]
+            self._options[end] = replace(options, topics={**options.topics, **topics})
+            if any(self._options[end].topic_of(way.channel) != options.topic_of(way.channel) for way in self._topics):
+                self._set(end, "topics", self._options[end].topics)
+
     def _check_topic(self, way: Way, storms: Mapping[str, str]) -> None:
         """Both ends have to mean the same topic of the same IceStorm, or nothing is ever heard."""
         client, provider = storms[way.client], storms[way.provider]
         heard, told = (self._options[end].topic_of(way.channel) for end in (way.client, way.provider))
-        if not _corners(client) & _corners(provider):
+        if not any(_is_one(a, b) for a in _corners(client) for b in _corners(provider)):
             message = (
                 f"`{way.client}` hears `{way.interface}` through the IceStorm at `{client}`, "
                 f"and `{way.provider}` publishes it through that at `{provider}`"
             )
             hint = "give both the same transports.ice.storm"
-        elif heard != told:
+        elif heard != told and not any(self._everyone[end].is_program for end in (way.client, way.provider)):
             message = (
                 f"`{way.client}` hears `{way.interface}` by the topic `{heard}` of IceStorm, "
                 f"and `{way.provider}` publishes it as `{told}`"
@@ -276,6 +300,12 @@ class _Finder:
 
 def _object(way: Way) -> _Object:
     return _Object(way.provider, way.channel.split("/")[-2])
+
+
+def _key(channel: str) -> str:
+    """By which options name the interface of an instance."""
+    *namespace, instance, segment, _ = channel.split("/")
+    return "/".join(("", *namespace, instance, segment)) if namespace else f"{instance}/{segment}"
 
 
 def _options(each: Configured) -> IceOptions:
@@ -309,6 +339,11 @@ def _corners(proxy: str) -> set[tuple[str, str, int]]:
     """Where the objects of a proxy are, whatever way that is written."""
     found = iceoptions.parse_proxy(proxy)
     return {(found.identity, _number(each.host), each.port) for each in found.endpoints}
+
+
+def _is_one(corner: tuple[str, str, int], other: tuple[str, str, int]) -> bool:
+    """Whether they may be the same; a program that names no host may mean any."""
+    return corner == other or (corner[0] == other[0] and corner[2] == other[2] and "" in (corner[1], other[1]))
 
 
 def _number(host: str) -> str:

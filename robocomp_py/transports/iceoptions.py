@@ -201,8 +201,11 @@ class IceOptions:
     def topic_of(self, channel: str) -> str:
         """What IceStorm calls the topic of a channel."""
         namespace, segment = "/".join(channel.split("/")[:-3]), segment_of(channel)
-        said = _of(self.topics, channel) or self.topics.get(segment)
-        return said or "/".join(filter(None, (namespace, segment)))
+        return self.topic_said_of(channel) or "/".join(filter(None, (namespace, segment)))
+
+    def topic_said_of(self, channel: str) -> str | None:
+        """The same, if the options say so."""
+        return _of(self.topics, channel) or self.topics.get(segment_of(channel))
 
 
 def segment_of(channel: str) -> str:
@@ -289,9 +292,9 @@ def _examine_address(at: Key, text: str) -> Iterator[Complaint]:
 
 def _examine_property(at: Key, key: str, value: Any) -> Iterator[Complaint]:
     if isinstance(value, Mapping):
-        whole, inner = key, value
-        while isinstance(inner, Mapping):
-            name, inner = next(iter(inner.items()), ("…", None))
+        whole = key
+        while isinstance(value, Mapping):
+            name, value = next(iter(value.items()), ("…", None))
             whole += f".{name}"
         yield Complaint(at, f'the name of a property is one key: write "{whole}" in quotes', "config-wrong-type")
     elif not key.startswith(("Ice.", "IceSSL.")):

@@ -25,5 +25,5 @@ def test_either_way_a_task_is_done_and_the_languages_need_no_more_lines(task, st
 
 
 def test_what_a_component_is_made_of_by_hand_outlives_every_switch_of_its_middleware(capsys):
-    assert switch(["--only", "zeromq", "shm", "inproc", "--rounds", "1"]) == 0
+    assert switch(["--only", "ice", "zeromq", "shm", "inproc", "--rounds", "1"]) == 0
     assert "every file is what it was" in capsys.readouterr().out

@@ -234,10 +234,10 @@ def test_proxies_that_are_none_and_operations_they_lack_are_named(arm: Path) -> 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("print 'hello'\ndef (:", "this is no Python 3 (Missing parentheses in call to 'print'"),
+        ("print 'hello'\ndef (:", "2to3 can make it from: Missing parentheses in call to 'print'"),
         ("class Other: pass\n", "there is no class SpecificWorker in it"),
         ("", "there is no class SpecificWorker in it"),
-        ("\0", "this is no Python 3"),
+        ("\0", "this is neither Python 3"),
     ],
 )
 def test_a_worker_that_cannot_be_read_is_said_to_be_so(arm: Path, text: str, said: str) -> None:

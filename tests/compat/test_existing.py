@@ -216,6 +216,17 @@ def test_a_file_that_is_no_component_says_why(tmp_path: Path, text: str, told: s
     assert told in str(caught.value)
 
 
+def test_a_file_that_cannot_be_read_hinders_only_who_imports_it(tmp_path: Path) -> None:
+    code = "\n    def Arm_joints(self, number):\n        import left_over\n"
+    folder = server(tmp_path, code, **{"src/left_over.py": "def broken(:\n"})
+    with running(folder) as arm, pytest.raises(RemoteFailure, match="invalid syntax"):
+        arm.call("Arm.joints", 0)
+    worker = folder / "src" / "specificworker.py"
+    worker.write_text(f"import left_over\n{worker.read_text()}")
+    with pytest.raises(ComponentError, match=r"left_over\.py:1: this is neither Python 3"):
+        running(folder)
+
+
 # What calls and is called.
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
 
 from robocomp_py.compat.imports import code_of, source_text
-from robocomp_py.compat.python2 import NotConverted, as_python3
+from robocomp_py.compat.python2 import NotConverted, _tool, as_python3
 
 
 def ran(text: str | bytes, tmp_path: Path) -> dict[str, object]:
@@ -47,6 +48,17 @@ def test_what_is_neither_says_where() -> None:
     with pytest.raises(NotConverted) as caught:
         as_python3("x = 1\ndef (:\n", "their.py")
     assert caught.value.lineno == 2
+
+
+def test_a_python_without_the_converter_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "lib2to3", None)  # as from Python 3.13 on
+    _tool.cache_clear()
+    try:
+        with pytest.raises(NotConverted) as caught:
+            as_python3("print 'without'\n", "their.py")
+        assert "no lib2to3: that is part of Python up to 3.12" in caught.value.why
+    finally:
+        _tool.cache_clear()
 
 
 @pytest.mark.parametrize(

@@ -152,6 +152,35 @@ def test_a_program_is_where_its_own_configuration_says(folder: Path) -> None:
     assert options(found, "driver") == {"proxies": {"sensor/Laser": "laser:tcp -h 127.0.0.2 -p 11000"}}
 
 
+def test_who_hears_a_program_is_told_what_that_calls_the_topic(folder: Path) -> None:
+    (folder / "their.config").write_text("Laser.Endpoints = tcp -p 1\nLaserPubTopic = zed/LaserPub\n")
+    sensor = f"Component sensor {{ {PROGRAM} port 10003; }};"
+    found = planned(folder, f"namespace robot1; {sensor} Component driver {{ }};")
+    assert options(found, "driver")["topics"] == {"/robot1/sensor/LaserPub": "LaserPub"}  # as RoboComp has it
+    sensor = f'Component sensor {{ {PROGRAM} config "their.config"; }};'
+    found = planned(folder, f"{sensor} Component driver {{ }};")
+    assert options(found, "driver")["topics"] == {"sensor/LaserPub": "zed/LaserPub"}
+    (folder / "own.toml").write_text('[transports.ice.topics]\nLaserPub = "front/LaserPub"\n')
+    found = planned(folder, f'{sensor} Component driver {{ config "own.toml"; }};')
+    assert "topics" not in options(found, "driver")  # which it knows by itself
+
+
+def test_whom_a_program_hears_publishes_under_the_name_that_the_program_has(folder: Path) -> None:
+    (folder / "their.config").write_text("LaserProxy = laser:tcp -p 10003\n")
+    program = f'Component driver {{ {PROGRAM} config "their.config"; }};'
+    found = planned(folder, f"namespace robot1; middleware ice; Component sensor {{ }}; {program}")
+    assert options(found, "sensor")["topics"] == {"/robot1/sensor/LaserPub": "LaserPub"}
+
+
+def test_a_program_that_asks_another_icestorm_is_an_error(folder: Path) -> None:
+    their = "LaserProxy = laser:tcp -p 10003\nTopicManager.Proxy = IceStorm/TopicManager:default -p 9899\n"
+    (folder / "their.config").write_text(their)
+    (folder / "own.toml").write_text('[transports.ice]\nstorm = "IceStorm/TopicManager:tcp -p 9899"\n')
+    program = f'Component driver {{ {PROGRAM} config "their.config"; }};'
+    assert errors(folder, f"middleware ice; {program} Component sensor {{ }};") == ["middleware-mismatch"]
+    assert errors(folder, f'middleware ice; {program} Component sensor {{ config "own.toml"; }};') == []
+
+
 def test_what_is_wrong_in_the_configuration_of_a_program_is_told_there(folder: Path) -> None:
     (folder / "their.config").write_text("\nLaser.Endpoints = laser:tcp -p 11000\n")
     body = f'Component sensor {{ {PROGRAM} config "their.config"; }}; Component driver {{ }};'

@@ -37,6 +37,10 @@ class Echo(Ice.Blobject):
         if current.operation == "op" and b"stuck" in octets:
             print("stuck", flush=True)
             sys.stdin.read()
+        if b"odd" in octets:
+            raise ValueError("odd")
+        if b"gone" in octets:
+            raise Ice.ObjectNotExistException()
         return True, (300_006).to_bytes(4, "little") + b"\\1\\1" + bytes(300_000) if b"grow" in octets else octets
 with Ice.initialize(["--Ice.Default.Host=127.0.0.1", *sys.argv[2:]]) as communicator:
     adapter = communicator.createObjectAdapterWithEndpoints("Echo", sys.argv[1])
@@ -319,6 +323,28 @@ def test_one_that_hangs_is_waited_for_until_the_deadline(
 
 
 @both_ways
+def test_those_who_give_up_soon_do_not_each_leave_a_connection_to_one_that_hangs(
+    asking: Transport, echo: Callable[..., Echo], how: str
+) -> None:
+    echo().signal(signal.SIGSTOP)
+    caller, before = asking.caller(query(NAME)), sockets()
+    for _ in range(30):
+        with pytest.raises(Timeout):
+            question(asking, caller, how, b"x", 0.01)
+    assert len(sockets() - before) < 5
+
+
+def test_what_one_raises_does_not_cost_the_connection(asking: Transport, echo: Callable[..., Echo]) -> None:
+    echo("--Ice.Warn.Dispatch=0")
+    caller = asking.caller(query(NAME))
+    question(asking, caller, "ask", b"x")
+    before = sockets()
+    assert caller.ask(blob(asking, b"odd"), SOON).status is Status.FAILED
+    assert caller.ask(blob(asking, b"gone"), SOON).status is Status.REFUSED
+    assert sockets() == before
+
+
+@both_ways
 def test_one_that_is_started_again_is_found_where_it_was(
     asking: Transport, echo: Callable[..., Echo], how: str
 ) -> None:
@@ -390,9 +416,9 @@ def threads() -> int:
     return len(os.listdir("/proc/self/task"))
 
 
-def sockets() -> int:
+def sockets() -> set[str]:
     links = (Path("/proc/self/fd", each) for each in os.listdir("/proc/self/fd"))
-    return sum(os.readlink(each).startswith("socket:") for each in links if each.is_symlink())
+    return {name for each in links if each.is_symlink() and (name := os.readlink(each)).startswith("socket:")}
 
 
 def files() -> set[str]:
@@ -425,12 +451,14 @@ def test_what_ice_has_to_say_goes_to_our_log(opening: Open, caplog: pytest.LogCa
 
 
 def test_properties_of_ices_own_hold_but_for_those_that_would_break_calls(opening: Open) -> None:
-    here: Any = opening(properties={"Ice.ACM.Client.Timeout": "7", "Ice.ThreadPool.Server.Size": "4", "Ice.Extra": "x"})
+    here: Any = opening(properties={"Ice.ACM.Client.Timeout": "7", "Ice.Extra": "x"})
     properties = here.communicator.getProperties()
     found = [
         properties.getProperty(f"Ice.{name}") for name in ("ACM.Client.Timeout", "ThreadPool.Server.Size", "Extra")
     ]
     assert found == ["7", "1", "x"]
+    with pytest.raises(ConfigurationError, match=r"`Ice\.ThreadPool\.Server\.Size` is 1"):
+        opening(properties={"Ice.ThreadPool.Server.Size": "4"})
 
 
 def test_a_second_server_is_refused_wherever_it_listens(opening: Open, endpoint: str) -> None:

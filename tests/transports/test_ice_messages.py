@@ -98,8 +98,9 @@ def test_a_context_of_ours_is_one(messages: Any) -> None:
             "one\n  File two:\n\nthree: 3",
         ),
         (
-            'Traceback (most recent call last):\n  File "a.py", line 1\nKeyError: 1\n\nDuring handling of the above '
-            'exception, another exception occurred:\n\nTraceback (most recent call last):\n  File "a.py", line 2\nOdd: 2',
+            'Traceback (most recent call last):\n  File "a.py", line 1\nKeyError: 1\n\nDuring handling of the '
+            "above exception, another exception occurred:\n\n"
+            'Traceback (most recent call last):\n  File "a.py", line 2\nOdd: 2',
             "Odd",
             "2",
         ),

@@ -77,6 +77,12 @@ def test_it_answers_while_it_is_hosted_and_nothing_is_left_afterwards(storm: str
     assert not list((runtime_dir() / "ice").glob("icestorm*"))
 
 
+def test_it_answers_at_an_ipv6_address(storm: str) -> None:
+    there = storm.replace("127.0.0.1", '"::1"')
+    with hosted(there):
+        assert answers(there)
+
+
 def test_one_that_answers_is_used_and_when_it_goes_who_needs_it_takes_over(storm: str) -> None:
     with contextlib.ExitStack() as one, contextlib.ExitStack() as other:
         one.enter_context(hosted(storm, "one"))
@@ -112,6 +118,26 @@ def test_it_ends_with_who_started_it_however_that_ends(storm: str) -> None:
     wait_until(lambda: not answers(storm))
     with hosted(storm):
         assert answers(storm)
+
+
+def test_an_interrupt_while_it_starts_ends_the_program(storm: str, tmp_path: Path) -> None:
+    """Also if it does not come up."""
+    box, started = tmp_path / "icebox", tmp_path / "started"
+    box.write_text(f"#!/bin/sh\n[ $1 = --version ] && exec echo 3.7.8\ntouch {started}\nexec sleep 600\n")
+    box.chmod(0o755)
+    program = (
+        "from robocomp_py.transports.base import hosting, TransportConfig\n"
+        f"with hosting('ice', TransportConfig({{'storm': {storm!r}}}, 'net')): pass"
+    )
+    environment = os.environ | {"PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    with subprocess.Popen([sys.executable, "-c", program], env=environment, stderr=subprocess.PIPE) as process:
+        try:
+            wait_until(started.exists)
+            process.send_signal(signal.SIGINT)
+            _, said = process.communicate(timeout=SOON)
+        finally:
+            process.kill()
+    assert b"KeyboardInterrupt" in said
 
 
 def test_without_an_icebox_it_is_told_what_to_install(

@@ -40,7 +40,7 @@ _MOVED = {
     ),
     "QtCore": ("QState", "QFinalState", "QStateMachine", "QSignalTransition"),
 }
-"""Of these, `import *` has to know."""
+"""Of these, `import *` has to know, if they are installed."""
 
 _HEADER = re.compile(r"(<header[^<>]*>[^<>]*?)\.py\s*(?=</header>)")
 """Where a widget of the user's is, written as a file of Python's: Qt's compiler wants a module, or a file of C++'s."""
@@ -154,7 +154,8 @@ class Real:
     def _exported(self, root: str, module: str) -> list[str]:
         modules = ("QtGui", "QtWidgets") if root in ("PySide", "PyQt4") and module == "QtGui" else (module,)
         names = [name for each in modules for name in dir(_module(each)) if not name.startswith("_")]
-        return list(dict.fromkeys([*names, *_MOVED.get(module, ()), *(self._own if module == "QtCore" else ())]))
+        moved = [name for name in _MOVED.get(module, ()) if any(hasattr(_module(each), name) for each in _SISTERS)]
+        return list(dict.fromkeys([*names, *moved, *(self._own if module == "QtCore" else ())]))
 
     def _forms(self, folder: Path) -> dict[str, Callable[[], ModuleType]]:
         return {f"ui_{file.stem}": partial(self._form, file) for file in sorted(folder.glob("src/*.ui"))}

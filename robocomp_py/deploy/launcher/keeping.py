@@ -45,7 +45,10 @@ class Keeper:
 
     def _begin(self) -> None:
         out, into = os.pipe()
+        os.set_blocking(into, False)
         try:
+            # Before it begins: it finds by that whoever is left, even if we are killed now.
+            os.write(into, f"={self._left.launch} {self._left.boot} {self._left.cgroup}\n".encode())
             self._running = subprocess.Popen(
                 (sys.executable, "-P", "-m", "robocomp_py.deploy.launcher.keeper", *self._arguments),
                 stdin=out,
@@ -57,11 +60,9 @@ class Keeper:
             raise
         finally:
             os.close(out)
-        os.set_blocking(into, False)
         self._pipe = into
         self._handle = os.pidfd_open(self._running.pid)
         asyncio.get_running_loop().add_reader(self._handle, self._gone)
-        self._tell(f"={self._left.launch} {self._left.boot} {self._left.cgroup}")
         for pid, at in self._left.processes.items():
             self.started(pid, at)
 

@@ -22,6 +22,7 @@ from ..finding import FindingLink
 from ..pending import Pending
 from ..replies import Numbered
 from .library import (
+    CONNECTING_MS,
     FORCEFULLY,
     IDEMPOTENT,
     NORMAL,
@@ -68,8 +69,10 @@ class Line:
     def __init__(self, proxy: Any) -> None:
         self._proxy = proxy.ice_connectionId(f"rc{next(_numbers)}")
         self._within: dict[int, Any] = {}
-        self.heard = 0.0
-        """When the last answer came by it, of those that nobody waited for."""
+        self.connected = False
+        """Whether it has ever been."""
+        self.begun, self.heard = time.monotonic(), 0.0
+        """When it was made, and when the last answer came by it, of those that nobody waited for."""
 
     def within(self, seconds: float) -> Any:
         """A proxy whose invocations end by then."""
@@ -86,6 +89,7 @@ class Line:
         asked = self.within(seconds).ice_getConnectionAsync()
         _wait_for(asked, wait)
         asked.result()
+        self.connected = True
 
     def close(self) -> None:
         """Whoever waits for an answer by it gets an exception of Ice's."""
@@ -125,11 +129,15 @@ class Peer:
     def take(self, wait: Callable[[], object], seconds: float) -> Line:
         """A connection for the calling thread alone; it must `give` it back, or close it."""
         try:
-            return self._idle.pop()
+            line = self._idle.pop()
         except IndexError:
-            pass
-        line = Line(self._proxy)
-        line.connect(wait, seconds)
+            line = Line(self._proxy)
+        if not line.connected:
+            try:
+                line.connect(wait, seconds)
+            except InvocationTimeout:  # it is still attempted: who asks next waits for that, rather than begin another
+                self.give(line)
+                raise
         return line
 
     def give(self, line: Line) -> None:
@@ -143,9 +151,12 @@ class Peer:
     def doubt(self, line: Line, since: float) -> None:
         """Nothing came by that one in time: if nothing has come at all since then, ask by another one from now on.
 
-        What had been asked before may be answered all the same. A host that was switched off closes no connection.
+        What had been asked before may be answered all the same. A host that was switched off closes no connection. One
+        by which nothing has come ever may not be there yet: it has its time.
         """
-        if self.shared is line and line.heard < since:
+        if self.shared is not line or line.heard >= since:
+            return
+        if line.heard or time.monotonic() - line.begun >= CONNECTING_MS / 1000:
             self.shared = Line(self._proxy)
 
     def answers(self, wait: Callable[[], object], seconds: float) -> bool:
@@ -404,7 +415,10 @@ class Caller(AskingLink):
             proxy = line.within(left)
             ok, answer = proxy.ice_invoke(self._operation, self._mode, payload, context)
         except LocalException as exc:
-            line.close()
+            if isinstance(exc, (NotServed, Unknown)):  # which is an answer
+                peer.give(line)
+            else:
+                line.close()
             return self.outcome(peer, exc, deadline, len(payload))
         except BaseException:
             line.close()

@@ -70,8 +70,8 @@ def hosted(options: IceOptions, owner: str) -> Iterator[None]:
         yield
         return
     keeper = _Keeper(place, owner, options.message_size_max or MAX_BYTES)
-    keeper.open()
     try:
+        keeper.open()
         yield
     finally:
         keeper.close()
@@ -287,7 +287,8 @@ class _Keeper:
 
 
 def _command(program: str, place: Place, beside: int, most_bytes: int) -> list[str]:
-    at = f"tcp -h {place.host}"
+    host = rf"\"{place.host}\"" if ":" in place.host else place.host  # quoted inside of what is quoted below
+    at = f"tcp -h {host}"
     settings = {
         "IceStorm.InstanceName": place.instance,
         "IceStorm.TopicManager.Endpoints": f"{at} -p {place.port}",
