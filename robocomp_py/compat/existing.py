@@ -161,8 +161,9 @@ class ExistingWorker(Worker[Any]):
             name=self._settings.instance,
         )
         self._in_front = self._loop.in_front
-        if self.window and "ui_mainUI" not in self._loop.modules:
-            raise ComponentError(f"{self._home / 'src' / 'mainUI.ui'} is not there, and the .cdsl says gui: its window")
+        form = self._home / "src" / "mainUI.ui"
+        if self.window and not form.is_file():
+            raise ComponentError(f"{form} is not there, and the .cdsl says gui: its window")
         self._imports = self._surroundings()
         try:
             module = self._loop.call(self._imports.load, "specificworker")
