@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+import re
 from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
@@ -58,7 +59,7 @@ _Cells = tuple[str, str]
 def _section(known: dict[tuple[str, str], _Cells], found: Sequence[Found], every: Sequence[Row], seed: int) -> str:
     for each in found:
         figures = "; ".join(map(str, each.result.figures)) if each.result else ""
-        missed = "; ".join(each.misses[:3])
+        missed = "; ".join(map(_on_the_page, each.misses[:3]))
         verdict = f"missed: {missed}" if each.misses else "kept"
         known[each.row.name, each.transport] = _cell(figures), _cell(verdict)
     packages = ("pyzmq", "cyclonedds", "eclipse-zenoh", "iceoryx2")
@@ -94,3 +95,8 @@ def _read(old: str) -> dict[tuple[str, str], _Cells]:
 
 def _cell(text: str) -> str:
     return " ".join(text.replace("|", "/").split())
+
+
+def _on_the_page(miss: str) -> str:
+    """Its first line, without places of the machine that it was found on."""
+    return re.sub(r"\S*/\S+", "…", miss.splitlines()[0])[:120]
