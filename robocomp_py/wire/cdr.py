@@ -20,22 +20,19 @@ from itertools import chain
 from typing import Any, NoReturn
 
 from ..contract.types import (
-    BOOL,
-    FLOATS,
-    INTEGERS,
     TIME,
     Dictionary,
     Enumeration,
-    Field,
     Primitive,
     Sequence,
     Struct,
     Type,
 )
 from .codec import MAX_BYTES, Decoder, Encoder, check_size, refused, unreadable
-from .program import Leaf, Program, is_loop, leaves_of
+from .program import Leaf, leaves_of
 from .rows import Columns, unpacked
-from .values import as_array, as_bool, as_dict, as_list, as_member, as_str, view_of
+from .serial import NUMBERS, Reading, Writing, check_count
+from .values import as_array, as_dict, as_list, as_str, view_of
 
 ENCAPSULATION = b"\x00\x01\x00\x00"
 TAIL = bytes(4)
@@ -48,8 +45,6 @@ _Layouts = tuple[struct.Struct, ...]
 _LETTERS = dict(zip(Primitive, "BbBhHiIqQfd", strict=False))
 _PADDING = tuple(bytes(-n & 7) for n in range(8))
 _TAILS = tuple(bytes(-n & 3) + TAIL for n in range(4))
-_BOOLS = (False, True)
-_NUMBERS = INTEGERS | FLOATS
 
 
 class Cdr:
@@ -112,14 +107,12 @@ def _aligned(letters: str, start: int) -> str:
     return text
 
 
-class _EncodeProgram:
-    """Writes `encode(values) -> bytes`. In it, `n` counts the bytes so far and `add` appends some."""
+class _EncodeProgram(Writing):
+    """Writes `encode(values) -> bytes`."""
 
     def __init__(self, message: Struct, room: int) -> None:
-        self._message, self._room = message, room
-        self._program = Program(message)
-        self._letters = ""
-        self._values: list[str] = []
+        super().__init__(message)
+        self._room = room
         self._begun = False
         """Whether anything has been written. What comes first is packed with the encapsulation, in one piece."""
 
@@ -132,6 +125,7 @@ class _EncodeProgram:
             p.line("out = []; add = out.append; n = 0")
             p.line(f"[{', '.join(names)}] = values")
             self._fields(fields, names)
+            self._end_run()
             with p.block(f"if n > {MAX_BYTES - len(ENCAPSULATION)}"):
                 p.line(f"{p.name(check_size)}(n + {len(ENCAPSULATION)})")
             if self._room:
@@ -139,26 +133,6 @@ class _EncodeProgram:
             p.line(f"return {'bytearray' if self._room else 'bytes'}().join(out)" if join else "return out")
         p.write_functions(self._write)
         return p.compile("encode")
-
-    def _write(self, function: str, kind: Type) -> None:
-        p = self._program
-        with p.block(f"def {function}(value, n, add)"):
-            if isinstance(kind, Struct):
-                self._fields(kind.fields, p.take_apart(kind, "value"))
-            else:
-                self._value(kind, "value")
-            p.line("return n")
-
-    def _fields(self, fields: tuple[Field, ...], names: list[str]) -> None:
-        if not fields:
-            self._run("B", "0")
-        for field, variable in zip(fields, names, strict=True):
-            self._value(field.type, variable)
-        self._end_run()
-
-    def _run(self, letters: str, *values: str) -> None:
-        self._letters += letters
-        self._values += values
 
     def _end_run(self) -> None:
         p = self._program
@@ -217,7 +191,7 @@ class _EncodeProgram:
         each = p.fresh()
         leaves = leaves_of(item) or []
         kinds = {leaf.kind for leaf in leaves}
-        if len(kinds) != 1 or not kinds <= _NUMBERS:
+        if len(kinds) != 1 or not kinds <= NUMBERS:
             self._loop(f"{each} in {items}", (item, each))
             return
         # All numbers of one kind: no padding inside, so one call packs them all, and column by column is quickest.
@@ -234,55 +208,21 @@ class _EncodeProgram:
             p.line(f"s = {p.name(struct.pack)}(f'<{{len(s)}}{letter}', *s)")
             p.line("add(s); n += len(s)")
 
-    def _loop(self, head: str, *parts: tuple[Type, str]) -> None:
-        with self._program.block(f"for {head}"):
-            for kind, x in parts:
-                if is_loop(kind):
-                    self._call(kind, x)
-                else:
-                    self._value(kind, x)
-            self._end_run()
-
-    def _call(self, kind: Type, x: str) -> None:
-        self._end_run()
-        self._program.line(f"n = {self._program.function_for(kind)}({x}, n, add)")
-
-    def _leaf(self, leaf: Leaf, x: str) -> tuple[str, ...]:
-        """What is packed for a leaf of the value `x`. Numbers are checked by `struct`, and are what it takes."""
-        p = self._program
-        at = x + leaf.path
-        match leaf.kind:
-            case Struct():
-                return ("0",)
-            case Primitive() if leaf.kind in _NUMBERS:
-                return (at,)
-        each = p.fresh()
-        p.line(f"{each} = {at}")
-        match leaf.kind:
-            case Enumeration(members=members, python=python):
-                table = p.name({number: number for _, number in members}, "enum")
-                plain = f"type({each}) is {p.name(python or int)}"
-                return (f"{table}[{each}] if {plain} else {p.name(as_member)}({each}, {table})",)
-            case Primitive.BOOL:
-                return (f"{each} if {each} is True or {each} is False else {p.name(as_bool)}({each})",)
-        p.line(f"{each} = {p.name(operator.index)}({each})")
-        return f"{each} // 1000000000", f"{each} % 1000000000"
+    def _time(self, x: str) -> tuple[str, ...]:
+        self._program.line(f"{x} = {self._program.name(operator.index)}({x})")
+        return f"{x} // 1000000000", f"{x} % 1000000000"
 
 
-class _DecodeProgram:
-    """Writes `decode(payload) -> values`. In it, `data` is the payload, `n` how much was read.
+class _DecodeProgram(Reading):
+    """Writes `decode(payload) -> values`.
 
     What is aligned is aligned from behind the encapsulation, which is `ENCAPSULATION` modulo 8, since room is.
     """
 
     def __init__(self, message: Struct, room: int) -> None:
-        self._message, self._start = message, len(ENCAPSULATION) + room
+        super().__init__(message)
+        self._start = len(ENCAPSULATION) + room
         self._slack = len(_TAILS[1]) if room else 3  # DDS may pad a payload to a multiple of four
-        self._program = Program(message)
-        self._letters = ""
-        self._names: list[str] = []
-        self._begun = False
-        """Whether anything has been read. What comes first is read from a place that is known."""
 
     def compile(self, prefix: bool) -> Callable[[Any], tuple[Any, ...]]:
         p = self._program
@@ -291,34 +231,13 @@ class _DecodeProgram:
             with p.block(f"if not {self._start} <= data.nbytes <= {MAX_BYTES} or data[0] != 0 or data[1] != 1"):
                 p.line(f"{p.name(_refuse)}(data)")
             values = self._fields(self._message.fields)
+            self._end_run()
             if not prefix:
                 with p.block(f"if not 0 <= data.nbytes - n <= {self._slack}"):
                     p.line(f"{p.name(_refuse_rest)}(data, n)")
             p.line(f"return ({values})")
         p.write_functions(self._write)
         return p.compile("decode")
-
-    def _write(self, function: str, kind: Type) -> None:
-        p = self._program
-        with p.block(f"def {function}(data, n)"):
-            value = self._made(kind, self._fields(kind.fields)) if isinstance(kind, Struct) else self._value(kind)
-            p.line(f"return {value}, n")
-
-    def _made(self, kind: Struct, values: str) -> str:
-        return f"{self._program.name(kind.python)}({values})" if kind.python else f"({values})"
-
-    def _fields(self, fields: tuple[Field, ...]) -> str:
-        if not fields:
-            self._run("B")
-        values = [self._value(field.type) for field in fields]
-        self._end_run()
-        return "".join(f"{value}, " for value in values)
-
-    def _run(self, letters: str) -> list[str]:
-        names = [self._program.fresh() for _ in letters]
-        self._letters += letters
-        self._names += names
-        return names
 
     def _end_run(self) -> None:
         p = self._program
@@ -333,20 +252,18 @@ class _DecodeProgram:
             p.line(f"s = {layouts}[n & 7]; [{names}] = s.unpack_from(data, n); n += s.size")
         self._letters, self._names = "", []
 
-    def _value(self, kind: Type) -> str:
-        """Emit what reads a value; return an expression for it, valid once the run has ended."""
-        p = self._program
+    def _letters_of(self, kind: Type) -> str | None:
         leaves = leaves_of(kind)
-        if leaves is not None:
-            return self._fixed(kind, iter(self._run(_letters(*leaves))).__next__)
+        return None if leaves is None else _letters(*leaves)
+
+    def _varying(self, kind: Type) -> str:
+        p = self._program
         result = p.fresh()
         match kind:
             case Primitive():
                 (length,) = self._run("I")
                 self._end_run()
                 p.line(f"{result} = {p.name(_text)}(data, n, {length}); n += {length}")
-            case Struct():
-                return self._call(kind)
             case Sequence() if kind.dtype is not None:
                 (count,) = self._run("I")
                 self._end_run()
@@ -363,55 +280,17 @@ class _DecodeProgram:
                 self._end_run()
                 p.line(f"{result} = {{}}")
                 self._repeat(count, (key, item), f"{result}[{{}}] = {{}}", result)
-            case Enumeration():
-                raise AssertionError("enumerations have leaves")
+            case Struct() | Enumeration():
+                raise AssertionError("read elsewhere, or of fixed size")
         return result
 
-    def _repeat(self, count: str, kinds: tuple[Type, ...], store: str, result: str) -> None:
+    def _rows_of(self, letters: str, count: str) -> tuple[str, str]:
         p = self._program
-        leaves = [leaf for kind in kinds for leaf in (leaves_of(kind) or ())]
-        if len(kinds) == 1 and leaves:
-            self._rows(count, kinds[0], _letters(*leaves), result)
-            return
-        p.line(f"{p.name(_check_count)}(data, n, {count})")
-        with p.block(f"for _ in range({count})"):
-            values = [self._call(kind) if is_loop(kind) else self._value(kind) for kind in kinds]
-            self._end_run()
-            p.line(store.format(*values))
+        arguments = f"({p.name(_layouts(letters, _ORIGIN), 'layouts')}, data, n, {count})"
+        return p.name(_rows) + arguments, p.name(_columns) + arguments
 
-    def _rows(self, count: str, item: Type, letters: str, result: str) -> None:
-        """Emit what reads items of fixed size."""
-        p = self._program
-        names = [p.fresh() for _ in letters]
-        layouts = p.name(_layouts(letters, _ORIGIN), "layouts")
-        take, arguments = iter(names).__next__, f"({layouts}, data, n, {count})"
-        few, many = p.name(_rows) + arguments, p.name(_columns) + arguments
-        if isinstance(item, Struct) and item.fields:
-            p.line(f"count = {count}")
-            p.make_each(item, result, names, [self._fixed(field.type, take) for field in item.fields], few, many)
-        else:
-            p.line(f"s, n = {few}; {result} = [{self._fixed(item, take)} for [{', '.join(names)}] in s]")
-
-    def _call(self, kind: Type) -> str:
-        self._end_run()
-        result = self._program.fresh()
-        self._program.line(f"{result}, n = {self._program.function_for(kind)}(data, n)")
-        return result
-
-    def _fixed(self, kind: Type, take: Callable[[], str]) -> str:
-        """An expression for a value of fixed size from the variables of its leaves."""
-        match kind:
-            case Enumeration(members=members, python=python):
-                table = {number: python(number) if python else number for _, number in members}
-                return f"{self._program.name(table, 'enum')}[{take()}]"
-            case Struct(fields=()):
-                take()
-                return self._made(kind, "")
-            case Struct(fields=fields):
-                return self._made(kind, "".join(f"{self._fixed(f.type, take)}, " for f in fields))
-        if kind is TIME:
-            return f"{self._program.name(_instant)}({take()}, {take()})"
-        return f"{self._program.name(_BOOLS)}[{take()}]" if kind is BOOL else take()
+    def _primitive(self, kind: Primitive, take: Callable[[], str]) -> str:
+        return f"{self._program.name(_instant)}({take()}, {take()})" if kind is TIME else take()
 
 
 # What compiled decoders call.
@@ -424,11 +303,6 @@ def _refuse(data: memoryview) -> NoReturn:
 
 def _refuse_rest(data: memoryview, n: int) -> NoReturn:
     raise ValueError(f"{data.nbytes - n} bytes left over")
-
-
-def _check_count(data: memoryview, n: int, count: int) -> None:
-    if count > data.nbytes - n:  # every item has a byte at least: refuse before anything is allocated
-        raise ValueError(f"{count} items in {data.nbytes - n} bytes")
 
 
 def _instant(seconds: int, nanoseconds: int) -> int:
@@ -464,7 +338,7 @@ def _regular(
     layouts: _Layouts, data: memoryview, n: int, count: int
 ) -> tuple[list[tuple[Any, ...]], struct.Struct, int, int]:
     """The leaves of the first items, until their padding repeats; and the layout of the others, which are all there."""
-    _check_count(data, n, count)
+    check_count(data, n, count)
     first: list[tuple[Any, ...]] = []
     while True:
         layout = layouts[n & 7]

@@ -19,7 +19,7 @@ import secrets
 import struct
 import time
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -94,6 +94,11 @@ def pack_publication(fingerprint: int, source: int, sequence: int, stamp: int) -
     return _PUBLICATION.pack(VERSION, fingerprint, source, sequence, stamp)
 
 
+def publications_of(begin: bytes, fingerprint: int, source: int) -> Callable[[int, int], bytes]:
+    """What packs the header of such a publication behind `begin`, by its sequence and its stamp, with one call."""
+    return partial(struct.Struct(f"<{len(begin)}sBQQQq").pack, begin, VERSION, fingerprint, source)
+
+
 def read_request(data: bytes) -> Request:
     request = request_at(data, 0)
     _check_length(data, request_bytes(request))
@@ -119,6 +124,9 @@ publication_fields: Callable[[bytes], tuple[int, int, int, int, int]] = _PUBLICA
 """What `read_publication` reads, without a look at the version, and with struct's error for a wrong length:
 
 for where messages come by the ten thousand."""
+
+publication_fields_at: Callable[[bytes, int], tuple[int, int, int, int, int]] = _PUBLICATION.unpack_from
+"""The same at an offset, where more may follow."""
 
 # At an offset within a message; more may follow.
 

@@ -24,9 +24,6 @@ from typing import Any, NoReturn
 import numpy as np
 
 from ..contract.types import (
-    BOOL,
-    FLOATS,
-    INTEGERS,
     LINEAGE,
     TIME,
     UINT16,
@@ -34,7 +31,6 @@ from ..contract.types import (
     Dictionary,
     Enumeration,
     ExceptionType,
-    Field,
     Primitive,
     Response,
     Sequence,
@@ -44,9 +40,10 @@ from ..contract.types import (
     thrown,
 )
 from .codec import MAX_BYTES, Decoder, Encoder, Payload, check_size, refused, unreadable
-from .program import Leaf, Program, is_loop, leaves_of
+from .program import Leaf, leaves_of
 from .rows import FEW, Columns, packed, unpacked
-from .values import RANGES, as_array, as_bool, as_dict, as_int, as_list, as_member, as_str, view_of
+from .serial import NUMBERS, Reading, Writing
+from .values import RANGES, as_array, as_dict, as_int, as_list, as_str, view_of
 
 _HEAD = "iH"
 """The size of an encapsulation and its encoding."""
@@ -63,8 +60,6 @@ _WRITTEN = {**dict(zip(Primitive, ("B", "b", "B", "h", "Hxx", "i", "Ixxxx", *"qQ
 
 _READ = {**_WRITTEN, UINT16: "I", UINT32: "Q"}
 _WIDER: dict[np.dtype[Any], np.dtype[Any]] = {np.dtype("<u2"): np.dtype("<i4"), np.dtype("<u4"): np.dtype("<i8")}
-_BOOLS = (False, True)
-_NUMBERS = INTEGERS | FLOATS
 
 
 class Ice:
@@ -111,14 +106,12 @@ def _letters(leaves: list[Leaf], letters: dict[Primitive, str]) -> list[str]:
     return [letters[leaf.kind] if isinstance(leaf.kind, Primitive) else "B" for leaf in leaves]
 
 
-class _EncodeProgram:
-    """Writes `encode(values) -> bytes`. In it, `n` counts the bytes so far and `add` appends some."""
+class _EncodeProgram(Writing):
+    """Writes `encode(values) -> bytes`."""
 
     def __init__(self, message: Struct) -> None:
-        self._message = message
-        self._program = Program(message)
-        self._letters = _HEAD
-        self._values = ["n", str(_ENCODING)]
+        super().__init__(message)
+        self._run(_HEAD, "n", str(_ENCODING))
         self._first = ""
         """What packs the first run, which is done last: the size of all stands in it."""
 
@@ -137,26 +130,6 @@ class _EncodeProgram:
             p.line(f"out[0] = {self._first}; return b''.join(out)")
         p.write_functions(self._write)
         return p.compile("encode")
-
-    def _write(self, function: str, kind: Type) -> None:
-        p = self._program
-        with p.block(f"def {function}(value, n, add)"):
-            if isinstance(kind, Struct):
-                self._struct(kind.fields, p.take_apart(kind, "value"))
-            else:
-                self._value(kind, "value")
-            self._end_run()
-            p.line("return n")
-
-    def _struct(self, fields: tuple[Field, ...], names: list[str]) -> None:
-        if not fields:
-            self._run("B", "0")
-        for field, variable in zip(fields, names, strict=True):
-            self._value(field.type, variable)
-
-    def _run(self, letters: str, *values: str) -> None:
-        self._letters += letters
-        self._values += values
 
     def _end_run(self, size: str = "", more: str = "") -> None:
         """Emit what packs the run and, at its end, a size; `more` octets follow."""
@@ -185,7 +158,8 @@ class _EncodeProgram:
         p = self._program
         leaves = _leaves(kind)
         if leaves is not None:
-            self._run("".join(_letters(leaves, _WRITTEN)), *[self._leaf(leaf, x) for leaf in leaves])
+            for leaf, letters in zip(leaves, _letters(leaves, _WRITTEN), strict=True):
+                self._run(letters, *self._leaf(leaf, x))
             return
         size = p.fresh()
         match kind:
@@ -196,7 +170,7 @@ class _EncodeProgram:
                 p.line(f"add({text})")
             case Enumeration():
                 number = p.name(_number, "number")
-                p.line(f"{size} = {self._member(kind, x)}")
+                p.line(f"{size} = {p.member(kind, x)}")
                 self._end_run()
                 p.line(f"{size} = {number}({size}); add({size}); n += len({size})")
             case Struct():
@@ -224,7 +198,7 @@ class _EncodeProgram:
         each = p.fresh()
         leaves = _leaves(item) or []
         letters = _letters(leaves, _WRITTEN)
-        if not letters or not {leaf.kind for leaf in leaves} <= _NUMBERS:
+        if not letters or not {leaf.kind for leaf in leaves} <= NUMBERS:
             self._loop(f"{each} in {items}", (item, each))
             return
         layout = struct.Struct("<" + "".join(letters))
@@ -244,44 +218,10 @@ class _EncodeProgram:
                 p.line(f"add(b''.join([{p.name(layout.pack)}({few}) for {each} in {items}]))")
             p.line(f"n += {layout.size} * {size}")
 
-    def _loop(self, head: str, *parts: tuple[Type, str]) -> None:
-        with self._program.block(f"for {head}"):
-            for kind, x in parts:
-                if is_loop(kind):
-                    self._call(kind, x)
-                else:
-                    self._value(kind, x)
-            self._end_run()
-
-    def _call(self, kind: Type, x: str) -> None:
-        self._end_run()
-        self._program.line(f"n = {self._program.function_for(kind)}({x}, n, add)")
-
-    def _leaf(self, leaf: Leaf, x: str) -> str:
-        """What is packed for a leaf of the value `x`. Numbers are checked by `struct`, and are what it takes."""
-        p = self._program
-        at = x + leaf.path
-        match leaf.kind:
-            case Struct():
-                return "0"
-            case Primitive() if leaf.kind in _NUMBERS:
-                return at
-        each = p.fresh()
-        p.line(f"{each} = {at}")
-        match leaf.kind:
-            case Enumeration():
-                return self._member(leaf.kind, each)
-            case Primitive.BOOL:
-                return f"{each} if {each} is True or {each} is False else {p.name(as_bool)}({each})"
+    def _time(self, x: str) -> tuple[str, ...]:
         low, high = RANGES[TIME]
-        return (
-            f"{each} if type({each}) is int and {low} <= {each} <= {high} else {p.name(as_int)}({each}, {low}, {high})"
-        )
-
-    def _member(self, kind: Enumeration, x: str) -> str:
-        p = self._program
-        table = p.name({number: number for _, number in kind.members}, "enum")
-        return f"{table}[{x}] if type({x}) is {p.name(kind.python or int)} else {p.name(as_member)}({x}, {table})"
+        plain = f"{x} if type({x}) is int and {low} <= {x} <= {high}"
+        return (f"{plain} else {self._program.name(as_int)}({x}, {low}, {high})",)
 
 
 def _number(number: int) -> bytes:
@@ -289,19 +229,15 @@ def _number(number: int) -> bytes:
     return _SIZES[number] if 0 <= number < _LONG else _LONG_SIZE.pack(_LONG, number)
 
 
-class _DecodeProgram:
-    """Writes `decode(payload) -> values`. In it, `data` is the payload, `n` how much was read.
+class _DecodeProgram(Reading):
+    """Writes `decode(payload) -> values`.
 
     Reading texts beyond its end gives shorter ones: whether `n` is within is seen when numbers are read, and last.
     """
 
     def __init__(self, message: Struct) -> None:
-        self._message = message
-        self._program = Program(message)
-        self._letters = _HEAD
-        self._names = ["size", "encoding"]
-        self._begun = False
-        """Whether anything has been read. What comes first is read from a place that is known."""
+        super().__init__(message)
+        self._letters, self._names = _HEAD, ["size", "encoding"]
 
     def compile(self, prefix: bool) -> Decoder:
         p = self._program
@@ -326,26 +262,6 @@ class _DecodeProgram:
         p.write_functions(self._write)
         return p.compile("read")
 
-    def _write(self, function: str, kind: Type) -> None:
-        with self._program.block(f"def {function}(data, n)"):
-            value = self._struct(kind) if isinstance(kind, Struct) else self._value(kind)
-            self._end_run()
-            self._program.line(f"return {value}, n")
-
-    def _struct(self, kind: Struct) -> str:
-        if not kind.fields:
-            self._run("B")
-        return self._made(kind, "".join(f"{value}, " for value in [self._value(f.type) for f in kind.fields]))
-
-    def _made(self, kind: Struct, values: str) -> str:
-        return f"{self._program.name(kind.python)}({values})" if kind.python else f"({values})"
-
-    def _run(self, letters: str) -> list[str]:
-        names = [self._program.fresh() for _ in letters]
-        self._letters += letters
-        self._names += names
-        return names
-
     def _end_run(self) -> None:
         if not self._letters:
             return
@@ -369,12 +285,12 @@ class _DecodeProgram:
         p.line(f"if {size} == {_LONG}: {size}, n = {p.name(long)}(data, n)")
         return size
 
-    def _value(self, kind: Type) -> str:
-        """Emit what reads a value; return an expression for it, valid once the run has ended."""
-        p = self._program
+    def _letters_of(self, kind: Type) -> str | None:
         leaves = _leaves(kind)
-        if leaves is not None:
-            return self._fixed(kind, iter(self._run("".join(_letters(leaves, _READ)))).__next__)
+        return None if leaves is None else "".join(_letters(leaves, _READ))
+
+    def _varying(self, kind: Type) -> str:
+        p = self._program
         result = p.fresh()
         match kind:
             case Primitive():
@@ -382,9 +298,7 @@ class _DecodeProgram:
                 p.line(f"{result} = str(data[n : n + {size}], 'utf-8'); n += {size}")
             case Enumeration():
                 number = self._size(_long_number)
-                p.line(f"{result} = {self._enumerator(kind, number)}")
-            case Struct():
-                return self._call(kind)
+                p.line(f"{result} = {p.enumerator(kind, number)}")
             case Sequence() if kind.dtype is not None:
                 size = self._size(_long_size)
                 wire = _WIDER.get(kind.dtype, kind.dtype)
@@ -399,61 +313,21 @@ class _DecodeProgram:
                 size = self._size(_long_size)
                 p.line(f"{result} = {{}}")
                 self._repeat(size, (key, item), f"{result}[{{}}] = {{}}", result)
+            case Struct():
+                raise AssertionError("read elsewhere")
         return result
 
-    def _repeat(self, count: str, kinds: tuple[Type, ...], store: str, result: str) -> None:
+    def _rows_of(self, letters: str, count: str) -> tuple[str, str]:
         p = self._program
-        leaves = [leaf for kind in kinds for leaf in (_leaves(kind) or ())]
-        if len(kinds) == 1 and leaves:
-            self._rows(count, kinds[0], "".join(_letters(leaves, _READ)), result)
-            return
-        p.line(f"{p.name(_check_count)}(data, n, {count})")
-        with p.block(f"for _ in range({count})"):
-            values = [self._call(kind) if is_loop(kind) else self._value(kind) for kind in kinds]
-            self._end_run()
-            p.line(store.format(*values))
+        arguments = f"({p.name(struct.Struct('<' + letters))}, data, n, {count})"
+        return p.name(_few) + arguments, p.name(_many) + arguments
 
-    def _rows(self, count: str, item: Type, letters: str, result: str) -> None:
-        """Emit what reads items of fixed size."""
-        p = self._program
-        names = [p.fresh() for _ in letters]
-        take, arguments = iter(names).__next__, f"({p.name(struct.Struct('<' + letters))}, data, n, {count})"
-        few, many = p.name(_few) + arguments, p.name(_many) + arguments
-        if isinstance(item, Struct) and item.fields:
-            p.line(f"count = {count}")
-            p.make_each(item, result, names, [self._fixed(field.type, take) for field in item.fields], few, many)
-        else:
-            p.line(f"s, n = {few}; {result} = [{self._fixed(item, take)} for [{', '.join(names)}] in s]")
-
-    def _call(self, kind: Type) -> str:
-        self._end_run()
-        result = self._program.fresh()
-        self._program.line(f"{result}, n = {self._program.function_for(kind)}(data, n)")
-        return result
-
-    def _fixed(self, kind: Type, take: Callable[[], str]) -> str:
-        """An expression for a value of fixed size from the variables of its leaves."""
-        p = self._program
-        match kind:
-            case Enumeration():
-                return self._enumerator(kind, take())
-            case Struct(fields=()):
-                take()
-                return self._made(kind, "")
-            case Struct(fields=fields):
-                return self._made(kind, "".join(f"{self._fixed(f.type, take)}, " for f in fields))
+    def _primitive(self, kind: Primitive, take: Callable[[], str]) -> str:
         x = take()
-        if kind is BOOL:
-            return f"{p.name(_BOOLS)}[{x}]"
         if kind is TIME or kind is UINT16 or kind is UINT32:
             low, high = RANGES[kind]
-            return f"({x} if {low} <= {x} <= {high} else {p.name(as_int)}({x}, {low}, {high}))"
+            return f"({x} if {low} <= {x} <= {high} else {self._program.name(as_int)}({x}, {low}, {high}))"
         return x
-
-    def _enumerator(self, kind: Enumeration, number: str) -> str:
-        python = kind.python
-        table = {value: python(value) if python else value for _, value in kind.members}
-        return f"{self._program.name(table, 'enum')}[{number}]"
 
 
 # What compiled decoders call.
@@ -469,11 +343,6 @@ def _refuse(data: Any) -> NoReturn:
 
 def _refuse_rest(size: int, n: int) -> NoReturn:
     raise ValueError(f"{size - n} bytes left over" if n < size else f"{n - size} bytes are missing")
-
-
-def _check_count(data: Any, n: int, count: int) -> None:
-    if count > len(data) - n:  # every item has a byte at least: refuse before anything is allocated
-        raise ValueError(f"{count} items in {len(data) - n} bytes")
 
 
 def _long_number(data: Any, n: int) -> tuple[int, int]:

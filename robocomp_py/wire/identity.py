@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..contract.types import Struct
-from .codec import Decoder, Encoder, check_size, refused, unreadable
+from .codec import MAX_BYTES, Decoder, Encoder, check_size, refused, unreadable
 from .plain import Frames, compile_planter, compile_reader
 from .values import snapshot
 
@@ -30,8 +30,8 @@ class Identity:
             try:
                 sizes: Frames = []
                 tree = plant(values, sizes)
-                if sizes:
-                    check_size(sum(sizes))
+                if sizes and (size := sum(sizes)) > MAX_BYTES:
+                    check_size(size)
                 return tree
             except Exception as exc:
                 raise refused(message, values, exc) from exc
@@ -58,6 +58,6 @@ def _freeze(value: Any, dtype: np.dtype[Any], sizes: Frames) -> np.ndarray[Any, 
 
 def _view(value: Any, dtype: np.dtype[Any], frames: Frames) -> np.ndarray[Any, Any]:
     """An array object of the receiver's own: it may reshape it in place."""
-    if not isinstance(value, np.ndarray) or value.dtype != dtype:
+    if not isinstance(value, np.ndarray) or (value.dtype is not dtype and value.dtype != dtype):
         raise ValueError(f"expected an array of {dtype.name}, found {type(value).__name__}")
     return value.view()

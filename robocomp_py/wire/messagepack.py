@@ -21,8 +21,9 @@ import msgpack
 import numpy as np
 
 from ..contract.types import DTYPES, Struct
-from .codec import Decoder, Encoder, check_size, refused, unreadable
-from .packing import PackArray, ReadArray, compile_writer
+from .codec import Decoder, Encoder, unreadable
+from .packing import MAX_TREE as MAX_TREE
+from .packing import PackArray, ReadArray, check_tree, compile_writer
 from .packing import compile_reader as compile_own_reader
 from .plain import Frames, compile_reader
 from .values import as_array, read_only, view_of
@@ -39,14 +40,14 @@ _INDEX = struct.Struct("<I")
 _APART_BYTES = _REFERENCE.size
 _BIN8, _BIN16 = struct.Struct(">BB"), struct.Struct(">BH")
 _EXT8, _EXT16, _EXT32 = struct.Struct(">BBbB"), struct.Struct(">BHbB"), struct.Struct(">BIbB")
-_HEADS = {0xC4: _BIN8, 0xC5: _BIN16, 0xC7: _EXT8, 0xC8: _EXT16, 0xC9: _EXT32}
+_HEADS = {
+    tag: (head.unpack_from, head.size)
+    for tag, head in ((0xC4, _BIN8), (0xC5, _BIN16), (0xC7, _EXT8), (0xC8, _EXT16), (0xC9, _EXT32))
+}
 """How arrays begin, by the first octet: bin 8 and 16, and ext 8, 16 and 32 with the letter."""
 _OCTET = ord("B")
 _OCTETS = np.dtype(np.uint8)
 _NUMBERS = {bool, int, float}
-
-MAX_TREE = 16 * 1024 * 1024
-"""A tree of more bytes is refused: each of them may become an object of many times its size."""
 
 _SHORT = 2 * 1024
 """A tree of fewer bytes cannot make the library allocate much, whatever it claims to hold."""
@@ -58,51 +59,25 @@ class MessagePack:
     name = "messagepack"
 
     def encoder(self, message: Struct, *, snapshot: bool = True) -> Encoder:
-        pack = compile_writer(message, partial(_array_packer, keep=frozen if snapshot else as_array))
-
-        def encode(values: tuple[Any, ...]) -> list[Any]:
-            try:
-                payload = pack(values)
-                _check_size(payload)
-                return payload
-            except Exception as exc:
-                raise refused(message, values, exc) from exc
-
-        return encode
+        return compile_writer(message, partial(_array_packer, keep=frozen if snapshot else as_array))
 
     def decoder(self, message: Struct, *, prefix: bool = False) -> Decoder:
         read = cache(partial(compile_reader, message, _read_array, prefix=prefix))  # made when it is first needed
-        read_ours = None if prefix else compile_own_reader(message, _array_reader)
         unpackb = msgpack.unpackb
-        if not read_ours:
-            read()
 
         def decode(payload: list[Any]) -> tuple[Any, ...]:
             try:
-                _check_size(payload)
-                if read_ours:
-                    try:
-                        return read_ours(payload)
-                    except _OTHERWISE:
-                        pass  # it may be packed as others do, or be wrong: then it is said below what is
+                check_tree(payload)
                 if len(payload[0]) > _SHORT:
                     _check_whole(payload[0])
                 return read()(unpackb(payload[0], strict_map_key=False), payload)
             except Exception as exc:
                 raise unreadable(message, exc) from exc
 
-        return decode
-
-
-_OTHERWISE = (ValueError, LookupError, TypeError, ArithmeticError, struct.error)
-"""What reading the form of ours may raise for another one."""
-
-
-def _check_size(payload: list[Any]) -> None:
-    if len(payload[0]) > MAX_TREE:
-        raise ValueError(f"{len(payload[0])} bytes besides large arrays; a message may have {MAX_TREE}")
-    if len(payload) > 1:
-        check_size(sum(memoryview(part).nbytes for part in payload))
+        ours = None if prefix else compile_own_reader(message, _array_reader, decode)
+        if ours is None:
+            read()
+        return ours or decode
 
 
 def _check_whole(packed: Any) -> None:
@@ -144,12 +119,13 @@ def _array_reader(dtype: np.dtype[Any]) -> ReadArray:
     checked = dtype.kind == "b"
 
     def read(data: Any, n: int, payload: Frames) -> tuple[np.ndarray[Any, Any], int]:
-        head = _HEADS[data[n]]
-        if head.size > 3:
-            _, size, code, found = head.unpack_from(data, n)
+        unpack, begin = _HEADS[data[n]]
+        if begin > 3:
+            _, size, code, found = unpack(data, n)
             if found != letter or not size:
                 raise ValueError("another array")
-            begin, end = n + head.size, n + head.size + size - 1
+            begin += n
+            end = begin + size - 1
             if code == APART_EXT:
                 (index,) = _INDEX.unpack(data[begin:end])
                 if index == 0:
@@ -158,13 +134,14 @@ def _array_reader(dtype: np.dtype[Any]) -> ReadArray:
             if code != INLINE_EXT or octets:
                 raise ValueError("another form")
         else:
-            _, size = head.unpack_from(data, n)
-            begin, end = n + head.size, n + head.size + size
+            _, size = unpack(data, n)
+            begin += n
+            end = begin + size
             if not octets:
                 raise ValueError("another array")
         if end > len(data):
             raise ValueError("no whole array")
-        inside = bytes(data[begin:end])  # a copy: nothing is aligned in there
+        inside = data[begin:end] if type(data) is bytes else bytes(data[begin:end])  # copied: nothing is aligned there
         if checked or begin == end:
             return view_of(inside, dtype, (end - begin) // item, 0), end
         return np.frombuffer(inside, dtype), end

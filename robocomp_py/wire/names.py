@@ -51,6 +51,15 @@ def instance(channel: str) -> str:
     return channel.split("/")[-3]
 
 
+def segment(channel: str) -> str:
+    """What a channel calls its interface: `Laser`, `Laser1`."""
+    return channel.split("/")[-2]
+
+
+def operation(channel: str) -> str:
+    return channel.rpartition("/")[2]
+
+
 def is_segment(text: str) -> bool:
     """Whether a name may stand between the slashes of a channel."""
     return bool(_SEGMENT.match(text))

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from itertools import groupby, islice
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -31,10 +32,11 @@ from ..contract.types import (
     Type,
     children,
 )
+from .codec import Decoder, Encoder, check_size, refused
 from .plain import Frames, compile_planter
 from .program import Program, is_fixed, is_loop
 from .rows import FEW, Columns, packed, unpacked
-from .values import RANGES, as_bool, as_dict, as_int, as_list, as_member, as_str
+from .values import RANGES, as_bool, as_dict, as_int, as_list, as_str
 
 if TYPE_CHECKING:
     import numpy as np
@@ -71,21 +73,28 @@ _MAP_HEADS = tuple(bytes([_FIXMAP | count]) for count in range(16))
 _STRING_HEADS = tuple(bytes([_FIXSTR | count]) for count in range(32))
 
 
-def compile_writer(
-    message: Struct, array: Callable[[np.dtype[Any]], PackArray]
-) -> Callable[[tuple[Any, ...]], list[Any]]:
-    """A function from a message's fields to its payload. What it raises is for `explain` to explain."""
+MAX_TREE = 16 * 1024 * 1024
+"""A tree of more bytes is refused: each of them may become an object of many times its size."""
+
+
+def compile_writer(message: Struct, array: Callable[[np.dtype[Any]], PackArray]) -> Encoder:
     return _Writer(message, array).compile()
 
 
-def compile_reader(
-    message: Struct, array: Callable[[np.dtype[Any]], ReadArray]
-) -> Callable[[Frames], tuple[Any, ...]] | None:
-    """A function from a payload to a message's fields, for what `compile_writer` makes; for others it raises something.
+def compile_reader(message: Struct, array: Callable[[np.dtype[Any]], ReadArray], otherwise: Decoder) -> Decoder | None:
+    """A decoder of what `compile_writer` makes; for what is packed in another way, or is wrong, it calls `otherwise`.
 
     None if the library is as quick with such messages.
     """
-    return _Reader(message, array).compile() if _suits(message) else None
+    return _Reader(message, array).compile(otherwise) if _suits(message) else None
+
+
+def check_tree(payload: Frames) -> None:
+    """Whether a message may be as large as this payload."""
+    if len(payload[0]) > MAX_TREE:
+        raise ValueError(f"{len(payload[0])} bytes besides large arrays; a message may have {MAX_TREE}")
+    if len(payload) > 1:
+        check_size(sum(memoryview(part).nbytes for part in payload))
 
 
 def _suits(kind: Type) -> bool:
@@ -144,12 +153,14 @@ class _Writer:
         self._array = cache(array)
         self._letters = ""
         self._values: list[str] = []
+        self._inline = _Inline()
 
-    def compile(self) -> Callable[[tuple[Any, ...]], list[Any]]:
+    def compile(self) -> Encoder:
         p = self._program
         names = [p.fresh() for _ in self._message.fields]
         alone = is_fixed(Struct("", self._message.fields, object))
-        with p.block("def encode(values)"):
+        refusal = f"{p.name(refused)}({p.name(self._message)}, values, exc)"
+        with p.block("def encode(values)"), p.guarded(refusal):
             p.line(f"[{', '.join(names)}] = values")
             if alone:
                 self._fields(self._message.fields, names)
@@ -158,7 +169,10 @@ class _Writer:
                 p.line("out = []; add = out.append; frames = []")
                 self._fields(self._message.fields, names)
                 self._end_run()
-                p.line("return [b''.join(out), *frames]")
+                p.line("payload = [b''.join(out), *frames]")
+                p.line(f"if frames or len(payload[0]) > {MAX_TREE}: {p.name(check_tree)}(payload)")
+                p.line("return payload")
+        self._inline.over = True
         p.write_functions(self._write)
         return p.compile("encode")
 
@@ -218,6 +232,8 @@ class _Writer:
                 self._leaf(kind, x)
             case Struct() if is_fixed(kind):
                 self._fixed(kind, x)
+            case Struct(fields=fields) if self._inline.may(kind):
+                self._fields(fields, p.take_apart(kind, x))
             case Struct():
                 self._call(kind, x)
             case Sequence() if kind.dtype is not None:
@@ -247,7 +263,7 @@ class _Writer:
         p.line(f"add({short} if len({items}) < 16 else {p.name(head)}(len({items})))")
 
     def _loop(self, head: str, *parts: tuple[Type, str]) -> None:
-        with self._program.block(f"for {head}"):
+        with self._program.block(f"for {head}"), self._inline.not_here():
             for kind, x in parts:
                 if is_loop(kind):
                     self._call(kind, x)
@@ -301,11 +317,8 @@ class _Writer:
         each = p.fresh()
         p.line(f"{each} = {at}")
         match kind:
-            case Enumeration(members=members, python=python):
-                table = p.name({number: number for _, number in members}, "enum")
-                plain = f"type({each}) is {p.name(python or int)}"
-                member = f"{table}[{each}] if {plain} else {p.name(as_member)}({each}, {table})"
-                self._run("B" + _INT32[1], str(_INT32[0]), member)
+            case Enumeration():
+                self._run("B" + _INT32[1], str(_INT32[0]), p.member(kind, each))
             case Primitive.BOOL:
                 plain = f"{_FALSE} + ({each} if {each} is True or {each} is False else {p.name(as_bool)}({each}))"
                 self._run("B", plain)
@@ -332,6 +345,29 @@ def _only_numbers(kind: Struct) -> bool:
     )
 
 
+class _Inline:
+    """Which structs are treated where they stand: those of a message itself, each once, so that it stays short.
+
+    The others are treated by functions, and so are those in loops, which must not nest.
+    """
+
+    def __init__(self) -> None:
+        self.over = False
+        self._seen: set[int] = set()
+
+    def may(self, kind: Struct) -> bool:
+        if self.over or id(kind) in self._seen:
+            return False
+        self._seen.add(id(kind))
+        return True
+
+    @contextmanager
+    def not_here(self) -> Iterator[None]:
+        before, self.over = self.over, True
+        yield
+        self.over = before
+
+
 class _Reader:
     """Writes `decode(payload) -> values`. In it, `data` is the packed message and `n` how much of it was read."""
 
@@ -342,17 +378,30 @@ class _Reader:
         self._letters = ""
         self._names: list[str] = []
         self._expected: list[tuple[str, int]] = []
+        self._inline = _Inline()
 
-    def compile(self) -> Callable[[Frames], tuple[Any, ...]]:
+    def compile(self, otherwise: Decoder) -> Decoder:
         p = self._program
+        fields = self._message.fields
         with p.block("def decode(payload)"):
-            p.line("data = payload[0]; n = 0")
-            with p.block("if type(data) is not bytes"):
-                p.line(f"data = {p.name(memoryview)}(data).cast('B')")
-            values = self._fields(self._message.fields)
-            with p.block("if n != len(data)"):
-                p.line(f"{p.name(_otherwise)}()")
-            p.line(f"return ({values})")
+            with p.block("try"):
+                if is_fixed(Struct("", fields, object)):
+                    p.line("[data] = payload")
+                    values = self._listed(fields)
+                    self._end_run(whole=True)
+                else:
+                    p.line("data = payload[0]; n = 0")
+                    p.line(f"if len(payload) > 1 or len(data) > {MAX_TREE}: {p.name(check_tree)}(payload)")
+                    with p.block("if type(data) is not bytes"):
+                        p.line(f"data = {p.name(memoryview)}(data).cast('B')")
+                    values = self._fields(fields)
+                    with p.block("if n != len(data)"):
+                        p.line(f"{p.name(_otherwise)}()")
+                p.line(f"return ({values})")
+            with p.block("except Exception"):
+                p.line("pass  # it may be packed as others do, or be wrong: then it is said what is")
+            p.line(f"return {p.name(otherwise, 'otherwise')}(payload)")
+        self._inline.over = True
         p.write_functions(self._write)
         return p.compile("decode")
 
@@ -360,16 +409,17 @@ class _Reader:
         assert isinstance(kind, Struct)
         p = self._program
         with p.block(f"def {function}(data, n, payload)"):
-            p.line(f"return {self._made(kind, self._fields(kind.fields))}, n")
-
-    def _made(self, kind: Struct, values: str) -> str:
-        return f"{self._program.name(kind.python)}({values})" if kind.python else f"({values})"
+            p.line(f"return {p.made(kind, self._fields(kind.fields))}, n")
 
     def _fields(self, fields: tuple[Field, ...]) -> str:
-        self._expect(*_struct_head(len(fields)))
-        values = [self._value(field.type) for field in fields]
+        values = self._listed(fields)
         self._end_run()
-        return "".join(f"{value}, " for value in values)
+        return values
+
+    def _listed(self, fields: tuple[Field, ...]) -> str:
+        """Emit what reads these; return expressions for them, each with a comma, valid once the run has ended."""
+        self._expect(*_struct_head(len(fields)))
+        return "".join([f"{self._value(field.type)}, " for field in fields])
 
     def _expect(self, letters: str, numbers: tuple[int, ...]) -> None:
         self._expected += [(self._take(letter), number) for letter, number in zip(letters, numbers, strict=True)]
@@ -380,12 +430,16 @@ class _Reader:
         self._names.append(name)
         return name
 
-    def _end_run(self) -> None:
+    def _end_run(self, *, whole: bool = False) -> None:
+        """Emit what reads the run so far; `whole` if there is nothing else in a message."""
         if not self._letters:
             return
         p = self._program
-        layout = struct.Struct(">" + self._letters)
-        p.line(f"[{', '.join(self._names)}] = {p.name(layout.unpack_from, 'unpack')}(data, n); n += {layout.size}")
+        layout, found = struct.Struct(">" + self._letters), ", ".join(self._names)
+        if whole:
+            p.line(f"[{found}] = {p.name(layout.unpack, 'unpack')}(data)")
+        else:
+            p.line(f"[{found}] = {p.name(layout.unpack_from, 'unpack')}(data, n); n += {layout.size}")
         if self._expected:
             names, numbers = zip(*self._expected, strict=True)
             with p.block(f"if ({', '.join(names)},) != {numbers}"):
@@ -397,6 +451,8 @@ class _Reader:
         p = self._program
         if is_fixed(kind):
             return self._fixed(kind)
+        if isinstance(kind, Struct) and self._inline.may(kind):
+            return p.made(kind, self._listed(kind.fields))
         self._end_run()
         result = p.fresh()
         match kind:
@@ -440,11 +496,10 @@ class _Reader:
         match kind:
             case Struct(fields=fields):
                 self._expect(*_struct_head(len(fields)))
-                return self._made(kind, "".join(f"{self._fixed(field.type)}, " for field in fields))
-            case Enumeration(members=members, python=python):
-                table = {number: python(number) if python else number for _, number in members}
+                return p.made(kind, "".join(f"{self._fixed(field.type)}, " for field in fields))
+            case Enumeration():
                 self._expect("B", (_INT32[0],))
-                return f"{p.name(table, 'enum')}[{self._take(_INT32[1])}]"
+                return p.enumerator(kind, self._take(_INT32[1]))
             case Primitive.BOOL:
                 return f"{p.name(_BOOLS)}[{self._take('B')}]"
             case Primitive():

@@ -17,7 +17,7 @@ from typing import Any
 from ..contract.types import MAX_DEPTH, STRING, Dictionary, Enumeration, Primitive, Sequence, Struct, Type, children
 from ..errors import CodecError
 from .rows import FEW
-from .values import as_tuple
+from .values import as_member, as_tuple
 
 
 class Program:
@@ -76,11 +76,26 @@ class Program:
                 self.line(f"{name} = {value}.{field.attribute}")
         return names
 
+    def member(self, kind: Enumeration, value: str) -> str:
+        """An expression for the number of the enumerator in a variable."""
+        table = self.name({number: number for _, number in kind.members}, "enum")
+        plain = f"type({value}) is {self.name(kind.python or int)}"
+        return f"{table}[{value}] if {plain} else {self.name(as_member)}({value}, {table})"
+
+    def enumerator(self, kind: Enumeration, number: str) -> str:
+        """An expression for the enumerator of a number."""
+        table = {value: kind.python(value) if kind.python else value for _, value in kind.members}
+        return f"{self.name(table, 'enum')}[{number}]"
+
+    def made(self, kind: Struct, values: str) -> str:
+        """An expression for a struct of these values, with a comma behind each."""
+        return f"{self.name(kind.python)}({values})" if kind.python else f"({values})"
+
     def make_each(self, kind: Struct, result: str, names: list[str], values: list[str], few: str, many: str) -> None:
         """Write what makes a list of `count` structs: of rows, in which these names are numbers and of which the values
         of the fields are made. `few` is what gives the rows, `many` their columns; `n` is then behind them.
         """
-        made = f"{self.name(kind.python)}({', '.join(values)})" if kind.python else f"({', '.join([*values, ''])})"
+        made = self.made(kind, ", ".join([*values, ""]))
         by_rows = f"s, n = {few}; {result} = [{made} for [{', '.join(names)}] in s]"
         if not (names and is_record(kind)):
             self.line(by_rows)

@@ -153,7 +153,10 @@ def _check_convertible(array: _Array, dtype: np.dtype[Any]) -> None:
 def snapshot(value: Any, dtype: np.dtype[Any]) -> _Array:
     """`as_array`, read-only, and sharing nothing that anybody could still write to."""
     array = as_array(value, dtype)
-    return array if is_frozen(array) else read_only(array.copy())
+    if array.flags.writeable or not is_frozen(array):  # most can be written to, which is quickly found out
+        array = array.copy()
+        array.flags.writeable = False
+    return array
 
 
 def is_frozen(owner: Any) -> bool:

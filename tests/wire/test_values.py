@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import make_dataclass
 from typing import Any
@@ -37,7 +38,7 @@ from robocomp_py.errors import EncodeError
 from robocomp_py.testing.conformance import assert_same
 from robocomp_py.testing.everything import Colour, Nested, Nothing, Point, Scalars
 from robocomp_py.wire.codec import Codec
-from robocomp_py.wire.values import RANGES
+from robocomp_py.wire.values import RANGES, as_array
 
 from .oddities import FLOAT32_LIMIT, ODDITIES, Direction, Mood, Place, Text
 from .test_codecs import CODECS, every_codec, one, there_and_back
@@ -249,6 +250,13 @@ def test_what_does_not_fit_is_refused_in_words(codec: Codec, kind: Type, given: 
     with pytest.raises(EncodeError) as refused:
         codec.encoder(one(kind))((given,))
     assert str(refused.value) == f"Test::Message: {complaint}"
+
+
+@pytest.mark.parametrize("item", DTYPES)
+def test_an_array_of_numpys_own_is_taken_as_it_is(item: Primitive) -> None:
+    array = np.zeros(3, item.value)
+    assert as_array(array, DTYPES[item]) is array
+    assert (array.dtype is DTYPES[item]) == (sys.byteorder == "little"), "it takes longer to see that it fits"
 
 
 @every_codec
