@@ -118,6 +118,8 @@ class Announcing(ABC):
         try:
             result = work()
         except Exception as exc:
+            if self.closed and isinstance(exc, Closed):
+                return otherwise
             if self._last.get(work) != repr(exc):
                 self._last[work] = repr(exc)
                 log.exception("looking after a link; trying again")

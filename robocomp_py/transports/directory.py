@@ -1,9 +1,11 @@
 """Who is there, on this machine: a file per open transport, in a folder of the user's own.
 
-    <run-time folder>/<transport>/<id>.json    what it offers and wants; replaced as a whole, so never half-read
-    <run-time folder>/<transport>/<id>.lock    locked as long as its process lives, however it ends
-    <run-time folder>/<transport>/<id>.about   a symbolic link whose target, which is not there, is what all channels in
-                                               the former file begin with: who looks for others need not open that
+    <run-time folder>/<transport>/<id>.json         what it offers and wants; replaced as a whole, so never half-read
+    <run-time folder>/<transport>/<id>.lock         locked as long as its process lives, however it ends
+    <run-time folder>/<transport>/by/<place>/<id>   a symbolic link to the first: it has to do with these channels
+
+A place is the interface of an instance; those who look for it look there, and need not know of anybody else. Of each
+interface there are two more, one for those who name no instance, and one for all: see `_Places`.
 
 A lock that can be taken belongs to somebody dead; whoever notices removes what was left.
 The run-time folder is `$ROBOCOMP_RUNTIME_DIR`, or `$XDG_RUNTIME_DIR/robocomp`, or
@@ -13,6 +15,7 @@ The run-time folder is `$ROBOCOMP_RUNTIME_DIR`, or `$XDG_RUNTIME_DIR/robocomp`, 
 from __future__ import annotations
 
 import contextlib
+import errno
 import fcntl
 import json
 import logging
@@ -22,47 +25,40 @@ import stat
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, fields
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..errors import ConfigurationError, TransportError
 from ..wire.names import ANY, matches
-from .exclusive import is_gone
-from .inotify import FolderWatch
+from .exclusive import SWEPT, file_name, is_gone, is_swept, mark_swept
+from .inotify import UNWATCHED, Watch
 
 log = logging.getLogger("robocomp.transport")
 
 _SETTLED = 0.1
-"""What was read of a folder less than so many seconds after it changed is read again: its time stamp is too coarse."""
+"""What was read of a place less than so many seconds after it changed is read again: its time stamp is too coarse."""
 
-_FEW = 32
-"""So many members are looked at whenever something may have changed."""
-
-_LONGEST_PAUSE = 1.0
-"""Seconds; see `Directory.pause`."""
-
-_LEAST = 0.002
-"""Seconds between two looks for each of many members, where the folder is watched: all together, they look 500 times
-in a second at most, and each look takes a fifth of a millisecond, with all that comes of it."""
-
-_SELDOM = 5.0
-"""Seconds at most between two looks at all of many members, where the folder is not watched: at those who are new, and
-have not said yet what they are about, it is looked each time. Most users have 128 watches for all their processes."""
+_UNTOLD = 0.5
+"""Seconds between two looks where the system does not tell of changes."""
 
 _ROLL_CALL = 1.0
-"""Seconds between two looks whether those who were found live, while the folder changes."""
-
-_FORGET = 1.0
-"""Seconds after which what was not needed of the members' files is forgotten."""
+"""Seconds between two looks whether those who were found live, while their places change."""
 
 _MOST_ASKED = 10_000
 
-_ABOUT = ".about"
+_INDEX = "by"
 
-_LONGEST_LINK = 4000
-"""Bytes; the kernel allows for 4095."""
+_OF_MEMBERS = (".json", ".lock")
+"""The ends of the names of files of members; who is killed while it leaves has no lock any more."""
+
+_TRIES = 100
+"""So often a place is made again that others, who left it, have removed meanwhile."""
+
+_ALL = "**"
+"""In the name of a place, the instance of all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,21 +118,60 @@ def _temporary() -> Path:
         raise ConfigurationError(f"run-time folder: {exc.strerror}; set ROBOCOMP_RUNTIME_DIR") from exc
 
 
-class _File:
-    """What a member wrote. It is taken apart only if it may contain what somebody looks for: of many, few do."""
+class _Places(NamedTuple):
+    """Where those are who have to do with a channel.
 
-    __slots__ = ("about", "has_stars", "is_escaped", "member", "raw", "stamp")
+    The beginning of its name is what it has in common with the other operations of its interface: `robot/world/Laser`.
+    """
 
-    def __init__(self, stamp: tuple[int, int, int], about: bytes | None, raw: bytes | None) -> None:
-        self.stamp, self.about = stamp, about
-        self.raw = raw
-        """None: not read, or forgotten, since nothing new was looked for in a while."""
-        self.member: Member | None = None
-        """What it comes to, if that was of interest."""
-        told = about if about is not None else raw or b""
-        self.has_stars = b"*/" in told
-        self.is_escaped = about is None and (b"\\/" in told or b"\\u" in told)
-        """Whether channels may be spelled in it with JSON's way to write any letter."""
+    own: str
+    """Of those who say the same name, whether or not there is an instance in it."""
+    all: str
+    """Of those of any instance, and those who name none."""
+    star: str
+    """Of those who name no instance; the same as `own` for them."""
+
+    def sought(self) -> tuple[str, ...]:
+        """Where those are who may mean it."""
+        return (self.all,) if self.own == self.star else (self.own, self.star)
+
+    def announced(self) -> tuple[str, ...]:
+        """Where whoever has to do with it is to be found."""
+        return self.own, self.all
+
+
+def _places(channel: str) -> _Places:
+    return _places_below(channel.rpartition("/")[0] or channel)
+
+
+@lru_cache(1000)
+def _places_below(beginning: str) -> _Places:
+    *above, interface = beginning.split("/")
+    of_all, of_star = (file_name("/".join((*above[:-1], each, interface))) for each in (_ALL, ANY))
+    return _Places(file_name(beginning), of_all, of_star)
+
+
+class _File(NamedTuple):
+    """What a member wrote."""
+
+    stamp: tuple[int, int, int]
+    member: Member | None
+    """None if it makes no sense to us."""
+
+
+class _Place:
+    """What is known of a place."""
+
+    def __init__(self, folder: str) -> None:
+        self.folder = folder
+        self.files: dict[str, _File] = {}
+        """By member."""
+        self.sought: set[tuple[str, str]] = set()
+        """The roles and channels that are looked for here."""
+        self.stamp = -1, 0
+        self.changed_at = 0.0
+        self.settled = False
+        """Whether it was read so long after it changed that nothing may have been missed."""
 
 
 class Directory:
@@ -144,53 +179,54 @@ class Directory:
 
     When it cannot be read for a while (no file descriptor is left, say), that is logged once, and
     what was read last holds until it can. A folder that was removed has no members.
-
-    Where members are many, what changes is seen a little later: else all of them together would do nothing but look.
     """
 
     def __init__(self, folder: Path) -> None:
         with _as_transport_error(folder):
             folder.mkdir(mode=0o700, exist_ok=True)
         self._folder = folder
-        self._watch: FolderWatch | None = None
+        self._watch: Watch | None = None
         self._on_change: Callable[[], object] = _nothing
         self._lock = threading.Lock()
-        self._files: dict[str, _File] = {}
+        self._places: dict[str, _Place] = {}
+        """By name, those that something is looked for in."""
         self._found: dict[tuple[str, str], dict[str, list[tuple[Member, Entry]]]] = {}
         """By role and channel that were looked for, and by member."""
-        self._groups: dict[bytes, _Group] = {}
-        """What was looked for, by what its channels begin with."""
         self._roll_call = 0.0
         self._stopped: dict[str, float] = {}
         """By member: since when its process is known to be stopped."""
         self._unreadable = False
         self._version = 0
-        self._stamp = 0
-        self._changed_at = 0.0
-        self._settled = True
-        """Whether it was read so long after it changed that nothing may have been missed."""
-        self._asked_at = time.monotonic()
-        """When something was looked for that had not been before."""
-        self._remembers = False
-        """Whether what members wrote is kept, for what else may be looked for."""
-        self._next_look = self._full_look = 0.0
-        self.pause = 0.0
-        """Seconds between two looks into it, by how many there are and how long that took."""
 
-    def heed(self, watch: FolderWatch, on_change: Callable[[], object]) -> None:
-        """From now on, look only at what this watch tells of, as long as it works.
+    def heed(self, watch: Watch, on_change: Callable[[], object]) -> None:
+        """From now on, look only at what this watch tells of, as far as it can.
 
         `on_change` is called when the version has changed, on whichever thread has found that.
         """
         self._watch, self._on_change = watch, on_change
 
+    def heed_no_more(self) -> None:
+        """Before leaving: what the last one removes must not be made again by who still looks there."""
+        with self._lock:
+            self._watch = None
+
+    @property
+    def pause(self) -> float:
+        """Seconds after which it is to be looked again, or 0 if the watch tells when."""
+        watch = self._watch
+        told = watch and watch.able and all([watch.watches(place.folder) for place in list(self._places.values())])
+        return 0.0 if told else _UNTOLD
+
     def join(self, owner: str) -> Membership:
         """Become a member. What killed ones left before they were members is removed, too."""
         with contextlib.suppress(OSError):
-            for file in os.listdir(self._folder):
-                pid, _, rest = file.partition("-")
-                if rest.endswith(".lock") and pid.isdecimal() and is_gone(int(pid)):
-                    self.alive(file.removesuffix(".lock"))
+            if not is_swept(self._folder):
+                left = {os.path.splitext(name)[0] for name in os.listdir(self._folder) if name.endswith(_OF_MEMBERS)}
+                mark_swept(self._folder, len(left))
+                for name in left:
+                    pid = name.partition("-")[0]
+                    if pid.isdecimal() and is_gone(int(pid)):
+                        self.alive(name)
         return Membership(self._folder, owner)
 
     def version(self) -> int:
@@ -219,7 +255,7 @@ class Directory:
         if _locked(self._folder / f"{member_id}.lock"):
             return True
         with contextlib.suppress(OSError):
-            _remove_all(self._folder, member_id)
+            _remove_all(self._folder, member_id, _places_of_dead(self._folder, member_id))
         return False
 
     def responds(self, member: Member, within: float) -> bool:
@@ -237,7 +273,6 @@ class Directory:
             before = self._version
             try:
                 self._refresh()
-                self._unreadable = False
             except OSError as exc:
                 self._complain(exc)
             is_news = self._version != before
@@ -246,203 +281,112 @@ class Directory:
             self._on_change()
 
     def _complain(self, exc: OSError) -> None:
-        self._stamp = -1  # whatever it is next, that is to be read
-        if self._watch:
-            self._watch.forget()
         if not self._unreadable:
             log.warning("run-time folder %s cannot be read now: %s", self._folder, exc.strerror)
         self._unreadable = True
 
     def _refresh(self) -> None:
+        watch = self._watch
+        if watch:
+            for folder in watch.changed():
+                if place := self._places.get(os.path.basename(folder)):
+                    place.settled = False
+        for place in self._places.values():
+            if not (place.settled and watch and watch.watches(place.folder)):
+                self._look_into(place)
+
+    def _look_into(self, place: _Place) -> None:
+        """Read who is there, if that may have changed."""
         now = time.monotonic()
-        if now < self._next_look:
+        told = self._watch is not None and _watched(self._watch, place.folder)
+        stamp = _stamp_of_folder(place.folder)
+        if stamp != place.stamp:
+            place.changed_at, place.settled = now, False
+        elif place.settled:
             return
-        names = self._watch.changed() if self._watch else None
-        if names is None:
-            self._look_through(now)
-        elif names:
-            self._look_at(names)
-            self.pause = min(_LONGEST_PAUSE, _LEAST * len(self._files)) if len(self._files) > _FEW else 0.0
-            self._next_look = now + self.pause
-        if self._remembers and now - self._asked_at > _FORGET:
-            self._remembers = False
-            for file in self._files.values():
-                file.raw = None
-
-    def _look_at(self, names: Iterable[str]) -> None:
-        """Read what the watch tells of."""
-        new, gone = {}, []
-        for name in names:
-            known = self._files.get(name)
-            try:
-                path = os.path.join(self._folder, f"{name}.json")
-                stamp = _stamp(os.stat(path))
-                if known is None or known.stamp != stamp:
-                    new[name] = _opened(path, stamp)
-            except FileNotFoundError:
-                gone.append(name)
-        self._adopt(new, [name for name in gone if name in self._files])
-        self._remembers = True
-
-    def _look_through(self, now: float) -> None:
-        """Read all that is there, if anything may have changed."""
-        try:
-            stamp = self._folder.stat().st_mtime_ns
-        except FileNotFoundError:
-            stamp = 0
-        if stamp != self._stamp:
-            self._stamp, self._changed_at, self._settled = stamp, now, False
-        if self._settled:  # it is not asked whether it is by now: nobody may have looked for a while
-            return
-        begun = time.thread_time()
-        is_watched = self._watch is not None and self._watch.working  # then nobody looks again at what is missed now
-        is_full = is_watched or now >= self._full_look or len(self._files) <= _FEW
-        files = self._read(is_full) if stamp else {}
-        new = {name: file for name, file in files.items() if self._files.get(name) is not file}
-        self._adopt(new, self._files.keys() - files.keys())
-        self._remembers = True
-        spent = max(_LEAST, time.thread_time() - begun)
-        self.pause = min(_LONGEST_PAUSE, spent * len(self._files)) if len(self._files) > _FEW else 0.0
-        self._next_look = now + self.pause
-        if is_full:
-            self._full_look = now + min(_SELDOM, spent * len(self._files))
-        self._settled = is_full and now - self._changed_at >= max(_SETTLED, 2 * self.pause)
-
-    def _read(self, is_full: bool) -> dict[str, _File]:
-        """Who is there; unless it `is_full`, who has said before what it is about is taken not to have changed."""
-        found: dict[str, _File] = {}
-        for file in os.listdir(self._folder):
-            if not file.endswith(".json"):
-                continue
-            name, path = file[:-5], os.path.join(self._folder, file)
-            known = self._files.get(name)
-            if known and known.about and not is_full:
-                found[name] = known
-                continue
-            try:
-                stamp = _stamp(os.stat(path))
-                found[name] = known if known and known.stamp == stamp else _opened(path, stamp)
-            except FileNotFoundError:
-                continue  # it left while we read
-        return found
-
-    def _adopt(self, new: Mapping[str, _File], gone: Collection[str]) -> None:
-        """Know of members that have changed, and of those who have left."""
+        place.stamp, place.settled = (-1, 0), False  # unless all can be read
+        gone = self._read(place)
+        self._unreadable = False
+        place.stamp, place.settled = stamp, told or now - place.changed_at >= _SETTLED
         for name in gone:
-            del self._files[name]
             self._stopped.pop(name, None)
-        self._files.update(new)
-        concerned = set(self._found) if self._is_roll_call() else set[tuple[str, str]]()
-        for group in self._groups.values():
-            if group.adopt(new, gone):
-                concerned |= group.sought
-        for role, channel in concerned:
-            known = self._found[role, channel]
-            was = dict(known)
-            for name in [name for name in known if name in new or name not in self._files or not self.alive(name)]:
-                del known[name]
-            for name in self._groups[_group(channel)].members & new.keys():
-                self._look_into(name, role, channel, known)
-            self._version += known != was
-
-    def _is_roll_call(self) -> bool:
-        now = time.monotonic()
-        is_due = now >= self._roll_call
-        if is_due:
+        is_roll_call = now >= self._roll_call
+        if is_roll_call:
             self._roll_call = now + _ROLL_CALL
-        return is_due
+        for role, channel in place.sought:
+            found = self._those_who_mean(role, channel, are_called=is_roll_call)
+            self._version += found != self._found[role, channel]
+            self._found[role, channel] = found
+
+    def _read(self, place: _Place) -> Collection[str]:
+        """Have it know the files of those who are there; returns who has left."""
+        try:
+            names = os.listdir(place.folder)
+        except FileNotFoundError:
+            names = []
+        files: dict[str, _File] = {}
+        for name in names:
+            path = os.path.join(self._folder, f"{name}.json")
+            try:
+                stamp = _stamp(os.stat(path))
+                known = place.files.get(name)
+                files[name] = (
+                    known if known and known.stamp == stamp else _File(stamp, _understood(_content(path), name))
+                )
+            except FileNotFoundError:  # it has left
+                self.alive(name)  # or was killed while it did
+        gone = place.files.keys() - files.keys()
+        place.files = files
+        return gone
+
+    def _those_who_mean(self, role: str, channel: str, *, are_called: bool) -> dict[str, list[tuple[Member, Entry]]]:
+        """By member, what they say of it; those whose processes live, as far as known or, if so, asked."""
+        before = self._found.get((role, channel), {})
+        result = {}
+        for place in map(self._places.__getitem__, _places(channel).sought()):
+            for name, file in place.files.items():
+                found = list(file.member.facing(role, channel)) if file.member else []
+                if found and ((not are_called and before.get(name) == found) or self.alive(name)):
+                    result[name] = found
+        return result
 
     def _search(self, role: str, channel: str) -> dict[str, list[tuple[Member, Entry]]]:
-        self._asked_at, self._remembers = time.monotonic(), True
         if len(self._found) >= _MOST_ASKED:
             self._found.clear()
-            self._groups.clear()
-        known: dict[str, list[tuple[Member, Entry]]] = {}
+            self._places.clear()
         try:
-            named = _group(channel)
-            group = self._groups.get(named)
-            if group is None:
-                group = _Group(named)
-                there = self._files.items()
-                group.adopt({name: file for name, file in there if file.about or self._recall(name, file)}, ())
-            for name in group.members:
-                self._look_into(name, role, channel, known)
+            for name in _places(channel).sought():
+                if name not in self._places:
+                    place = _Place(os.path.join(self._folder, _INDEX, name))
+                    self._look_into(place)
+                    self._places[name] = place
         except OSError as exc:
             self._complain(exc)
             self._version += 1  # so that who looked for it looks again
-        else:
-            self._groups[named] = group
-            group.sought.add((role, channel))
-            self._found[role, channel] = known
-        return known
-
-    def _look_into(self, name: str, role: str, channel: str, known: dict[str, list[tuple[Member, Entry]]]) -> None:
-        file = self._files[name]
-        raw = self._recall(name, file)
-        if raw is None:
-            return
-        try:
-            file.member = file.member or _parse(raw, name)
-        except (ValueError, TypeError, KeyError):
-            return  # written by another version of this package, or by another program
-        found = list(file.member.facing(role, channel))
-        if found and self.alive(name):
-            known[name] = found
-
-    def _recall(self, name: str, file: _File) -> bytes | None:
-        """What a member wrote, read once more if need be; None if it has left."""
-        if file.raw is None:
-            with contextlib.suppress(FileNotFoundError):
-                file.raw = _content(self._folder / f"{name}.json")
-        return file.raw
-
-
-class _Group:
-    """Channels that begin alike, those of one interface of one instance: who may have something to do with them."""
-
-    __slots__ = ("_interface", "_named", "members", "sought")
-
-    def __init__(self, named: bytes) -> None:
-        self._named, self._interface = named, named[named.rfind(b"/", 0, -1) + 1 :]
-        self.members: set[str] = set()
-        self.sought: set[tuple[str, str]] = set()
-        """The roles and channels of it that are looked for."""
-
-    def adopt(self, new: Mapping[str, _File], gone: Collection[str]) -> bool:
-        """Whether those who have come, changed or left are of any interest."""
-        before = self.members & (new.keys() | gone)
-        self.members -= before
-        after = {name for name, file in new.items() if self._concerns(file)}
-        self.members |= after
-        return bool(before or after)
-
-    def _concerns(self, file: _File) -> bool:
-        told = file.about if file.about is not None else file.raw or b""
-        return self._named in told or file.is_escaped or (file.has_stars and self._interface in told)
+            return {}
+        for name in _places(channel).sought():
+            self._places[name].sought.add((role, channel))
+        self._found[role, channel] = self._those_who_mean(role, channel, are_called=True)
+        return self._found[role, channel]
 
 
 def _nothing() -> None:
     """Nobody wants to know."""
 
 
-def _group(channel: str) -> bytes:
-    """What a channel has in common with those beside it, and with all that it may match."""
-    beginning = _beginning(channel)
-    return beginning[beginning.rfind(b"/", 0, -1) + 1 :] if ANY in channel else beginning
-
-
-def _beginning(channel: str) -> bytes:
-    instance, slash, _ = channel.rpartition("/")
-    return f"{instance}/".encode() if slash else channel.encode()
-
-
-def _opened(path: str, stamp: tuple[int, int, int]) -> _File:
-    """A member's file, of which nothing is read if it is said what it is about."""
+def _understood(raw: bytes, name: str) -> Member | None:
     try:
-        about = os.readlink(os.fsencode(path.removesuffix(".json") + _ABOUT))
-    except OSError:  # who wrote it does not say
-        return _File(stamp, None, _content(path))
-    return _File(stamp, about, None)
+        return _parse(raw, name)
+    except (ValueError, TypeError, KeyError):
+        return None  # written by another version of this package, or by another program
+
+
+def _stamp_of_folder(folder: str) -> tuple[int, int]:
+    try:
+        info = os.stat(folder)
+    except FileNotFoundError:
+        return 0, 0
+    return info.st_ino, info.st_mtime_ns
 
 
 def _stamp(info: os.stat_result) -> tuple[int, int, int]:
@@ -468,7 +412,8 @@ class Membership:
         self._file, self._lock_file = folder / f"{self.id}.json", folder / f"{self.id}.lock"
         self._owner = owner
         self._entries: list[Entry] = []
-        self._about = b""
+        self._shown: dict[str, list[Entry]] = {}
+        """By place, what is announced there."""
         self._gathering = 0
         self._unwritten = False
         self._lock = threading.Lock()
@@ -532,7 +477,7 @@ class Membership:
             try:
                 with contextlib.suppress(OSError):  # whoever looks there next removes it
                     self._lock_file.unlink(missing_ok=True)  # first: who sees our entries go finds nobody who lives
-                    _remove_all(self._file.parent, self.id)
+                    _remove_all(self._file.parent, self.id, self._shown)
             finally:
                 os.close(self._held)
                 self._held = -1
@@ -545,27 +490,102 @@ class Membership:
         draft = self._file.with_suffix(".draft")
         with _as_transport_error(self._file.parent):
             self._lock_file.stat()  # without it others take us for dead, even if the folder was made again
-            self._say_what_it_is_about()
             draft.write_text(json.dumps(record))
             draft.replace(self._file)
+            self._show()
 
-    def _say_what_it_is_about(self) -> None:
-        """Before it is there: who sees it come knows that then."""
-        about = b" ".join(sorted({_beginning(entry.channel) for entry in self._entries}))
-        if about == self._about:
+    def _show(self) -> None:
+        """Be found at the places that our entries have to do with, and have who looks there see what has changed."""
+        shown: dict[str, list[Entry]] = {}
+        for entry in self._entries:
+            places = _places(entry.channel)
+            shown[places.own] = shown.setdefault(places.all, [])  # who looks at several of them reads the same of all
+            shown[places.all].append(entry)
+        index = os.path.join(self._file.parent, _INDEX)
+        for place in self._shown.keys() - shown.keys():
+            _withdraw(os.path.join(index, place), self.id)
+            del self._shown[place]
+        for place, entries in shown.items():
+            if place not in self._shown:
+                _link(os.path.join(index, place), self.id)
+            elif entries != self._shown[place]:
+                with contextlib.suppress(FileNotFoundError):  # somebody has removed all that is here
+                    os.utime(os.path.join(index, place))
+            self._shown[place] = entries  # only now: what fails is done the next time
+
+
+def _watched(watch: Watch, place: str) -> bool:
+    if watch.able and not watch.watches(place):
+        with contextlib.suppress(OSError):  # also of a folder that was removed: there is nobody
+            _make(place)
+            watch.add(place)
+    return watch.watches(place)
+
+
+def _make(place: str) -> None:
+    for folder in (os.path.dirname(place), place):
+        with contextlib.suppress(FileExistsError):
+            os.mkdir(folder, 0o700)
+
+
+def _link(place: str, member_id: str) -> None:
+    """Lead from there to the file of a member."""
+    for _ in range(_TRIES):
+        try:
+            os.symlink(f"../../{member_id}.json", os.path.join(place, member_id))
+        except FileNotFoundError:  # nobody was there yet, or the last one has just left
+            with contextlib.suppress(FileNotFoundError):  # or is just leaving
+                _make(place)
+        else:
             return
-        link = self._file.with_suffix(_ABOUT)
-        self._about = b""
-        link.unlink(missing_ok=True)
-        if 0 < len(about) <= _LONGEST_LINK:
-            os.symlink(about, os.fsencode(link))
-            self._about = about
+    raise OSError(errno.EAGAIN, "it is removed again and again")
 
 
-def _remove_all(folder: Path, member_id: str) -> None:
+def _withdraw(place: str, member_id: str) -> None:
+    with contextlib.suppress(OSError):
+        os.unlink(os.path.join(place, member_id))
+    if _ALL not in place and ANY not in place:  # those are kept: many look there, though hardly ever somebody is there
+        with contextlib.suppress(OSError):
+            os.rmdir(place)
+
+
+def _remove_all(folder: Path, member_id: str, places: Iterable[str]) -> None:
+    """Remove what a member leaves at these places and elsewhere; if it is the last one, the index, too."""
+    for place in places:
+        _withdraw(os.path.join(folder, _INDEX, place), member_id)
+    others = False
     for name in os.listdir(folder):
         if name.startswith(member_id):
             (folder / name).unlink(missing_ok=True)
+        elif "-" in name and name.endswith(".lock"):  # shm has a lock of another kind, without one
+            others = True
+    if not others:
+        _remove_index(folder)
+
+
+def _places_of_dead(folder: Path, member_id: str) -> Iterable[str]:
+    """Where there are links to a member that may have been killed at any moment."""
+    try:
+        entries = _parse(_content(folder / f"{member_id}.json"), member_id).entries
+    except (OSError, ValueError, TypeError, KeyError):  # killed while it came or left
+        index = folder / _INDEX
+        return os.listdir(index) if index.exists() else ()
+    return {place for entry in entries for place in _places(entry.channel).announced()}
+
+
+def _remove_index(folder: Path) -> None:
+    """Nobody is there any more, unless somebody is just coming: who has a file stays, and so does the way to it."""
+    index = os.path.join(folder, _INDEX)
+    with contextlib.suppress(OSError):
+        for mark in (SWEPT, UNWATCHED):
+            (folder / mark).unlink(missing_ok=True)
+        for place in (os.path.join(index, name) for name in os.listdir(index)):
+            with contextlib.suppress(OSError):
+                for link in (os.path.join(place, name) for name in os.listdir(place)):
+                    if not os.path.exists(link):  # of one that was killed between taking back and leaving
+                        os.unlink(link)
+                os.rmdir(place)
+        os.rmdir(index)
 
 
 @contextlib.contextmanager

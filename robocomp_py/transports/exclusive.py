@@ -21,10 +21,13 @@ from ..errors import AlreadyServed, TransportError
 _LONGEST = 200
 """File names may have 255 bytes; longer ones are shortened to so many, with a digest of the whole."""
 
+_PID = re.compile(r"\(pid (\d{1,9})\)$")
 
 _SIGNING = 0.1
 """Seconds for which whoever has just locked a file may not have signed it yet."""
 
+SWEPT = "swept"
+"""The name of the mark of a folder with many files; see `is_swept`."""
 _MANY = 200
 _WHILE = 10.0
 """Seconds within which a folder with many files is looked through once."""
@@ -70,17 +73,27 @@ _swept: set[Path] = set()
 
 def sweep(folder: Path) -> None:
     """Remove the files of processes that ended without giving back what they had claimed."""
-    told = folder / "swept"
-    with contextlib.suppress(OSError):
-        if time.time() - told.stat().st_mtime < _WHILE:  # where there are many files, one of all is enough
-            return
+    if is_swept(folder):
+        return
     with contextlib.suppress(OSError):
         left = [name for name in os.listdir(folder) if name.endswith(".lock")]
-        if len(left) > _MANY:
-            told.touch()
+        mark_swept(folder, len(left))
         for name in left:
             with contextlib.suppress(OSError):  # what cannot be removed now means nothing, and is removed another time
                 _remove_left(folder / name)
+
+
+def is_swept(folder: Path) -> bool:
+    """Whether somebody has just looked through a folder with many files: one of all is enough."""
+    with contextlib.suppress(OSError):
+        return time.time() - (folder / SWEPT).stat().st_mtime < _WHILE
+    return False
+
+
+def mark_swept(folder: Path, files: int) -> None:
+    """Say that a folder with so many files is looked through now."""
+    if files > _MANY:
+        (folder / SWEPT).touch()
 
 
 def _remove_left(path: Path) -> None:
@@ -149,15 +162,20 @@ def _signature(folder: Path, name: str) -> str:
 
 def _pid(signature: str) -> int:
     """Whose signature it is; 0 if it is nobody's."""
-    found = re.search(r"\(pid (\d{1,9})\)$", signature)
+    found = _PID.search(signature)
     return int(found[1]) if found else 0
 
 
 def _file(folder: Path, name: str) -> Path:
+    return folder / f"{file_name(name)}.lock"
+
+
+def file_name(name: str) -> str:
+    """How a channel, or the beginning of one, is written as the name of a file."""
     plain = name.replace("/", ".")  # segments of channels contain no dots
     if len(plain.encode()) > _LONGEST:
         plain = f"{plain[: _LONGEST // 2]}-{hashlib.sha256(name.encode()).hexdigest()[:16]}"
-    return folder / f"{plain}.lock"
+    return plain
 
 
 def _is(path: Path, held: int) -> bool:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import itertools
+import threading
+import time
 from abc import ABC, abstractmethod
 from typing import Generic, Protocol, TypeVar
 
-from ..errors import Unreachable
+from ..errors import Timeout, Unreachable
+from ..wire.codec import Payload
 from ..wire.header import random_id
 from .announced import AnnouncedLink, T
 from .base import Channel
@@ -103,3 +106,28 @@ class FindingLink(AnnouncedLink[T], ABC, Generic[T, P, W]):
 
     def release(self) -> None:
         self._found = None
+
+
+class CommandingLink(FindingLink[T, P, W], ABC):
+    """Who sends one command after the other."""
+
+    role, facing = "commands", "receives"
+
+    def __init__(self, transport: T, channel: Channel) -> None:
+        super().__init__(transport, channel)
+        self._order = threading.Lock()
+
+    def send(self, payload: Payload, deadline: float = 5.0) -> None:
+        end = time.monotonic() + deadline
+        if not self._order.acquire(timeout=max(0.0, deadline)):
+            raise Timeout(f"{self.channel.name}: another thread was still sending after {deadline:g} s")
+        try:
+            self.check_open()
+            peer, where = self.server(fresh=True)  # nobody would tell that it does not serve this any more
+            self.command(peer, where, payload, end, deadline)
+        finally:
+            self._order.release()
+
+    @abstractmethod
+    def command(self, peer: P, where: W, payload: Payload, end: float, deadline: float) -> None:
+        """Send it there until `end`, which is so many seconds after `send` began."""

@@ -1,4 +1,4 @@
-"""Being told when a folder changes, where the system can tell (Linux: inotify)."""
+"""Being told when folders change, where the system can tell (Linux: inotify)."""
 
 from __future__ import annotations
 
@@ -12,33 +12,30 @@ from pathlib import Path
 
 log = logging.getLogger("robocomp.transport")
 
-_MOVED_TO, _DELETED = 0x80, 0x200
-_SELF_GONE = 0x400 | 0x800  # deleted, or moved
-_GONE = _SELF_GONE | 0x8000  # ignored: nothing more will be told
+_TOUCHED, _MOVED_TO, _CREATED, _DELETED = 0x4, 0x80, 0x100, 0x200
+_GONE = 0x8000
+"""Nothing more will be told of a folder."""
 _TOO_MUCH = 0x4000
 
-_UNWATCHED = "unwatched"
+UNWATCHED = "unwatched"
+"""The name of the mark of a folder that cannot be watched."""
 _WHILE = 60.0
 """Seconds within which one of all processes says that it cannot watch a folder: of hundreds, most cannot."""
 
-ENDING = b".json"
-"""Of the files that are told of; others come and go beside them."""
 
+class Watch:
+    """A descriptor that has input when something came to one of the watched folders, or went, or they were touched.
 
-class FolderWatch:
-    """A descriptor that has input when files of a folder were put there, by renaming, or went.
-
-    Without `working` nothing is told, since the system cannot, or will not, or the folder has gone: then look from
-    time to time, and `renew`.
+    Where the system cannot, or will not, nothing is watched, and nothing told: then look from time to time.
     """
 
     def __init__(self, folder: Path) -> None:
-        self._folder, self._lock = os.fsencode(folder), threading.Lock()
-        self.working = False
+        """`folder` is what people are told of if nothing can be watched."""
+        self._lock = threading.Lock()
         self.fileno = -1
-        self._names: set[str] = set()
-        self._knows = False
-        """Whether `_names` are all that have changed."""
+        self._watched: set[str] = set()
+        self._folders: dict[int, str] = {}
+        self._changed: set[str] = set()
         with contextlib.suppress(AttributeError):  # another system than Linux
             self._library = ctypes.CDLL(None, use_errno=True)
             self.fileno = self._library.inotify_init1(os.O_NONBLOCK | os.O_CLOEXEC)
@@ -51,57 +48,60 @@ class FolderWatch:
                     folder,
                     why,
                 )
-            self.renew()
 
-    def renew(self) -> None:
-        """Begin, if it is not working."""
+    @property
+    def able(self) -> bool:
+        """Whether anything can be watched."""
+        return self.fileno >= 0
+
+    def add(self, folder: str) -> None:
+        """Watch a folder, if it is there and that is possible."""
+        mask = _TOUCHED | _MOVED_TO | _CREATED | _DELETED
         with self._lock:
-            if self.fileno >= 0 and not self.working:
-                mask = _MOVED_TO | _DELETED | _SELF_GONE
-                self.working = self._library.inotify_add_watch(self.fileno, self._folder, mask) >= 0
+            if self.fileno >= 0:
+                number = self._library.inotify_add_watch(self.fileno, os.fsencode(folder), mask)
+                if number >= 0:
+                    self._watched.add(folder)
+                    self._folders[number] = folder
+
+    def watches(self, folder: str) -> bool:
+        return folder in self._watched
 
     def read(self) -> bool:
         """Take note of what was told; whether that is news."""
         with self._lock:
-            return self._read()
+            self._read()
+            return bool(self._changed)
 
-    def changed(self) -> set[str] | None:
-        """Names, without ending, of those that have changed since this was called last; None if any may have."""
+    def changed(self) -> set[str]:
+        """The folders that have changed since this was called last, also those that are not watched any more."""
         with self._lock:
-            if self.working:
-                self._read()
-            names, self._names = self._names, set()
-            knows, self._knows = self._knows, self.working
-            return names if knows and self.working else None
+            self._read()
+            changed, self._changed = self._changed, set()
+            return changed
 
-    def forget(self) -> None:
-        """What was told could not be looked at: any file may have changed."""
-        self._knows = False
-
-    def _read(self) -> bool:
-        is_news = False
+    def _read(self) -> None:
         with contextlib.suppress(BlockingIOError):
             while self.fileno >= 0:
                 told = os.read(self.fileno, 65536)
                 at = 0
                 while at < len(told):
+                    number = int.from_bytes(told[at : at + 4], "little", signed=True)
                     mask = int.from_bytes(told[at + 4 : at + 8], "little")
-                    begin, at = at + 16, at + 16 + int.from_bytes(told[at + 12 : at + 16], "little")
-                    name = told[begin:at].rstrip(b"\0")
-                    if mask & _GONE:
-                        self.working = False
-                    elif mask & _TOO_MUCH:
-                        self._knows = False
-                    elif name.endswith(ENDING):
-                        self._names.add(os.fsdecode(name[: -len(ENDING)]))
-                    else:
-                        continue
-                    is_news = True
-        return is_news
+                    at += 16 + int.from_bytes(told[at + 12 : at + 16], "little")
+                    if mask & _TOO_MUCH:
+                        self._changed |= self._watched
+                        self._watched.clear()  # perhaps that one of them has gone was not told either
+                    elif number in self._folders:
+                        folder = self._folders[number]
+                        self._changed.add(folder)
+                        if mask & _GONE:
+                            del self._folders[number]
+                            self._watched.discard(folder)
 
     def close(self) -> None:
         with self._lock:
-            self.working = False
+            self._watched.clear()
             if self.fileno >= 0:
                 os.close(self.fileno)
                 self.fileno = -1
@@ -109,7 +109,7 @@ class FolderWatch:
 
 def _is_first(folder: Path) -> bool:
     """Whether nobody has said for a while that a folder cannot be watched."""
-    told = folder / _UNWATCHED
+    told = folder / UNWATCHED
     with contextlib.suppress(OSError):
         if abs(time.time() - told.stat().st_mtime) < _WHILE:
             return False

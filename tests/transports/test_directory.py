@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shutil
@@ -10,14 +11,16 @@ import stat
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from robocomp_py.errors import ConfigurationError, TransportError
 from robocomp_py.testing.patience import wait_until
+from robocomp_py.transports import directory as directory_module
 from robocomp_py.transports.directory import Directory, Entry, runtime_dir
-from robocomp_py.transports.inotify import FolderWatch
+from robocomp_py.transports.inotify import Watch
 
 LASER = Entry("serves", "robot/world/Laser/getLaserData", 1, "text", "ipc://laser")
 
@@ -104,8 +107,11 @@ def test_leaving_removes_everything(directory: Directory, tmp_path: Path) -> Non
 
 
 def test_files_of_other_versions_are_ignored(directory: Directory, tmp_path: Path) -> None:
-    (tmp_path / "transport" / "1-a.json").write_text("{}")
-    (tmp_path / "transport" / "2-b.json").write_text("half")
+    place = tmp_path / "transport" / "by" / "a.b"
+    place.mkdir(parents=True)
+    for name, text in (("1-a", "{}"), ("2-b", "half")):
+        (tmp_path / "transport" / f"{name}.json").write_text(text)
+        (place / name).symlink_to(f"../../{name}.json")
     assert directory.find("serves", "a/b/c") == []
 
 
@@ -119,6 +125,8 @@ def test_of_what_another_program_wrote_the_unknown_is_passed_over_and_the_wrong_
         record = {"owner": "it", "pid": os.getpid(), "entries": [entry], "more": 1}
         member.address("draft").write_text(json.dumps(record))
         member.address("draft").rename(directory._folder / f"{member.id}.json")
+        if member is not ours:
+            (directory._folder / "by" / "robot.world.Laser" / member.id).symlink_to(f"../../{member.id}.json")
     wait_until(lambda: {entry.fingerprint for _, entry in directory.find("serves", LASER.channel)} == {1, 2})
     for member in (ours, theirs, wrong):
         member.close()
@@ -163,41 +171,13 @@ def test_a_folder_that_cannot_be_made_is_a_clear_error(tmp_path: Path, monkeypat
 
 def test_a_change_is_seen_even_if_the_clock_of_the_file_system_stood_still(directory: Directory) -> None:
     member = directory.join("world")
-    (file,) = directory._folder.glob("*.json")
-    before = file.stat().st_mtime_ns
+    member.add(replace(LASER, role="receives"))
     assert not directory.find("serves", LASER.channel)
+    place = directory._folder / "by" / "robot.world.Laser"
+    before = place.stat().st_mtime_ns
     member.add(LASER)
-    os.utime(file, ns=(before, before))
+    os.utime(place, ns=(before, before))
     wait_until(lambda: directory.find("serves", LASER.channel))
-    member.close()
-
-
-def test_a_change_that_nobody_looked_for_in_a_while_is_seen_even_if_the_clock_stood_still(directory: Directory) -> None:
-    member = directory.join("world")
-    before = directory._folder.stat().st_mtime_ns
-    assert not directory.find("serves", LASER.channel)
-    member.add(LASER)
-    os.utime(directory._folder, ns=(before, before))
-    directory._changed_at -= 1000.0
-    assert directory.find("serves", LASER.channel)
-    member.close()
-
-
-def test_what_could_not_be_looked_into_is_looked_for_again(
-    directory: Directory, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    member = directory.join("world")
-    member.add(LASER)
-    wait_until(lambda: (directory.version(), directory._settled)[1])
-    directory._remembers, directory._asked_at = True, 0.0
-    directory.version()  # which forgets what nobody has looked for
-    with monkeypatch.context() as patch:
-        patch.setattr(directory, "_folder", directory._folder / ("x" * 300))  # a name too long for any file system
-        before = directory.version()
-        assert not directory.find("serves", LASER.channel)
-        assert directory.version() > before
-    assert directory.find("serves", LASER.channel)
-    assert sum("cannot be read" in record.message for record in caplog.records) == 1
     member.close()
 
 
@@ -214,15 +194,34 @@ def test_a_folder_that_was_removed_has_no_members_and_closing_does_not_care(dire
     member.close()
 
 
+def _without_descriptors(folder: str) -> tuple[int, int]:
+    raise OSError(errno.EMFILE, os.strerror(errno.EMFILE), folder)
+
+
+def test_what_could_not_be_looked_for_is_looked_for_again(
+    directory: Directory, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    member = directory.join("world")
+    member.add(LASER)
+    with monkeypatch.context() as patch:
+        patch.setattr(directory_module, "_stamp_of_folder", _without_descriptors)
+        before = directory.version()
+        for _ in range(3):
+            assert not directory.find("serves", LASER.channel)
+        assert directory.version() > before
+    assert directory.find("serves", LASER.channel)
+    assert sum("cannot be read" in record.message for record in caplog.records) == 1
+    member.close()
+
+
 def test_while_it_cannot_be_read_what_was_read_last_holds(
     directory: Directory, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     member = directory.join("world")
     member.add(LASER)
     wait_until(lambda: directory.find("serves", LASER.channel))
-    folder = directory._folder
     with monkeypatch.context() as patch:
-        patch.setattr(directory, "_folder", folder / ("x" * 300))  # a name too long for any file system
+        patch.setattr(directory_module, "_stamp_of_folder", _without_descriptors)
         member.remove(LASER)
         for _ in range(3):
             assert directory.find("serves", LASER.channel)
@@ -232,44 +231,11 @@ def test_while_it_cannot_be_read_what_was_read_last_holds(
     member.close()
 
 
-def test_members_of_no_interest_are_not_read(directory: Directory) -> None:
-    member, other = directory.join("world"), directory.join("camera")
-    member.add(LASER)
-    other.add(Entry("serves", "robot/world/Camera/getImage", 1, "text"))
-    assert directory.find("serves", LASER.channel)
-    assert {name: file.raw is not None for name, file in directory._files.items()} == {member.id: True, other.id: False}
-    for each in (member, other):
-        each.close()
-
-
-def test_what_a_file_is_about_follows_what_is_in_it(directory: Directory) -> None:
-    member = directory.join("world")
-    camera, laser = Entry("serves", "robot/world/Camera/getImage", 1, "text"), directory._folder / f"{member.id}.about"
-    for entry in (LASER, camera, Entry("calls", "robot/*/Laser/getLaserData", 1, "text")):
-        member.add(entry)
-    assert os.readlink(laser) == "robot/*/Laser/ robot/world/Camera/ robot/world/Laser/"
-    member.remove(LASER)
-    assert directory.find("calls", "robot/other/Laser/getLaserData")
-    assert not directory.find("serves", LASER.channel)
-    assert os.readlink(laser) == "robot/*/Laser/ robot/world/Camera/"
-    member.close()
-
-
-def test_a_file_that_is_about_very_much_is_read_by_everybody(directory: Directory) -> None:
-    member = directory.join("world")
-    with member.gathered():
-        for number in range(300):
-            member.add(Entry("serves", f"robot/instance_{number}/Laser/getLaserData", 1, "text"))
-    assert directory.find("serves", "robot/instance_200/Laser/getLaserData")
-    assert not list(directory._folder.glob("*.about"))
-    member.close()
-
-
 @pytest.fixture
 def watched(directory: Directory) -> Iterator[tuple[Directory, list[int]]]:
     """One that is told of changes, and the versions at which it said that there is news."""
     news: list[int] = []
-    watch = FolderWatch(directory._folder)
+    watch = Watch(directory._folder)
     directory.heed(watch, lambda: news.append(directory._version))
     yield directory, news
     watch.close()
@@ -295,39 +261,6 @@ def test_who_watches_finds_who_comes_changes_and_goes(watched: tuple[Directory, 
     early.close()
 
 
-def test_who_watches_reads_nothing_but_what_has_changed(
-    watched: tuple[Directory, list[int]], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    directory, _ = watched
-    crowd = [directory.join(f"member{number}") for number in range(5)]
-    assert not directory.find("serves", LASER.channel)
-    with monkeypatch.context() as patch:
-        patch.delattr(directory.__class__, "_read")
-        crowd[3].add(LASER)
-        assert directory.find("serves", LASER.channel)
-    for member in crowd:
-        member.close()
-
-
-def test_who_was_not_told_of_everything_looks_at_everybody_also_at_many(
-    watched: tuple[Directory, list[int]], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name, seconds in (("_LEAST", 1.0), ("_LONGEST_PAUSE", 0.0)):  # as among many more
-        monkeypatch.setattr(f"robocomp_py.transports.directory.{name}", seconds)
-    directory, _ = watched
-    crowd = [directory.join(f"member{number}") for number in range(40)]
-    for number, member in enumerate(crowd):
-        member.add(Entry("serves", f"robot/member{number}/Camera/getImage", 1, "text"))
-    assert not directory.find("serves", LASER.channel)
-    crowd[20].add(LASER)
-    assert directory._watch is not None
-    directory._watch.changed()
-    directory._watch.forget()  # as if there had been too much to tell
-    wait_until(lambda: directory.find("serves", LASER.channel))
-    for member in crowd:
-        member.close()
-
-
 def test_who_watches_a_folder_that_was_made_again_finds_who_is_there(watched: tuple[Directory, list[int]]) -> None:
     directory, _ = watched
     member = directory.join("early")
@@ -337,8 +270,6 @@ def test_who_watches_a_folder_that_was_made_again_finds_who_is_there(watched: tu
     assert not directory.find("serves", LASER.channel)
     member.close()
     directory._folder.mkdir()
-    assert directory._watch is not None
-    directory._watch.renew()
     member = directory.join("late")
     member.add(LASER)
     wait_until(lambda: [member.owner for member, _ in directory.find("serves", LASER.channel)] == ["late"])
@@ -359,20 +290,6 @@ def test_what_is_gathered_is_written_once_at_the_end(directory: Directory) -> No
     member.close()
 
 
-def test_among_many_members_one_is_found_too(directory: Directory) -> None:
-    crowd = [directory.join(f"member{number}") for number in range(40)]
-    assert not directory.find("serves", LASER.channel)
-    assert directory.pause > 0
-    crowd[20].add(LASER)
-    wait_until(lambda: directory.find("serves", LASER.channel))
-    ((found, _),) = directory.find("serves", LASER.channel)
-    assert found.owner == "member20"
-    crowd[20].close()
-    wait_until(lambda: not directory.find("serves", LASER.channel))
-    for member in crowd:
-        member.close()
-
-
 def test_what_is_of_no_interest_here_changes_no_version(directory: Directory) -> None:
     member = directory.join("world")
     wait_until(lambda: not directory.find("serves", LASER.channel))
@@ -384,11 +301,132 @@ def test_what_is_of_no_interest_here_changes_no_version(directory: Directory) ->
     member.close()
 
 
-def test_a_channel_that_another_program_wrote_with_escapes_is_found(directory: Directory) -> None:
-    member = directory.join("theirs")
-    channel = LASER.channel.replace("/", "\\/").replace("world", "\\u0077orld")
-    text = f'{{"owner": "it", "pid": {os.getpid()}, "entries": [{{"role": "serves", "channel": "{channel}", '
-    member.address("draft").write_text(text + '"fingerprint": 1, "text": ""}]}')
-    member.address("draft").rename(directory._folder / f"{member.id}.json")
-    wait_until(lambda: directory.find("serves", LASER.channel))
+def test_who_means_nobody_in_particular_and_who_is_meant_find_each_other(directory: Directory) -> None:
+    world, other, anybody = (directory.join(name) for name in ("world", "other", "anybody"))
+    world.add(LASER)
+    other.add(replace(LASER, channel="robot/other/Laser/getLaserData"))
+    anybody.add(Entry("calls", "robot/*/Laser/getLaserData", 1, "text"))
+    for channel, found in ((LASER.channel, {"world"}), ("robot/*/Laser/getLaserData", {"world", "other"})):
+        wait_until(lambda c=channel, f=found: {m.owner for m, _ in directory.find("serves", c)} == f)
+        wait_until(lambda c=channel: [m.owner for m, _ in directory.find("calls", c)] == ["anybody"])
+    assert not directory.find("calls", "robot/*/Camera/getLaserData")
+    for each in (world, other, anybody):
+        each.close()
+    assert list(directory._folder.iterdir()) == []
+
+
+def test_of_members_elsewhere_nothing_is_read(directory: Directory, monkeypatch: pytest.MonkeyPatch) -> None:
+    crowd = [directory.join(f"member{number}") for number in range(5)]
+    for number, member in enumerate(crowd):
+        member.add(Entry("serves", f"robot/member{number}/Camera/getImage", 1, "text"))
+    read: list[str] = []
+    content = directory_module._content
+    monkeypatch.setattr(directory_module, "_content", lambda path: (read.append(Path(path).stem), content(path))[1])
+    assert directory.find("serves", "robot/member3/Camera/getImage")
+    assert not directory.find("serves", LASER.channel)
+    assert read == [crowd[3].id]
+    for member in crowd:
+        member.close()
+
+
+def test_a_member_is_at_the_places_of_what_it_announces(directory: Directory) -> None:
+    index = directory._folder / "by"
+    member, other = directory.join("world"), directory.join("other")
+    camera = Entry("serves", "robot/world/Camera/getImage", 1, "text")
+    for entry in (LASER, camera, Entry("calls", "robot/*/Laser/getLaserData", 1, "text")):
+        member.add(entry)
+    other.add(LASER)
+
+    def at(member_id: str) -> list[str]:
+        return sorted(path.parent.name for path in index.glob(f"*/{member_id}"))
+
+    lasers = ["robot.**.Laser", "robot.*.Laser", "robot.world.Laser"]
+    assert at(member.id) == sorted([*lasers, "robot.**.Camera", "robot.world.Camera"])
+    assert (index / "robot.world.Laser" / member.id).resolve() == directory._folder / f"{member.id}.json"
+    member.remove(camera)
+    assert at(member.id) == lasers
+    assert not (index / "robot.world.Camera").exists()
     member.close()
+    assert at(member.id) == []
+    assert at(other.id) == ["robot.**.Laser", "robot.world.Laser"]
+    other.close()
+    assert list(directory._folder.iterdir()) == []
+
+
+def test_who_has_to_do_with_several_places_is_up_to_date_at_all_of_them(watched: tuple[Directory, list[int]]) -> None:
+    directory, _ = watched
+    member = directory.join("world")
+    anybody = Entry("serves", "robot/*/Laser/getLaserData", 1, "text")
+    for changed, found in ((anybody, {anybody}), (LASER, {anybody, LASER})):
+        member.add(changed)
+        assert {entry for _, entry in directory.find("serves", LASER.channel)} == found
+    member.remove(LASER)
+    assert {entry for _, entry in directory.find("serves", LASER.channel)} == {anybody}
+    member.close()
+
+
+def test_what_could_not_be_shown_is_shown_the_next_time(directory: Directory, monkeypatch: pytest.MonkeyPatch) -> None:
+    member = directory.join("world")
+    with monkeypatch.context() as patch:
+        patch.setattr(directory_module, "_link", lambda *_: _without_descriptors("by"))
+        with pytest.raises(TransportError, match="cannot be written"):
+            member.add(LASER)
+    other = replace(LASER, channel="robot/world/Laser/getConfiguration")
+    member.add(other)
+    assert [entry for _, entry in directory.find("serves", other.channel)] == [other]
+    member.close()
+
+
+def test_what_one_left_who_was_killed_while_it_left_is_removed_by_the_next_one(directory: Directory) -> None:
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    place = directory._folder / "by" / "robot.world.Laser"
+    place.mkdir(parents=True)
+    (directory._folder / f"{dead.pid}-aa.json").write_text("{}")
+    (place / f"{dead.pid}-aa").symlink_to(f"../../{dead.pid}-aa.json")
+    directory.join("world").close()
+    assert list(directory._folder.iterdir()) == []
+
+
+def test_a_link_that_a_killed_one_left_is_removed_by_who_looks_there(directory: Directory) -> None:
+    member = directory.join("world")
+    member.add(LASER)
+    place = directory._folder / "by" / "robot.world.Laser"
+    (place / "1-dead").symlink_to("../../1-dead.json")
+    assert len(directory.find("serves", LASER.channel)) == 1
+    assert [path.name for path in place.iterdir()] == [member.id]
+    member.close()
+
+
+def test_the_last_one_removes_also_what_a_killed_one_left_where_nobody_looks(directory: Directory) -> None:
+    member = directory.join("world")
+    member.add(LASER)
+    (directory._folder / "by" / "robot.**.Laser" / "1-dead").symlink_to("../../1-dead.json")
+    member.close()
+    assert list(directory._folder.iterdir()) == []
+
+
+def test_names_too_long_for_a_file_are_found_too(directory: Directory) -> None:
+    member = directory.join("world")
+    long = replace(LASER, channel=f"robot/{'w' * 300}/Laser/getLaserData")
+    member.add(long)
+    assert [entry for _, entry in directory.find("serves", long.channel)] == [long]
+    assert [entry for _, entry in directory.find("serves", "robot/*/Laser/getLaserData")] == [long]
+    member.close()
+
+
+def test_without_anything_that_tells_it_is_looked_again_after_a_pause(directory: Directory) -> None:
+    assert not directory.find("serves", LASER.channel)
+    assert 0 < directory.pause < 1
+
+
+def test_who_watches_need_not_look(watched: tuple[Directory, list[int]]) -> None:
+    directory, _ = watched
+    assert not directory.find("serves", LASER.channel)
+    assert directory.pause == 0
+    shutil.rmtree(directory._folder / "by")
+    directory.version()  # the place is watched again, as it is made again
+    assert directory.pause == 0
+    shutil.rmtree(directory._folder)
+    directory.version()
+    assert directory.pause > 0

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from robocomp_py.testing.patience import SOON
-from robocomp_py.transports.inotify import FolderWatch
+from robocomp_py.transports.inotify import Watch
 
 
 @pytest.fixture
@@ -23,13 +23,14 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def watch(folder: Path) -> Iterator[FolderWatch]:
-    opened = FolderWatch(folder)
+def watch(folder: Path) -> Iterator[Watch]:
+    opened = Watch(folder)
+    opened.add(str(folder))
     yield opened
     opened.close()
 
 
-def told(watch: FolderWatch, within: float = SOON) -> bool:
+def told(watch: Watch, within: float = SOON) -> bool:
     """Whether there is something to be read; then it is."""
     poller = select.poll()
     poller.register(watch.fileno, select.POLLIN)
@@ -43,64 +44,66 @@ def put(folder: Path, name: str) -> None:
     (folder / "draft").rename(folder / name)
 
 
-def test_files_that_come_go_or_are_replaced_are_told(folder: Path, watch: FolderWatch) -> None:
+def test_what_comes_goes_or_is_replaced_is_told_and_that_the_folder_was_touched(folder: Path, watch: Watch) -> None:
     assert not told(watch, 0)
-    put(folder, "file.json")
+    put(folder, "file")
     assert told(watch)
-    put(folder, "file.json")
+    put(folder, "file")
     assert told(watch)
-    (folder / "file.json").unlink()
+    (folder / "file").unlink()
     assert told(watch)
-    assert not told(watch, 0)
-    assert watch.working
-
-
-def test_files_on_their_way_wake_nobody(folder: Path, watch: FolderWatch) -> None:
-    (folder / "draft").write_text("x")
-    assert not told(watch, 0)
-
-
-def test_first_anything_may_have_changed_and_then_what_is_told(folder: Path, watch: FolderWatch) -> None:
-    assert watch.changed() is None
-    assert watch.changed() == set()
-    for name in ("a.json", "b.json", "c.lock", "a.json"):
-        put(folder, name)
-    (folder / "b.json").unlink()
-    assert watch.changed() == {"a", "b"}
-    put(folder, "c.json")
-    watch.read()
-    assert watch.changed() == {"c"}
-    assert watch.changed() == set()
-    watch.forget()
-    assert watch.changed() is None
-    assert watch.changed() == set()
-
-
-def test_what_is_too_much_to_be_told_may_be_anything(folder: Path, watch: FolderWatch) -> None:
+    (folder / "link").symlink_to("file")
+    assert told(watch)
     watch.changed()
-    most = int(Path("/proc/sys/fs/inotify/max_queued_events").read_text())
-    (folder / "0.json").write_text("x")
-    for number in range(most + 1):
-        (folder / f"{number}.json").rename(folder / f"{number + 1}.json")
-    assert watch.changed() is None
-    put(folder, "file.json")
-    assert watch.changed() == {"file"}
-
-
-@pytest.mark.parametrize("how", ["removed", "renamed"])
-def test_of_a_folder_that_went_nothing_is_told_until_the_watch_is_renewed(
-    folder: Path, watch: FolderWatch, how: str
-) -> None:
-    folder.rmdir() if how == "removed" else folder.rename(folder.with_name("elsewhere"))
+    assert not told(watch, 0)
+    os.utime(folder)
     assert told(watch)
-    assert not watch.working
-    watch.renew()
-    assert not watch.working
+    assert watch.watches(str(folder))
+
+
+def test_it_is_told_in_which_folders(folder: Path, watch: Watch) -> None:
+    others = [folder.with_name(name) for name in ("one", "two", "unwatched")]
+    for other in others:
+        other.mkdir()
+    for other in others[:2]:
+        watch.add(str(other))
+    assert watch.changed() == set()
+    for other in others[1:]:
+        put(other, "file")
+    assert watch.changed() == {str(others[1])}
+    put(folder, "file")
+    watch.read()
+    put(others[0], "file")
+    assert watch.changed() == {str(folder), str(others[0])}
+    assert watch.changed() == set()
+
+
+def test_what_is_too_much_to_be_told_may_be_anywhere(folder: Path, watch: Watch) -> None:
+    other = folder.with_name("other")
+    other.mkdir()
+    watch.add(str(other))
+    most = int(Path("/proc/sys/fs/inotify/max_queued_events").read_text())
+    (folder / "0").write_text("x")
+    for number in range(most + 1):
+        (folder / f"{number}").rename(folder / f"{number + 1}")
+    assert watch.changed() == {str(folder), str(other)}
+    assert not watch.watches(str(folder))  # that it has gone may have been among it
+    watch.add(str(folder))
+    put(folder, "file")
+    assert watch.changed() == {str(folder)}
+
+
+def test_a_folder_that_was_removed_is_told_and_not_watched_until_it_is_added_again(folder: Path, watch: Watch) -> None:
+    folder.rmdir()
+    assert told(watch)
+    assert watch.changed() == {str(folder)}
+    assert not watch.watches(str(folder))
+    watch.add(str(folder))
+    assert not watch.watches(str(folder))
     folder.mkdir()
-    watch.renew()
-    assert watch.working
-    assert watch.changed() is None
-    put(folder, "file.json")
+    watch.add(str(folder))
+    assert watch.watches(str(folder))
+    put(folder, "file")
     assert told(watch)
 
 
@@ -120,7 +123,7 @@ def test_of_many_who_cannot_watch_a_folder_one_says_it_once_in_a_while(
     def told_by_three() -> int:
         caplog.clear()
         for _ in range(3):
-            FolderWatch(folder).close()
+            Watch(folder).close()
         return len(caplog.records)
 
     (folder / "unwatched").touch()
@@ -132,17 +135,18 @@ def test_of_many_who_cannot_watch_a_folder_one_says_it_once_in_a_while(
 
 def test_without_a_descriptor_nothing_is_told_and_nothing_fails(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
     with no_descriptors():
-        watch = FolderWatch(folder)
+        watch = Watch(folder)
     assert "max_user_instances" in caplog.text
-    watch.renew()
-    watch.read()
-    assert not watch.working
+    watch.add(str(folder))
+    assert not watch.read()
+    assert watch.changed() == set()
+    assert not watch.watches(str(folder))
     watch.close()
 
 
-def test_closing_may_be_repeated(watch: FolderWatch) -> None:
+def test_closing_may_be_repeated(folder: Path, watch: Watch) -> None:
     watch.close()
     watch.close()
-    watch.read()
-    watch.renew()
-    assert not watch.working
+    assert not watch.read()
+    watch.add(str(folder))
+    assert not watch.watches(str(folder))
