@@ -11,7 +11,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Set
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -29,7 +30,15 @@ from cyclonedds.topic import Topic
 from robocomp_py.contract.interface import Operation, Pattern
 from robocomp_py.contract.qos import Durability, QoS, Reliability
 from robocomp_py.contract.types import INT32, UINT8, Field, Sequence, Struct
-from robocomp_py.errors import Closed, ConfigurationError, Timeout, TransportError, Unreachable
+from robocomp_py.errors import (
+    AlreadyServed,
+    Closed,
+    ConfigurationError,
+    ContractMismatch,
+    Timeout,
+    TransportError,
+    Unreachable,
+)
 from robocomp_py.runtime.ports import type_of
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.conformance import (
@@ -55,8 +64,13 @@ from robocomp_py.transports.base import (
 )
 from robocomp_py.transports.crew import Crew
 from robocomp_py.transports.dds import DDSTransport
+from robocomp_py.transports.dds import announcing as announcing_module
+from robocomp_py.transports.dds import asking as asking_module
+from robocomp_py.transports.dds import endpoints as endpoints_module
+from robocomp_py.transports.dds import serving as serving_module
 from robocomp_py.transports.dds import transport as transport_module
 from robocomp_py.transports.dds.domain import address_of, compose, note_on_sockets, settings
+from robocomp_py.transports.dds.link import KEEP_ALL, endpoint_qos
 from robocomp_py.transports.dds.serving import COMMANDS_WAITING, QUERIES_WAITING
 from robocomp_py.transports.dds.topics import BYTES_WAITING, MESSAGES_WAITING
 from robocomp_py.transports.dds.transport import FIRST_USER, domain_of_user
@@ -65,6 +79,7 @@ from robocomp_py.transports.dds.types import (
     CODEC,
     START,
     Message,
+    announcement_type,
     fill_reply,
     fill_request,
     publication_type,
@@ -205,10 +220,12 @@ def test_a_stranger_reads_every_field_of_a_publication(here: DDSTransport, name:
     assert abs(sample.header.stamp - time.time_ns()) < SOON * 1e9
 
 
-def test_a_stranger_may_ask(here: DDSTransport, name: str) -> None:
+@pytest.mark.parametrize("seldom", [False, True])
+def test_a_stranger_may_ask(here: DDSTransport, name: str, seldom: bool) -> None:
     kind = type_of(e.divide, Pattern.QUERY)
     encode = CODEC.encoder(e.divide.response)
-    server = here.server(Channel(name, Pattern.QUERY, kind), lambda payload, expires: Reply(Status.OK, encode((3, 1))))
+    channel = Channel(name, Pattern.QUERY, kind, seldom=seldom)
+    server = here.server(channel, lambda payload, expires: Reply(Status.OK, encode((3, 1))))
     with _stranger() as participant:
         writer, _ = _theirs(participant, f"rc/{name}Request", request_type(kind.name, kind.request))
         assert kind.response
@@ -354,6 +371,83 @@ def _inbox_of_commands(transport: DDSTransport, name: str) -> list[bytes]:
     inbox: list[bytes] = []
     transport.inlet(command(name), lambda payload: inbox.append(unblob(transport, payload)))
     return inbox
+
+
+def test_a_call_that_waited_for_its_server_to_be_found_ends_no_later_for_that(
+    here: DDSTransport, there: DDSTransport, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here.server(query(name), lambda payload, expires: Future())
+    caller = there.caller(query(name))
+    assert caller.wait_peer(SOON)
+    begun = time.monotonic() - 3600
+    monkeypatch.setattr(asking_module, "monotonic", lambda: begun)  # it has taken an hour until now
+    with pytest.raises(Timeout):
+        caller.call(blob(there, b""), 3600).result(SOON)
+
+
+def _seldom(name: str, **more: Any) -> Channel:
+    return replace(query(name), seldom=True, **more)
+
+
+def test_what_is_seldom_asked_has_no_readers_and_writers_until_somebody_asks(
+    here: DDSTransport, there: DDSTransport, name: str
+) -> None:
+    with here.gathering():
+        links = [here.server(_seldom(f"{name}{n}"), answering(here, bytes.upper)) for n in range(3)]
+    wait_until(lambda: len([n for n in range(3) if there.bus.endpoints.find("serves", f"{name}{n}")]) == 3)
+    assert len({each.handle for n in range(3) for each in there.bus.endpoints.find("serves", f"{name}{n}")}) == 1
+    assert not any(there.bus.endpoints.on_topic(f"rc/{name}{n}{end}") for n in range(3) for end in ("Request", "Reply"))
+
+    caller = there.caller(query(f"{name}1"))
+    assert unblob(there, caller.ask(blob(there, b"x"), SOON).payload) == b"X"
+    assert not there.bus.endpoints.on_topic(f"rc/{name}0Request")
+
+    for each in links:
+        each.close()
+    wait_until(lambda: not any(there.bus.endpoints.find("serves", f"{name}{n}") for n in range(3)))
+    with pytest.raises(Unreachable):
+        caller.ask(blob(there, b"x"), SOON)
+
+
+def test_what_is_seldom_asked_is_served_once_and_under_one_contract(
+    here: DDSTransport, there: DDSTransport, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(serving_module, "LEAVING", 0.0)  # nobody does
+    here.server(_seldom(name, claims=False), answering(here, bytes.upper))
+    wait_until(lambda: there.bus.endpoints.find("serves", name))
+    with pytest.raises(AlreadyServed):
+        there.server(_seldom(name, claims=False), answering(there, bytes.lower))
+    caller = there.caller(Channel(name, Pattern.QUERY, type_of(e.divide, Pattern.QUERY)))
+    with pytest.raises(ContractMismatch):
+        caller.wait_peer(SOON)
+
+
+def test_an_announcement_that_names_one_twice_goes_as_a_whole(
+    here: DDSTransport, there: DDSTransport, name: str
+) -> None:
+    link = here.server(_seldom(name), answering(here, bytes.upper))
+    [said] = here.announcing._told.values()
+    about = endpoints_module.user_data([said, said])
+    writer = here.bus.writer(announcing_module.NAME, announcement_type(), endpoint_qos(KEEP_ALL, about))
+    wait_until(lambda: len(there.bus.endpoints.find("serves", name)) == 2)  # that of the transport, and the other one
+    link.close()
+    writer.close()
+    wait_until(lambda: not there.bus.endpoints.find("serves", name))
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"id": 1e999}', '{"id": Infinity}', '{"id": []}', "[1]", "1", "half"])
+def test_what_strangers_say_of_themselves_may_be_anything(text: str) -> None:
+    assert endpoints_module._said(endpoints_module._MARK + zlib.compress(text.encode())) == [{}]
+
+
+def test_any_instance_may_be_meant_by_who_asks_what_is_seldom_asked(
+    here: DDSTransport, there: DDSTransport, name: str
+) -> None:
+    instance, rest = name.split("/", 1)
+    here.server(_seldom(f"one/{rest}{instance}"), answering(here, bytes.upper))
+    caller = there.caller(query(f"*/{rest}{instance}"))
+    assert caller.wait_peer(SOON)
+    assert unblob(there, caller.ask(blob(there, b"x"), SOON).payload) == b"X"
 
 
 def test_a_reliable_publisher_is_no_further_ahead_than_its_reader_takes(
@@ -580,8 +674,8 @@ def test_no_command_goes_to_a_server_that_left_though_dds_has_not_told_yet(
     outlet.send(blob(there, b"heard"))
     tell, late = there.bus.endpoints.on_change, list[threading.Timer]()
 
-    def tell_late() -> None:
-        late.append(threading.Timer(0.1, tell))
+    def tell_late(channels: Set[str]) -> None:
+        late.append(threading.Timer(0.1, tell, [channels]))
         late[-1].start()
 
     there.bus.endpoints.on_change = tell_late
@@ -995,6 +1089,12 @@ def _use_everything(name: str) -> None:
         caller.call(blob(there, b"x"), SOON).result(SOON)
 
 
+def test_many_ask_each_other_less_often_whether_they_got_everything() -> None:
+    few, many = settings("lo"), settings("lo", many=True)
+    assert many == few | {("Internal", "HeartbeatInterval"): "500ms"}
+    DDSTransport(TransportConfig({"domain": 78, "many": True})).close()  # the library knows it
+
+
 def test_the_users_settings_win_and_the_rest_is_ours() -> None:
     ours = settings("lo")
     uri = "<General><AllowMulticast>true</AllowMulticast></General>"
@@ -1068,7 +1168,7 @@ def test_settings_that_make_no_sense_are_named(uri: str, complaint: str, monkeyp
         DDSTransport(TransportConfig({"domain": 78}))
 
 
-@pytest.mark.parametrize("options", [{"domain": -1}, {"domain": "0"}, {"interface": 3}, {"port": 1}])
+@pytest.mark.parametrize("options", [{"domain": -1}, {"domain": "0"}, {"interface": 3}, {"port": 1}, {"many": 60}])
 def test_options_that_make_no_sense_are_refused(options: dict[str, Any]) -> None:
     with pytest.raises(ConfigurationError):
         DDSTransport(TransportConfig(options))

@@ -148,11 +148,12 @@ class AskingLink(Link):
             found = self._found
             if found:
                 return found
+            self._news.clear()
             if not self.visible():
                 if not self.counterparts(strict=True) or monotonic() >= end:
                     raise Unreachable(f"{self.channel.name}: nobody serves it")
                 step_aside()
-                self.closed.wait(0.002)  # it is there, and discovery not quite finished
+                self.await_news(end)  # it is there, and discovery not quite finished
             self.check_open()
 
     def lost(self) -> None:
@@ -282,7 +283,7 @@ class Caller(AskingLink):
         end = monotonic() + deadline
         found = self.server(end)
         number = number or next(self._numbers)
-        future = self._pending.add(number, deadline)
+        future = self._pending.add(number, deadline, end)  # to find the server may have taken a while
         try:
             self._still(found)
             if not self.write(found[1], payload, self._flags, number, end):

@@ -69,13 +69,13 @@ log = logging.getLogger("robocomp.transport.dds")
 class Bus:
     """A participant: what one transport has of the library. `close` leaves nothing of it."""
 
-    def __init__(self, domain: int, interface: str, peers: tuple[str, ...] = ()) -> None:
+    def __init__(self, domain: int, interface: str, peers: tuple[str, ...] = (), many: bool = False) -> None:
         self._domain = domain
         self.lost = False
         """Whether it belongs to the process we were forked from."""
         self.on_loss: Callable[[], None] = lambda: None
         _check_that_we_were_not_forked()
-        open_domain(domain, interface, peers)
+        open_domain(domain, interface, peers, many)
         with contextlib.ExitStack() as undo:
             undo.callback(close_domain, domain)
             with creating, as_transport_error("joining the domain"):

@@ -26,10 +26,13 @@ from .library import creating, forget
 log = logging.getLogger("robocomp.transport.dds")
 
 
-def settings(interface: str, domain: int = 0, peers: Sequence[str] = ()) -> dict[tuple[str, str], str]:
+def settings(
+    interface: str, domain: int = 0, peers: Sequence[str] = (), many: bool = False
+) -> dict[tuple[str, str], str]:
     """Our configuration of a domain: elements by section and name.
 
-    `interface` is a name, or an IPv4 address of this host; `peers` are the hosts to meet, without multicast.
+    `interface` is a name, or an IPv4 address of this host; `peers` are the hosts to meet, without multicast;
+    `many` is whether more than a few dozen processes meet.
     """
     here = interface == "lo"
     found = {
@@ -48,6 +51,11 @@ def settings(interface: str, domain: int = 0, peers: Sequence[str] = ()) -> dict
     if interface:
         kind = "address" if is_address(interface) else "name"
         found["General", "Interfaces"] = f"<NetworkInterface {kind}={quoteattr(interface)}/>"
+    if many:
+        # Five writers of the library in each process ask all others whether they have got everything, until the last
+        # newcomer has said so: ten times a second by default, which is more than they can answer. Large messages pay
+        # for it: if the last part of one is lost, that is noticed by such a question.
+        found["Internal", "HeartbeatInterval"] = "500ms"
     if peers:
         found["General", "AllowMulticast"] = "false"
         found["Discovery", "MaxAutoParticipantIndex"] = "120"  # so many ports of each peer are told that we are here
@@ -61,7 +69,7 @@ def settings(interface: str, domain: int = 0, peers: Sequence[str] = ()) -> dict
         found["General", "AllowMulticast"] = "false"
         # Who starts tells all participants that there might be, and hears from those that there are. To go on telling
         # the 250 others every second, as the library does for half a minute, takes 0.2 % of a core.
-        found["Discovery", "InitialLocatorPruneDelay"] = "5s"
+        found["Discovery", "InitialLocatorPruneDelay"] = "2s"
         found["Discovery", "Peers"] = '<Peer Address="127.0.0.1"/>' + "".join(map(partial(_beacon, domain), _own()))
     return found
 
@@ -218,10 +226,10 @@ def any_open() -> bool:
     return bool(_domains)
 
 
-def open_domain(id: int, interface: str, peers: tuple[str, ...] = ()) -> None:
+def open_domain(id: int, interface: str, peers: tuple[str, ...] = (), many: bool = False) -> None:
     with creating:
         asked = interface, peers, os.environ.get("CYCLONEDDS_URI", "")
-        config = compose(settings(interface, id, peers), asked[2], id)
+        config = compose(settings(interface, id, peers, many), asked[2], id)
         domain, used, users = _domains.get(id, (None, asked, 0))
         if users == 0:
             keep_memory()

@@ -6,7 +6,7 @@ import ctypes
 import json
 import threading
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Set
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,7 @@ from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication, B
 from cyclonedds.core import InstanceState, Policy
 from cyclonedds.domain import DomainParticipant
 
+from ...wire.names import ANY as STAR
 from ...wire.names import matches
 from ..crew import Job
 from .library import (
@@ -60,24 +61,36 @@ class Endpoint:
     """Of its QoS, as `contract.qos.traits` writes them."""
 
 
-def user_data(**said: Any) -> Policy.Userdata:
-    """What an endpoint of ours says about itself."""
-    packed = _MARK + zlib.compress(json.dumps(said).encode())
+Said = dict[str, Any]
+"""The fields of an `Endpoint` that its owner tells."""
+
+_TOLD: dict[str, type] = {
+    "role": str, "channel": str, "fingerprint": int, "text": str, "id": int, "reliable": bool, "latched": bool,
+    "owner": str, "pid": int, "traits": str,
+}  # fmt: skip
+
+
+def user_data(said: Said | list[Said]) -> Policy.Userdata:
+    """What an endpoint of ours says about itself, or about others that are still to be made."""
+    packed = _packed(said)
     if len(packed) > _MOST_TEXT:
-        packed = _MARK + zlib.compress(json.dumps(said | {"text": ""}).encode())
+        packed = _packed([each | {"text": ""} for each in said] if isinstance(said, list) else said | {"text": ""})
     return Policy.Userdata(packed)
 
 
-def _said(data: bytes) -> dict[str, Any]:
+def _packed(said: Said | list[Said]) -> bytes:
+    return _MARK + zlib.compress(json.dumps(said).encode())
+
+
+def _said(data: bytes) -> list[Said]:
     if not data.startswith(_MARK):
-        return {}
+        return [{}]
     try:
         said = json.loads(zlib.decompressobj().decompress(data[len(_MARK) :], 1 << 20))
-        known = {"role": str, "channel": str, "fingerprint": int, "text": str, "id": int, "owner": str, "pid": int}
-        known |= {"reliable": bool, "latched": bool, "traits": str}
-        return {key: kind(said[key]) for key, kind in known.items()}
-    except (ValueError, TypeError, KeyError, zlib.error):
-        return {}  # not written by us, or by another version
+        each = said if isinstance(said, list) else [said]
+        return [{key: kind(said[key]) for key, kind in _TOLD.items()} for said in each]
+    except (ValueError, TypeError, KeyError, ArithmeticError, RecursionError, zlib.error):
+        return [{}]  # not written by us, or by another version
 
 
 class Endpoints:
@@ -85,10 +98,13 @@ class Endpoints:
 
     def __init__(self, participant: DomainParticipant, loop: Loop) -> None:
         self._lock = threading.Lock()
-        self._known: dict[int, Endpoint] = {}
-        self._index: dict[tuple[str, str], dict[int, Endpoint]] = {}
-        self._topics: dict[str, dict[int, Endpoint]] = {}
-        self.on_change: Callable[[], None] = lambda: None
+        self._known: dict[int, list[Endpoint]] = {}
+        """By handle: what a reader or writer is, or, if it speaks for others (`announcing`), each of these."""
+        self._index: dict[tuple[str, str], dict[Endpoint, None]] = {}
+        """By role and channel, and by role and what a channel has in common with all that it may match."""
+        self._topics: dict[str, dict[Endpoint, None]] = {}
+        self.on_change: Callable[[Set[str]], None] = lambda channels: None
+        """Called with the names of the channels where somebody came or went."""
         self._readers = []
         for topic in (BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription):
             with creating, as_transport_error("looking for others"):
@@ -100,55 +116,81 @@ class Endpoints:
     def find(self, role: str, channel: str) -> list[Endpoint]:
         """Ends of a channel in that role; the channel, or theirs, may have `*` for its instance."""
         with self._lock:
-            candidates = list(self._index.get((role, _tail(channel)), {}).values())
-        return [e for e in candidates if matches(channel, e.channel) or matches(e.channel, channel)]
+            named = self._index.get((role, _tail(channel) if STAR in channel else channel), ())
+            stars = self._index.get((role, STAR + _tail(channel)), ())
+            found = dict.fromkeys(each for each in named if matches(channel, each.channel))
+            found |= dict.fromkeys(each for each in stars if matches(each.channel, channel))
+            return list(found)
 
     def on_topic(self, topic: str) -> list[Endpoint]:
         """All readers and writers of a topic."""
         with self._lock:
-            return list(self._topics.get(topic, {}).values())
+            return list(self._topics.get(topic, ()))
 
     def there(self, endpoint: Endpoint) -> bool:
-        return endpoint.handle in self._known
+        return endpoint in self._known.get(endpoint.handle, ())
 
     def _look(self) -> list[Job]:
-        changed = False
+        changed: set[str] = set()
         for reader, make in self._readers:
             while True:
                 taken = ddspy_take_endpoint(reader._ref, 64, make, _qos)
                 if type(taken) is int or not taken:
                     break
                 with self._lock:
-                    for handle, alive, endpoint in taken:
-                        changed |= self._add(endpoint) if alive else self._remove(handle)
+                    for handle, endpoints in taken:
+                        changed |= self._become(handle, endpoints)
         if changed:
-            self.on_change()
+            self.on_change(changed)
         return []
 
-    def _add(self, endpoint: Endpoint | None) -> bool:
-        if endpoint is None or not endpoint.topic.startswith("rc/"):
-            return False
-        self._remove(endpoint.handle)
-        self._known[endpoint.handle] = endpoint
-        self._index.setdefault((endpoint.role, _tail(endpoint.channel)), {})[endpoint.handle] = endpoint
-        self._topics.setdefault(endpoint.topic, {})[endpoint.handle] = endpoint
-        return True
+    def _become(self, handle: int, endpoints: list[Endpoint]) -> set[str]:
+        """Know these by a handle from now on; the channels which that concerns."""
+        endpoints = [each for each in dict.fromkeys(endpoints) if each.topic.startswith(TOPIC)]
+        changed: set[str] = set()
+        for each in self._known.pop(handle, ()):
+            changed |= _channels(each)
+            for index, key in self._places(each):
+                del index[key][each]
+                if not index[key]:
+                    del index[key]
+        for each in endpoints:
+            self._known.setdefault(handle, []).append(each)
+            changed |= _channels(each)
+            for index, key in self._places(each):
+                index.setdefault(key, {})[each] = None
+        return changed
 
-    def _remove(self, handle: int) -> bool:
-        endpoint = self._known.pop(handle, None)
-        if endpoint is None:
-            return False
-        for index, key in ((self._index, (endpoint.role, _tail(endpoint.channel))), (self._topics, endpoint.topic)):
-            there: dict[int, Endpoint] = index[key]  # type: ignore[index]  # each with its own kind of key
-            del there[handle]
-            if not there:
-                del index[key]  # type: ignore[arg-type]
-        return True
+    def _places(self, endpoint: Endpoint) -> Iterable[tuple[dict[Any, dict[Endpoint, None]], Any]]:
+        role, channel = endpoint.role, endpoint.channel
+        yield self._topics, endpoint.topic
+        for key in {channel, _tail(channel), STAR + _tail(channel) if STAR in channel else channel}:
+            yield self._index, (role, key)
+
+
+TOPIC = "rc/"
+"""What the names of our topics begin with."""
+
+
+def _channels(endpoint: Endpoint) -> set[str]:
+    """The names of the channels that an endpoint may have to do with."""
+    if endpoint.channel:
+        return {endpoint.channel}
+    name = endpoint.topic.removeprefix(TOPIC)  # of others than ours
+    return {name, *(name.removesuffix(end) for end in ("Request", "Reply", "Credit"))}
 
 
 def _tail(channel: str) -> str:
     """Interface and operation: what a channel has in common with all that it may match."""
     return "/".join(channel.split("/")[-2:])
+
+
+def concerned(channel: str, changed: Set[str]) -> bool:
+    """Whether an end of a channel has to look who is there, if that changed at these."""
+    if channel in changed:
+        return True
+    either = changed if STAR in channel else [each for each in changed if STAR in each]
+    return any(matches(channel, each) or matches(each, channel) for each in either)
 
 
 # Called by the library for each sample of a built-in topic; they must not raise.
@@ -182,8 +224,8 @@ def _endpoint(
     qos: tuple[bytes, str] | None,
     info: Any,
     type_id: bytes | None,
-) -> tuple[int, bool, Endpoint | None]:
-    alive = info.instance_state == InstanceState.Alive
-    if not alive or qos is None:
-        return info.instance_handle, False, None
-    return info.instance_handle, True, Endpoint(info.instance_handle, topic, qos[1], writes, **_said(qos[0]))
+) -> tuple[int, list[Endpoint]]:
+    handle = info.instance_handle
+    if info.instance_state != InstanceState.Alive or qos is None:
+        return handle, []
+    return handle, [Endpoint(handle, topic, qos[1], writes, **said) for said in _said(qos[0])]

@@ -27,7 +27,7 @@ from ..base import (
     step_aside,
 )
 from ..sparing import Sparing
-from .endpoints import Endpoint, user_data
+from .endpoints import Endpoint, Said, user_data
 from .library import BLOCKING_MS
 
 if TYPE_CHECKING:
@@ -46,6 +46,10 @@ STRANGERS = 100
 
 SOON = 0.02
 """Seconds until the next look at what discovery has not finished."""
+
+
+_LOOK, _LONGEST_LOOK = 0.002, 0.05
+"""Seconds from one look for the other side to the next; more and more, until somebody comes or goes."""
 
 
 _RELIABLE = Policy.Reliability.Reliable(BLOCKING_MS * 1_000_000)
@@ -121,6 +125,9 @@ class Link:
         self.id = transport.new_id()
         self._closing = threading.Lock()
         self._looking = threading.RLock()
+        self._news = threading.Event()
+        """Set when somebody came or went, and when the link is closed."""
+        self._next_look = _LOOK
         self._reported: set[object] = set()
         self._sparing = Sparing()
 
@@ -132,6 +139,8 @@ class Link:
         with self._looking:
             if not self.closed.is_set():
                 self.looked(self.counterparts())
+        self._next_look = _LOOK
+        self._news.set()
 
     def looked(self, there: list[Endpoint]) -> None:
         """`there` are those who face us and mean the same."""
@@ -144,11 +153,17 @@ class Link:
         end = time.monotonic() + timeout
         while True:
             self.check_open()
+            self._news.clear()
             if self.visible():
                 return True
             if time.monotonic() >= end:
                 return False
-            self.closed.wait(min(0.005, max(0.0, end - time.monotonic())))
+            self.await_news(end)
+
+    def await_news(self, end: float) -> None:
+        """Wait until somebody comes or goes; a while only, for whom it knows but has not matched is not told."""
+        self._news.wait(min(self._next_look, max(0.0, end - time.monotonic())))
+        self._next_look = min(1.5 * self._next_look, _LONGEST_LOOK)
 
     def visible(self) -> bool:
         """Whether the other side is there. Raises ContractMismatch if only others are."""
@@ -159,6 +174,7 @@ class Link:
             if self.closed.is_set():
                 return
             self.closed.set()
+        self._news.set()
         self.transport.left(self)
         with self._looking:  # so that nothing is made any more
             pass
@@ -174,19 +190,22 @@ class Link:
         self.closed.set()
 
     def about(self, role: str = "", channel: str = "") -> Policy.Userdata:
+        return user_data(self.said(role, channel))
+
+    def said(self, role: str = "", channel: str = "") -> Said:
         kind = self.channel.type
-        return user_data(
-            role=role or self.role,
-            channel=channel or self.channel.name,
-            fingerprint=kind.fingerprint,
-            text=kind.text,
-            id=self.id,
-            reliable=self.channel.qos.reliable,
-            latched=self.channel.qos.latched,
-            traits=traits(self.channel.qos),
-            owner=self.transport.owner,
-            pid=os.getpid(),
-        )
+        return {
+            "role": role or self.role,
+            "channel": channel or self.channel.name,
+            "fingerprint": kind.fingerprint,
+            "text": kind.text,
+            "id": self.id,
+            "reliable": self.channel.qos.reliable,
+            "latched": self.channel.qos.latched,
+            "traits": traits(self.channel.qos),
+            "owner": self.transport.owner,
+            "pid": os.getpid(),
+        }
 
     def counterparts(self, *, strict: bool = False) -> list[Endpoint]:
         """Those we face who mean the same by the name; the others are reported, once each.

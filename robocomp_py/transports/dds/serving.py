@@ -93,16 +93,30 @@ class ServingLink(Link):
         self._requests: Reader | None = None
 
     def open(self) -> None:
-        name, kind = self.channel.name, self.channel.type
-        self.claimed = claim(self.transport.folder, name, self.transport.owner or "a component")
+        channel = self.channel
+        if channel.claims or not channel.seldom:
+            self.claimed = claim(self.transport.folder, channel.name, self.transport.owner or "a component")
         end = monotonic() + LEAVING
-        while others := self.bus.endpoints.find(self.role, name):  # on another host, or of another user
+        while others := self.bus.endpoints.find(self.role, channel.name):  # on another host, or of another user
             if monotonic() >= end:
-                raise AlreadyServed(f"{name}: already served by {others[0].owner} (pid {others[0].pid})")
+                raise AlreadyServed(f"{channel.name}: already served by {others[0].owner} (pid {others[0].pid})")
             self.closed.wait(0.005)
+        if channel.seldom:
+            self.transport.announcing.add(self.id, self.said())
+        else:
+            self.hear()
+
+    def hear(self) -> None:
+        """Make what requests come in by."""
+        kind = self.channel.type
         made = request_type(kind.name, kind.request)
-        self._requests = self.bus.reader(f"rc/{name}Request", made, endpoint_qos(KEEP_ALL, self.about()))
-        self.bus.loop.attach(self._requests.condition, partial(self.accept, self._requests))
+        requests = self.bus.reader(f"rc/{self.channel.name}Request", made, endpoint_qos(KEEP_ALL, self.about()))
+        self._requests = requests
+        self.bus.loop.attach(requests.condition, partial(self.accept, requests))
+
+    def looked(self, there: list[Endpoint]) -> None:
+        if self._requests is None and self.bus.endpoints.on_topic(f"rc/{self.channel.name}Request"):
+            self.hear()
 
     def accept(self, requests: Reader) -> Iterable[Job]:
         """Have requests wait for their turn, or turn them away; what is to be done about those that wait."""
@@ -117,6 +131,8 @@ class ServingLink(Link):
             self._requests.close()
         if self.claimed:
             self.claimed.close()
+        if self.channel.seldom:
+            self.transport.announcing.remove(self.id)  # at last: it may have to make a writer for the others, and fail
 
     def read(self, sample: bytes) -> _Asked | None:
         """A request that means what we mean, and is new."""
@@ -174,8 +190,10 @@ class CommandInlet(ServingLink):
         return [self._lane.drain] if self._lane.summon() else []
 
     def release(self) -> None:
-        super().release()
-        self._lane.close()
+        try:
+            super().release()
+        finally:
+            self._lane.close()
 
     def _execute(self, waiting: tuple[float, Payload]) -> None:
         expires, payload = waiting
@@ -218,11 +236,14 @@ class Server(ServingLink):
         self._beginning = self._refusing = False
         """Whether somebody will call `_begin`, and `_send_refusals`."""
 
-    def open(self) -> None:
-        super().open()
+    def hear(self) -> None:
+        super().hear()
         self._writers[""] = self._writer("")  # whom others see, and where they read
 
     def looked(self, there: list[Endpoint]) -> None:
+        super().looked(there)
+        if self._requests is None:
+            return
         ends = self.bus.endpoints.on_topic(f"rc/{self.channel.name}Reply")
         partitions = {endpoint.partition for endpoint in ends if not endpoint.writes}
         self._others = "" in partitions

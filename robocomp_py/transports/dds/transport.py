@@ -7,7 +7,7 @@ import logging
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Set
 from typing import Any, TypeVar
 
 from ...contract.interface import Pattern
@@ -29,8 +29,10 @@ from ..base import (
 )
 from ..crew import Crew, abandoned
 from ..directory import runtime_dir
+from .announcing import Announcing
 from .asking import Caller, CommandOutlet
 from .bus import Bus
+from .endpoints import concerned
 from .link import Link
 from .serving import CommandInlet, Server
 from .topics import Publisher, Subscriber
@@ -63,12 +65,13 @@ class DDSTransport:
     `domain`      a number; of the user, on this host alone, else 0
     `interface`   its name, or its IPv4 address: "lo" is this host alone; "" lets Cyclone DDS choose
     `peers`       addresses of the hosts to meet, this one among them, instead of looking for them by multicast
+    `many`        whether more than a few dozen processes meet; `rcdeploy` says so
     """
 
     capabilities = ANY_QOS | Capability.CROSS_PROCESS
 
     def __init__(self, config: TransportConfig) -> None:
-        options = options_of(config, domain=None, interface="lo", peers=[])
+        options = options_of(config, domain=None, interface="lo", peers=[], many=False)
         domain, interface = options["domain"], options["interface"]
         if domain is None:
             domain = domain_of_user(os.getuid()) if interface == "lo" else 0
@@ -79,6 +82,9 @@ class DDSTransport:
         peers = options["peers"]
         if not isinstance(peers, list) or not all(isinstance(peer, str) for peer in peers):
             raise ConfigurationError(f"transport option `peers` is a list of addresses, not {peers!r}")
+        many = options["many"]
+        if type(many) is not bool:
+            raise ConfigurationError(f"transport option `many` is true or false, not {many!r}")
         self.local = interface == "lo"
         """Whether all are on this host."""
         if not self.local:
@@ -93,7 +99,9 @@ class DDSTransport:
         self._links: list[Link] = []
         self._ids: set[int] = set()
         self.gone = "the link is closed"
-        self.bus = Bus(domain, interface, tuple(peers))
+        self.bus = Bus(domain, interface, tuple(peers), many)
+        self.announcing = Announcing(self.bus)
+        self.gathering = self.announcing.gathering
         self.bus.on_loss = self._lose
         self.bus.endpoints.on_change = self._look
         self.bus.loop.tick = self._tick
@@ -127,6 +135,7 @@ class DDSTransport:
         with contextlib.ExitStack() as everything:  # from the last line to the first, and all of it whatever fails
             everything.callback(self.bus.close)
             everything.callback(self._crew.close)
+            everything.enter_context(self.gathering())
             for link in list(self._links):
                 everything.callback(link.close)
 
@@ -173,10 +182,11 @@ class DDSTransport:
 
     # On the receiving thread, which must go on whatever happens.
 
-    def _look(self) -> None:
+    def _look(self, changed: Set[str]) -> None:
         for link in list(self._links):
-            with self._guarded(link):
-                link.look()
+            if concerned(link.channel.name, changed):
+                with self._guarded(link):
+                    link.look()
 
     def _tick(self) -> float:
         if abandoned():

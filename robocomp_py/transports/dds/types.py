@@ -216,6 +216,10 @@ def credit_type() -> DdsType:
     return _cached("credit", "", None, lambda: _struct("robocomp::Credit", fields))
 
 
+def announcement_type() -> DdsType:
+    return _cached("announcement", "", None, lambda: _struct("robocomp::Announcement", {"id": idl.uint64}))
+
+
 _HEADERS: dict[str, dict[str, Any]] = {
     "PublicationHeader": {
         "version": idl.uint8, "fingerprint": idl.uint64, "source": idl.uint64, "sequence": idl.uint64,
@@ -303,3 +307,7 @@ def _struct(name: str, fields: dict[str, Any]) -> DdsType:
 def _init(self: IdlStruct, **members: Any) -> None:
     """For whoever reads samples by the library's codec, as our tests do."""
     vars(self).update(members)
+
+
+announcement_type().__idl__.fill_type_data()
+# What the library makes for the first type only takes as long as ten types: processes that are forked have it.
