@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import secrets
 import signal
-import socket
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,9 @@ from robocomp_py.transports.exclusive import holder
 from robocomp_py.transports.zenoh import ZenohTransport
 from robocomp_py.transports.zenoh.asking import COMMANDS_AHEAD
 from robocomp_py.transports.zenoh.session import open_client, open_router
+from robocomp_py.transports.zenoh.watching import neighbourhoods
 from robocomp_py.wire import header
+from tests.freeports import free_port
 
 DIVIDE = Channel("robot/calculator/Everything/divide", Pattern.QUERY, TypeRef("", e.divide.fingerprint, e.divide.text))
 NEWS = Channel("robot/calculator/Everything/news", Pattern.PUBLISH, TypeRef("", e.news.fingerprint, e.news.text))
@@ -257,6 +260,22 @@ def test_best_effort_subscribers_hear_reliable_publishers_and_do_not_hold_them_u
     release.set()
 
 
+def test_messages_that_cannot_be_taken_are_in_the_way_of_no_others(
+    transport: ZenohTransport, other: ZenohTransport
+) -> None:
+    count, taken = itertools.count(), list[Any]()
+
+    def refuse_every_third(_: str) -> None:
+        if next(count) % 3 == 0:
+            raise ValueError
+
+    other.inlet(replace(topic("a/b/c", RELIABLE), heard=refuse_every_third), taken.append)
+    outlet = transport.outlet(topic("a/b/c", RELIABLE))
+    assert outlet.wait_peer(SOON)
+    send_many(transport, outlet, 300)
+    wait_until(lambda: len(taken) == 200)
+
+
 def test_a_reliable_subscriber_that_leaves_holds_nobody_up(transport: ZenohTransport, other: ZenohTransport) -> None:
     release = threading.Event()
     stuck = other.inlet(topic("a/b/c", RELIABLE), lambda _: release.wait(SOON))
@@ -267,6 +286,37 @@ def test_a_reliable_subscriber_that_leaves_holds_nobody_up(transport: ZenohTrans
     release.set()
     stuck.close()
     send_many(transport, outlet, 50)
+
+
+def test_a_transport_hears_of_those_that_its_links_may_face_and_of_nobody_else(
+    transport: ZenohTransport, other: ZenohTransport
+) -> None:
+    other.server(query("robot/a/I/ask"), answering(other, bytes.upper))
+    other.server(query("robot/b/I/ask"), answering(other, bytes.upper))
+    other.caller(query("robot/*/I/ask"))
+    asking, serving = (
+        transport.caller(query("robot/a/I/ask")),
+        transport.server(query("robot/c/I/ask"), answering(transport, bytes.upper)),
+    )
+    assert asking.wait_peer(SOON)
+    assert serving.wait_peer(SOON)
+    found = {(token.role, token.channel) for token in transport.table.find("serves", "robot/*/I/ask")}
+    assert found == {("serves", "robot/a/I/ask"), ("serves", "robot/c/I/ask")}
+
+
+@pytest.mark.parametrize(
+    ("role", "channel", "found"),
+    [
+        ("calls", "robot/a/I/ask", ["robot/a/I"]),
+        ("calls", "robot/*/I/ask", ["robot/*/I"]),
+        ("serves", "robot/a/I/ask", ["robot/a/I", "robot/./I"]),
+        ("publishes", "a/I/news", ["a/I", "./I"]),
+    ],
+)
+def test_who_provides_something_looks_for_those_as_well_who_name_nobody(
+    role: str, channel: str, found: list[str]
+) -> None:
+    assert neighbourhoods(role, channel) == found
 
 
 def test_a_server_that_nobody_told_us_has_gone_is_neither_waited_for_nor_in_the_way(transport: ZenohTransport) -> None:
@@ -509,8 +559,7 @@ def test_domains_do_not_meet(transport: ZenohTransport) -> None:
 
 
 def test_a_router_elsewhere_can_be_used() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        locator = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    locator = f"tcp/127.0.0.1:{free_port()}"
     with open_router(locator):
         here, there = (ZenohTransport(TransportConfig({"connect": locator})) for _ in range(2))
         here.server(query("a/b/c"), answering(here, bytes.upper))
@@ -519,6 +568,11 @@ def test_a_router_elsewhere_can_be_used() -> None:
         assert caller.ask(blob(there, b"x"), SOON).status is Status.OK
         here.close()
         there.close()
+
+
+def test_who_is_asked_to_end_does_not_go_on_waiting_for_a_router() -> None:
+    with pytest.raises(Closed, match="asked to end while waiting for a router"):
+        ZenohTransport(TransportConfig({"connect": f"tcp/127.0.0.1:{free_port()}"}, wanted=lambda: False))
 
 
 @pytest.mark.parametrize(
@@ -582,6 +636,32 @@ def test_who_starts_components_may_run_their_router_and_one_of_them_takes_over()
     assert holder(folder, "router") != f"deployer (pid {os.getpid()})"
     here.close()
     there.close()
+
+
+_COUNTING_THREADS = """
+import os
+from robocomp_py.transports.base import TransportConfig
+from robocomp_py.transports.zenoh import ZenohTransport
+transport = ZenohTransport(TransportConfig(owner="component"))
+print(len(os.listdir("/proc/self/task")))
+transport.close()
+"""
+
+
+def test_only_who_may_have_to_run_the_router_reads_with_as_many_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("ZENOH_RUNTIME", raising=False)
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "1")  # else numpy has one for each processor
+
+    def threads() -> int:
+        told = subprocess.run([sys.executable, "-c", _COUNTING_THREADS], capture_output=True, text=True, check=True)
+        return int(told.stdout)
+
+    with hosting("zenoh", TransportConfig(owner="deployer")):
+        assert threads() < 16
+        assert "ZENOH_RUNTIME" not in os.environ
+    first = ZenohTransport(TransportConfig(owner="first"))
+    assert threads() > 16
+    first.close()
 
 
 def test_running_a_router_where_one_runs_changes_nothing(transport: ZenohTransport, other: ZenohTransport) -> None:

@@ -38,7 +38,7 @@ TICK = 0.1
 """Seconds between two looks at sinks that take long, and whether the router needs a new home."""
 
 IDLE_TICK = 0.5
-"""The same where nobody subscribes and the router is at home: there is neither. What is due is not kept waiting."""
+"""The same where nobody subscribes and the router has a home: there is neither. What is due is not kept waiting."""
 
 
 STRANGERS = 100
@@ -54,6 +54,8 @@ class Link:
     role: str
     facing: str
     traits = "-"
+    glance = 0.2
+    """Seconds after which who waits for the other side looks for what the table does not tell: that it is closed."""
 
     def __init__(self, transport: ZenohTransport, channel: Channel) -> None:
         self.transport, self.channel = transport, channel
@@ -88,16 +90,18 @@ class Link:
         """On a thread of Zenoh: a message of ours was taken."""
 
     def wait_peer(self, timeout: float) -> bool:
-        end, changed = time.monotonic() + timeout, self.transport.table.changed
+        end, table = time.monotonic() + timeout, self.transport.table
         while True:
             self.check_open()
+            version = table.version
             if self.visible():
                 return True
             left = end - time.monotonic()
             if left <= 0:
                 return False
-            with changed:
-                changed.wait(min(left, 0.02))  # what else we wait for does not tell
+            with table.changed:
+                if table.version == version:
+                    table.changed.wait(min(left, self.glance))
 
     def visible(self) -> bool:
         """Whether the other side is there. Raises ContractMismatch if only others are."""

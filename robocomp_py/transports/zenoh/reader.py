@@ -168,8 +168,7 @@ class Reader:
         if payload is not None:
             self._drain(payload)
         if self.owing:
-            self.owing = False
-            self.settle()
+            self._settle()
 
     def _has_room(self) -> bool:
         return len(self._waiting) < self._depth or not self._drainer or self._closed
@@ -186,25 +185,45 @@ class Reader:
         self._waiting.append(payload)
 
     def _drain(self, payload: Any) -> None:
-        """Deliver this, and what others have read meanwhile."""
-        me = threading.current_thread()
+        """Deliver this, what others have read meanwhile, and what can be read at once if this is the thread to read."""
+        me, waiting, stats = threading.current_thread(), self._waiting, self._stats
         while not self._closed:
-            self._stats.received += 1
+            stats.received += 1
             try:
                 self._sink(payload)
             except BaseException:  # also SystemExit: the messages that follow are to be delivered all the same
                 log.exception("%s: a message was not handled", self._name)
+            if self.owing:
+                self._settle()
             with self.lock:
                 self._delivered += 1
-                if self._turn is not me or self._closed:
+                mine = self._turn is me and not self._closed
+                if not mine:
                     self._changed.notify_all()
-                if not self._waiting:
+                payload = waiting.popleft() if waiting else self._next() if mine else None
+                if payload is None:
                     self._drainer = 0
                     return
-                payload = self._waiting.popleft()
         with self._changed:
             self._drainer = 0
             self._changed.notify_all()
+
+    def _next(self) -> Any:
+        """The next message's payload, if it is there already; nothing, if it is time to `_sweep`."""
+        if self._lossy and time.monotonic() - self._swept > STALE:
+            return None
+        try:
+            message = self._receive_now()
+            return None if message is None else self._admit(message)
+        except zenoh.ZError:  # the subscription has ended
+            return None
+        except Exception:  # if this one's turn did not end properly, nobody else would get one
+            log.exception("%s: a message was not taken", self._name)
+            return None
+
+    def _settle(self) -> None:
+        self.owing = False
+        self.settle()
 
 
 def _nothing() -> None: ...

@@ -19,13 +19,13 @@ import logging
 import os
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import zenoh
 
-from ...errors import ConfigurationError, TransportError
+from ...errors import Closed, ConfigurationError, TransportError
 from ...wire.codec import MAX_BYTES
 from ..directory import runtime_dir
 from ..exclusive import Claim, holder, try_claim
@@ -35,13 +35,21 @@ log = logging.getLogger("robocomp.transport.zenoh")
 OPEN_PATIENCE = 10.0
 """Seconds after which opening gives up to reach a router."""
 
+_BUSY_PATIENCE = 60.0
+"""The same where somebody runs one for all, and so many start at once that it takes its time."""
+
 HERE = "here"
 
 LOST = 1.0
 """Seconds without a connection to the router after which that is told: a new one is there sooner."""
 
 _ATTEMPT_MS = 1000
-"""One attempt to connect; between two of them we look whether the router has become ours to run."""
+"""One attempt to connect; between two of them we look whether the router has become ours to run.
+
+If that will not be, each takes twice as long as the one before: as many as have to try again must not keep others,
+whose turn it would be, from succeeding.
+"""
+_LONGEST_ATTEMPT_MS = 8000
 
 _COMMON: dict[str, Any] = {
     "scouting/multicast/enabled": False,
@@ -61,11 +69,15 @@ _COMMON: dict[str, Any] = {
     "transport/unicast/accept_pending": 1000,
     "transport/unicast/max_sessions": 10_000,
 }
+_RUNTIME = "ZENOH_RUNTIME"
 _THREADS = "(rx: (worker_threads: 16))"
 """Those that read, for all sessions of a process; instead of 2. A router has them wait where a reader is slow.
 
-The first session decides. Idle ones cost nothing that could be measured.
+The first session decides. Idle ones cost 50 KB each, and no time.
 """
+
+_APART = "router apart"
+"""What is claimed, besides the router, by who starts components."""
 
 _RETRY = {"period_init_ms": 50, "period_max_ms": 1000, "period_increase_factor": 2}
 _RETRY_HERE = _RETRY | {"period_max_ms": 200}  # a socket file costs nothing to try
@@ -79,10 +91,17 @@ def as_transport_error(doing: str) -> Iterator[None]:
         raise TransportError(f"zenoh: {doing}: {exc}") from exc
 
 
-def open_router(endpoint: str) -> zenoh.Session:
-    """A router listening there, and nowhere else. Close it."""
-    with as_transport_error(f"listening at {endpoint}"):
-        return zenoh.open(_config("router", {"listen/endpoints": [endpoint]}))
+_APART_SETTINGS: dict[str, Any] = {
+    "transport/link/tx/lease": 10_000,  # so long a component bears with it: a loss means work for all at once
+    "transport/unicast/accept_timeout": _LONGEST_ATTEMPT_MS,
+}
+"""Of a router that is run for all, and may get little of a machine on which hundreds begin."""
+
+
+def open_router(endpoint: str, more: Mapping[str, Any] | None = None) -> zenoh.Session:
+    """A router listening there, and nowhere else. Close it. `more` are settings besides."""
+    with as_transport_error(f"listening at {endpoint}"), _reading_like_a_router():
+        return zenoh.open(_config("router", {"listen/endpoints": [endpoint], **(more or {})}))
 
 
 def open_client(endpoint: str, more: Mapping[str, Any] | None = None) -> zenoh.Session:
@@ -117,7 +136,7 @@ def named_router(name: str, settings: Mapping[str, Any]) -> Iterator[None]:
         socket.unlink(missing_ok=True)  # left by one that was killed
         listen = [f"unixsock-stream/{socket}", *settings.get("listen/endpoints", ())]
         apart = {"connect/timeout_ms": -1, "connect/exit_on_failure": False, "connect/retry": _RETRY}  # they come later
-        with as_transport_error(f"listening at {', '.join(listen)}"):
+        with as_transport_error(f"listening at {', '.join(listen)}"), _reading_like_a_router():
             session = zenoh.open(_config("router", {**apart, **settings, "listen/endpoints": listen}))
         yield
     finally:
@@ -138,7 +157,7 @@ def shared_router(owner: str) -> Iterator[None]:
     """Run the router of the run-time folder, unless somebody does; one of those who need it takes over at the end."""
     router = _SharedRouter(owner)
     try:
-        router.run_if_nobody_does()
+        router.run_if_nobody_does(apart=True)
         yield
     finally:
         router.close()
@@ -147,14 +166,23 @@ def shared_router(owner: str) -> Iterator[None]:
 class Network:
     """A session that stays connected. `tick` has to be called now and then."""
 
-    def __init__(self, connect: str, owner: str, settings: Mapping[str, Any] | None = None) -> None:
-        """`settings` are more of a client's, in Zenoh's own words."""
-        self._owner, self._settings = owner, settings
+    def __init__(
+        self,
+        connect: str,
+        owner: str,
+        settings: Mapping[str, Any] | None = None,
+        wanted: Callable[[], bool] = lambda: True,
+    ) -> None:
+        """`settings` are more of a client's, in Zenoh's own words; `wanted`: see `base.TransportConfig`."""
+        self._owner, self._settings, self._wanted = owner, settings, wanted
         self._router = None if connect else _SharedRouter(owner)
+        self._here = connect.startswith(f"{HERE}/")
         self.endpoint = resolved(connect) if connect else _SharedRouter.endpoint()
+        self._apart = False
+        """Whether the router is nobody's who may end before us."""
         self._connected_at = time.monotonic()
-        self._told = False
-        """That the connection is lost."""
+        self._connected, self._told = True, False
+        """And whether it was told that we are not."""
         try:
             self.session = self._open()
         except BaseException:
@@ -166,9 +194,15 @@ class Network:
         """Whether the router is this session."""
         return self._router is not None and self._router.session is self.session
 
+    @property
+    def settled(self) -> bool:
+        """Whether nobody will have to run the router soon."""
+        return self.at_home or (self._apart and self._connected)
+
     def tick(self) -> None:
         """Run the router if nobody does any more, and tell if the one there is does not answer."""
-        if self.at_home or self.session.info.routers_zid():
+        self._connected = self.at_home or bool(self.session.info.routers_zid())
+        if self._connected:
             if self._told:
                 log.info("%s: the Zenoh router answers again", self._owner or "zenoh")
             self._connected_at, self._told = time.monotonic(), False
@@ -189,15 +223,22 @@ class Network:
         self._close_router()
 
     def _open(self) -> zenoh.Session:
-        end = time.monotonic() + OPEN_PATIENCE
+        begun, attempt = time.monotonic(), _ATTEMPT_MS
         while True:
             self._run_router()
             if self._router and self._router.session:
                 return self._router.session
+            busy = self._router.is_apart() if self._router else self._here
+            self._apart = busy or self._router is None
+            settings = {**_attempt(attempt if busy else _ATTEMPT_MS), **(self._settings or {})}
+            attempt = min(2 * attempt, _LONGEST_ATTEMPT_MS)
             try:
-                return open_client(self.endpoint, self._settings)
+                with contextlib.nullcontext() if self._apart else _reading_like_a_router():
+                    return open_client(self.endpoint, settings)
             except zenoh.ZError as exc:
-                if time.monotonic() >= end:
+                if not self._wanted():
+                    raise Closed("zenoh: asked to end while waiting for a router") from exc
+                if time.monotonic() - begun >= (_BUSY_PATIENCE if busy else OPEN_PATIENCE):
                     raise TransportError(f"no Zenoh router answers at {self._where()}") from exc
 
     def _run_router(self) -> None:
@@ -212,12 +253,21 @@ class Network:
             self._router.close()
 
 
+def _attempt(ms: int) -> dict[str, Any]:
+    """What has one attempt to connect take so long."""
+    return {
+        "connect/timeout_ms": ms,
+        "transport/unicast/open_timeout": max(ms, _COMMON["transport/unicast/open_timeout"]),
+    }
+
+
 class _SharedRouter:
     """The router of a run-time folder, run by one of those who need it."""
 
     def __init__(self, owner: str) -> None:
         self._folder, self._owner = _folder(), owner
         self._claim: Claim | None = None
+        self._apart: Claim | None = None
         self.session: zenoh.Session | None = None
         self._lock = threading.Lock()
         self._closed = False
@@ -226,14 +276,22 @@ class _SharedRouter:
     def endpoint() -> str:
         return f"unixsock-stream/{_folder() / 'router.sock'}"
 
-    def run_if_nobody_does(self) -> None:
+    def run_if_nobody_does(self, *, apart: bool = False) -> None:
+        """`apart`: as long as we are there, nobody else will have to."""
         with self._lock:
             if self.session or self._closed:
                 return
             self._claim = self._claim or try_claim(self._folder, "router", self._owner)
             if self._claim:
+                if apart:
+                    self._apart = try_claim(self._folder, _APART, self._owner)
                 (self._folder / "router.sock").unlink(missing_ok=True)  # left by one that was killed
-                self.session = open_router(self.endpoint())
+                self.session = open_router(self.endpoint(), _APART_SETTINGS if self._apart else None)
+
+    def is_apart(self) -> bool:
+        """Whether the router is run by who starts components, and outlives them."""
+        who = self.holder()
+        return "(pid" in who and holder(self._folder, _APART) == who  # else what somebody left who was killed
 
     def holder(self) -> str:
         return holder(self._folder, "router")
@@ -244,8 +302,9 @@ class _SharedRouter:
             if self.session:
                 self.session.close()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
                 (self._folder / "router.sock").unlink(missing_ok=True)
-            if self._claim:
-                self._claim.close()
+            for claim in (self._apart, self._claim):
+                if claim:
+                    claim.close()
 
 
 def _folder(socket_name: str = "router.sock") -> Path:
@@ -260,8 +319,20 @@ def _folder(socket_name: str = "router.sock") -> Path:
     return folder
 
 
+@contextlib.contextmanager
+def _reading_like_a_router() -> Iterator[None]:
+    """Have a session opened that reads with many threads, if it is the first one of this process."""
+    if _RUNTIME in os.environ:
+        yield
+        return
+    os.environ[_RUNTIME] = _THREADS
+    try:
+        yield
+    finally:
+        os.environ.pop(_RUNTIME, None)  # not for those that we start
+
+
 def _config(mode: str, settings: dict[str, Any]) -> zenoh.Config:
-    os.environ.setdefault("ZENOH_RUNTIME", _THREADS)
     config = zenoh.Config()
     for key, value in ({"mode": mode} | _COMMON | settings).items():
         try:

@@ -19,8 +19,8 @@ from ...errors import Timeout
 from ...wire.codec import Payload
 from ...wire.header import (
     VERSION,
-    pack_publication,
     publication_fields,
+    publications_of,
 )
 from ...wire.names import ANY
 from ..base import (
@@ -46,6 +46,9 @@ log = logging.getLogger("robocomp.transport.zenoh")
 _PARTS = 4
 """Readers tell what they took when that is such a part of what their sender may be ahead."""
 
+_MUCH = BYTES_AHEAD // _PARTS
+"""And when it is so many bytes."""
+
 _LOOK = 0.01
 """Seconds until a sink that takes long is looked at again."""
 
@@ -55,6 +58,7 @@ _REFUSED = zenoh.ZError, RuntimeError
 
 class Publisher(Link):
     role, facing = "publishes", "subscribes"
+    glance = 0.02  # nor that Zenoh has found the way
 
     def __init__(self, transport: ZenohTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
@@ -66,8 +70,9 @@ class Publisher(Link):
         self._readers: tuple[int, dict[int, int]] = -1, {}
         self._credit = Credit(ahead, self._reliable_readers)
         self._history: deque[tuple[bytes, Payload]] = deque(maxlen=qos.depth if qos.latched else 0)
+        self._latched = qos.latched
         self._order = threading.Lock()
-        self._fingerprint = channel.type.fingerprint
+        self._header = publications_of(b"", channel.type.fingerprint, self.id)
 
     def open(self) -> None:
         congestion = BLOCK if self._lossless else DROP
@@ -78,22 +83,29 @@ class Publisher(Link):
         self._put = publisher.put
 
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
-        end = time.monotonic() + deadline
-        if not (self._order.acquire(blocking=False) or self._order.acquire(timeout=max(0.0, deadline))):
-            raise self._too_slow(deadline)
-        try:
-            self.check_open()
-            credit = self._credit
-            if not (credit.claim(len(payload)) or credit.wait(end, self.check_open, len(payload))):
+        order, credit = self._order, self._credit
+        begun = 0.0
+        if not order.acquire(blocking=False):
+            begun = time.monotonic()
+            if not order.acquire(timeout=max(0.0, deadline)):
                 raise self._too_slow(deadline)
-            header = pack_publication(self._fingerprint, self.id, credit.sent, time.time_ns())
-            if self._history.maxlen:
+        try:
+            if not credit.claim(len(payload)):
+                self._wait_for_credit((begun or time.monotonic()) + deadline, len(payload), deadline)
+            header = self._header(credit.sent, time.time_ns())
+            if self._latched:
+                self.check_open()
                 self._history.append((header, payload))  # first: who asks for it now may not hear the other one
-            self._put(payload, attachment=header)
+            self._put(payload, attachment=header)  # refuses if the link is closed
         except _REFUSED as exc:
             raise self.failed(exc) from exc
         finally:
-            self._order.release()
+            order.release()
+
+    def _wait_for_credit(self, end: float, size: int, deadline: float) -> None:
+        self.check_open()
+        if not self._credit.wait(end, self.check_open, size):
+            raise self._too_slow(deadline)
 
     def visible(self) -> bool:
         return bool(self.counterparts(strict=True)) and self._matches()
@@ -156,7 +168,8 @@ class Subscriber(Link):
         self._channels: dict[int, str] = {}
         """By publisher."""
         self._untold: dict[int, list[int]] = {}
-        """Of each sender the last number that was taken, and how many messages and bytes it has not been told of."""
+        """Of each sender the last number that was taken, how many messages and bytes it has not been told of, and how
+        many messages are worth telling."""
         self._ahead: dict[int, int] = {}
         """How many messages each sender may be ahead."""
         self._lost: dict[int, int] = {}
@@ -181,6 +194,8 @@ class Subscriber(Link):
         self._reception.meet(self.sources())
         with self._reader.lock:
             self._untold = {source: untold for source, untold in self._untold.items() if source in there}
+            for source, untold in self._untold.items():
+                untold[3] = self._many(source)
         if self._latched:
             with self._reader.lock:
                 self._caught_up &= there
@@ -202,7 +217,8 @@ class Subscriber(Link):
     def _admit(self, message: zenoh.Sample | Message) -> Any:
         try:
             header = message.attachment
-            version, fingerprint, source, sequence, stamp = publication_fields(header.to_bytes() if header else b"")
+            data = b"" if header is None else header.to_bytes()
+            version, fingerprint, source, sequence, stamp = publication_fields(data)
         except struct.error as exc:
             self.malformed(exc)
             return None
@@ -217,7 +233,14 @@ class Subscriber(Link):
         payload = message.payload
         if self._lossless:
             self._reader.waits = source in self._lost
-            self._note(source, sequence, len(payload))
+            untold = self._untold.get(source)
+            if untold is None:
+                untold = self._untold[source] = [0, 0, 0, self._many(source)]
+            untold[0] = sequence
+            untold[1] += 1
+            untold[2] += len(payload)
+            if untold[1] >= untold[3] or untold[2] >= _MUCH:
+                self._reader.owing = True
         lost = self.stats.lost
         if not self._ledger.admit(source, sequence):
             return None
@@ -237,16 +260,9 @@ class Subscriber(Link):
             )
         self._lost[source] += count
 
-    def _note(self, source: int, sequence: int, size: int) -> None:
-        """Have it told to its sender that a message was taken, when it is worth telling."""
-        untold = self._untold.get(source)
-        if untold is None:
-            untold = self._untold[source] = [0, 0, 0]
-        untold[0] = sequence
-        untold[1] += 1
-        untold[2] += size
-        if untold[1] * _PARTS >= self._ahead.get(source, 1) or untold[2] * _PARTS >= BYTES_AHEAD:
-            self._reader.owing = True
+    def _many(self, source: int) -> int:
+        """After so many of its messages a sender is told that they were taken."""
+        return -(-self._ahead.get(source, 1) // _PARTS)
 
     def _acknowledge(self) -> None:
         taken = {}

@@ -48,11 +48,9 @@ from .session import HERE, Network, as_transport_error, named_router, shared_rou
 from .table import Table, Token
 from .tls import NUMBER_BITS, checked, client_settings, number
 from .topics import Publisher, Subscriber
+from .watching import INQUIRY, Watching
 
 log = logging.getLogger("robocomp.transport.zenoh")
-
-INQUIRY = 2.0
-"""Seconds for which a link is asked for its contract or its history."""
 
 L = TypeVar("L", bound=Link)
 _ACK = struct.Struct("<QQ")  # who took it · sequence
@@ -70,9 +68,9 @@ class ZenohTransport:
                 `rcdeploy keys` makes it.
     `router`    for who runs `here/NAME` for others (see `host`): more settings of that router, in Zenoh's own words
 
-    While the router hangs, which is noticed after 2 s, and then logged, all that waits keeps its
-    deadline, except for what is larger than the queue to the router (about 1 MB): handing it over
-    may take up to 2 s longer; a best-effort one is dropped after 1 s.
+    While the router hangs, which is noticed after 2 s (after 10 s, where it is run for all), and then
+    logged, all that waits keeps its deadline, except for what is larger than the queue to the router
+    (about 1 MB): handing it over may take up to 2 s longer; a best-effort one is dropped after 1 s.
     """
 
     capabilities = ANY_QOS | Capability.CROSS_PROCESS
@@ -101,8 +99,9 @@ class ZenohTransport:
         """Whose the numbers are that are no link's own."""
         self.claims, self._elsewhere = _claims(connect, self.domain), bool(connect)
         keep_memory()
-        self._network = Network(connect, config.owner, client_settings(keys))
+        self._network = Network(connect, config.owner, client_settings(keys), config.wanted)
         self.session = self._network.session
+        self._watching = Watching(self.session, self.domain, self._on_token)
         try:
             with as_transport_error("joining"):
                 self._join()
@@ -270,10 +269,6 @@ class ZenohTransport:
         session, mine = self.session, f"{self._id:010x}"
         session.declare_subscriber(self.key("rc_ack", mine, "*"), direct(self._on_ack))
         session.declare_queryable(self.key("rc_ask", mine, "*", "*", "**"), direct(self._on_inquiry), complete=True)
-        everybody = self.key("rc_lv", "**")
-        session.liveliness().declare_subscriber(everybody, direct(self._on_token), history=True)
-        for _ in session.liveliness().get(everybody, timeout=INQUIRY):
-            pass  # what is told to the subscriber comes first: once this has ended, we know who is there
 
     def _receive(self) -> Iterable[Job]:
         wait = self._next_tick - time.monotonic()
@@ -306,7 +301,7 @@ class ZenohTransport:
         except Exception:
             log.exception("housekeeping")
         waits = [self._reaching.tick(time.monotonic()), *(link.tick() for link in list(self._links.values()))]
-        usual = IDLE_TICK if self._network.at_home else TICK
+        usual = IDLE_TICK if self._network.settled else TICK
         return min([usual, *(wait for wait in waits if wait is not None)])
 
     def _look(self) -> None:
@@ -341,6 +336,7 @@ class ZenohTransport:
             self._links[link.id] = link
         try:
             with as_transport_error(f"{link.channel.name}: opening"):
+                self._watching.watch(link.role, link.channel.name)
                 link.open()
                 link.announce()
             if self.closed:
