@@ -119,6 +119,8 @@ class Channel:
     claims: bool = field(default=True, compare=False, repr=False)
     """Of what is served: whether a claim of its own keeps others from it, also at the same moment. Else another one is
     opened by the same component that stands for it, too; and who is announced already is refused all the same."""
+    seldom: bool = field(default=False, compare=False, repr=False)
+    """Of what is served: whether hardly anybody asks for it, so that what it takes may be made when somebody does."""
 
 
 @dataclass
@@ -249,11 +251,13 @@ class TransportConfig:
     """What a transport is opened with.
 
     `options` is its table of the configuration, `[transports.<name>]`; `owner` is who opens it,
-    for messages to people.
+    for messages to people. `wanted` is asked again and again while it, or a link of it, cannot be
+    opened before somebody else is there: once it says no, waiting ends with `Closed`.
     """
 
     options: Mapping[str, Any] = field(default_factory=dict)
     owner: str = ""
+    wanted: Callable[[], bool] = field(default=lambda: True, compare=False, repr=False)
 
 
 TransportFactory = Callable[[TransportConfig], Transport]
@@ -261,14 +265,15 @@ TransportFactory = Callable[[TransportConfig], Transport]
 
 def find_transport(name: str) -> TransportFactory:
     """The installed transport of that name; raises ConfigurationError, naming those there are."""
-    known = installed.transports()
-    if name not in known:
-        raise ConfigurationError(unknown("middleware", name, known))
-    try:
-        factory: TransportFactory = known[name].load()
-    except ImportError as exc:
-        raise ConfigurationError(f"middleware {name!r} is not usable here: {exc}") from exc
-    return factory
+    with installed.asked_once():
+        known = installed.transports()
+        if name not in known:
+            raise ConfigurationError(unknown("middleware", name, known))
+        try:
+            factory: TransportFactory = installed.transport(name)
+        except ImportError as exc:
+            raise ConfigurationError(f"middleware {name!r} is not usable here: {exc}") from exc
+        return factory
 
 
 def hosting(name: str, config: TransportConfig) -> AbstractContextManager[None]:
@@ -348,18 +353,19 @@ def options_of(config: TransportConfig, **defaults: Any) -> dict[str, Any]:
     return defaults | dict(config.options)
 
 
-def serve(service: Service, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> None:
-    """Run a service and pass its reply on, when there is one, whatever it does."""
+def reply_of(service: Service, payload: Payload, expires: float) -> Reply | Future[Reply]:
+    """Run a service; what it returns, whatever it does."""
     try:
-        reply = service(payload, expires)
+        return service(payload, expires)
     except KeyboardInterrupt:
         raise  # meant for the main thread, which may be the one that asks: of `inproc`
     except BaseException:  # also SystemExit, which would end a thread of the transport, and nothing else
         log.exception("a service raised")
-        reply = Reply(Status.FAILED)
-    if isinstance(reply, Reply):
-        answer(reply)
-        return
+        return Reply(Status.FAILED)
+
+
+def pass_on(reply: Future[Reply], answer: Callable[[Reply], object]) -> None:
+    """Pass a reply on that a service has promised, when there is one, whatever becomes of it."""
 
     def finished(done: Future[Reply]) -> None:
         error = None if done.cancelled() else done.exception()

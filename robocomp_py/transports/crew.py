@@ -20,9 +20,10 @@ import time
 import weakref
 from collections import deque
 from collections.abc import Callable, Iterable
+from concurrent.futures import Future
 
 from ..wire.codec import Payload
-from .base import Reply, Service, Sink, Statistics, Status, receives, serve
+from .base import Reply, Service, Sink, Statistics, Status, pass_on, receives, reply_of
 
 log = logging.getLogger("robocomp.transport")
 
@@ -262,8 +263,29 @@ class Servant:
                 answer(Reply(Status.EXPIRED))
             else:
                 self._stats.received += 1
-                serve(self._service, payload, expires, answer)
+                reply = reply_of(self._service, payload, expires)
+                if isinstance(reply, Reply):
+                    answer(reply)
+                else:
+                    pass_on(reply, answer)
             return True
+        finally:
+            gate.inside.remove(me)
+            if gate.closed:
+                gate.left()
+
+    def ask(self, payload: Payload, now: float, expires: float) -> Reply | Future[Reply] | None:
+        """What the service returns to a request of the calling thread itself; None if it was closed before."""
+        gate, me = self._gate, threading.get_ident()
+        gate.inside.append(me)
+        try:
+            if gate.closed:
+                return None
+            if now >= expires:
+                self._stats.expired += 1
+                return Reply(Status.EXPIRED)
+            self._stats.received += 1
+            return reply_of(self._service, payload, expires)
         finally:
             gate.inside.remove(me)
             if gate.closed:
@@ -351,11 +373,13 @@ class Lane:
 
     def drain(self) -> None:
         """Give the sink what waits. Returns at once if another thread is doing so."""
-        with self._lock:
-            self._summoned = False
-            if self._draining:
-                return
-            self._draining = True
+        lock = self._lock
+        lock.acquire()
+        self._summoned, draining = False, self._draining
+        self._draining = True
+        lock.release()
+        if draining:
+            return
         waiting, gate = self._waiting, self._gate
         inside = gate.enter()
         try:
@@ -363,11 +387,12 @@ class Lane:
                 try:
                     payload = waiting.popleft()  # atomic, and quicker without the lock
                 except IndexError:
-                    with self._lock:
-                        if waiting:
-                            continue
-                        self._draining = False
-                        return
+                    lock.acquire()
+                    more = self._draining = bool(waiting)
+                    lock.release()
+                    if more:
+                        continue
+                    return
                 if self._wanted:
                     with self._lock:
                         self._changed.notify_all()

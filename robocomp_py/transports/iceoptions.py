@@ -192,30 +192,25 @@ class IceOptions:
 
     def endpoint_of(self, channel: str) -> str | None:
         """Where an operation is served that we provide, if the options say so."""
-        return self.endpoints.get(segment_of(channel))
+        return self.endpoints.get(names.segment(channel))
 
     def subscriber_endpoint_of(self, channel: str) -> str | None:
         """Where publications of a channel arrive, if the options say so."""
-        return self.endpoints.get(f"{segment_of(channel)}Topic")
+        return self.endpoints.get(f"{names.segment(channel)}Topic")
 
     def topic_of(self, channel: str) -> str:
         """What IceStorm calls the topic of a channel."""
-        namespace, segment = "/".join(channel.split("/")[:-3]), segment_of(channel)
+        namespace, segment = "/".join(channel.split("/")[:-3]), names.segment(channel)
         return self.topic_said_of(channel) or "/".join(filter(None, (namespace, segment)))
 
     def topic_said_of(self, channel: str) -> str | None:
         """The same, if the options say so."""
-        return _of(self.topics, channel) or self.topics.get(segment_of(channel))
-
-
-def segment_of(channel: str) -> str:
-    """What a channel calls the interface: `Laser`, `Laser1`."""
-    return channel.split("/")[-2]
+        return _of(self.topics, channel) or self.topics.get(names.segment(channel))
 
 
 def identity_of(channel: str) -> str:
     """What the object that serves a channel's operations is called: `laser`."""
-    return segment_of(channel).lower()
+    return names.segment(channel).lower()
 
 
 def _of(table: Mapping[str, str], channel: str) -> str | None:

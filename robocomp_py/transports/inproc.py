@@ -40,6 +40,7 @@ from .base import (
     depth_of,
     mismatch,
     options_of,
+    pass_on,
 )
 from .crew import Crew, Job, Lane, Servant
 from .pending import Pending
@@ -357,7 +358,9 @@ class _Caller(_Link):
         return future
 
     def ask(self, payload: Payload, deadline: float) -> Reply:
-        server = self._server()
+        version, server = self._found  # `_server`, but quicker: the version grows when we are closed, too
+        if version != self._bus.version:
+            server = self._server()
         if server.trusted >= self._enough:
             return self._ask_here(server, payload, deadline)
         # The Future has no callbacks, and wakes us at once.
@@ -365,27 +368,18 @@ class _Caller(_Link):
 
     def _ask_here(self, server: _Server, payload: Payload, deadline: float) -> Reply:
         """Have the service run by this thread."""
+        reply, seconds = server.run_here(payload, deadline)
+        if isinstance(reply, Reply):
+            if seconds > deadline:
+                raise self._late(deadline)
+            return reply
         key = server, next(self._sequence)
-        answers: list[Reply] = []
-        future: Future[Reply] | None = None
-
-        def answered(reply: Reply) -> None:
-            answers.append(reply)
-            if future:
-                self.pending.settle(key, reply)
-
-        expires = time.monotonic() + deadline
-        server.run(payload, expires, answered)
-        if not answers:
-            future = self.pending.add(key, deadline)
-            if answers:  # in between
-                self.pending.settle(key, answers[0])
-            if server.closed:
-                self.server_left(server)
-            return self._outcome(future, deadline, max(0.0, expires - time.monotonic()))
-        if time.monotonic() > expires:
-            raise self._late(deadline)
-        return answers[0]
+        future = self.pending.add(key, deadline)
+        if reply:
+            pass_on(reply, partial(self.pending.settle, key))
+        if server.closed:
+            self.server_left(server)
+        return self._outcome(future, deadline, max(0.0, deadline - seconds))
 
     def _outcome(self, future: Future[Reply], deadline: float, left: float) -> Reply:
         """What a call ends with; of its deadline so much is left."""
@@ -460,6 +454,15 @@ class _Server(_Link):
         self._servant.serve(payload, expires, answer)
         prompt = time.monotonic() - begun < PROMPT and not self.transport.hand_over
         self.trusted = self.trusted + 1 if prompt else 0
+
+    def run_here(self, payload: Payload, deadline: float) -> tuple[Reply | Future[Reply] | None, float]:
+        """The same for the thread that asks: what the service returned, None if it was closed; and after how long."""
+        begun = time.monotonic()
+        reply = self._servant.ask(payload, begun, begun + deadline)
+        seconds = time.monotonic() - begun
+        if seconds >= PROMPT:
+            self.trusted = 0
+        return reply, seconds
 
     def close(self) -> None:
         callers = [link for link in self.peers_or_none() if isinstance(link, _Caller)]

@@ -30,6 +30,8 @@ class Ledger:
         self._stats, self._ordered = stats, ordered
         self._seen: OrderedDict[int, tuple[int, dict[int, None]]] = OrderedDict()
         """Of each sender the highest number, and those below it that were skipped, in their order."""
+        self._latest: int | None = None
+        """Who was heard last, and so is the last of these."""
 
     def admit(self, sender: int, sequence: int) -> bool:
         """Note a message; False if it was seen before. What precedes the first one heard is no loss."""
@@ -38,6 +40,7 @@ class Ledger:
             if len(self._seen) >= SENDERS:
                 self._seen.popitem(last=False)
             self._seen[sender] = sequence, {} if self._ordered else _between(max(0, sequence - _EARLIER), sequence)
+            self._latest = sender
             return True
         highest, skipped = known
         if sequence > highest:
@@ -54,7 +57,9 @@ class Ledger:
         else:
             self._stats.repeated += 1
             return False
-        self._seen.move_to_end(sender)
+        if sender != self._latest:
+            self._seen.move_to_end(sender)
+            self._latest = sender
         return True
 
 

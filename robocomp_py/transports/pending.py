@@ -31,13 +31,17 @@ class Pending:
     def __len__(self) -> int:
         return len(self._calls)
 
-    def add(self, key: Hashable, deadline: float) -> Future[Reply]:
-        """A new call; raises what `close` was given, once that has happened."""
+    def add(self, key: Hashable, deadline: float, end: float | None = None) -> Future[Reply]:
+        """A new call; raises what `close` was given, once that has happened.
+
+        `end` is for a call that has waited for something before: when its deadline is over.
+        """
         future: Future[Reply] = Future()
+        end = time.monotonic() + deadline if end is None else end
         with self._lock:
             if self._closed:
                 raise self._closed
-            self._calls[key] = future, time.monotonic() + deadline, deadline
+            self._calls[key] = future, end, deadline
         future.add_done_callback(lambda _: self._take(key))
         return future
 

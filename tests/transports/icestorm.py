@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import socket
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from robocomp_py.transports.base import Transport, TransportConfig, find_transport, hosting
 from robocomp_py.transports.iceoptions import IceOptions
+from tests.freeports import free_port
 
 if TYPE_CHECKING:
     from robocomp_py.transports.ice.storm import Place
@@ -22,13 +22,15 @@ _WHERE = "ROBOCOMP_TEST_STORM"
 @contextmanager
 def icestorm() -> Iterator[str]:
     """While this is entered there is one, and `open_ice` uses it: the proxy of its TopicManager."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    os.environ[_WHERE] = storm = f"IceStorm/TopicManager:tcp -h 127.0.0.1 -p {port}"
+    os.environ[_WHERE] = storm = free_storm()
     with hosting("ice", TransportConfig({"storm": storm}, "test")):
         yield storm
     del os.environ[_WHERE]
+
+
+def free_storm() -> str:
+    """Where none is yet."""
+    return f"IceStorm/TopicManager:tcp -h 127.0.0.1 -p {free_port()}"
 
 
 def open_ice(**options: Any) -> Transport:

@@ -7,13 +7,14 @@ import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future
+from math import inf
 
 import pytest
 
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports import crew as crews
-from robocomp_py.transports.base import Reply, Statistics, Status, serve, step_aside
-from robocomp_py.transports.crew import Crew, Gate, Lane
+from robocomp_py.transports.base import Reply, Statistics, Status, step_aside
+from robocomp_py.transports.crew import Crew, Gate, Lane, Servant
 
 Work = queue.Queue[Callable[[], object]]
 
@@ -289,7 +290,7 @@ def test_whatever_a_service_raises_its_call_fails_and_that_is_logged(
     how: Callable[[], Reply], caplog: pytest.LogCaptureFixture
 ) -> None:
     answers: list[Reply] = []
-    serve(lambda payload, expires: how(), None, 0.0, answers.append)
+    Servant("test", lambda payload, expires: how(), Statistics()).serve(None, inf, answers.append)
     assert answers == [Reply(Status.FAILED)]
     assert "a service raised" in caplog.text
 
@@ -297,7 +298,7 @@ def test_whatever_a_service_raises_its_call_fails_and_that_is_logged(
 def test_so_it_is_if_its_future_fails(caplog: pytest.LogCaptureFixture) -> None:
     answers: list[Reply] = []
     reply: Future[Reply] = Future()
-    serve(lambda payload, expires: reply, None, 0.0, answers.append)
+    Servant("test", lambda payload, expires: reply, Statistics()).serve(None, inf, answers.append)
     reply.set_exception(ValueError("broken later"))
     assert answers == [Reply(Status.FAILED)]
     assert "broken later" in caplog.text

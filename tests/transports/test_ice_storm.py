@@ -20,10 +20,10 @@ from robocomp_py.errors import Closed, ConfigurationError, Timeout, TransportErr
 from robocomp_py.testing.conformance import Inbox, blob, greet, subscribe, topic
 from robocomp_py.testing.faults import memory
 from robocomp_py.testing.patience import SOON, wait_until
-from robocomp_py.transports.base import Outlet, Transport, TransportConfig, hosting
+from robocomp_py.transports.base import Outlet, Transport, TransportConfig, find_transport, hosting
 from robocomp_py.transports.directory import runtime_dir
 
-from .icestorm import icestorm, open_ice, place_of, process_of
+from .icestorm import free_storm, icestorm, open_ice, place_of, process_of
 
 pytestmark = pytest.mark.tool
 
@@ -34,10 +34,7 @@ NAME = "one/Storming/news"
 
 @pytest.fixture
 def storm() -> str:
-    """Where none is yet."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"IceStorm/TopicManager:tcp -h 127.0.0.1 -p {probe.getsockname()[1]}"
+    return free_storm()
 
 
 @pytest.fixture
@@ -195,6 +192,14 @@ def test_closing_ends_who_waits_for_one(storm: str) -> None:
     with pytest.raises(Closed):
         transport.outlet(topic(NAME))
     end()
+
+
+def test_who_is_asked_to_end_waits_for_none(storm: str) -> None:
+    config = TransportConfig({"storm": storm}, "test", wanted=lambda: False)
+    with contextlib.closing(find_transport("ice")(config)) as transport:
+        for use in (lambda: transport.outlet(topic(NAME)), lambda: transport.inlet(topic(NAME), lambda _: None)):
+            with pytest.raises(Closed, match="asked to end while waiting for IceStorm"):
+                use()
 
 
 @pytest.mark.parametrize("qos", [QoS(), RELIABLE, LATCHED], ids=["best effort", "reliable", "latched"])

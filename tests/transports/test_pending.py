@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 
 import pytest
@@ -39,6 +40,14 @@ def test_the_deadline_ends_it() -> None:
     with pytest.raises(Timeout, match="no answer in 0 s"):
         early.result(0)
     assert not late.done()
+
+
+def test_a_call_that_has_waited_for_something_before_ends_no_later_for_that() -> None:
+    pending = Pending("test")
+    future = pending.add(1, 60, end=time.monotonic())
+    assert pending.expire() is None
+    with pytest.raises(Timeout, match="no answer in 60 s"):
+        future.result(0)
 
 
 def test_with_no_call_there_is_nothing_to_wait_for() -> None:

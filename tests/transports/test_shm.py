@@ -28,7 +28,7 @@ from robocomp_py.testing.parts import BLOB, Inbox, blob, command, drain, greet, 
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Reply, Status, Transport, TransportConfig
 from robocomp_py.transports.directory import runtime_dir
-from robocomp_py.transports.inotify import FolderWatch
+from robocomp_py.transports.inotify import Watch
 from robocomp_py.transports.shm import ShmTransport, node, samples
 from robocomp_py.transports.shm.bells import BELLS, NEWS, Bell, Rope
 from robocomp_py.transports.shm.loop import Loop
@@ -640,7 +640,8 @@ def test_there_is_nobody_to_hear_a_bell_that_was_closed(tmp_path: Path) -> None:
 
 def test_who_waits_at_a_bell_is_told_as_well_that_the_folder_has_changed(tmp_path: Path) -> None:
     (tmp_path / "watched").mkdir()
-    watch = FolderWatch(tmp_path / "watched")
+    watch = Watch(tmp_path)
+    watch.add(str(tmp_path / "watched"))
     bell, rope = Bell(tmp_path / "bell", watch), Rope(tmp_path / "bell")
     (tmp_path / "new").touch()
     (tmp_path / "new").rename(tmp_path / "watched" / "new.json")

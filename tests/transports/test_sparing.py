@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robocomp_py.transports.sparing import FIRST, PAUSE, Sparing
+from robocomp_py.transports.sparing import FIRST, PAUSE, Repeats, Sparing
 
 
 def test_the_first_few_are_told_and_later_one_now_and_then() -> None:
@@ -14,3 +14,17 @@ def test_the_first_few_are_told_and_later_one_now_and_then() -> None:
         clock += PAUSE / 100
     assert told[: FIRST + 1] == [True] * FIRST + [False]
     assert sum(told) == FIRST + 1000 // 100 - 1 or sum(told) == FIRST + 1000 // 100
+
+
+def test_of_what_repeats_each_way_is_told_now_and_then_with_how_many_were_not() -> None:
+    clock = 0.0
+    repeats = Repeats(now=lambda: clock)
+    assert [repeats.untold(way) for way in ("one", "other", "one", "one", "other")] == [0, 0, None, None, None]
+    clock = PAUSE
+    assert [repeats.untold(way) for way in ("one", "other", "one")] == [2, 1, None]
+
+
+def test_what_is_kept_in_mind_of_many_ways_is_bounded() -> None:
+    repeats = Repeats(now=lambda: 0.0)
+    assert [repeats.untold(way) for way in range(1000)] == [0] * 1000
+    assert len(repeats._told) <= 100

@@ -443,8 +443,7 @@ try:
         held.append(os.open("/dev/null", 0))
 except OSError:
     pass
-(here.folder / "changed.draft").mkdir()
-(here.folder / "changed.draft").rename(here.folder / "changed.json")
+os.utime(here.folder / "by" / "a.b")
 wait_until(lambda: here.directory._unreadable and there.directory._unreadable)
 for opening in (lambda: ZeroMQTransport(TransportConfig()), lambda: there.outlet(topic("a/b/d"))):
     try:
@@ -455,7 +454,6 @@ for opening in (lambda: ZeroMQTransport(TransportConfig()), lambda: there.outlet
         raise AssertionError("opened without descriptors")
 for each in held:
     os.close(each)
-(here.folder / "changed.json").rmdir()
 print(unblob(there, caller.call(blob(there, b"later"), SOON).result(SOON).payload).decode())
 there.close()
 here.close()

@@ -16,11 +16,12 @@ import zmq
 from robocomp_py.contract.types import FLOAT64, UINT8, Field, Sequence, Struct
 from robocomp_py.testing.conformance import query, topic
 from robocomp_py.testing.patience import SOON, wait_until
-from robocomp_py.transports.base import Reply, Status, TransportConfig
+from robocomp_py.transports.base import Reply, Status, TransportConfig, is_heard
 from robocomp_py.transports.zeromq import ZeroMQTransport
 from robocomp_py.transports.zeromq.frames import Frames
 from robocomp_py.transports.zeromq.sockets import Subscription
 from robocomp_py.transports.zeromq.zmtp import Feed, Garbled, Gone, Stream
+from robocomp_py.wire.values import snapshot
 
 from .test_zeromq_faults import GREETING, ready
 
@@ -236,6 +237,36 @@ def test_there_is_no_more_when_half_a_message_is_there_or_the_subscription_was_c
     assert (subscription.receive(1), subscription.more) == ([], False)
 
 
+def test_messages_that_came_at_once_are_received_in_order_and_no_more_than_are_wanted(
+    path: Path, raw: Callable[[], plain.socket]
+) -> None:
+    subscription = Subscription(Feed(str(path), [b"a"]), lambda _: [])
+    other = raw()
+    long = b"\2" + (300).to_bytes(8, "big") + bytes(300)
+    two_frames, ping = b"\1\1x\0\1y", b"\4\7\4PING\0\0"
+    other.sendall(GREETING + ready(b"XPUB") + b"\0\1a\0\0" + long + b"\0\1b" + two_frames + ping + b"\0\1c" + long)
+    assert (subscription.receive(2), subscription.more) == ([[b"a"], [b""]], True)
+    assert (subscription.receive(9), subscription.more) == (
+        [[bytes(300)], [b"b"], [b"x", b"y"], [b"c"], [bytes(300)]],
+        False,
+    )
+    subscription.close()
+
+
+def test_the_rest_of_a_large_frame_may_be_late(path: Path, raw: Callable[[], plain.socket]) -> None:
+    feed = Feed(str(path), [b"a"])
+    other = raw()
+    half = bytes(range(200)) * 100
+    other.sendall(GREETING + ready(b"XPUB") + b"\2" + (2 * len(half)).to_bytes(8, "big") + half)
+    for _ in range(3):
+        with pytest.raises(BlockingIOError):
+            feed.receive()
+    other.sendall(half + b"\0\1a")
+    assert [bytes(frame) for frame in feed.receive()] == [2 * half]
+    assert feed.receive() == [b"a"]
+    feed.close()
+
+
 def test_many_small_frames_without_an_end_are_not_collected(path: Path, raw: Callable[[], plain.socket]) -> None:
     def serve() -> None:
         other = raw()
@@ -284,3 +315,16 @@ def test_large_arrays_are_received_without_being_copied(transports: tuple[ZeroMQ
             assert np.shares_memory(array, np.frombuffer(frame, np.uint8))
             assert np.array_equal(array, value)
             assert not array.flags.writeable
+            assert np.shares_memory(snapshot(array, array.dtype), array), "it is copied to be sent on"
+
+
+def test_who_publishes_notices_that_nobody_subscribes_any_more(
+    transports: tuple[ZeroMQTransport, ZeroMQTransport],
+) -> None:
+    here, there = transports
+    outlet = there.outlet(topic("a/b/t"))
+    inlet = here.inlet(topic("a/b/t"), lambda _: None)
+    assert outlet.wait_peer(SOON)
+    assert is_heard(outlet)
+    inlet.close()
+    wait_until(lambda: not is_heard(outlet))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import itertools
 import logging
-import threading
 import time
 from collections.abc import Callable, Hashable
 from concurrent.futures import Future
@@ -13,12 +12,13 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from ...errors import Closed, ConfigurationError, ContractMismatch, DecodeError, Timeout, TransportError, Unreachable
+from ...wire import names
 from ...wire.codec import MAX_BYTES, Payload
 from ...wire.header import Flag, clock, pack_request
 from ..base import Channel, Reply, Status, TypeRef, mismatch
 from ..crew import STUCK
 from ..directory import Entry, Member
-from ..finding import FindingLink
+from ..finding import CommandingLink, FindingLink
 from ..pending import Pending
 from ..replies import Numbered
 from .library import (
@@ -26,6 +26,7 @@ from .library import (
     FORCEFULLY,
     IDEMPOTENT,
     NORMAL,
+    SLICE,
     InvocationTimeout,
     LocalException,
     NoSuchHost,
@@ -35,6 +36,7 @@ from .library import (
     error,
     gone,
     kind_of,
+    wait_for,
     why,
 )
 from .messages import RC, RC_MAX, failure_told, reply_of, request_head
@@ -47,9 +49,6 @@ log = logging.getLogger("robocomp.transport.ice")
 IDLE_STREAMS = 8
 """Connections to one object that are kept for who asks next."""
 
-_SLICE = 0.1
-"""Seconds after which who waits for a connection, or for room, looks whether its own link is open."""
-
 _AGAIN = 0.2
 """Seconds between two questions whether somebody elsewhere is there."""
 
@@ -59,8 +58,14 @@ _PING = 1.0
 _TIMEOUTS = 64
 """So many proxies that differ in their timeout alone are kept."""
 
+_USUAL_MOST = 1024 * 1024
+"""Octets of a message: what Ice takes unless told otherwise."""
+
+_SHORTLY = 0.002
+"""Seconds between two attempts to call back who waits for an answer."""
+
 _numbers = itertools.count(1)
-"""Proxies with different numbers have different connections."""
+"""Of proxies, since those with different numbers have different connections; and of calls."""
 
 
 class Line:
@@ -87,7 +92,7 @@ class Line:
     def connect(self, wait: Callable[[], object], seconds: float) -> None:
         """`wait` is called meanwhile, and may raise. Raises Ice's exceptions."""
         asked = self.within(seconds).ice_getConnectionAsync()
-        _wait_for(asked, wait)
+        wait_for(asked, wait)
         asked.result()
         self.connected = True
 
@@ -164,7 +169,7 @@ class Peer:
         line, begun = self.shared, time.monotonic()
         asked = line.within(seconds).ice_pingAsync()
         try:
-            _wait_for(asked, wait)
+            wait_for(asked, wait)
             asked.result()
         except InvocationTimeout:
             self.doubt(line, begun)
@@ -204,7 +209,7 @@ class AskingLink(FindingLink["IceTransport", Peer, str]):
 
     def __init__(self, transport: IceTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
-        self._operation = channel.name.rpartition("/")[2]
+        self._operation = names.operation(channel.name)
         self._mode = IDEMPOTENT if channel.idempotent else NORMAL
         self._elsewhere = transport.options.proxy_of(channel.name) or ""
         self._told = {} if transport.limit == MAX_BYTES else {RC_MAX: str(transport.limit)}
@@ -243,7 +248,7 @@ class AskingLink(FindingLink["IceTransport", Peer, str]):
         end = time.monotonic() + timeout
         while True:
             peer, _ = self.server()
-            if peer.answers(self.check_open, min(_PING, max(_SLICE, end - time.monotonic()))):
+            if peer.answers(self.check_open, min(_PING, max(SLICE, end - time.monotonic()))):
                 return True
             left = end - time.monotonic()
             if left <= 0:
@@ -307,37 +312,20 @@ class AskingLink(FindingLink["IceTransport", Peer, str]):
         return reply
 
 
-_USUAL_MOST = 1024 * 1024
-"""Octets of a message: what Ice takes unless told otherwise."""
-
-
-class CommandOutlet(AskingLink):
-    role, facing = "commands", "receives"
+class CommandOutlet(CommandingLink["IceTransport", Peer, str], AskingLink):
     _flags = Flag.ONEWAY
 
-    def __init__(self, transport: IceTransport, channel: Channel) -> None:
-        super().__init__(transport, channel)
-        self._order = threading.Lock()
-
-    def send(self, payload: Payload, deadline: float = 5.0) -> None:
-        end = time.monotonic() + deadline
-        if not self._order.acquire(timeout=max(0.0, deadline)):
-            raise Timeout(f"{self.channel.name}: another thread was still sending after {deadline:g} s")
+    def command(self, peer: Peer, where: str, payload: Payload, end: float, deadline: float) -> None:
+        context = self.context(peer, deadline, next(self._sequence))
+        self.check_size(peer, payload, context)
         try:
-            self.check_open()
-            peer, _ = self.server(fresh=True)  # nobody would tell that it does not serve this any more
-            context = self.context(peer, deadline, next(self._sequence))
-            self.check_size(peer, payload, context)
-            try:
-                proxy = peer.oneway.within(max(0.0, end - time.monotonic()))
-                sending = proxy.ice_invokeAsync(self._operation, self._mode, payload, context)
-                if not gone(sending):
-                    _wait_for(sending, partial(self._still, peer, sending))
-                    sending.result()
-            except LocalException as exc:
-                self.outcome(peer, exc, deadline, len(payload))
-        finally:
-            self._order.release()
+            proxy = peer.oneway.within(max(0.0, end - time.monotonic()))
+            sending = proxy.ice_invokeAsync(self._operation, self._mode, payload, context)
+            if not gone(sending):
+                wait_for(sending, partial(self._still, peer, sending))
+                sending.result()
+        except LocalException as exc:
+            self.outcome(peer, exc, deadline, len(payload))
 
     def _still(self, peer: Peer, sending: Any) -> None:
         try:
@@ -403,7 +391,7 @@ class Caller(AskingLink):
     def _ask(self, peer: Peer, payload: bytes, end: float, deadline: float, number: int) -> Reply:
         number = number or next(self._sequence)
         try:
-            line = peer.take(self.check_open, deadline)
+            line = peer.take(self.check_open, end - time.monotonic())
         except LocalException as exc:
             return self.outcome(peer, exc, deadline, 0)
         self._asking.add(line)
@@ -449,21 +437,7 @@ class Caller(AskingLink):
             self._pending.settle(key, reply)
 
 
-_SHORTLY = 0.002
-"""Seconds between two attempts to call back who waits for an answer."""
-
-
 def _forget(asked: Any) -> None:
     """Nobody waits for that answer any more; what was asked is sent all the same."""
     if not asked.done():
         asked.add_sent_callback(lambda *_: asked.cancel())
-
-
-def _wait_for(asked: Any, wait: Callable[[], object]) -> None:
-    """Until a future of Ice's is done; `wait` is called meanwhile, and may raise."""
-    if asked.done():
-        return
-    done = threading.Event()
-    asked.add_done_callback(lambda _: done.set())
-    while not done.wait(_SLICE):
-        wait()

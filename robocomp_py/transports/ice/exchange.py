@@ -131,7 +131,7 @@ class Exchange:
 
     def subscribed(self, subscription: Subscription) -> None:
         """Wait until it is made. Raises TransportError if IceStorm is not there."""
-        self.wait(lambda: subscription.epoch > 0, OPEN_PATIENCE)
+        self._wait(lambda: subscription.epoch > 0)
 
     def unsubscribe(self, topic: Topic, subscription: Subscription) -> None:
         with self._lock:
@@ -142,16 +142,20 @@ class Exchange:
 
     def reach(self, topic: Topic) -> None:
         """Wait until there is somebody to publish to. Raises TransportError if IceStorm is not there."""
-        self.wait(lambda: topic.publisher is not None, OPEN_PATIENCE)
+        self._wait(lambda: topic.publisher is not None)
 
-    def wait(self, condition: Callable[[], bool], patience: float) -> None:
-        """Raises TransportError, which says what to do, if that does not come true."""
-        with self._lock:
-            done = self._changed.wait_for(lambda: condition() or self._closed, patience)
-            if self._closed:
-                raise Closed("the transport is closed")
-            if not done:
+    def _wait(self, condition: Callable[[], bool]) -> None:
+        """Raises TransportError, which says what to do, if that does not come true; Closed, if it need not any more."""
+        end = time.monotonic() + OPEN_PATIENCE
+        while self._transport.wanted():
+            with self._lock:
+                done = self._changed.wait_for(lambda: condition() or self._closed, library.SLICE)
+                self._check_open()
+            if done:
+                return
+            if time.monotonic() >= end:
                 raise TransportError(self.absent())
+        raise Closed("ice: asked to end while waiting for IceStorm")
 
     def absent(self) -> str:
         """That IceStorm is not reached, and what to do, in words."""
@@ -179,10 +183,13 @@ class Exchange:
         if self._thread:
             self._thread.join()
 
+    def _check_open(self) -> None:
+        if self._closed:
+            raise Closed("the transport is closed")
+
     def _attach(self, name: str) -> Topic:
         with self._lock:
-            if self._closed:
-                raise Closed("the transport is closed")
+            self._check_open()
             if self._thread is None:
                 self._begin()
             topic = self._topics.setdefault(name, Topic(name))
@@ -216,6 +223,8 @@ class Exchange:
                 pause = ATTEMPT
                 self._due.wait(LOOK)
             except Exception as exc:
+                if self._closed:
+                    break
                 self._miss(exc)
                 self._due.wait(pause)
                 pause = min(2 * pause, LONGEST_ATTEMPT)
@@ -226,7 +235,9 @@ class Exchange:
             log.debug("unsubscribing: %s", exc)
 
     def _look(self) -> None:
-        connection = self._manager.ice_getConnection()
+        asked = self._manager.ice_getConnectionAsync()
+        library.wait_for(asked, self._check_open)
+        connection = asked.result()
         if connection != self._connection:
             connection.setCloseCallback(lambda _: self.lost())
             self._connection = connection
@@ -295,13 +306,13 @@ class Exchange:
         return {each.name: each.category for each in topic.found.getSubscribers()}
 
     def _find(self, name: str) -> Any:
-        while not self._closed:
+        while True:
+            self._check_open()
             try:
                 return self._manager.retrieve(name)
             except self._no_such_topic:
                 with contextlib.suppress(self._exists):  # made by somebody else meanwhile
                     return self._manager.create(name)
-        raise Closed("the transport is closed")
 
     def _make(self, topic: Topic, subscription: Subscription) -> None:
         qos, proxy = (ORDERED, subscription.proxy) if subscription.ordered else ({}, subscription.proxy.ice_oneway())

@@ -6,6 +6,7 @@ import contextlib
 import ctypes
 import logging
 import os
+import threading
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
@@ -45,6 +46,9 @@ CONNECTING_MS = 5000
 
 STALLED_MS = 10_000
 """A connection on which nothing moves for so long, in the middle of a message, is given up."""
+
+SLICE = 0.1
+"""Seconds after which who waits for Ice looks whether there is still a reason to."""
 
 _MORE_KB = 64
 """Taken beyond the limit, so that what keeps it is never the last straw: heads are not all of one length."""
@@ -130,6 +134,16 @@ def gone(sending: Any) -> bool:
         return False
     sending._asyncResult = None
     return True
+
+
+def wait_for(asked: Any, wait: Callable[[], object]) -> None:
+    """Until a future of Ice's is done; `wait` is called meanwhile, and may raise."""
+    if asked.done():
+        return
+    done = threading.Event()
+    asked.add_done_callback(lambda _: done.set())
+    while not done.wait(SLICE):
+        wait()
 
 
 @contextlib.contextmanager

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from ...wire import names
 from ...wire.codec import Payload
 from ...wire.header import NO_DEADLINE
 from ..base import Reply, Status
@@ -22,7 +23,9 @@ if TYPE_CHECKING:
     from .transport import IceTransport
 
 
-class Server(_Server):
+class _Held(ServingLink):
+    """Part of an object until nothing of it runs any more."""
+
     transport: IceTransport
 
     def release(self) -> None:
@@ -32,20 +35,16 @@ class Server(_Server):
             self.transport.let_go(self)
 
 
-class CommandInlet(_CommandInlet):
-    transport: IceTransport
+class Server(_Held, _Server):
+    pass
 
+
+class CommandInlet(_Held, _CommandInlet):
     def accept(self, payload: Payload, expires: float, answer: Any) -> Job | None:
         """Also those of programs that wait for an answer: they get it when the command has its place in the queue."""
         job = super().accept(payload, expires, answer)
         answer(Reply(Status.OK, NOTHING) if job else Reply(Status.BUSY))
         return job
-
-    def release(self) -> None:
-        try:
-            super().release()
-        finally:
-            self.transport.let_go(self)
 
 
 class Offer:
@@ -56,16 +55,21 @@ class Offer:
         self.held: set[ServingLink] = set()
         """Links that were not let go of yet; some are not served any more."""
         self._links: dict[str, ServingLink] = {}
+        self._left: set[str] = set()
+        """Operations that are not served any more."""
         self._asked: dict[tuple[int, int], Arrived] = {}
         """By client and number, what was not answered yet."""
 
     def add(self, link: ServingLink) -> None:
         self.held.add(link)
-        self._links[link.channel.name.rpartition("/")[2]] = link
+        operation = names.operation(link.channel.name)
+        self._links[operation] = link
+        self._left.discard(operation)
 
     def remove(self, link: ServingLink) -> None:
-        operation = link.channel.name.rpartition("/")[2]
+        operation = names.operation(link.channel.name)
         if self._links.get(operation) is link:
+            self._left.add(operation)  # first: who finds no link looks there
             del self._links[operation]
 
     def ids(self) -> Iterable[str]:
@@ -75,7 +79,10 @@ class Offer:
     def take(self, arrived: Arrived) -> Iterable[Job]:
         link = self._links.get(arrived.operation)
         if link is None:
-            arrived.not_served()
+            if arrived.operation in self._left:
+                arrived.leave()
+            else:
+                arrived.not_served()
             return ()
         job = self._accept(link, arrived)
         return (job,) if job else ()

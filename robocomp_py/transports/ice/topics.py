@@ -17,10 +17,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ...contract.qos import History, QoS, from_traits
 from ...errors import Closed, Timeout, TransportError
+from ...wire import names
 from ...wire.codec import Payload
 from ...wire.header import pack_publication, random_id
 from ..announced import STRANGERS, AnnouncedLink
-from ..base import ANY_QOS, Channel, Sink, Source, TypeRef, depth_of
+from ..base import Channel, Sink, Source, TypeRef, depth_of
 from ..credit import BYTES_AHEAD, MOST_AHEAD, Credit
 from ..crew import Job, Lane
 from ..ledger import Ledger
@@ -34,8 +35,6 @@ if TYPE_CHECKING:
     from .transport import IceTransport
 
 log = logging.getLogger("robocomp.transport.ice")
-
-CAPABILITIES = ANY_QOS
 
 WAITING = 10_000
 """Messages that may wait at a reliable subscriber; only publishers that do not wait for it can send as many."""
@@ -65,7 +64,7 @@ class Publisher(AnnouncedLink["IceTransport"]):
         qos = channel.qos
         self.id = random_id()
         self._lossless = is_lossless(qos)
-        self._operation = channel.name.rpartition("/")[2]
+        self._operation = names.operation(channel.name)
         self._mode = library.IDEMPOTENT if channel.idempotent else library.NORMAL
         self._fingerprint = channel.type.fingerprint
         self.ahead = min(depth_of(qos), MOST_AHEAD)
@@ -213,7 +212,7 @@ class Subscriber(AnnouncedLink["IceTransport"]):
         super().__init__(transport, channel)
         qos = channel.qos
         self.id = random_id()
-        self.operation = channel.name.rpartition("/")[2]
+        self.operation = names.operation(channel.name)
         self.lossless = is_lossless(qos)
         self._latched = qos.latched
         self._sink = sink

@@ -16,7 +16,7 @@ from ...wire.codec import MAX_BYTES, Codec
 from ...wire.ice import Ice
 from .. import iceoptions
 from ..announced import AnnouncedLink, Announcing
-from ..base import Capability, Channel, Service, Sink, TransportConfig
+from ..base import ANY_QOS, Capability, Channel, Service, Sink, TransportConfig
 from ..crew import Crew, Job, abandoned
 from ..directory import Directory, runtime_dir
 from ..memory import keep_memory
@@ -27,7 +27,7 @@ from .library import communicator
 from .objects import Intake, Port, Take
 from .serving import CommandInlet, Offer, Server
 from .storm import hosted
-from .topics import CAPABILITIES, Publisher, Subscriber
+from .topics import Publisher, Subscriber
 
 log = logging.getLogger("robocomp.transport.ice")
 
@@ -43,7 +43,7 @@ L = TypeVar("L", bound=AnnouncedLink[Any])
 class IceTransport(Announcing):
     """Options: see `iceoptions`. A message that is larger than `message_size_max` is not taken, and not sent."""
 
-    capabilities = CAPABILITIES | Capability.CROSS_PROCESS
+    capabilities = ANY_QOS | Capability.CROSS_PROCESS
 
     def __init__(self, config: TransportConfig) -> None:
         super().__init__()
@@ -53,7 +53,7 @@ class IceTransport(Announcing):
         if self.options.endpoints or self.options.proxies or self.options.host != iceoptions.HOST:
             self.capabilities |= Capability.CROSS_HOST
         self.codec: Codec = Ice()
-        self.owner = config.owner
+        self.owner, self.wanted = config.owner, config.wanted
         self.folder = runtime_dir() / "ice"
         self.served = self.folder / "served"
         self.directory = Directory(self.folder)

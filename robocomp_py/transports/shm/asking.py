@@ -15,7 +15,7 @@ from ...wire.codec import Payload
 from ...wire.header import Flag, ReplyHeader, pack_request, random_id, reply_at
 from ..base import STATUSES, Channel, Reply, Status, TypeRef, answered, mismatch
 from ..directory import Entry, Member
-from ..finding import FindingLink
+from ..finding import CommandingLink, FindingLink
 from ..pending import Pending
 from ..replies import Numbered
 from .loop import TICK
@@ -107,28 +107,14 @@ class AskingLink(FindingLink["ShmTransport", Peer, int]):
         return number, pack_request(flags, self.channel.type.fingerprint, self.client, number, remaining)
 
 
-class CommandOutlet(AskingLink):
-    role, facing = "commands", "receives"
-
-    def __init__(self, transport: ShmTransport, channel: Channel) -> None:
-        super().__init__(transport, channel)
-        self._order = threading.Lock()
-
-    def send(self, payload: Payload, deadline: float = 5.0) -> None:
-        end = time.monotonic() + deadline
-        if not self._order.acquire(timeout=max(0.0, deadline)):
-            raise Timeout(f"{self.channel.name}: another thread was still sending after {deadline:g} s")
-        try:
-            self.check_open()
-            peer, to = self.server(fresh=True)  # nobody would tell that it does not serve this any more
-            _, header = self.request(_COMMAND, deadline)
-            peer.unsettled = True
-            send = partial(peer.post.send, 0, to, header, payload, size_of(payload))
-            if not persist(send, end, partial(self.still, peer), self.closed):
-                self.still(peer)
-                raise Timeout(f"{self.channel.name}: its server did not take the command for {deadline:g} s")
-        finally:
-            self._order.release()
+class CommandOutlet(CommandingLink["ShmTransport", Peer, int], AskingLink):
+    def command(self, peer: Peer, where: int, payload: Payload, end: float, deadline: float) -> None:
+        _, header = self.request(_COMMAND, deadline)
+        peer.unsettled = True
+        send = partial(peer.post.send, 0, where, header, payload, size_of(payload))
+        if not persist(send, end, partial(self.still, peer), self.closed):
+            self.still(peer)
+            raise Timeout(f"{self.channel.name}: its server did not take the command for {deadline:g} s")
 
 
 class Caller(AskingLink):

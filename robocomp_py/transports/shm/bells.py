@@ -15,7 +15,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ...errors import TransportError
-from ..inotify import FolderWatch
+from ..inotify import Watch
 from .node import what_is_short
 
 BELLS = 64
@@ -55,7 +55,7 @@ def bell_path(folder: Path, member_id: str, line: int = 0) -> Path:
 class Bell:
     """Ours."""
 
-    def __init__(self, path: Path, watch: FolderWatch | None = None) -> None:
+    def __init__(self, path: Path, watch: Watch | None = None) -> None:
         """With a `watch`, of which `NEWS` are rung."""
         self._path, self._watch = path, watch
         try:

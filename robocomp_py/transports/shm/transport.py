@@ -17,7 +17,7 @@ from ..base import ANY_QOS, Capability, Channel, Service, Sink, TransportConfig,
 from ..crew import Crew, Job, abandoned
 from ..directory import Directory, Member, runtime_dir
 from ..exclusive import sweep
-from ..inotify import FolderWatch
+from ..inotify import Watch
 from ..served import CommandInlet, Server, ServingLink
 from .asking import Caller, CommandOutlet, Peer
 from .bells import Bell, Rope, bell_of, bell_path
@@ -31,7 +31,7 @@ from .topics import Publisher, Subscriber
 
 log = logging.getLogger("robocomp.transport.shm")
 
-IDLE_TICK = 0.5
+IDLE_TICK = 1.0
 """Seconds between two looks at what should be as it was."""
 
 ROLL_CALL = 1.0
@@ -67,7 +67,7 @@ class ShmTransport(Announcing):
             self.node = Node(self.folder)
             sweep(self.served)
             undo.callback(self.node.close)
-            self._watch = FolderWatch(self.folder)
+            self._watch = Watch(self.folder)
             undo.callback(self._watch.close)
             path = bell_path(self.folder, self.member.id)
             self._bell = Bell(path, self._watch)
@@ -109,6 +109,7 @@ class ShmTransport(Announcing):
             everything.callback(self.desk.close)
             everything.callback(self._crew.close)
             everything.callback(self.member.close)
+            everything.callback(self.directory.heed_no_more)
             everything.callback(self._settle)
             for link in list(self._links):
                 everything.callback(link.close)
@@ -230,8 +231,6 @@ class ShmTransport(Announcing):
             log.warning("%s: not closed at the end of the program; closing", self.owner or "shm")
             self.close()
             return TICK
-        if not self._watch.working:
-            self._watch.renew()
         version = self.directory.version()
         if version != self._known or time.monotonic() >= self._call_at:
             self._call_at = time.monotonic() + ROLL_CALL
@@ -244,7 +243,7 @@ class ShmTransport(Announcing):
             self._known = -1  # publishers let go of readers that are gone when they look who is there
         if self._bury_at:
             waits.append(max(0.0, self._bury_at - time.monotonic()))
-        usual = IDLE_TICK if self._watch.working and self._known == version else max(TICK, self.directory.pause)
+        usual = self.directory.pause or IDLE_TICK if self._known == version else TICK
         return min([usual, *waits])
 
     def _forget_the_gone(self) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import threading
 import time
 from collections.abc import Hashable
 from concurrent.futures import Future
@@ -39,7 +38,7 @@ from ..base import (
 )
 from ..crew import Job
 from ..directory import Entry, Member
-from ..finding import FindingLink
+from ..finding import CommandingLink, FindingLink
 from ..pending import Pending
 from ..replies import Numbered
 from .curve import Secure
@@ -157,28 +156,14 @@ class AskingLink(FindingLink["ZeroMQTransport", Peer, bytes]):
         return number, joined(channel + header, payload)
 
 
-class CommandOutlet(AskingLink):
-    role, facing = "commands", "receives"
-
-    def __init__(self, transport: ZeroMQTransport, channel: Channel) -> None:
-        super().__init__(transport, channel)
-        self._order = threading.Lock()
-
-    def send(self, payload: Payload, deadline: float = 5.0) -> None:
-        end = time.monotonic() + deadline
-        if not self._order.acquire(timeout=max(0.0, deadline)):
-            raise Timeout(f"{self.channel.name}: another thread was still sending after {deadline:g} s")
-        try:
-            self.check_open()
-            peer, channel = self.server(fresh=True)  # nobody would tell that it does not serve this any more
-            _, frames = self.request(peer, channel, Flag.ONEWAY, deadline, payload)
-            with as_transport_error(f"sending {self.channel.name}"):
-                sent = persist(partial(peer.line.send, frames), end, partial(self.still, peer), self.closed)
-            if not sent:
-                self.still(peer)
-                raise Timeout(f"{self.channel.name}: its server did not take the command for {deadline:g} s")
-        finally:
-            self._order.release()
+class CommandOutlet(CommandingLink["ZeroMQTransport", Peer, bytes], AskingLink):
+    def command(self, peer: Peer, where: bytes, payload: Payload, end: float, deadline: float) -> None:
+        _, frames = self.request(peer, where, Flag.ONEWAY, deadline, payload)
+        with as_transport_error(f"sending {self.channel.name}"):
+            sent = persist(partial(peer.line.send, frames), end, partial(self.still, peer), self.closed)
+        if not sent:
+            self.still(peer)
+            raise Timeout(f"{self.channel.name}: its server did not take the command for {deadline:g} s")
 
 
 class Caller(AskingLink):

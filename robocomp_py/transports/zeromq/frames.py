@@ -9,16 +9,18 @@ One frame instead of three is less work for both sides and for ZeroMQ's own thre
 
 from __future__ import annotations
 
+import struct
 from typing import Any
 
 from ...wire.codec import Payload
 from ...wire.header import (
     PUBLICATION_BYTES,
     REPLY_BYTES,
-    Publication,
+    VERSION,
     ReplyHeader,
     Request,
     publication_at,
+    publication_fields_at,
     reply_at,
     request_at,
     request_bytes,
@@ -65,13 +67,18 @@ def read_reply_frames(frames: Frames) -> tuple[ReplyHeader, Frames]:
     return reply_at(frames[0], 0), _payload(frames, REPLY_BYTES)
 
 
-def read_publication_frames(frames: Frames) -> tuple[Publication, Frames]:
-    """The header and the payload of a publication. Raises DecodeError."""
+def read_publication_frames(frames: Frames) -> tuple[tuple[int, int, int, int, int], Frames]:
+    """The fields of the header, and the payload of a publication. Raises DecodeError."""
     first = frames[0]
     at = (first if type(first) is bytes else bytes(first[:_LONGEST_NAME])).find(b"\0") + 1
     if at == 1:
         at = OWN_TOPIC_BYTES
-    header = publication_at(first, at)
+    try:
+        header = publication_fields_at(first, at)
+    except struct.error:
+        header = (-1, 0, 0, 0, 0)
+    if header[0] != VERSION:
+        publication_at(first, at)  # which says what is wrong
     at += PUBLICATION_BYTES
     if at < len(first) < _SHORT and len(frames) == 1:
         return header, [first[at:]]

@@ -340,5 +340,9 @@ class FarFeed:
             self.more = bool(int(self._socket.get(zmq.EVENTS)) & int(zmq.POLLIN))
             return frames
 
+    def receive_whole(self, messages: list[Frames], most: int) -> bool:
+        """Nothing is added: the library has them one by one."""
+        return self.more
+
     def close(self) -> None:
         self._socket.close()

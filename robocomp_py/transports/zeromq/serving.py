@@ -44,7 +44,7 @@ COMMANDS_WAITING = 1000
 REPLIES_WAITING = 10_000
 """So many replies may wait to be sent by the thread that receives."""
 
-_LOOK_MS = 1000
+_LOOK_MS = 4000
 """Who waits for requests looks this often whether it is to stop, though it is told."""
 
 _FORBIDDEN_TOLD, _ACQUAINTED = 100, 1000

@@ -100,8 +100,14 @@ def receive_frames(socket: zmq.Socket[Any], flags: int = 0) -> Frames:
     frames: Frames = [frame.bytes]
     while frame.more:
         frame = socket.recv(flags, copy=False)
-        frames.append(frame.bytes if len(frame) < _SHORT else frame.buffer.toreadonly())
+        frames.append(frame.bytes if len(frame) < _SHORT else _memory(frame))
     return frames
+
+
+def _memory(frame: zmq.Frame) -> memoryview:
+    """What was received, to be looked at; as nobody else has it, it need not be copied to be sent on."""
+    object.__setattr__(frame, "frozen", True)  # for `is_frozen`; frames take other attributes for options
+    return frame.buffer.toreadonly()
 
 
 def receive_signed(socket: zmq.Socket[Any]) -> tuple[str, Frames]:
@@ -110,7 +116,7 @@ def receive_signed(socket: zmq.Socket[Any]) -> tuple[str, Frames]:
     frames: Frames = [frame.bytes]
     while frame.more:
         frame = socket.recv(0, copy=False)
-        frames.append(frame.bytes if len(frame) < _SHORT else frame.buffer.toreadonly())
+        frames.append(frame.bytes if len(frame) < _SHORT else _memory(frame))
     try:
         return str(frame.get("User-Id")), frames
     except zmq.ZMQError:
@@ -147,17 +153,19 @@ class Socket:
 
     def send_only(self, frames: Frames) -> bool:
         """The same in half the time, for who looks for input himself when he wants to know."""
-        with self.lock:
+        self.lock.acquire()  # half of what `with` takes
+        try:
             if self.closed:
                 return False
-            try:
-                if len(frames) == 1:
-                    _send(self.raw, frames[0], _NOBLOCK)
-                else:
-                    send_frames(self.raw, frames, _NOBLOCK)
-            except zmq.Again:
-                return self._send_once_more(frames)
+            if len(frames) == 1:
+                _send(self.raw, frames[0], _NOBLOCK)
+            else:
+                send_frames(self.raw, frames, _NOBLOCK)
             return True
+        except zmq.Again:
+            return self._send_once_more(frames)
+        finally:
+            self.lock.release()
 
     def send_to_some(self, frames: Frames) -> bool:
         """Send by a publisher's socket to those that have room; the others miss it. False if it is closed."""
@@ -243,7 +251,7 @@ class Subscription:
             try:
                 while not self.closed and len(messages) < most:
                     messages.append(self._receive())
-                    if not self._feed.more:
+                    if not self._feed.receive_whole(messages, most):
                         return messages
                 self.more = not self.closed
             except BlockingIOError:
@@ -297,9 +305,11 @@ class Loop:
         os.set_blocking(self._wake_in, False)
         self._poller.register(self._wake_out, select.POLLIN)
 
-    def add(self, socket: Attended) -> None:
+    def add(self, socket: Attended, *, watched: bool = True) -> None:
+        """If it is not `watched`, it is attended to now, and when somebody asks for it."""
         self._sockets[socket.fileno] = socket
-        self._poller.register(socket.fileno, select.POLLIN)
+        if watched:
+            self._poller.register(socket.fileno, select.POLLIN)
         self.attend(socket)
 
     def remove(self, socket: Attended) -> None:
@@ -313,7 +323,8 @@ class Loop:
         """Wait for its input no more, until it is added again."""
         if self._sockets.get(socket.fileno) is socket:
             del self._sockets[socket.fileno]
-            self._poller.unregister(socket.fileno)
+            with contextlib.suppress(KeyError):  # it was not watched
+                self._poller.unregister(socket.fileno)
 
     def attend(self, socket: Attended) -> None:
         """Look at this socket next, whatever its file descriptor says."""

@@ -21,7 +21,7 @@ from ...errors import (
 )
 from ...wire.codec import Payload
 from ...wire.header import (
-    pack_publication,
+    publications_of,
     random_id,
 )
 from ..base import (
@@ -65,18 +65,27 @@ class Publisher(Link):
         depth = max(depth_of(qos), 8)
         self._topic = topic(self.channel.name)
         self._source, self._sequence = random_id(), itertools.count(1)
+        self._begin = publications_of(self._topic, self.channel.type.fingerprint, self._source)
         self._history: deque[Frames] = deque(maxlen=qos.depth if qos.latched else 0)
         self._subscribers = 0
         self._order = threading.Lock()
         self._lossy = not qos.reliable
         options = {"SNDHWM": depth, "XPUB_VERBOSER": 1, "XPUB_NODROP": 1}
-        self._socket = self.transport.socket(zmq.XPUB, self._on_subscription, None, **options)
+        # Its descriptor also tells of every few messages that they have left; and only latched topics must know at once
+        # who subscribes.
+        self._socket = self.transport.socket(zmq.XPUB, self._on_subscription, None, qos.latched, **options)
         ending = _ending(self._source)
         path = self.transport.member.address(ending)
         self._here = f"ipc://{path}"
         with as_transport_error(f"binding {path}"), self._socket.lock:
             self._socket.raw.bind(self._here)
         self._far = self.transport.far_topic(self.channel, self._here, ending, self._on_subscription, **options)
+        if self._far is None:
+            self._send = self._send_here
+            # which may swallow the news of a subscription: see `_count`
+            self._at_once = self._send if self._history.maxlen else self._socket.send_only
+        else:
+            self._send = self._at_once = self._send_everywhere
         self.announce(self._here)
 
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
@@ -86,19 +95,21 @@ class Publisher(Link):
             if not self._order.acquire(timeout=max(0.0, deadline)):
                 raise Timeout(f"{self.channel.name}: another thread was still sending after {deadline:g} s")
         try:
-            self.check_open()
-            header = pack_publication(self.channel.type.fingerprint, self._source, next(self._sequence), time.time_ns())
-            frames = joined(self._topic + header, payload)
-            send = self._send if self._far is None else self._send_everywhere
-            if not send(frames):
+            frames = joined(self._begin(next(self._sequence), time.time_ns()), payload)
+            if not self._at_once(frames):
+                self.check_open()
                 end = end or time.monotonic() + deadline
-                if not persist(partial(send, frames), end, self.check_open, self.closed):
+                if not persist(partial(self._send, frames), end, self.check_open, self.closed):
                     self.check_open()
                     raise Timeout(f"{self.channel.name}: a subscriber did not keep up for {deadline:g} s")
         except zmq.ZMQError as exc:
             raise TransportError(f"zeromq: publishing {self.channel.name}: {exc}") from exc
         finally:
             self._order.release()
+
+    def tick(self) -> float | None:
+        self._count()  # so that no more subscriptions pile up than come between two ticks
+        return super().tick()
 
     def visible(self) -> bool:
         self.counterparts(strict=True)
@@ -122,16 +133,15 @@ class Publisher(Link):
         """The same to those on other hosts as well; who has it does not get it again if the others have no room."""
         assert self._far
         if self._sent_here is not frames:
-            if not self._send(frames):
+            if not self._send_here(frames):
                 return False
             self._sent_here = frames
         self._on_subscription(self._far)
         return self._far.send_only(frames) or (self._lossy and self._far.send_to_some(frames))
 
-    def _send(self, frames: Frames) -> bool:
+    def _send_here(self, frames: Frames) -> bool:
         assert self._socket
         if not self._history.maxlen:
-            # which may swallow the news of a subscription: see `_count`
             return self._socket.send_only(frames) or (self._lossy and self._socket.send_to_some(frames))
         with self._socket.lock:  # in one go: a subscriber that comes now gets this one as news or as history
             self._on_subscription(self._socket)
@@ -165,7 +175,7 @@ class Subscriber(Link):
     def __init__(self, transport: ZeroMQTransport, channel: Channel, sink: Sink) -> None:
         super().__init__(transport, channel)
         qos = channel.qos
-        self._depth = depth_of(qos)
+        self._depth, self._fingerprint = depth_of(qos), channel.type.fingerprint
         self._lane = Lane(channel.name, sink, self._depth, lossy=not qos.reliable, stats=self.stats)
         self._reception = Reception(channel, self.stats, self._lane.through)
         self._ledger = Ledger(self.stats, ordered=True)
@@ -279,6 +289,8 @@ class Subscriber(Link):
         if feed.more:
             self.transport.attend(feed)
         admitted = [payload for frames in messages if (payload := self._admitted(frames)) is not None]
+        if len(admitted) == 1:  # as a rule
+            return [self._drain] if self._lane.put(admitted[0]) else []
         return [self._drain] if self._lane.put_all(admitted) else []
 
     def _pause(self, feed: Subscription) -> bool:
@@ -298,18 +310,18 @@ class Subscriber(Link):
     def _admitted(self, frames: Frames) -> Payload | None:
         """What is to be delivered of a message, if anything is."""
         try:
-            header, payload = read_publication_frames(frames)
+            (_, fingerprint, source, sequence, stamp), payload = read_publication_frames(frames)
         except DecodeError as exc:
             self.malformed(exc)
             return None
-        if header.fingerprint != self.channel.type.fingerprint:
-            self.report_mismatch(header.source, TypeRef("", header.fingerprint))
+        if fingerprint != self._fingerprint:
+            self.report_mismatch(source, TypeRef("", fingerprint))
             return None
-        if not self._ledger.admit(header.source, header.sequence):
+        if not self._ledger.admit(source, sequence):
             return None
         if self._reception.on:
-            name = self._channels.get(_ending(header.source), self.channel.name)
-            payload = self._reception.admit(name, header.stamp, payload)
+            name = self._channels.get(_ending(source), self.channel.name)
+            payload = self._reception.admit(name, stamp, payload)
         return payload
 
     def _drain(self) -> None:

@@ -37,8 +37,8 @@ from ..base import (
     options_of,
 )
 from ..crew import Crew, Job
-from ..directory import Directory, Entry, Member, runtime_dir
-from ..inotify import FolderWatch
+from ..directory import Entry, Member, runtime_dir
+from ..inotify import Watch
 from ..memory import keep_memory
 from ..served import CommandInlet, Server, ServingLink
 from .asking import Caller, CommandOutlet, Peer
@@ -52,7 +52,7 @@ from .zmtp import Feed
 
 log = logging.getLogger("robocomp.transport.zeromq")
 
-IDLE_TICK = 0.5
+IDLE_TICK = 1.0
 """Seconds between two looks at what should be as it was."""
 
 ROLL_CALL = 1.0
@@ -113,12 +113,12 @@ class ZeroMQTransport(Announcing):
         except OSError as exc:
             self.member.close()
             raise TransportError(f"zeromq: cannot be opened: {exc.strerror}") from exc
-        self._watch = FolderWatch(self.folder)
+        self._watch = Watch(self.folder)
         self.directory.heed(self._watch, self._loop.wake)
         keep_memory()
         self.context = zmq.Context()
-        self._changes = _Changes(self._watch, self._loop, self.directory)
-        if self._watch.fileno >= 0:
+        self._changes = _Changes(self._watch, self._loop)
+        if self._watch.able:
             self._loop.add(self._changes)
         self._inquirers: list[Inquirer] = []
         try:
@@ -164,6 +164,7 @@ class ZeroMQTransport(Announcing):
             everything.callback(self._crew.close)
             everything.callback(self._close_routers)
             everything.callback(self.member.close)
+            everything.callback(self.directory.heed_no_more)
             for link in list(self._links):
                 everything.callback(link.close)
 
@@ -185,11 +186,17 @@ class ZeroMQTransport(Announcing):
     # What links use.
 
     def socket(
-        self, kind: int, on_input: Callable[[Socket], list[Job]], secure: Secure | None = None, /, **options: int
+        self,
+        kind: int,
+        on_input: Callable[[Socket], list[Job]],
+        secure: Secure | None = None,
+        watched: bool = True,
+        /,
+        **options: int,
     ) -> Socket:
-        """A shared socket, whose input the crew attends to from now on."""
+        """A shared socket, whose input the crew attends to from now on; if not `watched`, when it is asked to."""
         socket = Socket(new_socket(self.context, kind, secure, **options), on_input, self._loop.attend)
-        self._loop.add(socket)
+        self._loop.add(socket, watched=watched)
         return socket
 
     def subscription(self, feed: Feed | FarFeed, on_input: Callable[[Subscription], list[Job]]) -> Subscription:
@@ -376,9 +383,6 @@ class ZeroMQTransport(Announcing):
 
     def _tick(self) -> float:
         """Do what is due; seconds until the next time."""
-        if not self._watch.working:
-            self._watch.renew()
-        self._changes.hear()
         if self.directory.has_far_ones:
             self.directory.lose(lambda _: False)
         version = self.directory.version()
@@ -390,7 +394,7 @@ class ZeroMQTransport(Announcing):
         waits = self._look_after(version)
         waits += [inquirer.tick() for inquirer in self._inquirers]
         waits += [SILENT / 4] if self.directory.has_far_ones else []
-        usual = IDLE_TICK if self._watch.working and self._known == version else max(TICK, self.directory.pause)
+        usual = self.directory.pause or IDLE_TICK if self._known == version else TICK
         return min([usual, *waits])
 
 
@@ -399,23 +403,13 @@ class _Changes:
 
     awaited = False
 
-    def __init__(self, watch: FolderWatch, loop: Loop, directory: Directory) -> None:
-        self.fileno, self._watch, self._loop, self._directory = watch.fileno, watch, loop, directory
-        self._deaf = False
+    def __init__(self, watch: Watch, loop: Loop) -> None:
+        self.fileno, self._watch, self._loop = watch.fileno, watch, loop
 
     def on_input(self, _: object) -> list[Job]:
         if self._watch.read():
-            self._loop.within(max(_MOMENT, self._directory.pause))
-            if self._directory.pause:  # so many are here that being told of each would be too much
-                self._loop.mute(self)
-                self._deaf = True
+            self._loop.within(_MOMENT)
         return []
-
-    def hear(self) -> None:
-        """Attend to it again. Called at each tick."""
-        if self._deaf:
-            self._deaf = False
-            self._loop.add(self)
 
     def look(self) -> None:
         """Nothing is missed."""

@@ -35,6 +35,8 @@ _HEAD, _LONG_HEAD = struct.Struct(">BB"), struct.Struct(">BQ")
 
 _GREETING = b"\xff\0\0\0\0\0\0\0\1\x7f\3\0NULL".ljust(64, b"\0")
 _TIMEOUT = struct.Struct("@ll").pack(0, SLICE_MS * 1000)
+_MOMENT = struct.Struct("@ll").pack(0, 5000)
+"""For so long who hears waits for the rest of a large frame: once, since as a rule it comes at once."""
 
 _ROOM = 1024 * 1024
 """Octets that may be on their way to who answers, if the kernel allows: the more, the fewer changes of threads."""
@@ -61,6 +63,8 @@ class _Connection:
 
     _waits = False
     """Whether receiving waits: then who wanted a message is asked between two parts of it, however slowly they come."""
+    _how: int = socket.MSG_DONTWAIT
+    """To receive by."""
 
     def __init__(self, kind: bytes) -> None:
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
@@ -78,6 +82,8 @@ class _Connection:
         self._body: memoryview | None = None
         self._flags = self._filled = 0
         """A large frame of which some is missing."""
+        self._hurry = 0
+        """How its rest is received: the kernel waits for it, but once."""
 
     @property
     def more(self) -> bool:
@@ -122,8 +128,10 @@ class _Connection:
         while True:
             if self._body is not None:
                 self._fill(self._body)
-                flags, frame, self._body = self._flags, self._body.toreadonly(), None
-                return flags, frame
+                memory: Any = self._body.obj
+                frame, self._body = self._body.toreadonly(), None
+                memory.flags.writeable = False  # by nobody: so it need not be copied to be sent on
+                return self._flags, frame
             data, at = self._data, self._at
             if len(data) >= at + 9 or (len(data) >= at + 2 and not data[at] & _LONG):
                 flags, size = _LONG_HEAD.unpack_from(data, at) if data[at] & _LONG else _HEAD.unpack_from(data, at)
@@ -146,7 +154,7 @@ class _Connection:
 
     def _load(self) -> None:
         try:
-            data = self._socket.recv(_CHUNK)
+            data = self._socket.recv(_CHUNK, self._how)
         except BlockingIOError:
             raise
         except OSError as exc:
@@ -158,16 +166,19 @@ class _Connection:
     def _fill(self, body: memoryview) -> None:
         while self._filled < len(body):
             try:
-                more = self._socket.recv_into(body[self._filled :], 0, socket.MSG_WAITALL)
+                more = self._socket.recv_into(body[self._filled :], 0, socket.MSG_WAITALL | self._hurry)
             except BlockingIOError:
+                self._hurry = self._how
                 raise
             except OSError as exc:
                 raise Gone(str(exc)) from exc
             if not more:
                 raise Gone("it was closed in the middle of a message")
             self._filled += more
-            if self._waits and self._filled < len(body):
+            if self._filled < len(body) and (self._waits or not self._hurry):
+                self._hurry = self._how
                 raise BlockingIOError
+        self._hurry = 0
 
     def _greet(self) -> None:
         """Read the other side's greeting and READY. What is not all there yet is read again."""
@@ -207,6 +218,7 @@ class Stream(_Connection):
     """
 
     _waits = True
+    _how = 0
 
     def __init__(self, path: str, wait: Wait) -> None:
         """Connect. Raises OSError, and what `wait` raises."""
@@ -263,7 +275,8 @@ class Stream(_Connection):
 
 
 class Feed(_Connection):
-    """A connection to a publisher, as a SUB has one. Never waits: `receive` raises BlockingIOError at once."""
+    """A connection to a publisher, as a SUB has one. Hardly waits: `receive` raises BlockingIOError at once, or, in
+    the middle of a large frame, after a moment."""
 
     def __init__(self, path: str, topics: Sequence[bytes]) -> None:
         """Connect, and subscribe to what begins so. Raises OSError."""
@@ -272,6 +285,8 @@ class Feed(_Connection):
         try:
             self._socket.setblocking(False)
             self._socket.connect(path)
+            self._socket.setblocking(True)
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _MOMENT)
             self._say(self._begin)
         except BaseException:
             self._socket.close()
@@ -286,10 +301,30 @@ class Feed(_Connection):
             self._say(b"".join(_head(0, len(topic) + 1) + b"\1" + topic for topic in self._topics))
         return super().receive()
 
+    def receive_whole(self, messages: list[Frames], most: int) -> bool:
+        """Add to these, until there are so many, those of one frame that have been received altogether; if there is
+        `more` then."""
+        data, at = self._data, self._at
+        while len(messages) < most and len(data) >= at + 2:
+            if data[at] == 0:
+                begin = at + 2
+                end = begin + data[at + 1]
+            elif data[at] == _LONG and len(data) >= at + 9:
+                begin = at + 9
+                end = begin + int.from_bytes(data[at + 1 : begin], "big")
+            else:
+                break
+            if len(data) < end:
+                break
+            messages.append([data[begin:end]])
+            at = end
+        self._at = at
+        return at < len(data)
+
     def _say(self, few: bytes) -> None:
         """So little that there is room for it in any new connection."""
         try:
-            sent = self._socket.send(few)
+            sent = self._socket.send(few, socket.MSG_DONTWAIT)
         except OSError as exc:
             raise Gone(str(exc)) from exc
         if sent < len(few):

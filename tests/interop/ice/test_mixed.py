@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import shlex
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -15,6 +14,7 @@ import pytest
 from robocomp_py.cli.rcgen import main as rcgen
 from robocomp_py.deploy.place import Place
 from robocomp_py.testing.patience import SOON, wait_until
+from tests.freeports import free_ports
 
 pytestmark = pytest.mark.tool
 
@@ -79,14 +79,6 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Path:
     native = root / "worker" / "generic" / "ice" / "RoboCompGauge.ice"
     subprocess.run(["slice2py", "--output-dir", str(root / "slice"), str(native)], check=True)
     return root
-
-
-def free_ports(count: int) -> list[int]:
-    with contextlib.ExitStack() as held:
-        sockets = [held.enter_context(socket.socket()) for _ in range(count)]
-        for each in sockets:
-            each.bind(("127.0.0.1", 0))
-        return [each.getsockname()[1] for each in sockets]
 
 
 def peer(robot: Path, *arguments: object) -> list[str]:

@@ -6,7 +6,6 @@ import contextlib
 import os
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -17,7 +16,7 @@ import pytest
 
 from robocomp_py.cli.rcgen import main as rcgen
 from robocomp_py.testing.patience import SOON, wait_until
-from tests.transports.icestorm import place_of, process_of
+from tests.transports.icestorm import free_storm, place_of, process_of
 
 pytestmark = pytest.mark.tool
 
@@ -45,9 +44,7 @@ Deployment %s
 
 @pytest.fixture
 def storm() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"IceStorm/TopicManager:tcp -h 127.0.0.1 -p {probe.getsockname()[1]}"
+    return free_storm()
 
 
 @pytest.fixture(scope="module")
