@@ -10,12 +10,13 @@ configuration; only the generic part is new.
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..compat import spellings
 from ..compat.python2 import NotConverted, as_python3, parsed
 from ..contract.component import Component, Port
 from ..contract.interface import Operation, Verb
@@ -136,14 +137,14 @@ def _is_worker(node: ast.AST) -> bool:
 def _handler(
     file: str, worker: ast.ClassDef, methods: dict[str, _Method], port: Port, operation: Operation[Any]
 ) -> Finding:
-    name = port.handler(operation.name)
+    names = spellings.handlers(port, operation)
     what = "handles" if port.verb is Verb.IMPLEMENTS else "hears"
     about = f"{what} {port.interface.short}.{operation.name}"
-    method = methods.get(name) or methods.get(operation.name)
+    method = next((methods[name] for name in names if name in methods), None)
     if method is None:
-        near = mistyped(name, [each for each in methods if each.startswith(f"{port.label}_")])
+        near = mistyped(names[0], [each for each in methods if each.startswith(f"{port.label}_")])
         hint = f"; did you mean `{near}`?" if near else ""
-        return Finding(file, worker.lineno, name, Verdict.LACKING, f"nothing {about}{hint}")
+        return Finding(file, worker.lineno, names[0], Verdict.LACKING, f"nothing {about}{hint}")
     number = len(operation.inputs)
     if not _takes(method.args, number):
         inputs = ", ".join(each.name for each in operation.inputs) or "nothing"
@@ -161,8 +162,7 @@ def _takes(arguments: ast.arguments, number: int) -> bool:
 
 
 def _proxies(file: str, worker: ast.ClassDef, component: Component) -> Iterator[Finding]:
-    known = {port.attribute: port for port in component.ports if port.verb.has_proxy}
-    older = {port.name: port for port in known.values() if port.verb is Verb.PUBLISHES}
+    known = proxies(component)
     used: dict[str, ast.Attribute] = {}
     called: dict[str, dict[str, int]] = {}
     for node in ast.walk(worker):
@@ -175,29 +175,41 @@ def _proxies(file: str, worker: ast.ClassDef, component: Component) -> Iterator[
                 pass
     seen = []
     for name, node in used.items():
-        port = known.get(name) or older.get(name)
+        port = known.get(name)
         if port is None and name.endswith("_proxy"):
-            hint = did_you_mean(name, known)
-            message = f"the .cdsl has nothing that is called so{f'; {hint}' if hint else ''}"
-            yield Finding(file, node.lineno, f"self.{name}", Verdict.NOT_UNDERSTOOD, message)
+            yield Finding(file, node.lineno, f"self.{name}", Verdict.NOT_UNDERSTOOD, no_proxy(name, known))
         elif port is not None:
             seen.append(port)
             yield Finding(file, node.lineno, f"self.{name}", Verdict.UNDERSTOOD, f"{port.verb} {port.interface.short}")
             yield from _calls(file, name, port, called.get(name, {}))
-    for name, port in known.items():
+    for port in dict.fromkeys(known.values()):
         if port not in seen:
             message = f"{port.verb} {port.interface.short}, and nothing here uses it"
-            yield Finding(file, worker.lineno, f"self.{name}", Verdict.WITHOUT_EFFECT, message)
+            yield Finding(file, worker.lineno, f"self.{port.attribute}", Verdict.WITHOUT_EFFECT, message)
 
 
 def _calls(file: str, name: str, port: Port, called: dict[str, int]) -> Iterator[Finding]:
     """What is asked of a proxy that it has not, and Ice's own may have."""
-    there = {operation.name for operation, _ in port.interface.under(port.verb)}
+    there = spellings.calls(port)
     for operation, line in called.items():
-        if operation not in there and operation.removesuffix("Async") not in there:
-            hint = did_you_mean(operation, there)
-            message = f"`{port.interface.short}` has no such operation{f'; {hint}' if hint else ''}"
-            yield Finding(file, line, f"self.{name}.{operation}", Verdict.NOT_UNDERSTOOD, message)
+        if operation not in there:
+            yield Finding(file, line, f"self.{name}.{operation}", Verdict.NOT_UNDERSTOOD, no_operation(operation, port))
+
+
+def proxies(component: Component) -> dict[str, Port]:
+    """The attributes by which a component has proxies, in one generation or another."""
+    ports = [port for port in component.ports if port.verb.has_proxy]
+    return {name: port for port in ports for name in spellings.attributes(port)}
+
+
+def no_proxy(name: str, known: Mapping[str, Port]) -> str:
+    hint = did_you_mean(name, [port.attribute for port in known.values()])
+    return f"the .cdsl has nothing that is called so{f'; {hint}' if hint else ''}"
+
+
+def no_operation(name: str, port: Port) -> str:
+    hint = did_you_mean(name, [operation.name for operation, _ in port.interface.under(port.verb)])
+    return f"`{port.interface.short}` has no such operation{f'; {hint}' if hint else ''}"
 
 
 # -- its configuration -----------------------------------------------------------------

@@ -13,15 +13,15 @@ import ast
 import re
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+from ..compat.python2 import parsed
 from ..contract import types as t
 from ..contract.component import Port
-from ..contract.interface import Operation, Verb
-from ..dsl.diagnostics import did_you_mean
+from ..contract.interface import Operation
 from . import cplusplus, existing
 from .cplusplus import Method, Parameter, Token, Unit
 from .existing import Finding, Verdict
@@ -131,13 +131,14 @@ def _methods(units: Sequence[Unit]) -> Iterator[tuple[str, Method]]:
     there = {(each.name, len(each.parameters)) for _, each in defined}
     for file, method in defined:
         section = method.section or sections.get((method.name, len(method.parameters)), "")
-        yield file, Method(method.name, method.line, method.returns, method.parameters, method.body, section)
+        yield file, replace(method, section=section)
     for unit in units:
         yield from ((unit.file, each) for each in unit.declared if (each.name, len(each.parameters)) not in there)
 
 
 # What becomes of a method.
 
+_MACHINE = "the state machine that every component had is the life cycle here"
 _LIFE = {
     CLASS: ("initialize", "proxies and parameters are there before it is called"),
     f"~{CLASS}": ("finish", "called once, while everything is there still"),
@@ -146,9 +147,9 @@ _LIFE = {
     "compute": ("compute", ""),
     "emergency": ("emergency", "self.goToEmergency() leads there"),
     "restore": ("restore", "self.goToRestore() leads there"),
-    "sm_initialize": ("initialize", "the state machine that every component had is the life cycle here"),
-    "sm_compute": ("compute", "the state machine that every component had is the life cycle here"),
-    "sm_finalize": ("finish", "the state machine that every component had is the life cycle here"),
+    "sm_initialize": ("initialize", _MACHINE),
+    "sm_compute": ("compute", _MACHINE),
+    "sm_finalize": ("finish", _MACHINE),
 }
 _COMMON = "every component answers CommonBehavior by itself"
 _GONE = {
@@ -311,7 +312,7 @@ class _Written:
 
     def __init__(self, text: str) -> None:
         try:
-            tree = ast.parse(text)
+            tree = parsed(text, "specificworker.py")
         except (SyntaxError, ValueError):
             tree = ast.Module([], [])  # whoever starts it is told
         classes = (node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == CLASS)
@@ -412,47 +413,42 @@ def _places(units: Sequence[Unit]) -> Iterator[Finding]:
     by_first: dict[str, list[_Place]] = {}
     for place in _PLACES:
         by_first.setdefault(place[0][0], []).append(place)
+    for file, tokens, at in _steps(units):
+        for words, verdict, text in by_first.get(tokens[at].text, ()):
+            if tuple(token.text for token in tokens[at : at + len(words)]) == words:
+                yield Finding(file, tokens[at].line, "".join(words).removesuffix("("), verdict, text)
+
+
+def _steps(units: Sequence[Unit]) -> Iterator[tuple[str, Sequence[Token], int]]:
+    """Every token of every body: its file, the body, its place there."""
     for unit in units:
         for method in unit.defined:
-            for at, tokens in _following(method):
-                for words, verdict, text in by_first.get(tokens[at].text, ()):
-                    if tuple(token.text for token in tokens[at : at + len(words)]) == words:
-                        what = "".join(words).removesuffix("(")
-                        yield Finding(unit.file, tokens[at].line, what, verdict, text)
-
-
-def _following(method: Method) -> Iterator[tuple[int, Sequence[Token]]]:
-    tokens = method.body or ()
-    return ((at, tokens) for at in range(len(tokens)))
+            tokens = method.body or ()
+            yield from ((unit.file, tokens, at) for at in range(len(tokens)))
 
 
 def _calls(units: Sequence[Unit], model: Model) -> Iterator[Finding]:
     """Calls of other components that look another way in Python, or that the model does not know."""
-    known = {port.attribute: port for port in model.component.ports if port.verb.has_proxy}
-    older = {port.name: port for port in known.values() if port.verb is Verb.PUBLISHES}
-    for unit in units:
-        for method in unit.defined:
-            for at, tokens in _following(method):
-                name = tokens[at].text
-                asked = at + 3 < len(tokens) and tokens[at + 1].text == "->" and tokens[at + 3].text == "("
-                if not asked or not (name.endswith("_proxy") or name in older):
-                    continue
-                found = _call(known, known.get(name) or older.get(name), name, tokens[at + 2].text)
-                if found:
-                    yield Finding(unit.file, tokens[at].line, f"{name}->{tokens[at + 2].text}", *found)
+    known = existing.proxies(model.component)
+    for file, tokens, at in _steps(units):
+        name = tokens[at].text
+        asked = at + 3 < len(tokens) and tokens[at + 1].text == "->" and tokens[at + 3].text == "("
+        if not asked or not (name.endswith("_proxy") or name in known):
+            continue
+        found = _call(known, name, tokens[at + 2].text)
+        if found:
+            yield Finding(file, tokens[at].line, f"{name}->{tokens[at + 2].text}", *found)
 
 
-def _call(known: Mapping[str, Port], port: Port | None, name: str, called: str) -> tuple[Verdict, str] | None:
+def _call(known: Mapping[str, Port], name: str, called: str) -> tuple[Verdict, str] | None:
+    port = known.get(name)
     if port is None:
-        hint_ = did_you_mean(name, known)
-        return Verdict.NOT_UNDERSTOOD, f"the .cdsl has nothing that is called so{f'; {hint_}' if hint_ else ''}"
+        return Verdict.NOT_UNDERSTOOD, existing.no_proxy(name, known)
     operations = {operation.name: operation for operation, _ in port.interface.under(port.verb)}
     if called not in operations:
         if called.startswith(("ice_", "begin_", "end_")):
             return Verdict.LACKING, f"of Ice; a call that does not wait is self.{port.attribute}.…Async(…)"
-        hint_ = did_you_mean(called, operations)
-        text = f"`{port.interface.short}` has no such operation{f'; {hint_}' if hint_ else ''}"
-        return Verdict.NOT_UNDERSTOOD, text
+        return Verdict.NOT_UNDERSTOOD, existing.no_operation(called, port)
     operation = operations[called]
     if not _outs(operation):
         return None

@@ -16,7 +16,6 @@ import os
 import sys
 import threading
 import time
-import traceback
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -28,9 +27,10 @@ from ..contract.interface import Operation
 from ..contract.statemachine import StateMachine
 from ..errors import ComponentError, TransportError
 from ..runtime.lifecycle import Beat
-from ..runtime.trace import user_trace
+from ..runtime.trace import frames_in, times_more, user_trace, way_of
 from ..runtime.worker import Worker
-from . import qt, waits
+from ..transports.sparing import Repeats
+from . import qt, spellings, waits
 from .given import entries
 from .ice import Ices, real, uses_ice
 from .imports import Imports, source_text
@@ -43,6 +43,7 @@ from .slices import Slices, component_of, module_of
 log = logging.getLogger("robocomp.worker")
 
 WORKER = Path("src") / "specificworker.py"
+_FORM = Path("src") / "mainUI.ui"
 
 _ARGUMENTS = {
     **dict.fromkeys(("configData", "configdata", "config_data", "config"), "tables"),
@@ -50,11 +51,6 @@ _ARGUMENTS = {
     "startup_check": "no",
 }
 """What is given to a constructor behind the proxies."""
-
-_AGAIN_S = 10.0
-"""So often the same exception of a slot is told again."""
-
-_MAX_TOLD = 100
 
 
 def existing_worker(folder: Path, package: str, alone: bool) -> type[ExistingWorker]:
@@ -74,19 +70,32 @@ def existing_worker(folder: Path, package: str, alone: bool) -> type[ExistingWor
     tree = parsed(sources[WORKER.name], str(folder / WORKER))
     if not any(isinstance(node, ast.ClassDef) and node.name == "SpecificWorker" for node in ast.walk(tree)):
         raise ComponentError(f"{folder / WORKER} has no class SpecificWorker(GenericWorker)")
-    namespace = {"generated": modules, "_home": folder, "package": package, "sources": sources, "alone": alone}
-    namespace |= {"machine": component.machine, "window": component.window, "tree": tree}
     is_ice = "Ice" in sys.modules or any(map(uses_ice, sources.values()))
     ices = Ices(package, real if is_ice else _nothing)
     slices = Slices(package, ices.user_exception)
     own = component_of(component, slices, partial(proxy_class, ices=ices))
-    namespace |= {"ices": ices, "slices": slices, "component": own, "middleware": generated.middleware}
-    for port in own.ports:
-        if not port.verb.has_proxy:
-            for operation, _ in port.interface.under(port.verb):
-                name = port.handler(operation.name)
-                namespace[name] = _handler(port, operation)
-    namespace["__module__"] = __name__
+    handlers = {
+        port.handler(operation.name): _handler(port, operation)
+        for port in own.ports
+        if not port.verb.has_proxy
+        for operation, _ in port.interface.under(port.verb)
+    }
+    namespace = {
+        **handlers,
+        "__module__": __name__,
+        "_home": folder,
+        "package": package,
+        "alone": alone,
+        "component": own,
+        "middleware": generated.middleware,
+        "window": component.window,
+        "machine": component.machine,
+        "sources": sources,
+        "tree": tree,
+        "generated": modules,
+        "ices": ices,
+        "slices": slices,
+    }
     return type("SpecificWorker", (ExistingWorker,), namespace)
 
 
@@ -97,7 +106,7 @@ def _nothing(name: str) -> None:
 def _sources(folder: Path) -> Iterator[tuple[str, str]]:
     """The author's files that can be read; others than the specific part may be left-overs that nothing imports."""
     for path in sorted((folder / "src").glob("*.py")):
-        if _is_users(path, folder):
+        if path.is_file() and _is_users(path, folder):
             try:
                 yield path.name, as_python3(source_text(path.read_bytes()), str(path))[0]
             except NotConverted as exc:
@@ -139,7 +148,7 @@ class ExistingWorker(Worker[Any]):
     def __init__(self) -> None:
         if self.alone:
             os.chdir(self._home)
-        self._told: dict[str, tuple[float, int]] = {}
+        self._repeats = Repeats()
         self._user: Any = None
         self._thread: int | None = None
         """Which one its loop is run by."""
@@ -148,8 +157,10 @@ class ExistingWorker(Worker[Any]):
         self.statemachine = None
         self._chart: Chart | None = None
         if self.machine:
-            self._chart = Chart(self.machine, self._enter, lambda: self._wake())
+            self._chart = Chart(self.machine, self._enter, self._attempt, self._wake)
             self.statemachine = self._chart.engine
+        if self.window and not (self._home / _FORM).is_file():
+            raise ComponentError(f"{self._home / _FORM} is not there, and the .cdsl says gui: its window")
         self._need = qt.need({f"src/{name}": text for name, text in self.sources.items()}, self.window)
         self._loop = qt.open_loop(
             self._need,
@@ -161,9 +172,6 @@ class ExistingWorker(Worker[Any]):
             name=self._settings.instance,
         )
         self._in_front = self._loop.in_front
-        form = self._home / "src" / "mainUI.ui"
-        if self.window and not form.is_file():
-            raise ComponentError(f"{form} is not there, and the .cdsl says gui: its window")
         self._imports = self._surroundings()
         try:
             module = self._loop.call(self._imports.load, "specificworker")
@@ -193,7 +201,7 @@ class ExistingWorker(Worker[Any]):
 
     def initialize(self) -> None:
         texts, tables = entries(self._settings)
-        proxies = {key: proxy for port, proxy in self._proxies() for key in _keys(port)}
+        proxies = {key: proxy for port, proxy in self._proxies() for key in spellings.keys(port)}
         given = {"proxies": proxies, "tables": tables, "texts": texts, "no": False}
         params = tables if "tables" in self._wanted else texts
         self._loop.call(self._construct, [given[each] for each in self._wanted], params)
@@ -279,7 +287,7 @@ class ExistingWorker(Worker[Any]):
         for port in self.component.ports:
             if port.verb.has_proxy:
                 proxy = getattr(self, port.attribute)
-                proxy._wait = self._loop.wait_for if self._need else None
+                proxy._loop = self._loop if self._need else None
                 yield port, proxy
 
     def _method(self, name: str) -> Callable[..., Any] | None:
@@ -296,7 +304,7 @@ class ExistingWorker(Worker[Any]):
         for port in self.component.ports:
             if not port.verb.has_proxy:
                 for operation, _ in port.interface.under(port.verb):
-                    names = _names(port, operation)
+                    names = spellings.handlers(port, operation)
                     if not any(map(self._method, names)):
                         yield names[0]
         for state in self.machine.every_state() if self.machine else ():
@@ -306,37 +314,25 @@ class ExistingWorker(Worker[Any]):
     def _enter(self, state: str) -> None:
         method = self._method(f"sm_{state}")
         if method:
-            try:
-                self._loop.call(method)
-            except Exception as exc:
-                self._tell(exc)
+            self._attempt(method)
+
+    def _attempt(self, slot: Callable[[], object]) -> None:
+        """Call what a state, or something that happens to one, is connected to."""
+        try:
+            self._loop.call(slot)
+        except Exception as exc:
+            self._tell(exc)
 
     def _tell(self, exc: BaseException) -> None:
         """Say what a slot has raised. As with Qt, that does not end the component."""
+        more = self._repeats.untold(way_of(exc))
+        if more is None:
+            return
         hindered = isinstance(exc, TransportError)
         what = f"was cut short: {exc}" if hindered else f"raised\n{user_trace(exc)}"
-        text = f"{self._raiser(exc)} {what}"
-        now = time.monotonic()
-        since, more = self._told.get(text, (-_AGAIN_S, 0))
-        if now - since < _AGAIN_S:
-            self._told[text] = (since, more + 1)
-            return
-        if len(self._told) >= _MAX_TOLD:
-            self._told.clear()
-        self._told[text] = (now, 0)
-        self.log.log(
-            logging.WARNING if hindered else logging.ERROR,
-            "%s%s",
-            text,
-            f"\n({more} times more since then)" if more else "",
-        )
-
-    def _raiser(self, exc: BaseException) -> str:
-        """What of the component's own was called."""
-        for frame, _ in traceback.walk_tb(exc.__traceback__):
-            if Path(frame.f_code.co_filename).is_relative_to(self._home):
-                return frame.f_code.co_qualname
-        return "a slot"
+        own = frames_in(self._home, exc)
+        who = own[0][0].f_code.co_qualname if own else "a slot"
+        self.log.log(logging.WARNING if hindered else logging.ERROR, "%s %s%s", who, what, times_more(more))
 
     # What surrounds it.
 
@@ -355,6 +351,7 @@ class ExistingWorker(Worker[Any]):
         given = imports.given
         given |= {**types, "Ice": self.ices.ice, "IceStorm": self.ices.storm}
         given |= waits.modules(self._loop.outside, self._loop.locked, self._begun)
+        imports.lazily |= {name: partial(importlib.import_module, name) for name in waits.BELOW}
         imports.lazily |= {name: partial(self._loop.modules.__getitem__, name) for name in self._loop.modules}
         given["genericworker"] = self._genericworker(package, types, given)
         given["interfaces"] = self._interfaces(package, {**types, "time": given["time"]})
@@ -393,6 +390,8 @@ class ExistingWorker(Worker[Any]):
         names |= {part: modules[f"{version}.{part}"] for part in _QT if f"{version}.{part}" in modules}
         if self.window:
             names |= _public(modules["ui_mainUI"])
+            if "Ui_guiDlg" not in names:
+                raise ComponentError(f"{self._home / _FORM}: its <class> has to be guiDlg, as in all of RoboComp's")
         if "interfaces" not in imported:  # since 2020, types are reached by their modules only
             bound = self._bound()
             for each in types.values():
@@ -472,14 +471,14 @@ class ExistingWorker(Worker[Any]):
     def _equip(self, user: Any, core: Any, config: Any) -> None:
         """What the generated constructor sets."""
         for port, proxy in self._proxies():
-            for attribute in _attributes(port):
+            for attribute in spellings.attributes(port):
                 setattr(user, attribute, proxy)
         if self.window:
             form = self._loop.modules["ui_mainUI"]
             user.ui = vars(form)["Ui_guiDlg"]()
             user.ui.setupUi(user)
             user.show()
-        user.mutex = core.QRecursiveMutex() if "QRecursiveMutex" in vars(core) else core.QMutex(core.QMutex.Recursive)
+        user.mutex = core.QMutex(core.QMutex.Recursive)
         user.Period = round(self._period * 1000)
         user.timer = core.QTimer(user)
         user.configData = config
@@ -544,14 +543,8 @@ def _public(module: ModuleType) -> dict[str, Any]:
     return {name: value for name, value in vars(module).items() if not name.startswith("_")}
 
 
-def _names(port: Port, operation: Operation[Any]) -> tuple[str, ...]:
-    """What the method for an operation may be called: as since 2018, as before, as if there were one such port."""
-    short = port.interface.short
-    return tuple(dict.fromkeys((port.handler(operation.name), operation.name, f"{short}_{operation.name}")))
-
-
 def _handler(port: Port, operation: Operation[Any]) -> Callable[..., Any]:
-    names = _names(port, operation)
+    names = spellings.handlers(port, operation)
     about = f"{port.interface.short}.{operation.name}"
     handle = handler(operation)
 
@@ -560,15 +553,3 @@ def _handler(port: Port, operation: Operation[Any]) -> Callable[..., Any]:
 
     method.__name__, method.__qualname__ = names[0], f"SpecificWorker.{names[0]}"
     return method
-
-
-def _attributes(port: Port) -> tuple[str, ...]:
-    """Where a proxy is: as always; that of a topic also as before 2018."""
-    return (port.attribute, port.name) if port.verb.is_topic else (port.attribute,)
-
-
-def _keys(port: Port) -> tuple[str, ...]:
-    """What a proxy is called in the map that the constructor is given."""
-    short, number = port.interface.short, port.number
-    suffix = "Pub" if port.verb.is_topic else "Proxy"
-    return f"{short}{suffix}{number}", f"{short}{number}{suffix}", f"{short}{number}"

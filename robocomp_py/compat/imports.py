@@ -81,6 +81,7 @@ class Imports:
         names = [known for known, each in self.given.items() if each is module]
         for known in names:
             if found := self._provided(f"{known}.{part}"):
+                setattr(module, part, found)
                 return found
         if head in self.given:
             found = getattr(module, part, None)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import traceback
 from pathlib import Path
+
+from ..runtime.trace import frames_in
 
 _PACKAGES = {
     "cv2": "opencv-python",
@@ -15,19 +16,17 @@ _PACKAGES = {
     "usb": "pyusb",
     "Xlib": "python-xlib",
     "dateutil": "python-dateutil",
-    "pyrealsense2": "pyrealsense2",
     "gi": "PyGObject",
-    "Phidget22": "Phidget22",
     "speech_recognition": "SpeechRecognition",
-    "google": "google-cloud",
     "vlc": "python-vlc",
     "dbus": "dbus-python",
-    "apriltag": "apriltag",
     "bs4": "beautifulsoup4",
-    "passlib": "passlib",
     "zmq": "pyzmq",
 }
 """Where a library is installed by another name than it is imported."""
+
+_OF_PYTHON = {"tkinter": "python3-tk", "_tkinter": "python3-tk"}
+"""What Debian splits off Python's own library."""
 
 _OF_ROBOCOMP = ("librobocomp_", "pydsr", "agmlib", "AGMModule", "parseAGGL", "innermodel", "ConfigLoader")
 
@@ -36,8 +35,8 @@ def advice(exc: ModuleNotFoundError, folder: Path) -> str:
     """Which file lacks what, and how to come by it."""
     name = exc.name or str(exc)
     head = name.partition(".")[0]
-    frames = [each for each in traceback.extract_tb(exc.__traceback__) if Path(each.filename).is_relative_to(folder)]
-    where = f"{frames[-1].filename}:{frames[-1].lineno}" if frames else str(folder)
+    frames = frames_in(folder, exc)
+    where = f"{frames[-1][0].f_code.co_filename}:{frames[-1][1]}" if frames else str(folder)
     if head in ("src", "generated"):
         return f"{where}: imports `{name}`, which is not there in {folder}"
     if head.startswith(_OF_ROBOCOMP):
@@ -46,4 +45,7 @@ def advice(exc: ModuleNotFoundError, folder: Path) -> str:
         return (
             f"{where}: imports `{name}`, which no .idsl that its .cdsl imports defines; import it there, and run rcgen"
         )
-    return f"{where}: imports `{name}`, which is not installed here; try: pip install {_PACKAGES.get(head, head)}"
+    absent = f"{where}: imports `{name}`, which is not installed here; try:"
+    if head in _OF_PYTHON:
+        return f"{absent} apt-get install {_OF_PYTHON[head]}"
+    return f"{absent} pip install {_PACKAGES.get(head, head)}"

@@ -9,16 +9,21 @@ The engine is the one of all components; only what users call is made here.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from ..contract.statemachine import StateMachine, Transition
 from ..runtime.statemachine import Machine, Trigger
 
+Attempt = Callable[[Callable[[], object]], None]
+"""Calls a slot, and tells what it raises."""
+
 
 class Slots:
     """Something that happens, and who wants to be called then: what users know of a signal."""
 
-    def __init__(self) -> None:
+    def __init__(self, attempt: Attempt) -> None:
+        self._attempt = attempt
         self._connected: list[Any] = []
 
     def connect(self, slot: Any) -> None:
@@ -29,32 +34,30 @@ class Slots:
 
     def emit(self, *arguments: Any) -> None:
         for slot in list(self._connected):
-            (slot.emit if hasattr(slot, "emit") else slot)(*arguments)
+            self._attempt(partial(slot.emit if hasattr(slot, "emit") else slot, *arguments))
 
-    __call__ = emit
+    def __call__(self, *arguments: Any) -> None:
+        self.emit(*arguments)
 
 
 class Fired(Slots):
     """`self.t_a_to_b`: fires a transition. What it is called with is of no importance: signals pass their values."""
 
-    def __init__(self, trigger: Trigger) -> None:
-        super().__init__()
+    def __init__(self, trigger: Trigger, attempt: Attempt) -> None:
+        super().__init__(attempt)
         self._trigger = trigger
 
     def emit(self, *arguments: Any) -> None:
         self._trigger()
         super().emit(*arguments)
 
-    def __call__(self, *arguments: Any) -> None:
-        self.emit(*arguments)
-
 
 class StateName:
     """`self.compute_state`."""
 
-    def __init__(self, name: str, engine: Machine) -> None:
+    def __init__(self, name: str, engine: Machine, attempt: Attempt) -> None:
         self._name, self._engine = name, engine
-        self.entered = Slots()
+        self.entered = Slots(attempt)
 
     def objectName(self) -> str:
         return self._name
@@ -66,9 +69,9 @@ class StateName:
 class Start:
     """`self.defaultMachine`: begins when the user says so, and the component's loop has begun."""
 
-    def __init__(self, engine: Machine, wake: Callable[[], None]) -> None:
+    def __init__(self, engine: Machine, attempt: Attempt, wake: Callable[[], None]) -> None:
         self._engine, self._wake = engine, wake
-        self.finished, self.started, self.stopped = Slots(), Slots(), Slots()
+        self.finished, self.started, self.stopped = Slots(attempt), Slots(attempt), Slots(attempt)
         self.wanted = False
         self.running = False
 
@@ -90,15 +93,17 @@ class Start:
 class Chart:
     """The machine of one component instance; `enter` calls its method for a state."""
 
-    def __init__(self, machine: StateMachine, enter: Callable[[str], None], wake: Callable[[], None]) -> None:
+    def __init__(
+        self, machine: StateMachine, enter: Callable[[str], None], attempt: Attempt, wake: Callable[[], None]
+    ) -> None:
         self._call = enter
         self.engine = Machine(machine, self._enter, wake)
-        self.start = Start(self.engine, wake)
-        self._states = {each.name: StateName(each.name, self.engine) for each in machine.every_state()}
+        self.start = Start(self.engine, attempt, wake)
+        self._states = {each.name: StateName(each.name, self.engine, attempt) for each in machine.every_state()}
         self.names: dict[str, Any] = {machine.name: self.start}
         self.names |= {f"{name}_state": state for name, state in self._states.items()}
         for transition in machine.triggers().values():
-            fired = Fired(Trigger(self.engine, transition))
+            fired = Fired(Trigger(self.engine, transition), attempt)
             self.names |= {name: fired for name in _spelled(transition)}
 
     @property

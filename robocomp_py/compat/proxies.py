@@ -4,28 +4,36 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import Any
+from functools import partial
+from typing import Any, Protocol
 
 from ..contract.component import Port
 from ..contract.interface import Interface, Operation, Pattern
 from ..errors import RobocompError
 from ..runtime.ports import Proxy
 from .ice import Ices
-from .slices import receiving, settling, slice_name
+from .slices import receiving, settling
+from .spellings import AS_IT_IS, WITH_DEADLINE, slice_name
 
-Wait = Callable[[Callable[[], Any]], Any]
-"""Calls a function that waits, and has the rest of the component go on meanwhile."""
+
+class Loop(Protocol):
+    """What a component has that runs on one thread, whoever calls it."""
+
+    def wait_for(self, function: Callable[[], Any]) -> Any:
+        """Call a function that waits, and have the rest of the component go on meanwhile."""
+
+    def post(self, call: Callable[[], object]) -> None:
+        """Have something called on that thread."""
 
 
 def proxy_class(interface: Interface, port: Port, ices: Ices) -> type[Proxy]:
-    """The class of a port's proxies. What waits is called by `_wait` of one that has any."""
+    """The class of a port's proxies. `_loop` is to be set if the component has one."""
     methods: dict[str, Any] = {
         "interface": interface,
         "_deadline": None,
-        "_wait": None,
-        "ice_timeout": _with_deadline,
-        "ice_invocationTimeout": _with_deadline,
-        **{name: lambda self, *arguments: self for name in ("ice_oneway", "ice_twoway", "ice_context")},
+        "_loop": None,
+        **dict.fromkeys(WITH_DEADLINE, _with_deadline),
+        **dict.fromkeys(AS_IT_IS, lambda self, *arguments: self),
     }
     for operation, pattern in interface.under(port.verb):
         name = slice_name(operation.name)
@@ -43,7 +51,7 @@ def _with_deadline(self: Any, milliseconds: int) -> Any:
     """A proxy of the same with a time limit; -1 is for as long as it takes, which here is as configured."""
     copy = type(self)(self._bound)
     copy._deadline = milliseconds / 1000 if milliseconds > 0 else None
-    copy._wait = self._wait
+    copy._loop = self._loop
     return copy
 
 
@@ -57,9 +65,9 @@ class _Call:
         self._receive = receiving(operation.outputs)
 
     def ask(self, proxy: Any, arguments: tuple[Any, ...]) -> Any:
-        if proxy._wait is None:
+        if proxy._loop is None:
             return self.given(proxy._ask(self.operation, arguments, proxy._deadline))
-        return self.given(proxy._wait(lambda: proxy._ask(self.operation, arguments, proxy._deadline)))
+        return self.given(proxy._loop.wait_for(lambda: proxy._ask(self.operation, arguments, proxy._deadline)))
 
     def send(self, proxy: Any, arguments: tuple[Any, ...]) -> None:
         proxy._send(self.operation, arguments, proxy._deadline)
@@ -109,7 +117,7 @@ def _later(call: _Call) -> Callable[..., Any]:
     def method(self: Any, *arguments: Any, **named: Any) -> Any:
         values = call.taken(arguments, named)
         try:
-            return _Answer(call, self._ask_async(call.operation, values, self._deadline), self._wait or _at_once)
+            return _Answer(call, self._ask_async(call.operation, values, self._deadline), self._loop)
         except RobocompError as exc:
             call.raised(exc)
             raise
@@ -118,15 +126,14 @@ def _later(call: _Call) -> Callable[..., Any]:
     return method
 
 
-def _at_once(function: Callable[[], Any]) -> Any:
-    return function()
-
-
 class _Answer:
     """What an asynchronous call will give: Ice's future, and its AsyncResult."""
 
-    def __init__(self, call: _Call, future: Future[Any], wait: Wait) -> None:
-        self._call, self._future, self._wait = call, future, wait
+    def __init__(self, call: _Call, future: Future[Any], loop: Loop | None) -> None:
+        self._call, self._future, self._loop = call, future, loop
+
+    def _wait(self, function: Callable[[], Any]) -> Any:
+        return self._loop.wait_for(function) if self._loop else function()
 
     def result(self, timeout: float | None = None) -> Any:
         try:
@@ -154,7 +161,8 @@ class _Answer:
         return not self._future.done()
 
     def add_done_callback(self, function: Callable[[_Answer], object]) -> None:
-        self._future.add_done_callback(lambda _: function(self))
+        loop, call = self._loop, partial(function, self)
+        self._future.add_done_callback(lambda _: loop.post(call) if loop else call())
 
     def waitForCompleted(self) -> None:
         self.exception()

@@ -11,7 +11,6 @@ middleware. Only what slice2py leaves None and our codecs do not is given to the
 
 from __future__ import annotations
 
-import keyword
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields, make_dataclass, replace
 from enum import IntEnum
@@ -24,15 +23,9 @@ from ..contract import types as t
 from ..contract.component import Component, Port
 from ..contract.interface import Interface, Operation
 from ..errors import DeclaredError
+from .spellings import slice_name
 
 Convert = Callable[[Any], Any]
-
-_KEYWORDS = {*keyword.kwlist, "exec", "print"}
-
-
-def slice_name(name: str) -> str:
-    """How slice2py spells a name that means something in Python."""
-    return f"_{name}" if name in _KEYWORDS else name
 
 
 @dataclass(frozen=True)

@@ -231,6 +231,12 @@ def test_proxies_that_are_none_and_operations_they_lack_are_named(arm: Path) -> 
     assert told(arm, text, Verdict.WITHOUT_EFFECT) == {"self.hand_proxy": "requires Hand, and nothing here uses it"}
 
 
+@pytest.mark.parametrize("called", ["ice_timeout(500).close()", "closeAsync()", "begin_close()", "ice_oneway()"])
+def test_what_proxies_of_ice_have_is_understood(arm: Path, called: str) -> None:
+    text = WORKER.replace("self.hand_proxy.close()", f"self.hand_proxy.{called}")
+    assert told(arm, text, Verdict.NOT_UNDERSTOOD) == {}
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

@@ -181,10 +181,26 @@ def test_files_import_each_other_by_whatever_name_their_generation_uses(tmp_path
         assert arm.call("Arm.joints", 0)[0].name == "leafroottool"
 
 
+def test_futures_are_imported_in_all_forms(tmp_path: Path) -> None:
+    code = """
+    def Arm_joints(self, number):
+        import concurrent.futures, concurrent.futures.process
+        from concurrent import futures
+        from concurrent.futures import ThreadPoolExecutor
+        assert futures is concurrent.futures
+        with ThreadPoolExecutor(1) as pool:
+            kinds = pool.map(lambda each: each.__name__, [concurrent.futures.process.BrokenProcessPool])
+        return [ifaces.RoboCompArm.Joint(name=each) for each in kinds]
+"""
+    with running(server(tmp_path, code)) as arm:
+        assert [each.name for each in arm.call("Arm.joints", 0)] == ["BrokenProcessPool"]
+
+
 @pytest.mark.parametrize(
     ("line", "told"),
     [
         ("import cv2xyz", "imports `cv2xyz`, which is not installed here; try: pip install cv2xyz"),
+        ("raise ModuleNotFoundError(name='tkinter')", "imports `tkinter`, which is not installed here; try: apt-get"),
         ("import RoboCompHand", "imports `RoboCompHand`, which no .idsl that its .cdsl imports defines"),
         ("import librobocomp_qmat", "imports `librobocomp_qmat`, a library of RoboComp's own"),
         ("import src.absent", "imports `src.absent`, which is not there in "),
@@ -219,6 +235,7 @@ def test_a_file_that_is_no_component_says_why(tmp_path: Path, text: str, told: s
 def test_a_file_that_cannot_be_read_hinders_only_who_imports_it(tmp_path: Path) -> None:
     code = "\n    def Arm_joints(self, number):\n        import left_over\n"
     folder = server(tmp_path, code, **{"src/left_over.py": "def broken(:\n"})
+    (folder / "src" / "folder.py").mkdir()
     with running(folder) as arm, pytest.raises(RemoteFailure, match="invalid syntax"):
         arm.call("Arm.joints", 0)
     worker = folder / "src" / "specificworker.py"
@@ -404,13 +421,31 @@ def test_killYourSelf_ends_the_component(tmp_path: Path) -> None:
     assert seen == ["killed"]
 
 
+@contextmanager
+def what_goes_on(tmp_path: Path, code: str, caplog: pytest.LogCaptureFixture) -> Iterator[str]:
+    """The names of the threads that a component has begun, and that wait for OVER, as long as this is entered."""
+    folder = server(tmp_path, "")
+    worker = folder / "src" / "specificworker.py"
+    head = "import threading\nfrom concurrent import futures\n"
+    worker.write_text(f"{head}{worker.read_text()}{code}\nOVER = threading.Event()\n")
+    with running(folder) as arm:
+        arm.worker._grace_s = 0.2
+        over = vars(arm.worker._imports.load("specificworker"))["OVER"]
+    assert arm.fine
+    try:
+        [told] = [each.getMessage() for each in caplog.records if "threads of its own" in each.getMessage()]
+        yield told.rpartition(": ")[2]
+    finally:
+        over.set()
+
+
 def test_threads_of_theirs_are_waited_for_and_do_not_keep_the_process(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     code = """
     def setParams(self, params):
-        self.ended = threading.Event()
-        threading.Thread(target=self.ended.wait, name="brief").start()
+        ended = self.ended = threading.Event()
+        threading.Thread(target=ended.wait, name="brief").start()
         threading.Thread(target=self.forever, name="endless").start()
 
     def __del__(self):
@@ -419,25 +454,21 @@ def test_threads_of_theirs_are_waited_for_and_do_not_keep_the_process(
     @staticmethod
     def forever():
         OVER.wait()
-
-OVER = threading.Event()
 """
-    folder = server(tmp_path, "")
-    worker = folder / "src" / "specificworker.py"
-    worker.write_text(
-        "import threading\n"
-        + worker.read_text()
-        + code.replace(
-            "threading.Thread(target=self.ended", "ended = self.ended\n        threading.Thread(target=ended"
-        )
-    )
-    with running(folder) as arm:
-        arm.worker._grace_s = 0.2
-        over = vars(arm.worker._imports.load("specificworker"))["OVER"]
-    assert arm.fine
-    [told] = [each.getMessage() for each in caplog.records if "threads of its own" in each.getMessage()]
-    assert told.endswith(": endless")
-    over.set()
+    with what_goes_on(tmp_path, code, caplog) as names:
+        assert names == "endless"
+
+
+def test_what_pools_of_theirs_do_does_not_keep_the_process(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    code = """
+    def setParams(self, params):
+        self.pool = futures.ThreadPoolExecutor(1, "endless")
+        self.pool.submit(OVER.wait)
+        futures.ThreadPoolExecutor(1, "idle").submit(int)
+"""
+    with what_goes_on(tmp_path, code, caplog) as names:
+        assert names == "endless_0"
+        assert [each.daemon for each in threading.enumerate() if each.name == names] == [True]
 
 
 # What it is configured with.

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from robocomp_py.runtime.load import load_worker
 from robocomp_py.testing.components import ComponentTest
 
@@ -98,6 +100,28 @@ def test_states_within_states_and_the_names_of_before_2020(tmp_path: Path) -> No
         arm.wait_for(lambda: "finished" in seen(arm))
         assert seen(arm) == [("start",), True, "entered", True, "gone", "finished"]
     assert arm.fine
+
+
+def test_what_a_slot_of_a_state_raises_is_told_and_the_machine_goes_on(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    start = "        self.compute_state.entered.connect(self.fail)\n        self.defaultMachine.start()\n"
+    states = """
+    def sm_initialize(self):
+        self.initializetocompute()
+
+    def fail(self):
+        self.t_compute_to_finalize.emit()
+        raise ValueError("bad")
+
+    def sm_finalize(self):
+        self.seen.append("finalize")
+"""
+    with component(tmp_path, DEFAULT, start, states) as arm:
+        arm.wait_for(lambda: "finalize" in seen(arm))
+    assert arm.fine
+    told = [each.getMessage() for each in caplog.records if "raised" in each.getMessage()]
+    assert [each.splitlines()[0] for each in told] == ["SpecificWorker.fail raised"]
 
 
 def test_a_machine_that_nobody_starts_stays_where_it_is(tmp_path: Path) -> None:

@@ -25,7 +25,9 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack
+from dataclasses import dataclass
 from enum import Enum
+from pathlib import Path
 from queue import SimpleQueue
 from types import TracebackType
 from typing import Any, ClassVar, TypeVar
@@ -33,6 +35,7 @@ from typing import Any, ClassVar, TypeVar
 from ...errors import Closed, ComponentError
 from ...runtime.monitor import MAX_ASIDE
 from ...runtime.run import STUCK
+from ...runtime.trace import frames_in
 from .served import GUI
 
 log = logging.getLogger("robocomp.worker")
@@ -89,6 +92,15 @@ class _Errand:
             self.words.put(_Word.DONE)
 
 
+@dataclass(frozen=True, eq=False)
+class Joined:
+    """A component of this process that uses real Qt."""
+
+    folder: Path
+    tell: Callable[[BaseException], None]
+    is_locked: Callable[[], bool]
+
+
 class Front:
     """The one of this process. Made by the main thread, before anything of Qt's is."""
 
@@ -115,8 +127,7 @@ class Front:
         """What the main thread is at; the last one is the innermost."""
         self._is_over = False
         self._is_leaving = False
-        self._is_locked: list[Callable[[], bool]] = []
-        self._tell: list[Callable[[BaseException], None]] = []
+        self._joined: list[Joined] = []
         self._asks = ThreadPoolExecutor(MAX_ASIDE + 8, thread_name_prefix="asks")
         self._bell = _bell(self._serve_one, self.leave)
         self._exit_code = 0
@@ -125,14 +136,13 @@ class Front:
     def here(self) -> bool:
         return threading.get_ident() == self._thread
 
-    def join(self, tell: Callable[[BaseException], None], is_locked: Callable[[], bool]) -> Callable[[], None]:
+    def join(self, joined: Joined) -> Callable[[], None]:
         """One more component. Call what is returned when it ends."""
-        self._tell.append(tell)
-        self._is_locked.append(is_locked)
+        self._joined.append(joined)
 
         def leave() -> None:
-            self._is_locked.remove(is_locked)
-            if not self._is_locked:
+            self._joined.remove(joined)
+            if not self._joined:
                 self.leave()
 
         return leave
@@ -203,7 +213,7 @@ class Front:
             self._do(errand)
 
     def _next(self) -> _Errand | None:
-        locked = any(is_locked() for is_locked in self._is_locked)
+        locked = any(each.is_locked() for each in self._joined)
         return next((each for each in self._inbox if each.always or not locked), None)
 
     def _serve_one(self) -> None:
@@ -252,7 +262,11 @@ class Front:
         def raised(kind: type[BaseException], exc: BaseException, trace: TracebackType | None) -> None:
             if isinstance(exc, KeyboardInterrupt):
                 _end_now()
-            self._tell[0](exc)
+            concerned = [each for each in self._joined if frames_in(each.folder, exc)] or self._joined
+            if concerned:
+                concerned[0].tell(exc)
+            else:
+                before(kind, exc, trace)
 
         sys.excepthook = raised
         try:

@@ -1,4 +1,4 @@
-"""QMutex and QMutexLocker. Who waits for one lets the component's handlers in, so that none waits for another in vain.
+"""Mutexes of Qt. Who waits for one lets the component's handlers in, so that none waits for another in vain.
 
 RoboComp's components ran on several threads, and guard what these share by a mutex; here they run on one at a time.
 One that has locked a mutex and waits for an answer from another component lets others in, who may want the same mutex:
@@ -97,6 +97,13 @@ class Mutex:
             self._lock.release()
 
 
+class RecursiveMutex(Mutex):
+    """`QRecursiveMutex`, as that is called since Qt 6."""
+
+    def __init__(self) -> None:
+        super().__init__(self.Recursive)
+
+
 class MutexLocker:
     """`QMutexLocker`: locks at once, unlocks when a `with` ends, or nobody has it any more."""
 
@@ -133,5 +140,6 @@ def mutexes(keeper: Keeper) -> dict[str, type]:
     """The classes for one component, by the names its files have for them."""
     return {
         "QMutex": type("QMutex", (Mutex,), {"keeper": keeper}),
+        "QRecursiveMutex": type("QRecursiveMutex", (RecursiveMutex,), {"keeper": keeper}),
         "QMutexLocker": type("QMutexLocker", (MutexLocker,), {}),
     }

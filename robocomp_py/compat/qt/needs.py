@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import ast
 import re
-import warnings
 from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from functools import cache
 from pathlib import PurePath
 from typing import Any
 
+from ..python2 import parsed
 from .agenda import Agenda
 from .core import Place, core
 from .mutex import Keeper
@@ -109,9 +109,7 @@ _DEFINITION = ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 
 def _parsed(text: str) -> ast.Module:
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # what its strings look like is none of our business
-            return ast.parse(text)
+        return parsed(text, "its file")
     except (SyntaxError, ValueError):
         return ast.Module([], [])
 

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 from ...errors import ComponentError
 from .core import rand
-from .front import Front, qt
+from .front import Front, Joined, qt
 from .mutex import Keeper, mutexes
 from .needs import Need
 from .served import ALL, Served
@@ -74,7 +74,8 @@ class Real:
         self.builtins: dict[str, Any] | None = None
         """Those of the component's files: what `import` means in them."""
         self.modules: Mapping[str, ModuleType] = Served(self._look_up, self._exported, self._forms(folder))
-        self._leave: Callable[[], None] | None = self._front.join(tell, lambda: self._keeper.any_locked)
+        joined = Joined(folder, tell, lambda: self._keeper.any_locked)
+        self._leave: Callable[[], None] | None = self._front.join(joined)
         self._asked = 0.0
 
     @property

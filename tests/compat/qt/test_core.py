@@ -433,8 +433,9 @@ def test_a_locker_may_unlock_for_a_while(QtCore: Any) -> None:
     assert mutex.tryLock()
 
 
-def test_a_recursive_mutex_is_locked_as_often_as_it_is_unlocked(QtCore: Any) -> None:
-    mutex = QtCore.QMutex(QtCore.QMutex.Recursive)
+@pytest.mark.parametrize(("kind", "given"), [("QMutex", (1,)), ("QRecursiveMutex", ())])
+def test_a_recursive_mutex_is_locked_as_often_as_it_is_unlocked(QtCore: Any, kind: str, given: tuple[int, ...]) -> None:
+    mutex = getattr(QtCore, kind)(*given)
     assert mutex.isRecursive()
     mutex.lock()
     mutex.lock()

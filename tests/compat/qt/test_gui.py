@@ -13,14 +13,15 @@ from textwrap import dedent
 
 import pytest
 
-from robocomp_py.cli.rcgen import main as rcgen
 from robocomp_py.testing.patience import SOON
+
+from ..components import Form, made
 
 pytestmark = pytest.mark.tool
 
 INTERFACES = {
-    "Echo": "module RoboCompEcho { interface Echo { string echo(string text); }; };",
-    "Back": "module RoboCompBack { interface Back { string ask(string text); }; };",
+    "Echo.idsl": "module RoboCompEcho { interface Echo { string echo(string text); }; };",
+    "Back.idsl": "module RoboCompBack { interface Back { string ask(string text); }; };",
 }
 
 FORM = """\
@@ -64,21 +65,13 @@ def component(tmp_path: Path) -> Callable[..., Path]:
     """Makes the folder of a component as RoboComp's generator did, and adds what ours does."""
 
     def make(body: str, name: str = "view", ports: str = "", gui: str = "gui Qt(QWidget);", **files: str) -> Path:
-        folder = tmp_path / name
-        (folder / "src").mkdir(parents=True)
-        for interface, text in INTERFACES.items():
-            (tmp_path / f"{interface}.idsl").write_text(text)
-        imports = "".join(f'import "../{each}.idsl";\n' for each in INTERFACES)
+        imports = "".join(f'import "{each}";\n' for each in INTERFACES)
         cdsl = f"{imports}Component {name} {{ Communications {{ {ports} }}; language Python; {gui} }};"
-        (folder / f"{name}.cdsl").write_text(cdsl)
         text = body if "class SpecificWorker" in body else HEAD + body
-        (folder / "src" / "specificworker.py").write_text(text)
+        more = {f"src/{file.replace('_dot_', '.')}": dedent(content) for file, content in files.items()}
         if gui:
-            (folder / "src" / "mainUI.ui").write_text(FORM.format(more="", below=""))
-        for file, content in files.items():
-            (folder / "src" / file.replace("_dot_", ".")).write_text(dedent(content))
-        assert rcgen([str(folder / f"{name}.cdsl")]) == 0
-        return folder
+            more["src/mainUI.ui"] = FORM.format(more="", below="")
+        return made(tmp_path / name, Form(cdsl, text, more={**INTERFACES, **more}))
 
     return make
 
@@ -231,6 +224,25 @@ def test_handlers_run_in_the_main_thread_also_while_that_waits_for_who_calls_the
     assert "handling main" in program.printed
 
 
+def test_what_is_called_when_an_answer_comes_runs_in_the_main_thread(component: Callable[..., Path]) -> None:
+    body = """
+    def compute(self):
+        self.timer.stop()
+        self.back_proxy.askAsync("hello").add_done_callback(self.answered)
+
+    def answered(self, answer):
+        self.ui.label.setText(answer.result())
+        say(self.ui.label.text())
+        QApplication.quit()
+"""
+    view = component(body, ports="requires Back;")
+    answerer = ANSWERER.replace("self.echo_proxy.echo(text)", "text")
+    back = component(answerer, "back", ports="implements Back;", gui="")
+    with running(view, back) as program:
+        program.wait_for("hello! main")
+        assert program.ended() == 0
+
+
 NESTED = """
     def compute(self):
         self.timer.stop()
@@ -270,6 +282,37 @@ def test_two_windows_of_one_process_share_the_main_thread(component: Callable[..
     one, other = component(body, "one"), component(body, "other")
     with running(one, other) as program:
         program.wait_for("both main")
+        program.process.send_signal(signal.SIGTERM)
+        assert program.ended() == 128 + signal.SIGTERM
+
+
+@pytest.mark.parametrize("order", [("fine", "broken"), ("broken", "fine")])
+def test_a_window_that_cannot_be_made_ends_the_others_of_its_process_in_order(
+    component: Callable[..., Path], order: tuple[str, str]
+) -> None:
+    body = """
+    def compute(self):
+        pass
+
+    def __del__(self):
+        say("gone")
+"""
+    fine, broken = (
+        HEAD.replace("        self.Period = 20\n", f"        {instead}\n        self.Period = 20\n")
+        for instead in ('say("came")', "raise ValueError('no camera')")
+    )
+    folders = {"fine": component(fine + body, "fine"), "broken": component(broken, "broken")}
+    with running(*(folders[name] for name in order)) as program:
+        assert program.ended() == 1
+    told = "\n".join(program.printed)
+    assert "broken ERROR: the start of SpecificWorker raised ValueError" in told
+    assert told.count("gone main") == told.count("came main")  # it may not even come, if the other one begins
+
+
+def test_what_a_slot_raises_is_told_by_the_component_it_is_of(component: Callable[..., Path]) -> None:
+    failing = "\n    def compute(self):\n        self.timer.stop()\n        raise ValueError('bad')\n"
+    with running(component(BODY, "fine"), component(failing, "failing")) as program:
+        program.wait_for("failing ERROR: SpecificWorker.compute raised")
         program.process.send_signal(signal.SIGTERM)
         assert program.ended() == 128 + signal.SIGTERM
 
@@ -336,12 +379,19 @@ def test_a_form_may_have_widgets_of_the_component(component: Callable[..., Path]
         assert program.ended() == 0
 
 
-def test_a_broken_form_is_named(component: Callable[..., Path]) -> None:
+@pytest.mark.parametrize(
+    ("form", "told"),
+    [
+        ("<ui><widget></ui>", "mainUI.ui cannot be made into a window: "),
+        (FORM.format(more="", below="").replace("guiDlg", "Form"), "mainUI.ui: its <class> has to be guiDlg"),
+    ],
+)
+def test_a_broken_form_is_named(component: Callable[..., Path], form: str, told: str) -> None:
     folder = component(BODY)
-    (folder / "src" / "mainUI.ui").write_text("<ui><widget></ui>")
+    (folder / "src" / "mainUI.ui").write_text(form)
     with running(folder) as program:
         assert program.ended() == 1
-    assert "mainUI.ui cannot be made into a window: " in "\n".join(program.printed)
+    assert told in program.printed[0]
 
 
 def test_without_a_screen_it_says_so(component: Callable[..., Path]) -> None:
