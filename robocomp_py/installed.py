@@ -5,15 +5,32 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass, field
 from importlib.metadata import EntryPoint, entry_points
+from typing import Any
 
-_known: ContextVar[Mapping[str, EntryPoint] | None] = ContextVar("known", default=None)
+
+@dataclass
+class _Known:
+    entries: Mapping[str, EntryPoint]
+    loaded: dict[str, Any] = field(default_factory=dict)
+
+
+_known: ContextVar[_Known | None] = ContextVar("known", default=None)
 
 
 def transports() -> Mapping[str, EntryPoint]:
     """Every transport there is, by the name of its middleware; none is imported."""
     known = _known.get()
-    return _look_up() if known is None else known
+    return known.entries if known else _look_up()
+
+
+def transport(name: str) -> Any:
+    """What the entry of one of them names, imported. Raises ImportError."""
+    known = _known.get() or _Known(_look_up())
+    if name not in known.loaded:
+        known.loaded[name] = known.entries[name].load()
+    return known.loaded[name]
 
 
 @contextmanager
@@ -22,7 +39,7 @@ def asked_once() -> Iterator[None]:
 
     Otherwise all that is installed is looked through each time, and something new is found at once.
     """
-    token = _known.set(transports())
+    token = _known.set(_known.get() or _Known(_look_up()))
     try:
         yield
     finally:

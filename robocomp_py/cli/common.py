@@ -80,29 +80,64 @@ class _Ended(SystemExit):
     code: int
 
 
+_came: list[int] = []
+"""The signals that have come to the command that runs."""
+
+
+def signalled() -> int:
+    """The signal that ends, or should have ended, the command that runs; 0 if none has come.
+
+    What a signal raises may get lost: Python ignores exceptions in destructors, and in what it calls by itself while it
+    imports. So who is about to do something for long asks first.
+    """
+    return _came[0] if _came else 0
+
+
+def insist() -> None:
+    """Raise again what a signal has raised, if that got lost."""
+    match signalled():
+        case 0:
+            pass
+        case signal.SIGINT:
+            raise KeyboardInterrupt
+        case number:
+            raise _Ended(128 + number)
+
+
 @contextmanager
 def _unwinding() -> Iterator[None]:
-    """While entered, SIGTERM and SIGHUP end what runs as an exception does, so that it can clean up.
+    """While entered, SIGTERM and SIGHUP end what runs as an exception does, so that it can clean up, as Ctrl-C does.
 
     Who wants to ignore them (`nohup`), or does something about them already, is not disturbed. What cleans up is
     not ended by another one.
     """
     numbers = [each for each in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(each) is signal.SIG_DFL]
+    interrupting = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if threading.current_thread() is not threading.main_thread():
-        numbers = []  # only there signals can be taken care of
+        numbers, interrupting = [], False  # only there signals can be taken care of
 
     def end(number: int, frame: FrameType | None) -> NoReturn:
+        _came.append(number)
         for each in numbers:
             signal.signal(each, signal.SIG_IGN)
         raise _Ended(128 + number)
 
+    def interrupt(number: int, frame: FrameType | None) -> NoReturn:
+        _came.append(number)
+        raise KeyboardInterrupt
+
+    _came.clear()
     for each in numbers:
         signal.signal(each, end)
+    if interrupting:
+        signal.signal(signal.SIGINT, interrupt)
     try:
         yield
     finally:
         for each in numbers:
             signal.signal(each, signal.SIG_DFL)
+        if signal.getsignal(signal.SIGINT) is interrupt:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _is_somewhere() -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from .interface import Interface, Verb
@@ -30,12 +31,12 @@ class Port:
     proxy: type[Any] | None = field(default=None, compare=False, repr=False)
     """The generated class through which user code calls this port."""
 
-    @property
+    @cached_property
     def name(self) -> str:
         """The key of its settings: `laser1` for a proxy, `Laser1` for handlers."""
         return self.interface.short.lower() + self.number if self.verb.has_proxy else self.label
 
-    @property
+    @cached_property
     def label(self) -> str:
         """What people call it, and the handlers of what it receives begin with: `Laser1`."""
         return self.interface.short + self.number

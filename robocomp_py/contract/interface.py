@@ -112,7 +112,7 @@ class Interface:
     def module(self) -> str:
         return self.name.rpartition("::")[0]
 
-    @property
+    @cached_property
     def short(self) -> str:
         return self.name.rpartition("::")[2]
 

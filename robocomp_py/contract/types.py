@@ -50,9 +50,10 @@ FLOATS = frozenset({FLOAT32, FLOAT64})
 FLOAT32_MAX = float(np.finfo(np.float32).max)
 
 DTYPES: dict[Primitive, np.dtype[Any]] = {
-    kind: np.dtype(kind.value).newbyteorder("<") for kind in (BOOL, *sorted(INTEGERS), *sorted(FLOATS))
+    kind: np.dtype(np.dtype(kind.value).newbyteorder("<").str) for kind in (BOOL, *sorted(INTEGERS), *sorted(FLOATS))
 }
-"""The little-endian numpy dtype of each primitive whose sequences are arrays."""
+"""The little-endian numpy dtype of each primitive whose sequences are arrays: where that is the byte order of the host,
+the very object that numpy's own arrays have, so that `is` tells most of those that fit."""
 
 
 def integer_range(kind: Primitive) -> tuple[int, int]:

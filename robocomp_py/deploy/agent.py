@@ -13,6 +13,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import signal
 import sys
 import time
 from collections import deque
@@ -22,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import ConfigurationError, DeploymentError, TransportError
-from .agents import Listener
+from .agents import Abandoned, Listener
 from .hosts.lines import BEAT, SILENCE, VERSION, Lines, Message, packed, process_of, usage_told
 from .launcher.local import Launcher
 from .place import AlreadyRuns, Place
@@ -319,6 +320,9 @@ class Agent(Listener):
         self._kept[process.name] = _Kept(told)
         try:
             await self._launcher.start(process)
+        except Abandoned:
+            session.send(tell="started", name=process.name)
+            self.exited(process.name, -signal.SIGTERM)
         except DeploymentError as exc:
             self._kept.pop(process.name, None)
             session.send(tell="failed", name=process.name, why=str(exc))

@@ -11,7 +11,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
+from ..errors import DeploymentError
 from .process import Process
+
+
+class Abandoned(DeploymentError):
+    """A process was to end before its start had come to anything; there is none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +32,8 @@ class Usage:
     """How many operations its components answer, as they say it themselves."""
     worst_ms: float = 0.0
     """How long the slowest of those took, of the last interval."""
+    at: float = 0.0
+    """When processor time and memory were looked at, in seconds of its host's clock; 0 if they were not yet."""
 
 
 class Listener(Protocol):
@@ -67,13 +74,18 @@ class Agent(Protocol):
         """Get ready to start processes. Raises DeploymentError, also if this network runs there already."""
 
     async def start(self, process: Process) -> None:
-        """Raises DeploymentError if it cannot be started. May be called again once `exited` was told."""
+        """Raises DeploymentError if it cannot be started, and Abandoned if it is stopped meanwhile. May be called
+        again once `exited` was told.
+        """
 
     def stop(self, name: str) -> None:
-        """Ask it, and all that it started, to end (SIGTERM). Nothing happens if it does not run."""
+        """Ask it, and all that it started, to end (SIGTERM). Nothing happens if it does not run.
+
+        One that is just being started is not, or ends as soon as it is there; another host hears of it after the start.
+        """
 
     def kill(self, name: str) -> None:
-        """End it, and all that it started, now (SIGKILL). Nothing happens if it does not run."""
+        """End it, and all that it started, now (SIGKILL); else as `stop`."""
 
     def usage(self) -> Mapping[str, Usage]:
         """Of those that run, by name; as of a moment ago, and at no cost."""

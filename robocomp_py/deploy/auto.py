@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from itertools import chain
 
 from ..contract.component import Port
@@ -25,7 +25,7 @@ from ..runtime.effective import toml
 from ..transports.base import TransportConfig, find_transport
 from ..wire import names
 from .qos import lacking, unsupported_over
-from .routes import Aim, Configured, Fault, met, unfit
+from .routes import Aim, Configured, Everybody, Fault, met, unfit
 
 INPROC, SHM = "inproc", "shm"
 
@@ -60,6 +60,15 @@ class Choice:
     notes: tuple[str, ...] = ()
     """Which better ways could not be taken, and why: a line each."""
 
+    @cached_property
+    def carriers(self) -> Mapping[str, frozenset[str]]:
+        """What carries the messages of each instance that has any ways."""
+        found: dict[str, set[str]] = {}
+        for way in self.ways:
+            for end in (way.client, way.provider):
+                found.setdefault(end, set()).add(way.middleware)
+        return {name: frozenset(middlewares) for name, middlewares in found.items()}
+
 
 def installed_here(middleware: str) -> str:
     """Whether a middleware can be used, as far as can be told without opening it."""
@@ -83,9 +92,8 @@ def usable(middleware: str) -> str:
 def choose(configured: Sequence[Configured], usable: Usable = installed_here) -> Choice:
     """The best ways between instances. What is wrong with their wiring is not our business: see `check_routes`."""
     chooser = _Chooser(usable)
-    for client in configured:
-        for link in _links(client, configured):
-            chooser.link(link)
+    for link in _links(configured):
+        chooser.link(link)
     settings = {each.name: tuple(chooser.settings(each)) for each in configured if not each.is_program}
     ways = tuple(each.way for each in chooser.links)
     return Choice(ways, {name: assignments for name, assignments in settings.items() if assignments}, chooser.notes())
@@ -93,19 +101,21 @@ def choose(configured: Sequence[Configured], usable: Usable = installed_here) ->
 
 def unsupported_by_others(configured: Sequence[Configured]) -> Iterator[Fault]:
     """A fault for each port whose QoS is not offered by the middleware that the other end names for both."""
-    for link in (link for client in configured for link in _links(client, configured)):
+    for link in _links(configured):
         middleware, origin = link.named()
         for end, port in ((link.client, link.port), (link.server, link.theirs)):
             if not end.named(port, link.operation):
                 yield from unsupported_over(middleware, origin, end, port, link.operation, link.pattern)
 
 
-def _links(client: Configured, configured: Sequence[Configured]) -> Iterator[_Link]:
-    """What an instance uses of others."""
-    for port, operation, pattern in client.patterns(providing=False):
-        for aim, server, theirs in met(client, port, operation, configured):
-            if not (client.is_program and server.is_program):  # what those do is theirs to know
-                yield _Link(client, port, aim, operation, pattern, server, theirs)
+def _links(configured: Sequence[Configured]) -> Iterator[_Link]:
+    """What instances use of others."""
+    everybody = Everybody(configured)
+    for client in configured:
+        for port, operation, pattern in client.patterns(providing=False):
+            for aim, server, theirs in met(client, port, operation, everybody):
+                if not (client.is_program and server.is_program):  # what those do is theirs to know
+                    yield _Link(client, port, aim, operation, pattern, server, theirs)
 
 
 @dataclass(frozen=True)
@@ -160,17 +170,28 @@ class _Chosen:
     way: Way
 
 
+_End = tuple[str, Verb, str, str]
+
+
+def _end(instance: Configured, port: Port, operation: str) -> _End:
+    return instance.name, port.verb, port.label, operation
+
+
 class _Chooser:
     def __init__(self, usable: Usable) -> None:
         self._usable = usable
         self.links: list[_Chosen] = []
+        self._by_end: dict[_End, list[_Chosen]] = {}
         self._instead: Counter[tuple[str, str, str]] = Counter()
         """How many links go by something else than the middleware that is named first, and why."""
 
     def link(self, link: _Link) -> None:
         middleware, why = self._best(link)
         names = link.client.name, link.port.label, link.server.name, link.port.verb, link.port.interface.short
-        self.links.append(_Chosen(link, Way(*names, link.operation, middleware, why, link.channel)))
+        chosen = _Chosen(link, Way(*names, link.operation, middleware, why, link.channel))
+        self.links.append(chosen)
+        for end in (_end(link.client, link.port, link.operation), _end(link.server, link.theirs, link.operation)):
+            self._by_end.setdefault(end, []).append(chosen)
 
     def _best(self, link: _Link) -> tuple[str, str]:
         middleware, origin = link.named()
@@ -231,11 +252,7 @@ class _Chooser:
         if server.named(port, operation):
             return ()
         always, *own = server.settings.middlewares(port, operation, server.generated_for)
-        used = {
-            each.way.middleware
-            for each in self.links
-            if each.link.server is server and each.link.theirs is port and each.link.operation == operation
-        }
+        used = {each.way.middleware for each in self._by_end.get(_end(server, port, operation), ())}
         if used <= {always, *own, ""}:
             return ()
         also = sorted({*own, *used} - {always, ""}, key=lambda name: (name != INPROC, name != SHM, name))
@@ -261,14 +278,7 @@ class _Chooser:
         self, client: Configured, port: Port, operation: str, aim: Aim, carrier: str
     ) -> Iterator[tuple[str, str]]:
         """One aim of a client as `from` and middleware; several if its providers are reached in several ways."""
-        links = [
-            each
-            for each in self.links
-            if each.link.client is client
-            and each.link.port is port
-            and each.link.operation == operation
-            and each.link.aim == aim
-        ]
+        links = [each for each in self._by_end.get(_end(client, port, operation), ()) if each.link.aim == aim]
         used = {each.way.middleware for each in links}
         if aim.middleware or not used:
             yield aim.source, carrier

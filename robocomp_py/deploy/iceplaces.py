@@ -23,6 +23,7 @@ from ..runtime.document import OfIceKind
 from ..runtime.effective import toml
 from ..transports import iceoptions
 from ..transports.iceoptions import IceOptions
+from ..wire import names
 from .auto import Way
 from .routes import Configured, Fault
 
@@ -141,12 +142,12 @@ class _Finder:
 
     def _served(self, each: Configured) -> list[str]:
         """The interfaces that it is called by over Ice."""
-        used = {way.channel.split("/")[-2] for way in self._calls if way.provider == each.name}
+        used = {names.segment(way.channel) for way in self._calls if way.provider == each.name}
         segments = []
         for port in each.component.ports:
-            names = [operation.name for operation, _ in port.interface.under(port.verb)]
+            operations = [operation.name for operation, _ in port.interface.under(port.verb)]
             if port.verb is Verb.IMPLEMENTS and (segment := each.component.segment(port)):
-                over = (each.settings.middlewares(port, name, each.generated_for) for name in names)
+                over = (each.settings.middlewares(port, name, each.generated_for) for name in operations)
                 if segment in used or any(ICE in every for every in over):
                     segments.append(segment)
         return segments
@@ -299,7 +300,7 @@ class _Finder:
 
 
 def _object(way: Way) -> _Object:
-    return _Object(way.provider, way.channel.split("/")[-2])
+    return _Object(way.provider, names.segment(way.channel))
 
 
 def _key(channel: str) -> str:

@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable
 
 from ..errors import DeploymentError
-from .agents import Agent, Listener
+from .agents import Abandoned, Agent, Listener
 from .process import Process
 
 CANNOT_BE_STARTED = 127
@@ -25,8 +25,6 @@ class Lane:
         self.agent, self._listener = agent, listener
         self._starts: deque[Process] = deque()
         self._news = asyncio.Event()
-        self._starting = ""
-        self._afterwards: list[Callable[[str], None]] = []
 
     def start(self, process: Process) -> None:
         self._starts.append(process)
@@ -51,25 +49,18 @@ class Lane:
                 await self._start(self._starts.popleft())
 
     async def _start(self, process: Process) -> None:
-        self._starting = process.name
         try:
             await self.agent.start(process)
+        except Abandoned:
+            self._listener.exited(process.name, -signal.SIGTERM)
         except DeploymentError as exc:
             self._listener.output(process.name, str(exc))
             self._listener.exited(process.name, CANNOT_BE_STARTED)
-        else:
-            for deed in self._afterwards:
-                deed(process.name)
-        finally:
-            self._starting = ""
-            self._afterwards.clear()
 
     def _end(self, name: str, deed: Callable[[str], None]) -> None:
         waiting = next((each for each in self._starts if each.name == name), None)
         if waiting:
             self._starts.remove(waiting)
             self._listener.exited(name, -signal.SIGTERM)
-        elif name == self._starting:
-            self._afterwards.append(deed)
         else:
             deed(name)

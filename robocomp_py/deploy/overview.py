@@ -16,7 +16,7 @@ _GAP = "  "
 
 def overview(plan: Plan) -> list[Line]:
     """What would run."""
-    return [_title(plan), *map(_host, plan.hosts), [], *_columns(_rows(plan))]
+    return [_title(plan), *map(_host, plan.hosts), *map(_storm, plan.storms), [], *_columns(_rows(plan))]
 
 
 def difference(changes: Sequence[Change]) -> list[Line]:
@@ -54,6 +54,10 @@ def _host(host: Host) -> Line:
     where = f", in {host.workdir}" if host.workdir else ""
     keep = ", goes on when the controller is lost" if host.keep else ""
     return [(f"host {host.name}", "bold"), (f": {user}{host.address}{port}, {host.python}{where}{keep}", "")]
+
+
+def _storm(proxy: str) -> Line:
+    return [("IceStorm", "bold"), (f": {proxy}, run with the network if that is here and none answers there", "")]
 
 
 def _rows(plan: Plan) -> list[list[list[Span]]]:

@@ -36,6 +36,7 @@ from .process import Member, Process
 from .qos import unsupported
 from .routes import (
     Configured,
+    Everybody,
     Fault,
     check_routes,
     generated_for,
@@ -47,7 +48,7 @@ from .routes import (
 )
 from .uses import Node, node_of, read_qos, wire
 from .waiting import Requirement, endless
-from .wiring import ZENOH, ZEROMQ, Network, Site, Wiring, first_free_port
+from .wiring import ZENOH, ZEROMQ, Network, Site, Wiring, first_free_port, with_crowds
 from .wiring import wire as wire_hosts
 
 Addresses = Callable[[Mapping[str, str]], Mapping[str, str]]
@@ -88,6 +89,7 @@ class _Planner:
         self._report: Report = workspace.report
         self._folder = model.source.path.parent
         self._instances = [instance.name.text for instance in model.instances]
+        self._environ = dict(os.environ)  # which is slow to read again for each instance
         self._together, self._dependences = processes_of(model), process_dependences(model)
         self._links: list[Link] = []
         self._configured: list[Configured] = []
@@ -114,6 +116,7 @@ class _Planner:
         if addresses := self._host_addresses(ordered):
             self._find_over_ice(ordered, addresses)
             self._wire_hosts(ordered, addresses)
+        self._wiring = with_crowds(self._wiring, self._choice.ways)
         self._check_security(nodes)
         processes = [self._process(name, together) for name, together in ordered.items()]
         named = self._overrides.middleware or (self._model.middleware.text if self._model.middleware else "")
@@ -181,7 +184,7 @@ class _Planner:
 
     def _program(self, word: str, instance: Instance) -> Path | None:
         env = {each.name.text: each.value.text for each in instance.env}
-        return placing.find_program(word, self._folder, {**os.environ, **env})
+        return placing.find_program(word, self._folder, {**self._environ, **env})
 
     def _check_middleware(self, name: Name | None, users: Iterable[Instance], *, override: bool = False) -> None:
         """Whether a middleware can carry what those send for whom the network names it."""
@@ -401,7 +404,7 @@ class _Planner:
         """Everything that is set for an instance; raises ConfigurationError."""
         component = node.component
         document = settings.read_for(config, component) if config else Document(params=component.params)
-        settings.environment(document, component, {**os.environ, **self._variables(node)})
+        settings.environment(document, component, {**self._environ, **self._variables(node)})
         for assignment, origin in self._assignments(node):
             settings.override(document, assignment, origin)
         settings.settle(document, component, generated_for(node.linked.path.parent))
@@ -410,8 +413,7 @@ class _Planner:
     def _transports(self) -> Iterator[OpenedTransport]:
         found: list[OpenedTransport] = []
         for each in self._configured:
-            chosen = {way.middleware for way in self._choice.ways if each.name in (way.client, way.provider)}
-            for name in sorted((each.middlewares() | chosen) - {""}):
+            for name in sorted((each.middlewares() | self._choice.carriers.get(each.name, frozenset())) - {""}):
                 opened = OpenedTransport(name, each.settings.transports.get(name, {}))
                 if opened not in found:
                     found.append(opened)
@@ -419,12 +421,12 @@ class _Planner:
 
     def _outside(self) -> Iterator[str]:
         """What is found outside of the network, in words."""
-        known = [*self._configured, *self._programs]
+        everybody = Everybody([*self._configured, *self._programs])
         for each in self._configured:
             for port, name in each.operations(providing=False):
                 for aim in each.aims(port, name):
                     proxy = each.outside(port, name, aim)
-                    if proxy and not any(offers for _, offers in providers(each, port, aim, known)):
+                    if proxy and not any(offers for _, offers in providers(each, port, aim, everybody)):
                         yield f"`{each.name}` finds `{port.label}` over ice outside of the network: {proxy}"
 
     def _check_routes(self, nodes: Sequence[Node]) -> None:
@@ -505,7 +507,7 @@ class _Planner:
         """Whether nothing is reached in ways that the network does not allow."""
         allowed = placing.security(self._model)
         ways, wired = self._choice.ways, self._wiring
-        openings = list(security.openings_of(self._configured, ways, wired.settings))
+        openings = list(security.openings_of(self._configured, self._choice.carriers, wired.settings))
         hosts = {node.name: node.host for node in nodes}
         for way in ways:
             between = {hosts[way.client], hosts[way.provider]} if way.middleware == ZENOH else set()
@@ -529,10 +531,11 @@ class _Planner:
 
     def _requirements(self) -> Iterator[Requirement]:
         """For whom each instance waits, where it is one that it waits for."""
+        everybody = Everybody(self._configured)
         for client in self._configured:
             for port, operation in client.operations(providing=False):
                 own, *_ = client.aims(port, operation)
-                servers = [server.name for server, offers in providers(client, port, own, self._configured) if offers]
+                servers = [server.name for server, offers in providers(client, port, own, everybody) if offers]
                 if port.verb is Verb.REQUIRES and len(servers) == 1:
                     yield Requirement(client.name, port.interface.short, servers[0])
 

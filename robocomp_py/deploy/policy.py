@@ -16,6 +16,7 @@ Several instances may run in one process, which goes on when one of them ends we
 from __future__ import annotations
 
 import signal
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -217,10 +218,11 @@ class State(StrEnum):
     @property
     def gone(self) -> bool:
         """Whether no process is there."""
-        return self not in _RUNNING and self is not State.STOPPING
+        return self not in _THERE
 
 
 _RUNNING = frozenset({State.STARTING, State.READY, State.HUNG})
+_THERE = _RUNNING | {State.STOPPING}
 _ON_ITS_WAY = frozenset({State.WAITING, State.STARTING, State.RESTARTING, State.LOST})
 
 FAILED = 1
@@ -289,6 +291,9 @@ class Supervisor:
         escalations: Mapping[tuple[str, ...], Escalation] | None = None,
     ) -> None:
         self.progress = {child.name: Progress(child, number) for number, child in enumerate(children)}
+        self._states = {name: each.state for name, each in self.progress.items()}
+        self._count = Counter(self._states.values())
+        """How many are in each state: with many, most events need no look at all of them."""
         self.up = False
         """Whether everything has been ready, or has done its work."""
         self.stopping = False
@@ -310,13 +315,16 @@ class Supervisor:
 
     @property
     def states(self) -> dict[str, State]:
-        return {name: each.state for name, each in self.progress.items()}
+        """How all are just now, in the order of the network."""
+        return self._states.copy()
 
     @property
     def wake(self) -> float | None:
         """When something is to be done if nothing happens before: `Tick` then."""
-        times = [each.deadline for each in self.progress.values() if each.state is State.STOPPING]
-        if not self.stopping:
+        times: list[float] = []
+        if self._count[State.STOPPING]:
+            times += [each.deadline for each in self.progress.values() if each.state is State.STOPPING]
+        if self._count[State.RESTARTING] and not self.stopping:
             times += [each.not_before for each in self.progress.values() if each.state is State.RESTARTING]
         return min(times, default=None)
 
@@ -359,7 +367,7 @@ class Supervisor:
             case Tick():
                 pass
         if not self.up and not self.stopping:
-            self.up = all(each.state in (State.READY, State.ENDED) for each in self.progress.values())
+            self.up = self._count[State.READY] + self._count[State.ENDED] == len(self.progress)
         return [*self._notices, *self._next()]
 
     # What happened.
@@ -562,7 +570,7 @@ class Supervisor:
         for each in reversed(self.progress.values()):
             if each.leaving or each.state is State.STOPPING:
                 actions += self._stop_if_free(each)
-        if not self.stopping:
+        if not self.stopping and (self._count[State.WAITING] or self._count[State.RESTARTING]):
             for each in self.progress.values():
                 if each.state is State.WAITING or each.state is State.RESTARTING:
                     actions += self._start_if_free(each)
@@ -574,7 +582,9 @@ class Supervisor:
         return actions
 
     def _is_at_end(self) -> bool:
-        return all(each.state.gone and (self.stopping or not self._is_coming(each)) for each in self.progress.values())
+        if any(self._count[state] for state in _THERE):
+            return False
+        return self.stopping or not any(map(self._is_coming, self.progress.values()))
 
     def _is_coming(self, each: Progress) -> bool:
         """Whether somebody who does not run will, without anything else that does."""
@@ -625,7 +635,10 @@ class Supervisor:
             self._notices.append(Along(tuple(each.child.name for each in those), sake, again))
 
     def _to(self, each: Progress, state: State) -> None:
-        each.state, each.since = state, self._now
+        self._count[each.state] -= 1
+        self._count[state] += 1
+        self._states[each.child.name] = each.state = state
+        each.since = self._now
 
     def _wait(self, each: Progress) -> None:
         """Until it may be started, for the first time or again."""

@@ -7,7 +7,7 @@ line, and so may the instance a port uses. What counts is what comes out of all 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -208,19 +208,36 @@ def unshared(middleware: str, instance: str) -> Fault:
     return Fault("unfit-middleware", message, "put it and those it talks to into one: process NAME;", instance)
 
 
+class Everybody:
+    """The instances of a network, by how channels are called."""
+
+    def __init__(self, configured: Iterable[Configured]) -> None:
+        self._called: dict[tuple[str, str], list[Configured]] = {}
+        for each in configured:
+            for name in (each.instance, names.ANY):
+                self._called.setdefault((each.settings.namespace, name), []).append(each)
+
+    def called(self, namespace: str, instance: str) -> Sequence[Configured]:
+        """Those of that name, or all in a namespace."""
+        return self._called.get((namespace, instance), ())
+
+
 def check_routes(configured: Sequence[Configured], instances: Collection[str], told: Collection[str]) -> list[Fault]:
     """What is wrong between instances. `instances` names all of the network, also those not configured by us, as they
-    are called in channels, with their namespaces;
-
-    `told` are the middlewares whose unfitness has been told already.
+    are called in channels, with their namespaces; `told` are the middlewares whose unfitness has been told already.
     """
     found = [fault for each in configured for fault in _unfit_choices(each, told)]
+    everybody = Everybody(configured)
+    beside: dict[str, set[str]] = {}
+    for channels in instances:
+        namespace, _, name = channels.rpartition("/")
+        beside.setdefault(namespace, set()).add(name)
     for client in configured:
         for port, operation in client.operations(providing=False):
             for aim in client.aims(port, operation):
                 if not client.outside(port, operation, aim):
-                    found += _check_aim(client, port, aim, configured, instances)
-            for aim, server, theirs in met(client, port, operation, configured):
+                    found += _check_aim(client, port, aim, everybody, beside)
+            for aim, server, theirs in met(client, port, operation, everybody):
                 found += _check_ends(client, port, aim, server, theirs, operation)
     return worth_telling(found)
 
@@ -234,25 +251,21 @@ def worth_telling(faults: Iterable[Fault]) -> list[Fault]:
 
 
 def providers(
-    client: Configured, port: Port, aim: Aim, configured: Sequence[Configured]
+    client: Configured, port: Port, aim: Aim, everybody: Everybody
 ) -> Iterator[tuple[Configured, list[Port]]]:
     """The instances whose channels a port looks for, with their ports that offer what it uses."""
     namespace, instance, segment = client.source(port, aim)
-    for server in configured:
-        if server.instance != instance != names.ANY or server.settings.namespace != namespace:
-            continue
+    for server in everybody.called(namespace, instance):
         if server is client and instance == names.ANY:
             continue  # any instance is any other one
         yield server, server.offers(port, None if instance == names.ANY else segment)
 
 
-def met(
-    client: Configured, port: Port, operation: str, configured: Sequence[Configured]
-) -> list[tuple[Aim, Configured, Port]]:
+def met(client: Configured, port: Port, operation: str, everybody: Everybody) -> list[tuple[Aim, Configured, Port]]:
     """Each provider that a port uses, once: by the first aim that suits it, or else by the first that means it."""
     found: dict[tuple[str, str], list[tuple[Aim, Configured, Port]]] = {}
     for aim in client.aims(port, operation):
-        for server, offers in providers(client, port, aim, configured):
+        for server, offers in providers(client, port, aim, everybody):
             for theirs in offers:
                 found.setdefault((server.name, theirs.name), []).append((aim, server, theirs))
     return [next((way for way in ways if _suits(*way, operation)), ways[0]) for ways in found.values()]
@@ -283,20 +296,19 @@ def _is_unfit(each: Configured, middleware: str) -> bool:
 
 
 def _check_aim(
-    client: Configured, port: Port, aim: Aim, configured: Sequence[Configured], instances: Collection[str]
+    client: Configured, port: Port, aim: Aim, everybody: Everybody, beside: Mapping[str, Collection[str]]
 ) -> Iterator[Fault]:
-    """Whether whom it names is there, and offers what is used."""
+    """Whether whom it names is there, and offers what is used. `beside` has who is in each namespace."""
     namespace, instance, segment = client.source(port, aim)
-    beside = {name for name in instances if name.rpartition("/")[0] == namespace}
-    if not beside and namespace != client.settings.namespace:
+    if namespace not in beside and namespace != client.settings.namespace:
         return  # another network's, of which nothing is known here
-    if instance != names.ANY and "/".join(filter(None, (namespace, instance))) not in beside:
+    if instance != names.ANY and instance not in beside.get(namespace, ()):
         origin = client.document.place(("ports", port.name, aim.said))
-        there = [name.rpartition("/")[2] for name in beside or instances]
+        there = beside.get(namespace) or set().union(*beside.values())
         message = f"`{client.name}` ({origin}): {unknown('instance', instance, there)}"
         yield Fault("unknown-instance", message, "", client.name)
         return
-    for server, offers in providers(client, port, aim, configured):
+    for server, offers in providers(client, port, aim, everybody):
         if instance != names.ANY and not offers:
             what = "implement" if port.verb is Verb.REQUIRES else "publish"
             origin = client.document.place(("ports", port.name, aim.said))

@@ -79,6 +79,8 @@ class Options:
     """The instance whose end is the end of the network."""
     grace: float = GRACE
     remind: float = REMIND
+    signalled: Callable[[], int] = lambda: 0
+    """The signal that came before the network listens to any itself, if nothing has come of it; 0 if there was none."""
 
 
 Service = Callable[[Network], AbstractAsyncContextManager[object]]
@@ -149,6 +151,8 @@ class _Run(Listener, Network):
             signals.append(signal.SIGHUP)
         for number in signals:
             loop.add_signal_handler(number, self._interrupted, number)
+        if missed := self._options.signalled():
+            self._interrupted(missed)
         try:
             return await self._with_agents(services)
         finally:
@@ -365,9 +369,8 @@ class _Run(Listener, Network):
     # How it is.
 
     def _measure(self) -> None:
-        now = self._clock()
         for lane in self._lanes.values():
-            self._meter.read(now, lane.agent.usage())
+            self._meter.read(lane.agent.usage())
         self._later("measure", MEASURE, self._measure)
 
     def snapshot(self) -> Snapshot:

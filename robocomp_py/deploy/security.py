@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import ipaddress
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -50,16 +50,17 @@ class Opening:
 
 
 def openings_of(
-    configured: Sequence[Configured], ways: Sequence[Way], wiring: Mapping[str, Sequence[str]]
+    configured: Sequence[Configured], carriers: Mapping[str, Set[str]], wiring: Mapping[str, Sequence[str]]
 ) -> Iterator[Opening]:
-    """What instances will open; `wiring` has further settings of each, `key=value`."""
+    """What instances will open; `carriers` has what carries the messages of each, `wiring` further settings of each,
+    `key=value`.
+    """
     for each in configured:
         document = Document()
         for assignment in wiring.get(each.name, ()):
             settings.override(document, assignment)
         further = document.data.get("transports", {})
-        chosen = {way.middleware for way in ways if each.name in (way.client, way.provider)}
-        for middleware in sorted((each.middlewares() | chosen) - {""}):
+        for middleware in sorted((each.middlewares() | carriers.get(each.name, frozenset())) - {""}):
             given = dict(each.settings.transports.get(middleware, {}))
             yield Opening(each.name, middleware, given | further.get(middleware, {}))
 
@@ -86,10 +87,22 @@ def _unprotected(openings: Sequence[Opening], ways: Sequence[Way]) -> Iterator[F
     for middleware, why in _UNPROTECTED.items():
         users = [end for way in ways if way.middleware == middleware for end in (way.client, way.provider)]
         told = [opening.instance for opening in openings if opening.middleware == middleware]
-        for instance in dict.fromkeys((*users, *told)):
-            message = f"`{instance}` uses `{middleware}`, which `security lan` does not allow: {why}"
+        if instances := list(dict.fromkeys((*users, *told))):
+            use = f"{_listed(instances)} {'uses' if len(instances) == 1 else 'use'} `{middleware}`"
+            message = f"{use}, which `security lan` does not allow: {why}"
             hint = f"use {ZEROMQ} or {ZENOH}, or `security open;` on a network that you trust"
-            yield Fault("insecure", message, hint, instance)
+            yield Fault("insecure", message, hint, instances[0])
+
+
+_LISTED = 5
+"""More instances than these are counted."""
+
+
+def _listed(instances: Sequence[str]) -> str:
+    said = [f"`{each}`" for each in instances[:_LISTED]]
+    if len(instances) > _LISTED:
+        said.append(f"{len(instances) - _LISTED} more")
+    return " and ".join(filter(None, (", ".join(said[:-1]), said[-1])))
 
 
 _BEYOND = "other machines reach it, and it would know nobody"

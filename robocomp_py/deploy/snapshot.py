@@ -95,19 +95,20 @@ class Meter:
     """How much of the processor each process uses, from how much it has used altogether."""
 
     def __init__(self) -> None:
-        self._read: dict[str, tuple[int, float, float]] = {}
-        """The process id, when it was read, and the seconds it had used by then."""
+        self._read: dict[str, Usage] = {}
         self._cores: dict[str, float] = {}
 
-    def read(self, now: float, usage: Mapping[str, Usage]) -> None:
+    def read(self, usage: Mapping[str, Usage]) -> None:
+        """Agents look at processes less often than they are asked."""
         for name, used in usage.items():
-            pid, then, before = self._read.get(name, (0, now, 0.0))
-            if pid != used.pid:
+            before = self._read.get(name)
+            if before is None or before.pid != used.pid:
                 self._cores.pop(name, None)
-            elif now > then:
-                self._cores[name] = max(0.0, used.cpu_s - before) / (now - then)
-            self._read[name] = used.pid, now, used.cpu_s
+            elif used.at > before.at > 0:
+                self._cores[name] = max(0.0, used.cpu_s - before.cpu_s) / (used.at - before.at)
+            self._read[name] = used
 
     def cores(self, name: str, pid: int) -> float | None:
         """None if it has not been looked at twice since it was started."""
-        return self._cores.get(name) if self._read.get(name, (0,))[0] == pid else None
+        before = self._read.get(name)
+        return self._cores.get(name) if before and before.pid == pid else None

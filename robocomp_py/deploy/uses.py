@@ -62,8 +62,13 @@ def wire(
 
     `is_outside` tells whether a port that nobody in the network offers anything to finds it elsewhere.
     """
+    named = {node.name: node for node in nodes}
+    offers: dict[tuple[Verb, str], list[_Offer]] = {}
+    for node in nodes:
+        for port in node.component.ports:
+            offers.setdefault(_offers(port), []).append((node, port))
     complete = len(nodes) == len(model.instances)
-    return [link for node in nodes for link in _Wirer(node, nodes, complete, report, is_outside).links()]
+    return [link for node in nodes for link in _Wirer(node, named, offers, complete, report, is_outside).links()]
 
 
 _Offer = tuple[Node, Port]
@@ -74,9 +79,12 @@ class _Wirer:
     """The uses of one instance."""
 
     node: Node
-    nodes: Sequence[Node]
+    named: Mapping[str, Node]
+    """All of them."""
+    offers: Mapping[tuple[Verb, str], Sequence[_Offer]]
+    """By what they do with which interface."""
     complete: bool
-    """Whether the nodes are all instances of the network."""
+    """Whether those are all instances of the network."""
     report: Report
     is_outside: Callable[[Node, Port], bool] | None
 
@@ -92,10 +100,9 @@ class _Wirer:
                 node.places[port.name] = wiring.instance
             else:
                 astray.add(Verb(wiring.verb.text))
-        there = {other.name for other in self.nodes}
         for port in node.component.ports:
             given = wirings.get(port.name)
-            lost = given.instance.text not in there if given else port.verb in astray
+            lost = given.instance.text not in self.named if given else port.verb in astray
             if not port.verb.provides and not lost:
                 yield from self._wire_port(port, given)
 
@@ -112,8 +119,8 @@ class _Wirer:
         node = self.node
         at = wiring.instance if wiring else node.instance.name
         if wiring:
-            named = next(other for other in self.nodes if other.name == wiring.instance.text)
-            offers = [(named, theirs) for theirs in _offered(named, port)]
+            named = self.named[wiring.instance.text]
+            offers = [(named, theirs) for theirs in named.component.ports if _offers(theirs) == _uses(port)]
             if not offers:
                 what = "implement" if port.verb is Verb.REQUIRES else "publish"
                 self._error("nobody-provides", f"`{wiring.instance}` does not {what} `{port.interface.short}`", at)
@@ -140,7 +147,7 @@ class _Wirer:
 
     def _nearest(self, port: Port) -> list[_Offer]:
         """Those that offer it, and are in the same system, or in the one around it, and so on."""
-        offers = [(other, theirs) for other in self.nodes if other is not self.node for theirs in _offered(other, port)]
+        offers = [offer for offer in self.offers.get(_uses(port), ()) if offer[0] is not self.node]
         for system in around(self.node.instance.system):
             if near := [each for each in offers if each[0].instance.system[: len(system)] == system]:
                 return near
@@ -189,10 +196,13 @@ class _Wirer:
         self.report.error(code, message, at.span, hint, *((text, name.span) for text, name in related))
 
 
-def _offered(node: Node, wanted: Port) -> list[Port]:
-    """The ports of an instance that offer what a port uses."""
-    verb = Verb.IMPLEMENTS if wanted.verb is Verb.REQUIRES else Verb.PUBLISHES
-    return [p for p in node.component.ports if p.verb is verb and p.interface.short == wanted.interface.short]
+def _offers(port: Port) -> tuple[Verb, str]:
+    return port.verb, port.interface.short
+
+
+def _uses(port: Port) -> tuple[Verb, str]:
+    """What a port offers that serves one that uses an interface."""
+    return Verb.IMPLEMENTS if port.verb is Verb.REQUIRES else Verb.PUBLISHES, port.interface.short
 
 
 def read_qos(node: Node, report: Report) -> None:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ..runtime.effective import toml
@@ -68,6 +68,19 @@ class Wiring:
 def wire(network: Network) -> Wiring:
     """The settings that let instances on several hosts meet, and what is wrong with that."""
     return _Wirer(network).wire()
+
+
+CROWD = 24
+"""More instances than these that meet over DDS are told so, for each of them talks to all others."""
+
+
+def with_crowds(wiring: Wiring, ways: Iterable[Way]) -> Wiring:
+    """The same, if so many meet over DDS, with settings that make that bearable."""
+    there = {end for way in ways if way.middleware == DDS for end in (way.client, way.provider)}
+    if len(there) <= CROWD:
+        return wiring
+    more = {name: (*wiring.settings.get(name, ()), "transports.dds.many=true") for name in sorted(there)}
+    return replace(wiring, settings={**wiring.settings, **more})
 
 
 class _Wirer:

@@ -24,8 +24,9 @@ from ..errors import (
     Timeout,
 )
 from ..transports.base import Reply, Status, answered
+from ..transports.sparing import Repeats
 from ..wire.codec import Codec, Decoder, Encoder, Payload
-from .trace import user_trace
+from .trace import times_more, user_trace, way_of
 
 log = logging.getLogger("robocomp.worker")
 
@@ -58,7 +59,7 @@ class Call(Generic[R]):
         name = f"{self.operation.interface}.{self.operation.name}".replace("::", ".")
         match reply.status:
             case Status.THROWN:
-                raise self._thrown(reply.payload)
+                raise self._thrown(name, reply.payload)
             case Status.FAILED:
                 kind, reason, trace = ("", "no reason given", "")
                 if reply.payload:  # a service that broke altogether leaves none
@@ -75,19 +76,17 @@ class Call(Generic[R]):
             case Status.OK:
                 raise AssertionError("not an error")
 
-    def _thrown(self, payload: Payload) -> DeclaredError | RemoteFailure:
+    def _thrown(self, name: str, payload: Payload) -> DeclaredError | RemoteFailure:
         (lineage,) = _decoder(self.codec, _THROWN)(payload)
         known = {each.name: each for declared in self.operation.raises for each in _family(declared)}
-        for name in lineage.split(LINEAGE):
-            if name in known:
-                kind = known[name]
+        for thrown_as in lineage.split(LINEAGE):
+            if thrown_as in known:
+                kind = known[thrown_as]
                 _, *fields = _decoder(self.codec, thrown(kind))(payload)
                 assert kind.python is not None
                 exception: DeclaredError = kind.python(*fields)
                 return exception
-        return RemoteFailure(
-            self.operation.name, lineage.split(LINEAGE)[0], "an exception this operation does not declare"
-        )
+        return RemoteFailure(name, lineage.split(LINEAGE)[0], "an exception this operation does not declare")
 
 
 class Answering:
@@ -98,6 +97,7 @@ class Answering:
         self._codec = codec
         self._outputs = len(operation.outputs)
         self._declared = tuple(each.python for each in operation.raises if each.python)
+        self._repeats = Repeats()
 
     # Compiled when they are first needed, or before.
 
@@ -141,13 +141,19 @@ class Answering:
             self.blame(exc)
 
     def blame(self, exc: BaseException) -> None:
-        """Tell the author of the method what it raised."""
+        """Tell the author of the method what it raised; what comes again and again, sparingly."""
+        untold = self._repeats.untold(way_of(exc))
+        if untold is None:
+            return
+        more = times_more(untold)
         if isinstance(exc, SystemExit):
-            log.error("%s called sys.exit(): a handler ends its component by self.stop()", self.method.__qualname__)
+            log.error(
+                "%s called sys.exit(): a handler ends its component by self.stop()%s", self.method.__qualname__, more
+            )
         elif isinstance(exc, ConfigurationError):
-            log.warning("%s refused: %s", self.method.__qualname__, exc)  # it is its caller who is wrong
+            log.warning("%s refused: %s%s", self.method.__qualname__, exc, more)  # it is its caller who is wrong
         else:
-            log.error("%s raised\n%s", self.method.__qualname__, user_trace(exc))
+            log.error("%s raised\n%s%s", self.method.__qualname__, user_trace(exc), more)
 
     def failed(self, exc: BaseException) -> Reply:
         values = (type(exc).__name__, str(exc), user_trace(exc))

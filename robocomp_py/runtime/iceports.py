@@ -110,26 +110,26 @@ class _Ports:
 
     def carried(self, port: Port) -> list[str]:
         """Its operations that go over Ice."""
-        names = [operation.name for operation, _ in port.interface.under(port.verb)]
+        operations = [operation.name for operation, _ in port.interface.under(port.verb)]
         if port not in self.component.ports:  # its `CommonBehavior`
-            return names if carrier(self._settings.middleware, self._generated_for) == ICE else []
-        return [name for name in names if ICE in self._settings.middlewares(port, name, self._generated_for)]
+            return operations if carrier(self._settings.middleware, self._generated_for) == ICE else []
+        return [name for name in operations if ICE in self._settings.middlewares(port, name, self._generated_for)]
 
     def elsewhere(self, port: Port) -> str:
         """What carries a port that does not go over Ice."""
-        names = (operation.name for operation, _ in port.interface.under(port.verb))
+        operations = (operation.name for operation, _ in port.interface.under(port.verb))
         if port not in self.component.ports:
             return carrier(self._settings.middleware, self._generated_for)
-        return next((self._settings.middlewares(port, name, self._generated_for)[0] for name in names), "")
+        return next((self._settings.middlewares(port, name, self._generated_for)[0] for name in operations), "")
 
     def without_source(self, port: Port) -> Iterator[Key]:
         """Where to say whom it uses, if that is not said: for the port, or else for those operations over Ice."""
         carried = self.carried(port)
-        names = [operation.name for operation, _ in port.interface.under(port.verb)]
+        operations = [operation.name for operation, _ in port.interface.under(port.verb)]
         said = self._settings.ports
         if said.get((port.name,), PortSettings()).source:
             return
-        if len(carried) == len(names):
+        if len(carried) == len(operations):
             yield "ports", port.name
             return
         for name in carried:

@@ -15,6 +15,8 @@ from ..errors import ComponentError
 from .trace import user_trace
 from .worker import Worker
 
+_IN_NO_NAME = re.compile(r"\W")
+
 
 def load_worker(folder: Path, *, afresh: bool = False, alone: bool = False) -> type[Worker[Any]]:
     """The SpecificWorker of a generated component, wherever its folder lies and whatever it is called.
@@ -54,7 +56,7 @@ def _is_taken(name: str, folder: Path) -> bool:
 
 def _import_package(folder: Path, afresh: bool) -> str:
     """Import a folder as a package, once unless `afresh`; its name."""
-    stem = re.sub(r"\W", "_", folder.name) or "component"
+    stem = _IN_NO_NAME.sub("_", folder.name) or "component"
     name, number = stem, 1
     while name in sys.modules or _is_taken(name, folder):
         if not afresh and getattr(sys.modules.get(name), "__path__", None) == [str(folder)]:

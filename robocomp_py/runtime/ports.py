@@ -197,7 +197,7 @@ def bind_handlers(
                 answering.compile()
             handling = _Handling(answering, monitor, port.concurrent, turn)
             if pattern is not Pattern.PUBLISH:  # who serves the first operation of an interface serves the others
-                channel = replace(channel, claims=route.middleware not in claimed)
+                channel = replace(channel, claims=route.middleware not in claimed, seldom=seldom)
                 claimed.add(route.middleware)
             if pattern is Pattern.QUERY:
                 link = route.transport.server(channel, handling.serve)

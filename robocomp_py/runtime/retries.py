@@ -2,9 +2,10 @@
 
     at most three times, within their deadline, and only while few do: of all calls, one in ten may be a further attempt
 
-Who asks again waits for a server first, so a component that is restarted is hardly missed. What is asked again is the
-same question: a server that got it before, and whose answer was lost, answers it again, and does not execute it again.
-Operations that are not idempotent are never asked twice.
+Who asks again waits for a server first, so a component that is restarted is hardly missed; one that refuses a call is
+about to leave, as a rule, and counts as gone. What is asked again is the same question: a server that got it before,
+and whose answer was lost, answers it again, and does not execute it again. Operations that are not idempotent are never
+asked twice.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from functools import partial
 
 from ..errors import Unreachable
-from ..transports.base import Caller, Question, Reply, Statistics, step_aside
+from ..transports.base import Caller, Question, Reply, Statistics, Status, step_aside
 from ..wire.codec import Payload
 
 ATTEMPTS = 3
@@ -76,10 +77,14 @@ class Retrying:
         self._budget.earn()
         question = self._question(payload)
         try:
+            first: _Failure
             try:
-                return question.ask(deadline)
+                first = question.ask(deadline)
+                if first.status is not Status.REFUSED:
+                    return first
             except Unreachable as exc:
-                return self._again(question.ask, exc, end)
+                first = exc
+            return self._again(question.ask, first, end)
         finally:
             question.close()
 
@@ -88,7 +93,7 @@ class Retrying:
         self._budget.earn()
         question, answer = self._question(payload), _Answer()
 
-        def ask_again(why: Unreachable) -> None:
+        def ask_again(why: _Failure) -> None:
             again = partial(self._again, partial(_called, question, answer), why, end)
             with self._lock:
                 if not self._closed.is_set():
@@ -96,12 +101,12 @@ class Retrying:
                     self._aside.submit(answer.settle, again).add_done_callback(lambda _: question.close())
                     return
             question.close()
-            answer.settle(lambda: _raise(why))  # without the lock: callbacks may close us
+            answer.settle(partial(_end, why))  # without the lock: callbacks may close us
 
         def over(first: Future[Reply]) -> None:
-            error = None if first.cancelled() else first.exception()
-            if isinstance(error, Unreachable) and not answer.cancelled():
-                ask_again(error)
+            failure = None if first.cancelled() else _failure_of(first)
+            if failure and not answer.cancelled():
+                ask_again(failure)
                 return
             question.close()
             if not first.cancelled():
@@ -132,8 +137,8 @@ class Retrying:
         question: Callable[[Payload], Question] | None = getattr(self._caller, "question", None)
         return question(payload) if question else _Anew(self._caller, payload)
 
-    def _again(self, ask: Callable[[float], Reply], why: Unreachable, end: float) -> Reply:
-        """Raises why it failed at last; who finds no server in time, why it failed at first."""
+    def _again(self, ask: Callable[[float], Reply], why: _Failure, end: float) -> Reply:
+        """Tells how it failed at last; who finds no server in time, how it failed at first."""
         pause = PAUSE
         for _ in range(ATTEMPTS - 1):
             if not self._budget.spend():
@@ -147,10 +152,30 @@ class Retrying:
             if left <= 0:
                 break
             try:
-                return ask(left)
+                why = ask(left)
+                if why.status is not Status.REFUSED:
+                    return why
             except Unreachable as exc:
                 why = exc
-        raise why
+        return _end(why)
+
+
+_Failure = Reply | Unreachable
+"""How a call ended that may be asked again."""
+
+
+def _failure_of(ended: Future[Reply]) -> _Failure | None:
+    error = ended.exception()
+    if error:
+        return error if isinstance(error, Unreachable) else None
+    reply = ended.result()
+    return reply if reply.status is Status.REFUSED else None
+
+
+def _end(failure: _Failure) -> Reply:
+    if isinstance(failure, Reply):
+        return failure
+    raise failure
 
 
 class _Answer(Future[Reply]):
@@ -201,7 +226,3 @@ def _called(question: Question, answer: _Answer, deadline: float) -> Reply:
     attempt = question.call(deadline)
     answer.follow(attempt)
     return attempt.result()
-
-
-def _raise(error: Exception) -> Reply:
-    raise error

@@ -93,7 +93,7 @@ class Running:
         self._changing = threading.Lock()
         self.monitor = Monitor(f"worker-{settings.instance}")
         self._watching = Watching(settings.instance, self._happened)
-        self._transports = _Transports(settings, find)
+        self._transports = _Transports(settings, find, lambda: not self.is_over)
         self._links: list[Link] = []
         self._failed = False
         self._excuse = ""
@@ -108,7 +108,8 @@ class Running:
             self._connect()
             self._live()
         except (RobocompError, OSError) as exc:
-            self._fail(str(exc))
+            if not (self.is_over and isinstance(exc, Closed)):  # else it waited for its middleware when it was stopped
+                self._fail(str(exc))
         finally:
             self._tell("STOPPING=1")
             self.monitor.turn_away()
@@ -396,8 +397,8 @@ class Running:
 class _Transports:
     """The transports a component uses, each opened when first used, all closed together."""
 
-    def __init__(self, settings: Settings, find: Callable[[str], TransportFactory]) -> None:
-        self._settings, self._find = settings, find
+    def __init__(self, settings: Settings, find: Callable[[str], TransportFactory], wanted: Callable[[], bool]) -> None:
+        self._settings, self._find, self._wanted = settings, find, wanted
         self._open: dict[str, Transport] = {}
         self._gathering: contextlib.ExitStack | None = None
 
@@ -414,7 +415,8 @@ class _Transports:
         if name not in self._open:
             options: Mapping[str, Any] = self._settings.transports.get(name, {})
             try:
-                self._open[name] = self._find(name)(TransportConfig(options, self._settings.instance))
+                config = TransportConfig(options, self._settings.instance, self._wanted)
+                self._open[name] = self._find(name)(config)
             except ConfigurationError as exc:
                 raise ConfigurationError(f"transports.{name}: {exc}") from exc
             if self._gathering:

@@ -86,8 +86,13 @@ class PortSettings:
 
     def under(self, above: PortSettings) -> PortSettings:
         """These settings, completed by those of the level above."""
-        given = {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) is not None}
-        return replace(above, **given)
+        return PortSettings(
+            above.middleware if self.middleware is None else self.middleware,
+            above.source if self.source is None else self.source,
+            above.deadline if self.deadline is None else self.deadline,
+            above.qos if self.qos is None else self.qos,
+            above.also if self.also is None else self.also,
+        )
 
 
 @dataclass(frozen=True)
@@ -228,14 +233,13 @@ def environment(document: Document, component: Component, variables: Mapping[str
 
     The parts of a key are separated by `__`, all in any case: `ROBOCOMP__PARAMS__MOTORS__0__MAX_SPEED=1.5`.
     """
-    for name in sorted(variables, key=_by_number):
-        if name.upper().startswith(PREFIX):
-            origin = f"environment variable {name}"
-            try:
-                key = _spelled(component, name[len(PREFIX) :].split("__"))
-            except ValueError as exc:
-                raise ConfigurationError(f"{origin}: {exc}") from exc
-            _set(document, key, variables[name].strip(), origin)
+    for name in sorted((each for each in variables if each.upper().startswith(PREFIX)), key=_by_number):
+        origin = f"environment variable {name}"
+        try:
+            key = _spelled(component, name[len(PREFIX) :].split("__"))
+        except ValueError as exc:
+            raise ConfigurationError(f"{origin}: {exc}") from exc
+        _set(document, key, variables[name].strip(), origin)
 
 
 def _by_number(name: str) -> list[str | int]:

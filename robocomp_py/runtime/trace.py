@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import traceback
+from collections.abc import Hashable
 from pathlib import Path
+from types import FrameType
 
 from ..errors import RobocompError
 
@@ -27,6 +29,22 @@ def user_trace(exc: BaseException) -> str:
             part.stack = traceback.StackSummary.from_list(kept)
         part = part.__cause__ or part.__context__
     return "".join(told.format()).rstrip()
+
+
+def frames_in(folder: Path, exc: BaseException) -> list[tuple[FrameType, int]]:
+    """What of the files in a folder led to an exception, from the outside in, and the lines."""
+    frames = traceback.walk_tb(exc.__traceback__)
+    return [(at, line) for at, line in frames if Path(at.f_code.co_filename).is_relative_to(folder)]
+
+
+def way_of(exc: BaseException) -> Hashable:
+    """Equal for exceptions that come from the same lines by the same calls."""
+    return type(exc), tuple((at.f_code.co_filename, line) for at, line in traceback.walk_tb(exc.__traceback__))
+
+
+def times_more(number: int) -> str:
+    """What is told below an exception of those before it that were like it, and left out."""
+    return f"\n(and {number} times since this was told last)" if number else ""
 
 
 def _is_plumbing(file: str) -> bool:

@@ -144,6 +144,14 @@ class Worker(ABC, Generic[P]):
 
 HOOKS = ("initialize", "compute", "emergency", "restore", "finish")
 _MOST_NOTED = 1000
+_OTHERWISE = (
+    inspect.CO_VARARGS
+    | inspect.CO_VARKEYWORDS
+    | inspect.CO_GENERATOR
+    | inspect.CO_COROUTINE
+    | inspect.CO_ITERABLE_COROUTINE
+    | inspect.CO_ASYNC_GENERATOR
+)
 _WATCHING = ("port", "operation", "instance", "total")
 
 
@@ -166,6 +174,8 @@ def check_methods(worker: type[Worker[Any]]) -> None:
 
 def _check_method(worker: type[Worker[Any]], name: str, arguments: list[str]) -> None:
     method = getattr(worker, name)
+    if _takes(method, 1 + len(arguments)):
+        return
     if not callable(method):
         raise ComponentError(f"{worker.__name__}.{name} is {method!r}, but has to be a method: the framework calls it")
     if inspect.iscoroutinefunction(method):
@@ -177,6 +187,14 @@ def _check_method(worker: type[Worker[Any]], name: str, arguments: list[str]) ->
         raise ComponentError(
             f"{worker.__name__}.{name} must take ({wanted}); make it:\n\n{_stub(worker, name)}"
         ) from None
+
+
+def _takes(method: object, number: int) -> bool:
+    """Whether it is a function that takes just so many arguments, as can be seen without taking its signature apart."""
+    if not inspect.isfunction(method) or method.__dict__:  # decorators leave something there
+        return False
+    code = method.__code__
+    return code.co_argcount == number and not code.co_kwonlyargcount and not code.co_flags & _OTHERWISE
 
 
 def _wanted(component: Component) -> Iterator[tuple[str, list[str]]]:

@@ -152,3 +152,29 @@ def test_a_command_is_a_function_of_its_arguments_to_its_exit_code() -> None:
 
     assert (main(["a", "b"]), main()) == (2, 0)
     assert main.__doc__ == "What it does."
+
+
+LOST = """
+import signal
+from robocomp_py.cli.common import command, insist, signalled
+
+class Last:
+    def __del__(self):
+        signal.raise_signal(signal.{name})
+
+@command
+def main(arguments=None):
+    Last()
+    print(signalled(), flush=True)
+    insist()
+    print("nothing has come of it")
+
+raise SystemExit(main())
+"""
+"""What a signal raises is ignored by Python in a destructor, say."""
+
+
+@pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
+def test_a_signal_whose_exception_got_lost_ends_a_command_all_the_same(name: str, code: int) -> None:
+    done = subprocess.run([sys.executable, "-c", LOST.format(name=name)], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (code, f"{getattr(signal, name):d}\n")

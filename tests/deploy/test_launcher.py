@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 import signal
+import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
@@ -14,8 +17,8 @@ from typing import Any
 
 import pytest
 
-from robocomp_py.deploy.agents import Listener
-from robocomp_py.deploy.launcher import cgroups, leftovers, local, traces
+from robocomp_py.deploy.agents import Abandoned, Listener
+from robocomp_py.deploy.launcher import cgroups, leftovers, local, traces, zygote
 from robocomp_py.deploy.launcher.forking import forkable
 from robocomp_py.deploy.launcher.local import Launcher
 from robocomp_py.deploy.place import AlreadyRuns, Place
@@ -260,6 +263,22 @@ def test_components_are_forked_and_whatever_else_there_is_is_not() -> None:
     assert not forkable(Process("it", "it", (*run[:3], "lint", "/camera"), Path("/")))
 
 
+def test_a_process_with_threads_does_not_fork() -> None:
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    over = threading.Event()
+    other = threading.Thread(target=over.wait)
+    other.start()
+    with ours, theirs:
+        ours.send(json.dumps({"id": 1}).encode())
+        ours.shutdown(socket.SHUT_WR)
+        try:
+            assert zygote.serve(theirs, -1) is None
+        finally:
+            over.set()
+            other.join()
+        assert json.loads(ours.recv(4096)) == {"id": 1, "error": "the process that starts components has threads"}
+
+
 COMPONENT = """
 import os, random, signal, socket, sys, threading
 from typing import Any
@@ -315,6 +334,14 @@ def test_a_forked_component_is_as_one_that_was_executed(component: Path, tmp_pat
     assert forked.told[-1] == ("exited", "other", 0)
     drawn = [line for name in ("it", "other") for line in forked.lines(name) if line.startswith("random")]
     assert len({number for line in drawn for number in line.split()[1:]}) == 4
+
+
+def test_a_forked_component_lets_equal_pages_be_merged(component: Path, tmp_path: Path, runtime_folder: Path) -> None:
+    asked = "from ctypes import PyDLL\nprint('merged', PyDLL(None).prctl(68, 0, 0, 0, 0))\n"
+    allowing = asked.replace("print", "PyDLL(None).prctl(67, 1, 0, 0, 0); print")
+    possible = subprocess.run((sys.executable, "-ISc", allowing), stdout=subprocess.PIPE, text=True, check=True).stdout
+    (component / "specificworker.py").write_text(asked + COMPONENT)
+    assert possible.strip() in probed(component, tmp_path / "run").lines()
 
 
 ENDING = """
@@ -392,6 +419,59 @@ def test_without_the_process_that_forks_components_start_all_the_same(
 
 
 # How it ends.
+
+
+async def being_started(launcher: Launcher, process: Process) -> asyncio.Task[None]:
+    """One that was asked for of the process that forks, which takes long to be ready."""
+    coming = asyncio.create_task(launcher.start(process))
+    await asyncio.sleep(0)  # no time passes: the task goes as far as it can without an answer
+    return coming
+
+
+@pytest.mark.parametrize("deed", ["stop", "kill"])
+def test_one_that_is_not_wanted_any_more_when_it_comes_is_not_waited_for(
+    component: Path, tmp_path: Path, runtime_folder: Path, deed: str
+) -> None:
+    command = (sys.executable, "-m", "robocomp_py.cli.rc", "run", str(component), "--name", "it")
+
+    async def story(launcher: Launcher, heard: Heard) -> None:
+        coming = await being_started(launcher, Process("it", "it", command, component))
+        getattr(launcher, deed)("it")
+        with pytest.raises(Abandoned):
+            await coming
+        assert heard.told == []
+        await launcher.start(Process("it", "it", command, component))
+        assert (await heard.until("exited"))[2] == 0
+
+    heard = launched(tmp_path / "run", story)
+    assert [each[0] for each in heard.told].count("exited") == 1
+
+
+def test_nobody_comes_once_everything_is_closed(component: Path, tmp_path: Path, runtime_folder: Path) -> None:
+    command = (sys.executable, "-m", "robocomp_py.cli.rc", "run", str(component), "--name", "it")
+
+    async def story(launcher: Launcher, heard: Heard) -> None:
+        coming = await being_started(launcher, Process("it", "it", command, component))
+        await launcher.close()
+        with pytest.raises(Abandoned):
+            await coming
+
+    assert launched(tmp_path / "run", story).told == []
+
+
+def test_one_that_comes_nevertheless_is_ended_then(component: Path, tmp_path: Path, runtime_folder: Path) -> None:
+    command = (sys.executable, "-m", "robocomp_py.cli.rc", "run", str(component), "--name", "it")
+
+    async def story(launcher: Launcher, heard: Heard) -> None:
+        coming = await being_started(launcher, Process("it", "it", command, component))
+        assert launcher._zygote
+        ((_, answer),) = launcher._zygote._asked.values()
+        answer.add_done_callback(lambda _: launcher.stop("it"))  # too late for it to be left out
+        os.kill(launcher._zygote.pid, signal.SIGKILL)
+        await coming
+        assert (await heard.until("exited"))[2] == -signal.SIGTERM
+
+    launched(tmp_path / "run", story)
 
 
 def test_it_is_asked_to_end_even_while_it_is_stopped(tmp_path: Path) -> None:

@@ -111,6 +111,16 @@ def test_nor_what_is_open_without_a_word_on_the_command_line(net: Path, capsys: 
     assert "WITHOUT SECURITY" in capsys.readouterr().err
 
 
+def test_the_plan_of_a_network_without_keys_says_so_and_what_to_run(
+    net: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert rcdeploy(["plan", str(net)]) == 0
+    said = capsys.readouterr()
+    assert "sensor" in said.out
+    assert said.err.startswith("rcdeploy: warning: it cannot be started as it is: there are no keys in ")
+    assert f"run: rcdeploy keys {net}" in said.err
+
+
 def test_the_plan_names_the_folders_of_keys_and_no_secret(net: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert rcdeploy(["keys", str(net)]) == 0
     secrets = [path.read_text() for path in net.parent.rglob("*.key_secret")]

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from robocomp_py.contract.interface import Verb
-from robocomp_py.deploy.agents import Agent, Listener, Usage
+from robocomp_py.deploy.agents import Abandoned, Agent, Listener, Usage
 from robocomp_py.deploy.plan import Host, Link, Plan
 from robocomp_py.deploy.policy import Escalation, Restart, RestartRequested, State, StopRequested, When
 from robocomp_py.deploy.process import Process
@@ -262,18 +262,19 @@ def test_a_signal_that_is_sent_twice_cuts_no_grace_short(number: int) -> None:
     assert scene.did[-2:] == ["stop laser", "close"]
 
 
-def test_nobody_is_started_whose_turn_comes_after_the_beginning_of_the_end() -> None:
+def test_nobody_is_started_or_waited_for_whose_turn_comes_after_the_beginning_of_the_end() -> None:
     class Slow(Scripted):
         async def start(self, process: Process) -> None:
+            self.did.append(f"start {process.name}")
+            self.coming = asyncio.get_running_loop().create_future()
             interrupt()
-            while "stop mapper" not in self.did:  # which is asked for only if it has been started
-                await asyncio.sleep(0)
-                if "stopping: asked to" in told.said:
-                    break
-            await super().start(process)
+            await self.coming
 
-    told = Told()
-    scene = Scene(plan(process("laser"), process("mapper")), told, make=Slow)
+        def stop(self, name: str) -> None:
+            self.did.append(f"stop {name}")
+            self.coming.set_exception(Abandoned(name))
+
+    scene = Scene(plan(process("laser"), process("mapper")), Told(), make=Slow)
     assert scene.did == ["open", "start laser", "stop laser", "close"]
     assert scene.code == 130
 
@@ -294,6 +295,12 @@ def test_a_host_that_is_slow_holds_up_no_other() -> None:
 
 
 # Hosts.
+
+
+def test_a_signal_that_nothing_came_of_before_is_heeded_then() -> None:
+    scene = Scene(plan(process("laser")), Told(), options=Options(signalled=lambda: signal.SIGTERM))
+    assert scene.code == 143
+    assert "start laser" not in scene.did
 
 
 class Unreached(Scripted):
@@ -493,10 +500,12 @@ def test_a_snapshot_tells_when_something_is_started_again_and_why() -> None:
 
 def test_a_share_of_the_processor_needs_two_looks_at_the_same_process() -> None:
     meter = Meter()
-    meter.read(10.0, {"laser": Usage(1, cpu_s=5.0)})
+    meter.read({"laser": Usage(1, cpu_s=5.0, at=10.0)})
     assert meter.cores("laser", 1) is None
-    meter.read(12.0, {"laser": Usage(1, cpu_s=6.0)})
+    meter.read({"laser": Usage(1, cpu_s=6.0, at=12.0)})
     assert meter.cores("laser", 1) == 0.5
-    meter.read(13.0, {"laser": Usage(2, cpu_s=0.1)})
+    meter.read({"laser": Usage(1, cpu_s=6.0, at=12.0)})
+    assert meter.cores("laser", 1) == 0.5, "nobody has looked since"
+    meter.read({"laser": Usage(2, cpu_s=0.1, at=13.0)})
     assert meter.cores("laser", 2) is None
     assert meter.cores("laser", 1) is None

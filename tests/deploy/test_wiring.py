@@ -10,7 +10,7 @@ import pytest
 
 from robocomp_py.contract.interface import Verb
 from robocomp_py.deploy.auto import Way
-from robocomp_py.deploy.wiring import DDS_DOMAIN, Network, Site, Wiring, addresses_of, wire
+from robocomp_py.deploy.wiring import DDS_DOMAIN, Network, Site, Wiring, addresses_of, wire, with_crowds
 
 HERE, ROBOT, BASE = "10.0.0.1", "10.0.0.10", "10.0.0.11"
 
@@ -174,3 +174,17 @@ def test_the_address_of_this_machine_is_the_one_on_the_way_to_the_others():
 
 def test_a_network_without_hosts_has_no_addresses():
     assert addresses_of({}, str, str) == {}
+
+
+def test_many_that_meet_over_dds_are_told_so_beside_what_they_are_told_else():
+    ways = [way(f"a{n}", f"b{n}", "dds") for n in range(13)]
+    told = with_crowds(Wiring({"a0": ("transports.dds.domain=3",)}), [*ways, way("c", "d", "zeromq")])
+    assert read(told, "a0")["dds"] == {"domain": 3, "many": True}
+    assert told.settings["b12"] == ("transports.dds.many=true",)
+    assert "c" not in told.settings
+
+
+def test_as_many_changes_nothing_for_a_few_or_over_other_middlewares():
+    few = [way(f"a{n}", f"b{n}", "dds") for n in range(12)]
+    others = [way(f"a{n}", f"b{n}", "zenoh") for n in range(50)]
+    assert with_crowds(Wiring(), [*few, *others]) == Wiring()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import random
+import signal
 import sys
 import time
 import traceback
@@ -25,6 +26,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not chosen:
         print("nothing to do: no such row over that middleware; rows: " + ", ".join(row.name for row in ROWS))
         return 2
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # what `nohup`, or `&` in a script, has ignored would be
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)  # ignored by what we start, too, and then it does not end by that
     full = not options.reduced
     expected = sum(row.seconds for row, _ in chosen) * (1.0 if full else _REDUCED)
     print(f"{len(chosen)} runs, about {expected / 60:.0f} minutes; seed {options.seed}", flush=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -60,3 +61,26 @@ def test_exceptions_are_compiled_once(method: Any, error: type[Exception]) -> No
         counts.append(codec.compiled)
     assert counts[0] > 4
     assert counts == [counts[0]] * 3
+
+
+def test_a_handler_that_fails_at_every_call_is_told_sparingly(caplog: pytest.LogCaptureFixture) -> None:
+    def method(dividend: int, divisor: int) -> Any:
+        if divisor:
+            raise KeyError(dividend)
+        return dividend // divisor, 0
+
+    answering = Answering(e.divide, MessagePack(), method)
+    replies = [answering.answer((number, number % 2)) for number in range(10)]
+    assert {each.status for each in replies} == {Status.FAILED}
+    assert [record.message.splitlines()[-1] for record in caplog.records] == [
+        "ZeroDivisionError: integer division or modulo by zero",
+        "KeyError: 1",
+    ]
+
+
+def test_an_exception_that_was_not_declared_is_told_with_its_interface_and_operation() -> None:
+    codec = MessagePack()
+    reply = Answering(e.divide, codec, declared).answer((1, 0))
+    other = replace(e.divide, raises=())
+    with pytest.raises(RemoteFailure, match=r"^Conformance\.Everything\.divide.*does not declare"):
+        Call(other, codec).result(reply)

@@ -62,6 +62,7 @@ def asking(how: str, retrying: Retrying) -> Callable[[float], Reply]:
 
 
 GONE = Unreachable("its server left")
+LEAVING = Reply(Status.REFUSED)
 
 
 @pytest.fixture(params=["ask", "call"])
@@ -69,10 +70,19 @@ def how(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
 
-def test_a_server_that_went_away_is_asked_again_when_it_is_back(how: str) -> None:
-    caller = Scripted(GONE, GONE, OK)
+@pytest.mark.parametrize("first", [GONE, LEAVING])
+def test_a_server_that_went_away_or_is_about_to_is_asked_again_when_it_is_back(how: str, first: Reply) -> None:
+    caller = Scripted(first, GONE, OK)
     retrying = Retrying(caller)
     assert asking(how, retrying)(SOON) == OK
+    assert len(caller.asked) == ATTEMPTS
+    retrying.close()
+
+
+def test_what_is_refused_again_and_again_is_refused(how: str) -> None:
+    caller = Scripted(LEAVING, LEAVING, LEAVING, OK)
+    retrying = Retrying(caller)
+    assert asking(how, retrying)(SOON) == LEAVING
     assert len(caller.asked) == ATTEMPTS
     retrying.close()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import re
 import threading
@@ -14,7 +15,7 @@ import pytest
 
 from robocomp_py.contract.component import Component, Port
 from robocomp_py.contract.interface import Verb
-from robocomp_py.errors import ComponentError, ConfigurationError, Refused, RemoteFailure, Timeout, Unreachable
+from robocomp_py.errors import Closed, ComponentError, ConfigurationError, Refused, RemoteFailure, Timeout, Unreachable
 from robocomp_py.runtime import ports, settings
 from robocomp_py.runtime.commonbehavior import MOST_CHANGES
 from robocomp_py.runtime.lifecycle import State
@@ -26,7 +27,7 @@ from robocomp_py.runtime.run import Running
 from robocomp_py.runtime.worker import Worker
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON, wait_until
-from robocomp_py.transports.base import TransportConfig, TransportFactory
+from robocomp_py.transports.base import Transport, TransportConfig, TransportFactory
 from robocomp_py.transports.inproc import InprocTransport
 
 from .components import Calculator, Diary, EverythingProxy, EverythingPublisher, Pupil, Tuned
@@ -183,6 +184,29 @@ def test_stopped_while_it_waits_it_ends_without_finish(find: Any) -> None:
         wait_until(lambda: made._links)
     assert pupil.entries == []
     assert pupil.outcome
+
+
+def test_stopped_while_its_middleware_is_waited_for_it_ends_at_once_and_well(caplog: pytest.LogCaptureFixture) -> None:
+    waits = threading.Event()
+
+    def open_late(config: TransportConfig) -> Transport:
+        waits.set()
+        wait_until(lambda: not config.wanted())
+        raise Closed("asked to end")
+
+    with running(make(Pupil, lambda _: open_late), ready=False) as pupil:
+        assert waits.wait(SOON)
+    assert pupil.entries == []
+    assert pupil.outcome
+    assert not caplog.text
+
+
+def test_a_middleware_that_closes_by_itself_is_a_failure(caplog: pytest.LogCaptureFixture) -> None:
+    def close(config: TransportConfig) -> Transport:
+        raise Closed("the transport is closed")
+
+    assert not make(Pupil, lambda _: close).run()
+    assert "the transport is closed" in caplog.text
 
 
 def test_components_that_require_each_other_start(find: Any) -> None:
@@ -528,6 +552,25 @@ HOOKS: list[tuple[Any, str]] = [
 @pytest.mark.parametrize(("hook", "said"), HOOKS, ids=["value", "async", "arguments"])
 def test_what_is_no_hook_is_refused(find: Any, hook: Any, said: str) -> None:
     with pytest.raises(ComponentError, match=re.escape(said)):
+        make(type("Odd", (Calculator,), {"compute": hook}), find)
+
+
+@functools.wraps(Calculator.compute)
+def _wrapper(*arguments: Any, **named: Any) -> None: ...
+
+
+@pytest.mark.parametrize(
+    "hook",
+    [lambda self: None, lambda self, times=1: None, lambda *every: None, lambda self, *, times=1: None, _wrapper],
+    ids=["plain", "default", "any", "by name", "decorated"],
+)
+def test_what_can_be_called_as_a_hook_is_one(find: Any, hook: Any) -> None:
+    make(type("Fine", (Calculator,), {"compute": hook}), find)
+
+
+@pytest.mark.parametrize("hook", [lambda self, *, times: None, lambda: None], ids=["by name", "without self"])
+def test_what_cannot_is_refused(find: Any, hook: Any) -> None:
+    with pytest.raises(ComponentError, match=r"Odd.compute must take \(self\)"):
         make(type("Odd", (Calculator,), {"compute": hook}), find)
 
 

@@ -35,36 +35,52 @@ def keys_of(plan: Plan, options: argparse.Namespace) -> Path:
 
 
 def with_keys(plan: Plan, options: argparse.Namespace) -> Plan:
-    """The network as it would be started, if it has keys; nothing is looked at or told."""
+    """The network as it would be started, as far as it has keys; what is wrong with them is told."""
     from ...deploy import security
     from ...errors import DeploymentError
 
     try:
+        errors, warnings = _troubles(plan, options)
+    except DeploymentError as exc:
+        errors, warnings = [str(exc)], []
+    for each in (*(f"it cannot be started as it is: {error}" for error in errors), *warnings):
+        _warn(each)
+    try:
         return security.secured(plan, keys_of(plan, options))
-    except DeploymentError:
+    except DeploymentError:  # of which has been told
         return plan
 
 
 def guarded(plan: Plan, options: argparse.Namespace) -> Plan | int:
     """The network with its keys, or the exit code if it must not be started as it is, why having been told."""
     from ...deploy import security
-    from ...deploy.keys import troubles
-    from ...deploy.plan import Security
     from ...errors import DeploymentError
 
     if reason := security.why_not(plan, insecure=options.insecure):
         return complain(f"rcdeploy: {reason}")
     if told := security.warning(plan):
         print(f"rcdeploy: WARNING: {told}", file=sys.stderr, flush=True)
-    if plan.security is not Security.LAN:
-        return plan
-    folder = keys_of(plan, options)
     try:
-        errors, warnings = troubles(plan, folder, datetime.datetime.now(datetime.UTC), str(options.network))
+        errors, warnings = _troubles(plan, options)
     except DeploymentError as exc:
         return complain(f"rcdeploy: {exc}")
     for each in warnings:
-        print(f"rcdeploy: warning: {each}", file=sys.stderr, flush=True)
+        _warn(each)
     for each in errors:
         complain(f"rcdeploy: {each}")
-    return 1 if errors else security.secured(plan, folder)
+    return 1 if errors else security.secured(plan, keys_of(plan, options))
+
+
+def _troubles(plan: Plan, options: argparse.Namespace) -> tuple[list[str], list[str]]:
+    """What is wrong with the keys of a network that needs some: errors and warnings. Raises DeploymentError."""
+    from ...deploy.keys import troubles
+    from ...deploy.plan import Security
+
+    if plan.security is not Security.LAN:
+        return [], []
+    now = datetime.datetime.now(datetime.UTC)
+    return troubles(plan, keys_of(plan, options), now, str(options.network))
+
+
+def _warn(text: str) -> None:
+    print(f"rcdeploy: warning: {text}", file=sys.stderr, flush=True)

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..common import FINE, USAGE, complain
+from ..common import FINE, USAGE, complain, signalled
 from ..network import add_network
 from .guarding import add_guards, guarded
 from .planning import planned
@@ -55,9 +55,11 @@ def add_options(to: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    from ... import installed
     from .detached import detached
 
-    return detached(lambda parent: _run(options, parent)) if options.detach else _run(options)
+    with installed.asked_once():
+        return detached(lambda parent: _run(options, parent)) if options.detach else _run(options)
 
 
 def _run(options: argparse.Namespace, parent: Parent | None = None) -> int:
@@ -103,7 +105,8 @@ def _up(plan: Plan, options: argparse.Namespace, parent: Parent | None) -> int:
         folder = options.log_dir or Place(plan.name).logs
         logs = Logs(folder, number=len(plan.processes), form=Form(options.record_logs))
         with contextlib.closing(logs):
-            return run_on_terminal(plan, Options(options.duration, options.until), leave if parent else None, logs)
+            wanted = Options(options.duration, options.until, signalled=signalled)
+            return run_on_terminal(plan, wanted, leave if parent else None, logs)
     except (TransportError, ConfigurationError, DeploymentError) as exc:
         return complain(f"rcdeploy: {exc}")
 

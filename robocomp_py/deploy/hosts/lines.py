@@ -19,7 +19,7 @@ from ...errors import DeploymentError
 from ..agents import Usage
 from ..process import Member, Process
 
-VERSION = 1
+VERSION = 2
 
 BEAT = 1.0
 """Seconds between two signs of life."""
@@ -147,8 +147,8 @@ def usage_of(told: Mapping[str, Any]) -> dict[str, Usage]:
     """Raises Misunderstood."""
     try:
         return {
-            name: Usage(int(pid), float(cpu), int(memory), float(calls), float(worst))
-            for name, (pid, cpu, memory, calls, worst) in told.items()
+            name: Usage(int(pid), float(cpu), int(memory), float(calls), float(worst), float(at))
+            for name, (pid, cpu, memory, calls, worst, at) in told.items()
         }
     except (TypeError, ValueError, OverflowError, AttributeError) as exc:
         raise Misunderstood(f"what processes use is not understood: {exc}") from exc

@@ -69,6 +69,9 @@ def members(group: Path) -> list[int]:
 
 def remove(group: Path) -> bool:
     """Remove it with those below it, if nobody lives there any more. Whether it is gone."""
+    with contextlib.suppress(OSError):  # there is nothing below, mostly
+        group.rmdir()
+        return True
     with contextlib.suppress(OSError):
         for inner in sorted(group.glob("**/"), key=lambda each: len(each.parts), reverse=True):
             if inner != group:

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from ...errors import DeploymentError
+from ..agents import Abandoned
 from ..process import Process
 from .birth import PADDING, Birth
 
@@ -52,7 +53,8 @@ class Zygote:
                 pass_fds=(theirs.fileno(), lifeline),
                 start_new_session=True,
             )
-        self._asked: dict[int, asyncio.Future[int]] = {}
+        self._asked: dict[int, tuple[str, asyncio.Future[int]]] = {}
+        """By the number of the request: the name of the process, and its id."""
         self._number = 0
         self.ended = False
         asyncio.get_running_loop().add_reader(self._channel, self._answered)
@@ -62,7 +64,7 @@ class Zygote:
         return self._running.pid
 
     async def start(self, process: Process, environment: Mapping[str, str], output: int, birth: Birth) -> int:
-        """The id of the new process, which is a child of ours. Raises Unavailable."""
+        """The id of the new process, which is a child of ours. Raises Unavailable, or Abandoned."""
         if self.ended:
             raise Unavailable("the process that starts components quickly has ended")
         self._number += 1
@@ -78,7 +80,7 @@ class Zygote:
             "files": birth.files,
         }
         answer = asyncio.get_running_loop().create_future()
-        self._asked[number] = answer
+        self._asked[number] = process.name, answer
         try:
             await self._send(json.dumps(request).encode(), output)
             return await asyncio.wait_for(answer, _ANSWER)
@@ -90,6 +92,12 @@ class Zygote:
         finally:
             self._asked.pop(number, None)
 
+    def abandon(self, name: str) -> None:
+        """A process is not wanted any more, should it just be asked for: it is ended if it comes nevertheless."""
+        for asked, answer in self._asked.values():
+            if asked == name and not answer.done():
+                answer.set_exception(Abandoned(f"{name} is not wanted any more"))
+
     def close(self) -> None:
         """End it; it is waited for. May be called twice."""
         if not self.ended:
@@ -99,7 +107,7 @@ class Zygote:
             self._running.kill()
         if self._running.returncode is None:
             self._running.wait()
-        for answer in self._asked.values():
+        for _, answer in self._asked.values():
             if not answer.done():
                 answer.set_exception(Unavailable("the process that starts components quickly has ended"))
 
@@ -125,7 +133,7 @@ class Zygote:
             self.close()
             return
         told: dict[str, Any] = json.loads(message)
-        answer = self._asked.get(told["id"])
+        _, answer = self._asked.get(told["id"], ("", None))
         if answer is None or answer.done():
             with contextlib.suppress(OSError, KeyError):
                 os.kill(told["pid"], 9)

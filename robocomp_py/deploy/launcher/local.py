@@ -23,7 +23,7 @@ import resource
 import secrets
 import signal
 import subprocess
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -39,7 +39,7 @@ from .leftovers import Record, load
 from .notes import Note
 from .notified import Notified
 from .output import Output
-from .usage import Meter
+from .usage import Meter, Used
 from .watchdogs import Watchdogs
 
 log = logging.getLogger("robocomp.deploy")
@@ -110,6 +110,8 @@ class Launcher(Agent):
         self._command = command
         self._launch = secrets.token_hex(8)
         self._running: dict[str, _Running] = {}
+        self._coming: dict[str, Callable[[str], None] | None] = {}
+        """Who is just being started, and what is to be done with it afterwards."""
         self._tasks: set[asyncio.Task[None]] = set()
         self._undo = contextlib.AsyncExitStack()
         self._zygote: Zygote | None = None
@@ -180,7 +182,7 @@ class Launcher(Agent):
                 self._undo.callback(resource.setrlimit, resource.RLIMIT_NOFILE, (soft, hard))
 
     async def _end_all(self) -> None:
-        for name in list(self._running):
+        for name in (*self._running, *self._coming):
             self.kill(name)
         if self._tasks or self._running:
             end = self._loop.time() + _ENDED
@@ -201,8 +203,17 @@ class Launcher(Agent):
     # Starting.
 
     async def start(self, process: Process) -> None:
-        if process.name in self._running:
+        if process.name in self._running or process.name in self._coming:
             raise DeploymentError(f"{process.name} runs already")
+        self._coming[process.name] = None
+        try:
+            await self._start(process)
+        finally:
+            deed = self._coming.pop(process.name)
+        if deed:
+            deed(process.name)
+
+    async def _start(self, process: Process) -> None:
         self._sockets += 1
         path = self.place.notify / str(self._sockets)
         early: list[tuple[Note, int]] = []
@@ -287,6 +298,7 @@ class Launcher(Agent):
     def stop(self, name: str) -> None:
         running = self._running.get(name)
         if running is None:
+            self._abandon(name, self.stop)
             return
         running.stopping = True
         self._watchdogs.forget(name)
@@ -302,10 +314,19 @@ class Launcher(Agent):
 
     def kill(self, name: str) -> None:
         running = self._running.get(name)
-        if running:
-            running.stopping = True
-            self._watchdogs.forget(name)
-            self._kill(running)
+        if running is None:
+            self._abandon(name, self.kill)
+            return
+        running.stopping = True
+        self._watchdogs.forget(name)
+        self._kill(running)
+
+    def _abandon(self, name: str, deed: Callable[[str], None]) -> None:
+        """Have one that is just being started not be there, or else do this with it as soon as it is."""
+        if name in self._coming:
+            self._coming[name] = deed
+            if self._zygote:
+                self._zygote.abandon(name)
 
     def _kill(self, running: _Running) -> None:
         if running.group:
@@ -488,12 +509,13 @@ class Launcher(Agent):
 
     def usage(self) -> Mapping[str, Usage]:
         used = self._meter.read({name: (each.main, each.group) for name, each in self._running.items()})
-        return {
-            name: Usage(each.main, used[name].cpu_s, used[name].memory, *each.calls)
-            if name in used
-            else Usage(each.main, 0.0, 0, *each.calls)
-            for name, each in self._running.items()
-        }
+        return {name: _usage(each, used.get(name)) for name, each in self._running.items()}
+
+
+def _usage(running: _Running, used: Used | None) -> Usage:
+    if used is None:
+        return Usage(running.main, 0.0, 0, *running.calls)
+    return Usage(running.main, used.cpu_s, used.memory, *running.calls, used.at)
 
 
 def _send(handle: int, number: signal.Signals) -> None:

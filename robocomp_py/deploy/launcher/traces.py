@@ -43,10 +43,18 @@ def boot() -> str:
 def look(pid: int) -> Trace | None:
     """None if there is no such process."""
     try:
-        with open(f"/proc/{pid}/stat", "rb") as stat:
-            return read(pid, stat.read())
+        return read(pid, content(f"/proc/{pid}/stat"))
     except (OSError, ValueError, IndexError):
         return None
+
+
+def content(path: str) -> bytes:
+    """Of a short file that the kernel makes when it is read. Raises OSError."""
+    file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)  # half as dear as a file object
+    try:
+        return os.read(file, 4096)
+    finally:
+        os.close(file)
 
 
 def read(pid: int, stat: bytes) -> Trace:

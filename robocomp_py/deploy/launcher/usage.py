@@ -1,4 +1,4 @@
-"""How much processor time and memory processes use, asked for at most now and then."""
+"""How much processor time and memory processes use, looked at now and then only, however often it is asked for."""
 
 from __future__ import annotations
 
@@ -12,8 +12,14 @@ from pathlib import Path
 
 from . import cgroups, traces
 
-_AGE = 2.0
-"""Seconds for which figures are good."""
+_PAUSE = 2.0
+"""Seconds between two looks, at least."""
+
+_LONGEST = 30.0
+"""... and at most."""
+
+_SHARE = 0.01
+"""How much of the time looks may take: who has hundreds of processes, or a machine that is busy, looks less often."""
 
 _MEASURED = 20
 """So many processes have their memory measured at a time, which is dear; of the others the last figure holds."""
@@ -24,25 +30,31 @@ _PAGE = os.sysconf("SC_PAGE_SIZE")
 
 @dataclass(frozen=True, slots=True)
 class Used:
+    pid: int
     cpu_s: float
     memory: int
+    at: float
+    """When that was looked at, by the clock."""
 
 
 class Meter:
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
-        self._at = -_AGE
+        self._next = 0.0
         self._used: dict[str, Used] = {}
         self._measured: dict[str, int] = {}
         """Bytes by name; who was measured last comes last."""
 
     def read(self, running: Mapping[str, tuple[int, Path | None]]) -> Mapping[str, Used]:
-        """Of processes, given their id and group by name."""
-        if self._clock() - self._at >= _AGE:
-            self._at = self._clock()
+        """Of processes, given their id and group by name; who was started after the last look is left out."""
+        begun = self._clock()
+        if begun >= self._next:
             self._measure(running)
             self._used = {name: self._look(name, *where) for name, where in running.items()}
-        return self._used
+            ended = self._clock()
+            self._next = begun + min(_LONGEST, max(_PAUSE, (ended - begun) / _SHARE))
+        there = {name: pid for name, (pid, _) in running.items()}
+        return {name: used for name, used in self._used.items() if there.get(name) == used.pid}
 
     def _measure(self, running: Mapping[str, tuple[int, Path | None]]) -> None:
         order = {name: at for at, name in enumerate(self._measured)}
@@ -53,19 +65,18 @@ class Meter:
             del self._measured[name]
 
     def _look(self, name: str, pid: int, group: Path | None) -> Used:
-        trace = traces.look(pid)
+        trace, at = traces.look(pid), self._clock()
         if trace is None:
-            return Used(0.0, 0)
+            return Used(pid, 0.0, 0, at)
         cpu_s = _cpu_of_group(group) if group else None
-        return Used(
-            trace.cpu_ticks / _TICK if cpu_s is None else cpu_s,
-            self._measured.get(name) or trace.memory_pages * _PAGE,
-        )
+        if cpu_s is None:
+            cpu_s = trace.cpu_ticks / _TICK
+        return Used(pid, cpu_s, self._measured.get(name) or trace.memory_pages * _PAGE, at)
 
 
 def _cpu_of_group(group: Path) -> float | None:
     with contextlib.suppress(OSError):
-        found = re.search(r"^usage_usec (\d+)", (group / "cpu.stat").read_text(), re.MULTILINE)
+        found = re.search(rb"^usage_usec (\d+)", traces.content(f"{group}/cpu.stat"), re.MULTILINE)
         return int(found[1]) / 1e6 if found else None
     return None
 

@@ -13,6 +13,7 @@ handled, no logging configured. When the channel closes, this ends.
 from __future__ import annotations
 
 import atexit
+import codecs
 import contextlib
 import ctypes
 import gc
@@ -46,7 +47,6 @@ PROGRAM = "robocomp_py.cli.rc"
 _NEEDED = (
     *(PROGRAM, "robocomp_py.cli.run"),
     *(f"robocomp_py.runtime.{name}" for name in ("api", "document", "load", "run", "together")),
-    "encodings.utf_8_sig",
     "numpy.random",
     "subprocess",
 )
@@ -59,18 +59,25 @@ _ADOPTED = 5.0
 """Seconds within which a new process belongs to who launched it."""
 
 _PR_SET_NAME = 15
+_PR_SET_MEMORY_MERGE = 67
+
+_libc = ctypes.PyDLL(None, use_errno=True)
+
+_WORDS_OF_CHANCE = 624
+"""The state of the generator that numpy's functions use."""
 
 
 def main() -> None:
     channel, lifeline = socket.socket(fileno=int(sys.argv[1])), int(sys.argv[2])
     get_ready(sys.argv[3:-1])
+    shared = frozenset(sys.modules)
+    shown = _room_of_command()
     with installed.asked_once():  # what is installed is looked up here, for all
         request = serve(channel, lifeline)
         if request is None:
             return
-        shared = frozenset(sys.modules)
         try:
-            code = become(request)
+            code = become(request, shown)
         except SystemExit as exc:
             if exc.code is not None and not isinstance(exc.code, int):
                 raise  # Python prints it
@@ -85,9 +92,20 @@ def get_ready(middlewares: Sequence[str]) -> None:
     for name in middlewares:
         with contextlib.suppress(ConfigurationError):  # its components tell that
             find_transport(name)
+    codecs.lookup("utf-8-sig")
     _rehearse(middlewares[0] if middlewares else "inproc")
+    _libc.prctl(_PR_SET_MEMORY_MERGE, 1, 0, 0, 0)  # if the administrator has the kernel look for pages that are equal
     gc.collect()
     gc.freeze()  # what is there now is not looked at, and so stays shared
+    _stop_threads()
+
+
+def _stop_threads() -> None:
+    """Numpy's library starts threads when it is imported, and stops them at the first fork."""
+    nobody = os.fork()
+    if not nobody:
+        os._exit(0)
+    os.waitpid(nobody, 0)
 
 
 def _rehearse(carrier: str) -> None:
@@ -108,34 +126,34 @@ def _rehearse(carrier: str) -> None:
 
 
 def serve(channel: socket.socket, lifeline: int) -> Mapping[str, Any] | None:
-    """Answer requests until the channel closes; returns None then, and a request in the process that is to do it."""
+    """Answer requests until the channel closes; returns None then, and a request in the process that is to do it.
+
+    As little as possible is done here: of a page that is written, those who were forked before keep one of their own.
+    """
     while True:
         message, pipes, _, _ = socket.recv_fds(channel, _MAX, 4)
         if not message:
             return None
-        request = json.loads(message)
-        try:
-            middle = os.fork()
-        except OSError as exc:
-            _answer(channel, request, error=exc.strerror)
+        if threads() > 1:  # whoever holds a lock now would never give it back
+            _answer(channel, json.loads(message), error="the process that starts components has threads")
+        elif not (middle := _libc.fork()):  # what Python does at a fork is done at the second one
+            return _born(channel, lifeline, json.loads(message), pipes)
+        elif middle < 0:
+            _answer(channel, json.loads(message), error=os.strerror(ctypes.get_errno()))
         else:
-            if not middle:
-                return _born(channel, lifeline, request, pipes)
             os.waitpid(middle, 0)
         for pipe in pipes:
             os.close(pipe)
 
 
 def threads() -> int:
-    return len(os.listdir("/proc/self/task"))
+    return os.stat("/proc/self/task").st_nlink - 2  # as of any folder with so many folders in it
 
 
 def _born(channel: socket.socket, lifeline: int, request: Mapping[str, Any], pipes: list[int]) -> Mapping[str, Any]:
     """In between: start the new process, tell its id, and leave it to who launched us. Returns in the new one."""
     middle = os.getpid()
     try:
-        if threads() > 1:  # whoever holds a lock now would never give it back
-            raise OSError(0, "the process that starts components has threads")
         born = os.fork()
     except OSError as exc:
         _answer(channel, request, error=exc.strerror)
@@ -163,8 +181,12 @@ def _answer(channel: socket.socket, request: Mapping[str, Any], **told: Any) -> 
         channel.send(json.dumps({"id": request["id"], **told}).encode())
 
 
-def become(request: Mapping[str, Any]) -> int:
-    """Be as a process is that was started with this command: `python -m robocomp_py.cli.rc …`; its exit code."""
+def become(request: Mapping[str, Any], shown: tuple[int, int]) -> int:
+    """Be as a process is that was started with this command: `python -m robocomp_py.cli.rc …`; its exit code.
+
+    `shown` is where the command line lies that others see. What is done here is done once for each of many, and what is
+    called for the first time costs some pages of memory: the short way is taken.
+    """
     _renew_output()
     arguments: list[str] = request["arguments"]
     try:
@@ -172,14 +194,15 @@ def become(request: Mapping[str, Any]) -> int:
     except OSError as exc:
         print(f"{request['cwd']}: {exc.strerror}", file=sys.stderr)
         return 1
-    os.environ.update(request["env"], WATCHDOG_PID=str(os.getpid()))
-    sys.argv = [str(importlib.import_module(PROGRAM).__file__), *arguments]
+    for name, value in request["env"].items():
+        os.environ[name] = value
+    os.environ["WATCHDOG_PID"] = str(os.getpid())
+    program = sys.modules[PROGRAM]
+    sys.argv = [str(program.__file__), *arguments]
     sys.path.insert(0, request["cwd"])
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    if "numpy.random" in sys.modules:
-        sys.modules["numpy.random"].seed()
-    _show([sys.executable, "-m", PROGRAM, *arguments], request["name"])
-    program = importlib.import_module(PROGRAM)
+    _begin_anew(sys.modules["numpy"])
+    _show([sys.executable, "-m", PROGRAM, *arguments], request["name"], *shown)
     program.__name__, sys.modules["__main__"] = "__main__", program
     code: int = program.main()
     return code
@@ -205,7 +228,7 @@ def end(code: int, shared: Collection[str]) -> NoReturn:
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError):
             stream.flush()
-    ctypes.PyDLL(None).exit(code)
+    _libc.exit(code)
     raise AssertionError("exit does not return")
 
 
@@ -231,16 +254,31 @@ def _renew_output() -> None:
         setattr(sys, f"__{stream}__", renewed)
 
 
-def _show(command: list[str], name: str) -> None:
-    """Have `ps` show this command, and `top` the name."""
-    prctl = ctypes.PyDLL(None).prctl
-    prctl(_PR_SET_NAME, ctypes.c_char_p(os.fsencode(name)[:15]), 0, 0, 0)
+def _begin_anew(numpy: Any) -> None:
+    """Let the functions of numpy.random give other numbers than they would in another process; Python's do already.
+
+    As `seed()` does, which takes twice the time.
+    """
+    key = numpy.frombuffer(os.urandom(4 * _WORDS_OF_CHANCE), numpy.uint32)
+    numpy.random.set_state(("MT19937", key, _WORDS_OF_CHANCE))
+
+
+def _room_of_command() -> tuple[int, int]:
+    """From where to where the command line lies that others see; the same places if it cannot be written."""
     with contextlib.suppress(OSError, ValueError, IndexError), open("/proc/self/stat", "rb") as stat:
         words = stat.read().rpartition(b")")[2].split()
         begin, end = int(words[45]), int(words[46])
-        shown = b"\0".join(map(os.fsencode, command))[: end - begin - 1]
         if begin and len(PADDING) < end - begin < 1 << 20:
-            ctypes.memmove(begin, shown.ljust(end - begin, b"\0"), end - begin)
+            return begin, end
+    return 0, 0
+
+
+def _show(command: list[str], name: str, begin: int, end: int) -> None:
+    """Have `ps` show this command, if there is room for one, and `top` the name."""
+    _libc.prctl(_PR_SET_NAME, os.fsencode(name)[:15], 0, 0, 0)
+    if begin < end:
+        shown = b"\0".join(map(os.fsencode, command))[: end - begin - 1]
+        ctypes.memmove(begin, shown.ljust(end - begin, b"\0"), end - begin)
 
 
 if __name__ == "__main__":

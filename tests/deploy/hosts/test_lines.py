@@ -43,7 +43,7 @@ def test_a_process_that_is_not_understood_is_refused(wrong: dict[str, object]):
 
 
 def test_usage_arrives_as_it_was():
-    usage = {"laser": Usage(12, 0.5, 1000, 2.0, 0.25)}
+    usage = {"laser": Usage(12, 0.5, 1000, 2.0, 0.25, 77.5)}
     assert usage_of(usage_told(usage)) == usage
 
 

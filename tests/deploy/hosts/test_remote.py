@@ -18,6 +18,7 @@ import pytest
 
 from robocomp_py.deploy.agents import Listener
 from robocomp_py.deploy.hosts import ssh
+from robocomp_py.deploy.hosts.lines import VERSION
 from robocomp_py.deploy.hosts.remote import RemoteAgent, Share
 from robocomp_py.deploy.hosts.trusting import remember
 from robocomp_py.deploy.plan import Host
@@ -501,7 +502,7 @@ def test_a_folder_to_work_in_is_made_and_used(tmp_path: Path):
 
 
 BOOT = {"tell": "boot", "there": True, "root": "/r", "python": "/p", "folder": "/f"}
-HELLO = {"tell": "hello", "version": 1, "kept": []}
+HELLO = {"tell": "hello", "version": VERSION, "kept": []}
 OPENED = {"tell": "opened"}
 
 
@@ -567,7 +568,7 @@ def test_a_host_speaks_of_its_own_processes_only_a_line_at_a_time(tmp_path: Path
             {"tell": "exited", "name": "sonar", "code": 0},
             {"tell": "ready", "name": ""},
             {"tell": "usage", "name": ["laser"], "of": {}},
-            {"tell": "usage", "of": {"sonar": [1, 1, 1, 1, 1], "laser": [1, 1, 1, 1, 1]}},
+            {"tell": "usage", "of": {"sonar": [1] * 6, "laser": [1] * 6}},
         ]
         own = [
             {"tell": "status", "name": "laser", "text": "\x1b[2Jfine"},

@@ -1,0 +1,45 @@
+"""What processes use: how often that is looked at, and whose figures are whose."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Callable
+
+from robocomp_py.deploy.launcher.usage import Meter
+
+ME = {"me": (os.getpid(), None)}
+
+
+def slow(step_s: float) -> Callable[[], float]:
+    """A clock by which so much time passes from one look at it to the next."""
+    times = itertools.count(0.0, step_s)
+    return lambda: next(times)
+
+
+def looks(meter: Meter, times: int) -> list[float]:
+    """When what is known was looked at, asked so often."""
+    return [meter.read(ME)["me"].at for _ in range(times)]
+
+
+def test_processes_are_looked_at_now_and_then_only_however_often_it_is_asked() -> None:
+    seen = looks(Meter(slow(0.01)), 300)
+    assert 1 < len(set(seen)) < 5
+
+
+def test_who_takes_long_to_look_looks_less_often() -> None:
+    seen = looks(Meter(slow(0.1)), 300)
+    assert seen[0] < 1.0
+    assert {at for at in seen if at < 19.0} == {seen[0]}
+    assert seen[-1] > 19.0
+
+
+def test_nobody_waits_longer_than_half_a_minute_for_a_look() -> None:
+    seen = looks(Meter(slow(1000.0)), 3)
+    assert len(set(seen)) == 3
+
+
+def test_what_a_process_used_is_not_told_of_the_one_that_came_after_it() -> None:
+    meter = Meter(slow(0.01))
+    assert meter.read(ME)["me"].memory > 0
+    assert meter.read({"me": (os.getppid(), None)}) == {}
