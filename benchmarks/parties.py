@@ -109,8 +109,6 @@ def raw(middleware: str) -> Party | None:
             from . import raw_zenoh as bare  # type: ignore[no-redef]
         case "shm":
             from . import raw_shm as bare  # type: ignore[no-redef]
-        case "shm":
-            from . import raw_shm as bare  # type: ignore[no-redef]
         case "ice":
             from . import raw_ice as bare  # type: ignore[no-redef]
         case _:
