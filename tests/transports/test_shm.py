@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import errno
+import gc
 import itertools
 import mmap
 import shutil
@@ -54,6 +55,19 @@ def segments(folder: Path | None = None) -> set[str]:
 def files() -> set[str]:
     found = (path for path in (runtime_dir() / "shm").rglob("*") if not path.is_dir())
     return {str(path) for path in found if path.name != "nodes.lock"}
+
+
+@pytest.fixture(autouse=True)
+def nobody_else(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A run-time folder for each test: an array that an earlier one has forgotten is a transport's until it is
+    collected, and what was left is removed only where nobody is."""
+    with tempfile.TemporaryDirectory(prefix="rc-", dir="/tmp") as folder:  # short, as that of all tests
+        monkeypatch.setenv("ROBOCOMP_RUNTIME_DIR", folder)
+        yield
+        if segments():
+            gc.collect()
+            opened().close()
+        assert segments() == set()
 
 
 class TestShm(TransportConformance):
@@ -780,6 +794,24 @@ def test_a_large_message_for_which_there_is_no_room_does_not_take_what_is_left(
         outlet.send(blob(here, bytes(LARGE)))
     outlet.send(blob(here, b"a short one"))
     assert inbox.get(timeout=SOON) == b"a short one"
+
+
+def test_errors_that_somebody_keeps_keep_no_memory(here: ShmTransport, monkeypatch: pytest.MonkeyPatch) -> None:
+    _, port = here.node.new_topic("errors", 8, 0, 8, 64, LOANS)
+    writer = samples.Writer(port)
+    kept: list[pytest.ExceptionInfo[TransportError]] = []
+
+    def nothing(*_: object) -> None:
+        raise TransportError("nothing left")
+
+    for size, name in ((LARGE, "_own"), (2 * LARGE, "_mapped")):
+        with monkeypatch.context() as little:
+            little.setattr(samples, name, nothing)
+            for _ in range(LOANS + 1):
+                with pytest.raises(TransportError, match="nothing left") as failure:
+                    writer.lend(size)
+                kept.append(failure)
+        assert writer.lend(size) is not None
 
 
 def test_an_answer_for_which_there_is_no_memory_fails_its_call(

@@ -138,7 +138,11 @@ class Writer:
         if sample is None:
             return None
         if len(self._mapped.get(address, b"")) < whole:
-            self._mapped[address] = _mapped(address, whole)
+            try:
+                self._mapped[address] = _mapped(address, whole)
+            except TransportError:
+                del sample  # as below
+                raise
         at = _BEFORE + (-address - _BEFORE) % _ALIGNED
         return Loaned(sample, address, at, self._mapped[address][at : at + size])
 
@@ -167,8 +171,12 @@ class Writer:
         address = sample.payload_ptr
         memory = self._memory.get(address, _NOTHING)
         if len(memory) < whole:
-            _own(address + len(memory), whole - len(memory))
-            _own_heads(address, step(self._largest), 1 if not self._memory else _AHEAD)
+            try:
+                _own(address + len(memory), whole - len(memory))
+                _own_heads(address, step(self._largest), 1 if not self._memory else _AHEAD)
+            except TransportError:
+                del sample  # or the error would keep it as long as somebody, such as a log, keeps the error
+                raise
             self._memory[address] = memory = memoryview((ctypes.c_uint8 * whole).from_address(address)).cast("B")
         return sample, address, memory
 
