@@ -26,6 +26,11 @@ MIDDLEWARES = ("zeromq", "dds", "zenoh", "shm", "inproc")
 BY_NAME = ("ice",)
 """Those that are measured only if they are named: what they need is not there as a rule."""
 
+BROKERED = ("ice",)
+"""Where something stands between the two ends, ours and those of the bare library, that is neither of them. Zenoh's
+router is none of that: it is the far end's own session, in both; run apart, as by `rcdeploy`, it makes each way longer.
+"""
+
 FAILURES = (RobocompError, OSError, RuntimeError, ValueError, SubprocessError)
 """What keeps one party from being measured, and no reason to keep the figures of others from anybody."""
 

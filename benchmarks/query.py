@@ -82,7 +82,8 @@ def run(middlewares: Iterable[str], sizes: Sequence[int], effort: Effort, tell: 
 def both(middleware: str, depth: int) -> Iterator[list[Pair]]:
     """Our pair, and that of the bare library if there is one."""
     with place(depth) as here, contextlib.ExitStack() as open_pairs:
-        open_pairs.enter_context(hosting(middleware, TransportConfig(options(middleware, here))))
+        if middleware in parties.BROKERED:
+            open_pairs.enter_context(hosting(middleware, TransportConfig(options(middleware, here))))
         bare = parties.raw(middleware)
         compared = [parties.ours(middleware), *([bare] if bare else [])]
         pairs = [Pair(party, here) for party in compared]

@@ -32,7 +32,9 @@ from robocomp_py.transports.directory import runtime_dir
 from robocomp_py.transports.exclusive import holder
 from robocomp_py.transports.zenoh import ZenohTransport
 from robocomp_py.transports.zenoh.asking import COMMANDS_AHEAD
+from robocomp_py.transports.zenoh.messages import Message
 from robocomp_py.transports.zenoh.session import open_client, open_router
+from robocomp_py.transports.zenoh.topics import Subscriber
 from robocomp_py.transports.zenoh.watching import neighbourhoods
 from robocomp_py.wire import header
 from tests.freeports import free_port
@@ -434,6 +436,32 @@ def test_a_late_subscriber_gets_each_latched_message_once_and_in_order_under_tra
         assert heard == list(range(heard[0], heard[0] + len(heard)))
     stop.set()
     publishing.join()
+
+
+def test_history_is_asked_for_once_what_follows_it_is_heard(
+    transport: ZenohTransport, other: ZenohTransport, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    transport.outlet(topic("a/b/c", LATCHED))
+    asked: list[bool] = []
+    subscribe, subscribed, looked = Subscriber.open, threading.Event(), threading.Event()
+
+    def open_late(self: Subscriber) -> None:
+        wait_until(lambda: other.table.find("publishes", "a/b/c"))
+        other._look()
+        other.do(looked.set)
+        assert looked.wait(SOON)
+        subscribe(self)
+        subscribed.set()
+
+    def inquire(*_: object) -> list[Message]:
+        asked.append(subscribed.is_set())
+        return []
+
+    monkeypatch.setattr(Subscriber, "open", open_late)
+    monkeypatch.setattr(other, "inquire", inquire)
+    other.inlet(topic("a/b/c", LATCHED), print)
+    wait_until(lambda: asked)
+    assert asked == [True]
 
 
 def test_commands_that_a_server_has_no_room_for_time_out_at_their_sender(

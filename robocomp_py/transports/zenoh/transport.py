@@ -332,12 +332,12 @@ class ZenohTransport:
     def _open(self, link: L) -> L:
         if self.closed:
             raise Closed("the transport is closed")
-        with self._lock:
-            self._links[link.id] = link
         try:
             with as_transport_error(f"{link.channel.name}: opening"):
                 self._watching.watch(link.role, link.channel.name)
                 link.open()
+                with self._lock:
+                    self._links[link.id] = link  # only now: those it deals with are told of to all of these
                 link.announce()
             if self.closed:
                 raise Closed("the transport is closed")
