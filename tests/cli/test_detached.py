@@ -70,6 +70,15 @@ def test_its_failure_is_that_of_who_waits_for_it() -> None:
         assert waiting.wait(SOON) == 3
 
 
+def test_that_it_was_killed_is_a_failure_and_is_said() -> None:
+    with started("helper.kill(); os.kill(os.getpid(), signal.SIGKILL)") as waiting:
+        assert waiting.stdout is not None
+        waiting.stdout.readline()
+        said = "rcdeploy: who runs the network was killed (SIGKILL) before everything was ready\n"
+        assert waiting.stdout.read() == said
+        assert waiting.wait(SOON) == 1
+
+
 def test_it_goes_on_and_neither_it_nor_what_it_started_holds_the_output(tmp_path: Path) -> None:
     complaints = tmp_path / "folder" / "complaints"
     with started(f"parent.leave(Path({str(complaints)!r})); print('more'); print('oh', file=sys.stderr)") as waiting:

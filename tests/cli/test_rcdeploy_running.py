@@ -179,6 +179,21 @@ def test_what_cannot_start_is_told_where_it_was_started(tmp_path: Path) -> None:
     assert is_gone("broken")
 
 
+def test_a_network_that_is_stopped_before_it_is_up_does_not_count_as_running(tmp_path: Path) -> None:
+    path = network_of(tmp_path, "early", fine="exec sleep 600", broken="")
+    (tmp_path / "broken.sh").write_text("#!/no/such/interpreter\n")
+    path.write_text(path.read_text().replace("early {", "early { restart always(delay 600, max_delay 600);"))
+    command = [sys.executable, "-m", "robocomp_py.cli.rcdeploy", "up", "--detach", str(path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as starting:
+        assert starting.stdout is not None
+        while "started again in" not in starting.stdout.readline():
+            assert starting.poll() is None
+        assert run("down", path).returncode == 0
+        _, complaint = starting.communicate(timeout=SOON)
+    assert complaint == "rcdeploy: early ended before everything was ready\n"
+    assert starting.returncode == 1
+
+
 def test_what_is_wrong_with_a_network_is_told_where_it_was_started(tmp_path: Path) -> None:
     path = network_of(tmp_path, "wrong", fine="exec sleep 600")
     path.write_text(path.read_text().replace(": program", ": progam"))

@@ -16,6 +16,8 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from ..common import complain
+
 _GOES_ON = b"+"
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -25,6 +27,11 @@ class Parent:
 
     def __init__(self, pipe: int) -> None:
         self._pipe = pipe
+
+    @property
+    def waits(self) -> bool:
+        """Whether it has not been let go."""
+        return self._pipe >= 0
 
     def leave(self, complaints: Path) -> None:
         """Let it go, and the terminal; what Python itself has to say from now on goes into a file."""
@@ -45,6 +52,7 @@ class Parent:
         with contextlib.suppress(OSError):  # it has gone already
             os.write(self._pipe, _GOES_ON)
         os.close(self._pipe)
+        self._pipe = -1
 
 
 def detached(work: Callable[[Parent], int]) -> int:
@@ -87,10 +95,23 @@ def _wait(child: int, reading: int) -> int:
             signal.pthread_sigmask(signal.SIG_UNBLOCK, _ENDING)
             if os.read(reading, 1) == _GOES_ON:
                 return 0
-            return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+            return _code(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
         except KeyboardInterrupt:
             os.kill(child, signal.SIGINT)
         except SystemExit as exc:  # a signal came: see `common.command`
             os.kill(child, signal.SIGTERM)
             os.waitpid(child, 0)
             raise exc
+
+
+def _code(code: int) -> int:
+    """What a child that did not go on makes of us: who was killed could say nothing itself."""
+    if code >= 0:
+        return code
+    return complain(f"rcdeploy: who runs the network was killed ({_name(-code)}) before everything was ready")
+
+
+def _name(number: int) -> str:
+    with contextlib.suppress(ValueError):
+        return signal.Signals(number).name
+    return f"signal {number}"

@@ -32,7 +32,7 @@ examples:
   rcdeploy up net.ddsl --set world.params.step=0.1  set a key of an instance's configuration (*: of all)
 
 exit status: 0 fine, 1 wrong input or something failed, 2 usage, 3 a host cannot be reached,
-130/143 stopped by a signal
+130/143 stopped by a signal; with --detach, 0 if the network goes on, 1 also if it was stopped before it was ready
 """
 
 
@@ -106,7 +106,10 @@ def _up(plan: Plan, options: argparse.Namespace, parent: Parent | None) -> int:
         logs = Logs(folder, number=len(plan.processes), form=Form(options.record_logs))
         with contextlib.closing(logs):
             wanted = Options(options.duration, options.until, signalled=signalled)
-            return run_on_terminal(plan, wanted, leave if parent else None, logs)
+            code = run_on_terminal(plan, wanted, leave if parent else None, logs)
+        if parent and parent.waits and code == FINE:  # who waits for it is about to use it
+            return complain(f"rcdeploy: {plan.name} ended before everything was ready")
+        return code
     except (TransportError, ConfigurationError, DeploymentError) as exc:
         return complain(f"rcdeploy: {exc}")
 
