@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import itertools
 import os
+import subprocess
 from collections.abc import Callable
+from pathlib import Path
 
 from robocomp_py.deploy.launcher.usage import Meter
+from robocomp_py.testing.patience import wait_until
 
 ME = {"me": (os.getpid(), None)}
 
@@ -43,3 +46,14 @@ def test_what_a_process_used_is_not_told_of_the_one_that_came_after_it() -> None
     meter = Meter(slow(0.01))
     assert meter.read(ME)["me"].memory > 0
     assert meter.read({"me": (os.getppid(), None)}) == {}
+
+
+def test_one_of_many_that_was_started_again_has_the_memory_of_the_new_process() -> None:
+    many = {f"n{number}": ME["me"] for number in range(100)}  # more than are measured in a few looks
+    meter = Meter(slow(1000.0))
+    before = meter.read({"it": ME["me"], **many})["it"].memory
+    with subprocess.Popen(["sleep", "600"]) as small:
+        wait_until(lambda: Path(f"/proc/{small.pid}/comm").read_text() == "sleep\n")
+        after = meter.read({"it": (small.pid, None), **many})["it"].memory
+        small.kill()
+    assert 0 < after < before / 2

@@ -42,8 +42,8 @@ class Meter:
         self._clock = clock
         self._next = 0.0
         self._used: dict[str, Used] = {}
-        self._measured: dict[str, int] = {}
-        """Bytes by name; who was measured last comes last."""
+        self._measured: dict[tuple[str, int], int] = {}
+        """Bytes by name and id, for a name may mean another process by now; who was measured last comes last."""
 
     def read(self, running: Mapping[str, tuple[int, Path | None]]) -> Mapping[str, Used]:
         """Of processes, given their id and group by name; who was started after the last look is left out."""
@@ -57,12 +57,14 @@ class Meter:
         return {name: used for name, used in self._used.items() if there.get(name) == used.pid}
 
     def _measure(self, running: Mapping[str, tuple[int, Path | None]]) -> None:
-        order = {name: at for at, name in enumerate(self._measured)}
-        for name in sorted(running, key=lambda each: order.get(each, -1))[:_MEASURED]:
-            self._measured.pop(name, None)
-            self._measured[name] = _memory(*running[name])
-        for name in self._measured.keys() - running.keys():
-            del self._measured[name]
+        """Those first that never were."""
+        there = {(name, pid): group for name, (pid, group) in running.items()}
+        for gone in self._measured.keys() - there.keys():
+            del self._measured[gone]
+        order = {each: at for at, each in enumerate(self._measured)}
+        for name, pid in sorted(there, key=lambda each: order.get(each, -1))[:_MEASURED]:
+            self._measured.pop((name, pid), None)
+            self._measured[name, pid] = _memory(pid, there[name, pid])
 
     def _look(self, name: str, pid: int, group: Path | None) -> Used:
         trace, at = traces.look(pid), self._clock()
@@ -71,7 +73,7 @@ class Meter:
         cpu_s = _cpu_of_group(group) if group else None
         if cpu_s is None:
             cpu_s = trace.cpu_ticks / _TICK
-        return Used(pid, cpu_s, self._measured.get(name) or trace.memory_pages * _PAGE, at)
+        return Used(pid, cpu_s, self._measured.get((name, pid)) or trace.memory_pages * _PAGE, at)
 
 
 def _cpu_of_group(group: Path) -> float | None:
