@@ -48,7 +48,7 @@ from .routes import (
 )
 from .uses import Node, node_of, read_qos, wire
 from .waiting import Requirement, endless
-from .wiring import ZENOH, ZEROMQ, Network, Site, Wiring, first_free_port, with_crowds
+from .wiring import DDS, ZENOH, ZEROMQ, Network, Site, Wiring, first_free_port, with_crowds
 from .wiring import wire as wire_hosts
 
 Addresses = Callable[[Mapping[str, str]], Mapping[str, str]]
@@ -116,7 +116,8 @@ class _Planner:
         if addresses := self._host_addresses(ordered):
             self._find_over_ice(ordered, addresses)
             self._wire_hosts(ordered, addresses)
-        self._wiring = with_crowds(self._wiring, self._choice.ways)
+        settled = [each.name for each in self._configured if "many" in each.settings.transports.get(DDS, {})]
+        self._wiring = with_crowds(self._wiring, self._choice.ways, settled)
         self._check_security(nodes)
         processes = [self._process(name, together) for name, together in ordered.items()]
         named = self._overrides.middleware or (self._model.middleware.text if self._model.middleware else "")

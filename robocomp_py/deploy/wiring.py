@@ -13,7 +13,7 @@ found where it was, and a firewall can be told; an instance may be given another
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -74,12 +74,17 @@ CROWD = 24
 """More instances than these that meet over DDS are told so, for each of them talks to all others."""
 
 
-def with_crowds(wiring: Wiring, ways: Iterable[Way]) -> Wiring:
-    """The same, if so many meet over DDS, with settings that make that bearable."""
+def with_crowds(wiring: Wiring, ways: Iterable[Way], settled: Collection[str] = ()) -> Wiring:
+    """The same, if so many meet over DDS, with settings that make that bearable.
+
+    `settled` are those of whom somebody has said already whether many meet.
+    """
     there = {end for way in ways if way.middleware == DDS for end in (way.client, way.provider)}
     if len(there) <= CROWD:
         return wiring
-    more = {name: (*wiring.settings.get(name, ()), "transports.dds.many=true") for name in sorted(there)}
+    more = {
+        name: (*wiring.settings.get(name, ()), "transports.dds.many=true") for name in sorted(there.difference(settled))
+    }
     return replace(wiring, settings={**wiring.settings, **more})
 
 

@@ -639,3 +639,13 @@ def test_of_a_program_of_ones_own_only_the_model_is_known(folder: Path) -> None:
     assert errors(folder, 'Component sensor { path "own.sh"; }; Component recorder { path "own.sh"; };') == [
         "qos-mismatch"
     ]
+
+
+def test_what_is_set_of_many_that_meet_over_dds_is_left_as_it_is(folder: Path) -> None:
+    body = "middleware dds; Component sensor { };" + "".join(f"Component d{n} : driver {{ }};" for n in range(25))
+    found, _ = plan(folder, body, Overrides(settings=(("*", "transports.dds.many=false"),)))
+    assert "many=false" in command(found, "d7")
+    assert "many=true" not in command(found, "d7")
+    found, _ = plan(folder, body, Overrides(settings=(("d7", "transports.dds.many=false"),)))
+    assert "many=true" not in command(found, "d7")
+    assert "many=true" in command(found, "d8")

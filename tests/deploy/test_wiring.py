@@ -188,3 +188,9 @@ def test_as_many_changes_nothing_for_a_few_or_over_other_middlewares():
     few = [way(f"a{n}", f"b{n}", "dds") for n in range(12)]
     others = [way(f"a{n}", f"b{n}", "zenoh") for n in range(50)]
     assert with_crowds(Wiring(), [*few, *others]) == Wiring()
+
+
+def test_who_says_itself_whether_many_meet_is_not_told():
+    ways = [way(f"a{n}", f"b{n}", "dds") for n in range(13)]
+    told = with_crowds(Wiring(), ways, settled={"a0"})
+    assert told.settings.keys() == {name for each in ways for name in (each.client, each.provider)} - {"a0"}
