@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass
+from typing import Any
 
 from ..contract.interface import Verb
 from ..errors import DeploymentError, HostUnreachable
@@ -189,6 +190,7 @@ class _Run(Listener, Network):
                 return self._stopped_early()
             return self._failed_early([found for found in opening.result() if found])
         finally:
+            opening.add_done_callback(_noticed)
             for each in (asked, opening):
                 each.cancel()
             await asyncio.wait((asked, opening), timeout=CLOSING)
@@ -416,6 +418,12 @@ class _Run(Listener, Network):
             worst=usage.worst_ms / 1000 if usage else None,
             status=self._teller.statuses.get(name, "") if there else "",
         )
+
+
+def _noticed(done: asyncio.Future[Any]) -> None:
+    """Have asyncio not complain that nobody has asked what became of it: a `gather` fails when it is cancelled."""
+    if not done.cancelled():
+        done.exception()
 
 
 def children(plan: Plan, grace: float) -> list[Child]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import gc
 import os
 import signal
 import sys
@@ -13,9 +15,10 @@ from pathlib import Path
 import pytest
 
 from robocomp_py.contract.interface import Verb
+from robocomp_py.deploy.agents import Agent, Usage
 from robocomp_py.deploy.plan import Link, Member, OpenedTransport, Plan, Process
 from robocomp_py.deploy.policy import Restart, State, When
-from robocomp_py.deploy.run import Options, run
+from robocomp_py.deploy.run import Options, run, run_plan
 from robocomp_py.deploy.telling import Display
 from robocomp_py.testing.patience import SOON
 from robocomp_py.transports.base import TransportConfig
@@ -175,6 +178,35 @@ def test_who_is_killed_out_of_patience_is_not_blamed() -> None:
     told = Told(line=interrupt, stopping=interrupt)
     assert run(network(deaf=DEAF), Options(grace=SOON * 6), told) == 130
     assert told.said[-1] == ("ended", "deaf", "was killed")
+
+
+class Silent(Agent):
+    """Of a host that accepts connections and says nothing: while it is reached, Ctrl-C is pressed."""
+
+    async def open(self) -> None:
+        interrupt()
+        await asyncio.Event().wait()
+
+    async def start(self, process: Process) -> None:
+        raise AssertionError("it was never reached")
+
+    def stop(self, name: str) -> None: ...
+
+    def kill(self, name: str) -> None: ...
+
+    def usage(self) -> dict[str, Usage]:
+        return {}
+
+    async def close(self) -> None: ...
+
+
+def test_an_interrupt_while_a_host_is_reached_ends_it_without_a_traceback(caplog: pytest.LogCaptureFixture) -> None:
+    told = Told()
+    running = run_plan(network(hello=FOREVER), Options(), told, agents=lambda *_: {"": Silent()})
+    assert asyncio.run(running) == 130
+    gc.collect()  # asyncio complains of exceptions that nobody has retrieved when they go
+    assert told.said == [("stopping", "asked to")]
+    assert [each.message for each in caplog.records] == []
 
 
 def test_what_a_middleware_needs_is_there_as_long_as_the_network(monkeypatch: pytest.MonkeyPatch) -> None:
