@@ -12,6 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -428,33 +429,47 @@ async def being_started(launcher: Launcher, process: Process) -> asyncio.Task[No
     return coming
 
 
-@pytest.mark.parametrize("deed", ["stop", "kill"])
-def test_one_that_is_not_wanted_any_more_when_it_comes_is_not_waited_for(
-    component: Path, tmp_path: Path, runtime_folder: Path, deed: str
-) -> None:
+STAYS = "import os, signal\nif 'STAY' in os.environ: signal.pause()\n"
+"""In front of a component's code: it does not end by itself, if asked to."""
+
+
+def staying(component: Path) -> Process:
+    """One that has to be ended, started from a component of which others end by themselves."""
+    worker = component / "specificworker.py"
+    worker.write_text(STAYS + worker.read_text())
     command = (sys.executable, "-m", "robocomp_py.cli.rc", "run", str(component), "--name", "it")
+    return Process("it", "it", command, component, {"STAY": "1"})
+
+
+@pytest.mark.parametrize("deed", ["stop", "kill"])
+def test_one_that_is_not_wanted_any_more_when_it_comes_is_ended_then_and_not_waited_for(
+    component: Path, tmp_path: Path, runtime_folder: Path, with_and_without_groups: None, deed: str
+) -> None:
+    stays = staying(component)
 
     async def story(launcher: Launcher, heard: Heard) -> None:
-        coming = await being_started(launcher, Process("it", "it", command, component))
+        coming = await being_started(launcher, stays)
         getattr(launcher, deed)("it")
         with pytest.raises(Abandoned):
             await coming
         assert heard.told == []
-        await launcher.start(Process("it", "it", command, component))
+        await launcher.start(replace(stays, env={}))  # what was asked for first has come by then
         assert (await heard.until("exited"))[2] == 0
+        assert launcher._zygote
+        forking = launcher._zygote.pid
+        wait_until(lambda: [each.pid for each in traces.marked(launcher._launch)] == [forking])
 
     heard = launched(tmp_path / "run", story)
     assert [each[0] for each in heard.told].count("exited") == 1
 
 
 def test_nobody_comes_once_everything_is_closed(component: Path, tmp_path: Path, runtime_folder: Path) -> None:
-    command = (sys.executable, "-m", "robocomp_py.cli.rc", "run", str(component), "--name", "it")
-
     async def story(launcher: Launcher, heard: Heard) -> None:
-        coming = await being_started(launcher, Process("it", "it", command, component))
+        coming = await being_started(launcher, staying(component))
         await launcher.close()
         with pytest.raises(Abandoned):
             await coming
+        assert traces.marked(launcher._launch) == []
 
     assert launched(tmp_path / "run", story).told == []
 
