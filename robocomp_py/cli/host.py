@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
 import threading
 
-from .common import FINE, USAGE, complain
+from .common import FINE, USAGE, complain, insist
 
 NAME = "host"
 HELP = "run what the components of this machine share: the router of Zenoh, IceStorm"
@@ -65,7 +66,10 @@ def run(options: argparse.Namespace) -> int:
         ended.set()
 
     try:
-        with Signals(end), hosting(middleware, TransportConfig(own, f"rc host {middleware}")):
+        with contextlib.ExitStack() as until_the_end:
+            until_the_end.enter_context(Signals(end))
+            insist()  # on a signal that came before
+            until_the_end.enter_context(hosting(middleware, TransportConfig(own, f"rc host {middleware}")))
             if not _hosts(middleware):
                 print(f"rc host: components share nothing that has to be run for {middleware}", file=sys.stderr)
                 return FINE

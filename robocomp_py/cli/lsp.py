@@ -8,7 +8,7 @@ import signal
 import sys
 from typing import BinaryIO
 
-from .common import FINE, USAGE, WRONG
+from .common import FINE, USAGE, WRONG, insist
 
 NAME = "lsp"
 HELP = "the language server, which editors start; see docs/editors.md"
@@ -32,6 +32,7 @@ def run(options: argparse.Namespace) -> int:
         return USAGE
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_DFL)  # there is nothing to clean up, and a thread that reads stdin to wait for
+    insist()  # on one that came before
     return FINE if make_server().serve(*_channels()) else WRONG
 
 

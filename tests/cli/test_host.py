@@ -14,6 +14,8 @@ import pytest
 from robocomp_py.cli import rc
 from robocomp_py.testing.patience import SOON
 
+from .losing import run_losing
+
 
 def test_it_says_when_it_is_ready_and_ends_by_a_signal(tmp_path: Path) -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as told:
@@ -31,6 +33,12 @@ def test_it_says_when_it_is_ready_and_ends_by_a_signal(tmp_path: Path) -> None:
             finally:
                 router.send_signal(signal.SIGTERM)
             assert router.wait(SOON) == 128 + signal.SIGTERM
+
+
+def test_a_signal_that_came_before_it_listens_to_any_ends_it_even_if_its_exception_got_lost(tmp_path: Path) -> None:
+    environment = os.environ | {"ROBOCOMP_RUNTIME_DIR": str(tmp_path / "r")}
+    done = run_losing("SIGTERM", "rc", "host", "host", "zenoh", env=environment)
+    assert (done.returncode, done.stdout) == (128 + signal.SIGTERM, "")
 
 
 @pytest.mark.parametrize(

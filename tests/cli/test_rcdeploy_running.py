@@ -15,6 +15,8 @@ from robocomp_py.cli.rcdeploy import main as rcdeploy
 from robocomp_py.deploy.place import Place
 from robocomp_py.testing.patience import SOON, wait_until
 
+from .losing import run_losing
+
 Said = pytest.CaptureFixture[str]
 
 
@@ -139,6 +141,15 @@ def test_an_instance_can_be_started_again(house: Running, capsys: Said) -> None:
     rcdeploy(["status", house.path, "--json"])
     after = json.loads(capsys.readouterr().out)["processes"][1]
     assert (after["starts"], after["restarts"]) == (before["starts"] + 1, before["restarts"] + 1)
+
+
+@pytest.mark.parametrize("command", [("logs", "-f"), ("status", "--watch")])
+@pytest.mark.parametrize(("name", "code"), [("SIGTERM", 143), ("SIGINT", 130)])
+def test_who_goes_on_looking_ends_by_a_signal_whose_exception_got_lost(
+    house: Running, command: tuple[str, str], name: str, code: int
+) -> None:
+    done = run_losing(name, "rcdeploy", f"deploying.{command[0]}", *command, house.path)
+    assert (done.returncode, done.stdout) == (code, "")
 
 
 def test_who_is_not_there_cannot_be_started_again(house: Running, capsys: Said) -> None:

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from ..common import UNREACHABLE, complain
+from ..common import UNREACHABLE, complain, insist
 
 if TYPE_CHECKING:
     from ...deploy.client import Connection
@@ -33,6 +33,7 @@ def asking(network: str, deed: Callable[[Connection], int], absent: Callable[[],
     try:
         try:
             with Connection(network_of(network)) as connection:
+                insist()  # on a signal that came meanwhile: some of these go on for ever
                 return deed(connection)
         except NotRunning:
             if absent and (code := absent()) is not None:

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from ..common import FINE
+from ..common import FINE, insist
 from .asking import add_network, asking, show
 
 if TYPE_CHECKING:
@@ -69,6 +69,7 @@ def _show(lines: Iterable[tuple[str, str]]) -> None:
         width = max(width, len(name))
         show([(f"{name:>{width}} | ", "cyan" if name != "rcdeploy" else "bold"), (text, "")])
         sys.stdout.flush()
+        insist()
 
 
 def _count(text: str) -> int:

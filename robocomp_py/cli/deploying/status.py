@@ -10,7 +10,7 @@ import time
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from ..common import FINE, UNREACHABLE, USAGE, WRONG
+from ..common import FINE, UNREACHABLE, USAGE, WRONG, insist
 from .asking import NETWORK, asking, show
 
 if TYPE_CHECKING:
@@ -62,6 +62,7 @@ def _show(connection: Connection, options: argparse.Namespace) -> int:
         sys.stdout.flush()
         if not options.watch:
             return _code(snapshot)
+        insist()
         time.sleep(_EVERY_S)
 
 

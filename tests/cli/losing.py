@@ -1,0 +1,36 @@
+"""Commands that a signal comes to while Python ignores what that raises."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import Any
+
+from robocomp_py.testing.patience import SOON
+
+_LOSING = """
+import signal, sys
+from importlib import import_module
+
+class Last:
+    def __del__(self):
+        signal.raise_signal(getattr(signal, sys.argv[1]))
+
+program, module = (import_module(f"robocomp_py.cli.{name}") for name in sys.argv[2:4])
+run = module.run
+
+def run_afterwards(options):
+    Last()
+    return run(options)
+
+module.run = run_afterwards
+raise SystemExit(program.main(sys.argv[4:]))
+"""
+
+
+def run_losing(
+    signal: str, program: str, module: str, *arguments: str, **options: Any
+) -> subprocess.CompletedProcess[str]:
+    """Run a command that loses what this signal raises just before its module does anything."""
+    command = [sys.executable, "-c", _LOSING, signal, program, module, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=SOON, **options)
