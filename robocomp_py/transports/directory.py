@@ -33,7 +33,7 @@ from typing import Any, NamedTuple
 
 from ..errors import ConfigurationError, TransportError
 from ..wire.names import ANY, matches
-from .exclusive import SWEPT, file_name, is_gone, is_swept, mark_swept
+from .exclusive import SWEPT, file_name, is_gone, is_swept, mark_swept, sweep
 from .inotify import UNWATCHED, Watch
 
 log = logging.getLogger("robocomp.transport")
@@ -648,3 +648,20 @@ def state_of(pid: int) -> str:
     except OSError:
         return ""
     return status.rpartition(")")[2].strip()[:1]
+
+
+def clear(folder: Path) -> bool:
+    """Remove what killed processes left in the folder of a transport; whether members were among them.
+
+    Whoever comes next does so, too. This is for who has ended processes, and cannot know whether anybody will come.
+    Raises OSError; what could not be removed then means nothing, as before.
+    """
+    members = {os.path.splitext(name)[0] for name in os.listdir(folder) if name.endswith(_OF_MEMBERS)}
+    gone = [name for name in members if (pid := name.partition("-")[0]).isdecimal() and is_gone(int(pid))]
+    directory = Directory(folder)
+    found = [name for name in gone if not directory.alive(name)]
+    for each in (folder, *(below for below in folder.iterdir() if below.is_dir() and below.name != _INDEX)):
+        (each / SWEPT).unlink(missing_ok=True)  # whoever has just looked did so while they lived
+        sweep(each)
+        (each / SWEPT).unlink(missing_ok=True)
+    return bool(found)

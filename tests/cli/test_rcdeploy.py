@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,6 +19,7 @@ import pytest
 from robocomp_py.cli.rcdeploy import main as rcdeploy
 from robocomp_py.cli.rcgen import main as rcgen
 from robocomp_py.testing.patience import SOON, wait_until
+from robocomp_py.transports.shm.node import prefix
 
 ASKER = """
 import "../hello/Hello.idsl";
@@ -337,6 +339,47 @@ def test_nobody_survives_a_killed_deployer_and_nothing_is_left(
         deployer.kill()
     wait_until(lambda: not any(map(alive, pids)), SOON * 2)
     wait_until(lambda: not list(tmp_path.iterdir()))
+
+
+@pytest.fixture
+def run_time(runtime_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A run-time folder of its own, and what a library keeps elsewhere for it."""
+    with tempfile.TemporaryDirectory(dir=runtime_folder) as made:
+        monkeypatch.setenv("ROBOCOMP_RUNTIME_DIR", made)
+        yield Path(made)
+
+
+def left_in(run_time: Path) -> set[str]:
+    """What is there but folders and logs."""
+    inside = {str(each.relative_to(run_time)) for each in run_time.rglob("*") if not each.is_dir()}
+    shared = {str(each) for each in Path("/dev/shm").glob(f"{prefix(run_time / 'shm')}*")}
+    return {each for each in inside | shared if not each.startswith("deploy/net/logs/")}
+
+
+def killed(*arguments: object, too: bool = False) -> Deployer:
+    """A network whose components were all killed at once, and who ran it as well, if so."""
+    with deployed(*arguments) as deployer:
+        deployer.wait_for("are ready")
+        found = json.loads(run("status", "net", "--json").stdout)
+        for pid in (*(each["pid"] for each in found["processes"]), *([deployer.pid] if too else ())):
+            os.kill(pid, signal.SIGKILL)
+    return deployer
+
+
+@pytest.mark.parametrize("middleware", ["auto", "shm", "zeromq"])
+def test_components_that_are_killed_leave_what_those_leave_that_end_by_themselves(
+    folder: Path, run_time: Path, middleware: str
+) -> None:
+    assert run(folder / "net.ddsl", "--middleware", middleware, "--for", 0).returncode == 0
+    before = left_in(run_time)
+    assert before <= {"shm/nodes.lock"}
+    assert killed(folder / "net.ddsl", "--middleware", middleware).returncode == 1
+    assert left_in(run_time) == before
+
+
+def test_components_that_are_killed_with_who_runs_them_leave_no_more(folder: Path, run_time: Path) -> None:
+    assert killed(folder / "net.ddsl", too=True).returncode == -signal.SIGKILL
+    wait_until(lambda: left_in(run_time) <= {"shm/nodes.lock"})
 
 
 def test_components_of_a_killed_deployer_still_finish(folder: Path) -> None:

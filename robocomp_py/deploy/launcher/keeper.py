@@ -2,18 +2,20 @@
 
 It reads lines from its launcher: first the launch, `=MARK BOOT CGROUP`; then `+PID STARTED` for a process that was
 started, `-PID` for one that has ended. When the pipe closes, whatever is left of them and of what they started gets
-SIGTERM and, after a grace, SIGKILL; then what the launch left in the network's folder is removed. As long as it lives
-it holds the lifeline: without it and without the launcher, the kernel ends them at once.
+SIGTERM and, after a grace, SIGKILL; then what they and the launch left in the run-time folder is removed. As long as
+it lives it holds the lifeline: without it and without the launcher, the kernel ends them at once.
 """
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import sys
 from pathlib import Path
 
 from ...errors import DeploymentError
 from ..place import Place
+from .clearing import clear_up
 from .leftovers import Leftovers
 
 
@@ -28,11 +30,11 @@ def main() -> None:
         return  # the launcher ended before it could start anything
     left.end()
     place = Place(network, Path(folder).parent)
-    try:
+    with contextlib.suppress(DeploymentError):  # somebody runs it again already
         place.take()
-    except DeploymentError:
-        return  # somebody runs it again already
-    place.release()
+        place.release()
+    left.until_waited_for()
+    clear_up()
 
 
 def heed(left: Leftovers, line: str) -> None:

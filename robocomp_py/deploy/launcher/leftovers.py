@@ -57,6 +57,15 @@ class Leftovers:
             cgroups.end(Path(self.cgroup))
         return len(found)
 
+    def until_waited_for(self, within: float = 5.0) -> None:
+        """Wait until somebody, who is not us, has waited for them: whoever is a zombie counts as having its files."""
+
+        def is_there(pid: int, started: int) -> bool:
+            trace = traces.look(pid)
+            return trace is not None and trace.started == started
+
+        _until(lambda: not any(is_there(*each) for each in self.processes.items()), within)
+
 
 class Record:
     """The file, as long as we launch."""

@@ -33,6 +33,7 @@ from ..place import Place, file_name
 from ..process import Process
 from . import birth, cgroups, traces
 from .birth import Birth
+from .clearing import clear_up
 from .forking import Unavailable, Zygote, forkable
 from .keeping import Keeper
 from .leftovers import Record, load
@@ -137,6 +138,7 @@ class Launcher(Agent):
     async def _open(self) -> None:
         self.place.take(self._command)
         self._undo.callback(self.place.release)
+        self._undo.push_async_callback(asyncio.to_thread, clear_up)
         await self._sweep()
         self._raise_limits()
         birth.adopt_orphans(True)
