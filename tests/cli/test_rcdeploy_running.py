@@ -205,6 +205,14 @@ def test_a_network_that_is_stopped_before_it_is_up_does_not_count_as_running(tmp
     assert starting.returncode == 1
 
 
+def test_a_network_of_nobody_does_not_go_on(tmp_path: Path) -> None:
+    path = network_of(tmp_path, "deserted")
+    assert run("up", path).returncode == 0
+    detached = run("up", "--detach", path)
+    assert detached.returncode == 1
+    assert detached.stderr.endswith("rcdeploy: nothing goes on: deserted has no components\n")
+
+
 def test_what_is_wrong_with_a_network_is_told_where_it_was_started(tmp_path: Path) -> None:
     path = network_of(tmp_path, "wrong", fine="exec sleep 600")
     path.write_text(path.read_text().replace(": program", ": progam"))

@@ -71,7 +71,7 @@ def _run(options: argparse.Namespace, parent: Parent | None = None) -> int:
         print(f"rcdeploy: --until {options.until}: there is no such instance", file=sys.stderr)
         return USAGE
     if not plan.processes:
-        return FINE
+        return complain(f"rcdeploy: nothing goes on: {plan.name} has no components") if parent else FINE
     plan = guarded(plan, options)
     return plan if isinstance(plan, int) else _up(plan, options, parent)
 
