@@ -144,6 +144,8 @@ class ExistingWorker(Worker[Any]):
     _instances: ClassVar[int] = 0
     _grace_s = 2.0
     """So long it is waited in the end for threads that they have begun."""
+    _work_s = 4.0
+    """So long if they are pools with calls that wait to be made; a deployment gives five seconds for everything."""
 
     def __init__(self) -> None:
         if self.alone:
@@ -152,8 +154,7 @@ class ExistingWorker(Worker[Any]):
         self._user: Any = None
         self._thread: int | None = None
         """Which one its loop is run by."""
-        self._threads: list[threading.Thread] = []
-        """Those that its code has begun, and that would keep a process of its own from ending."""
+        self._begun = waits.Begun()
         self.statemachine = None
         self._chart: Chart | None = None
         if self.machine:
@@ -218,14 +219,14 @@ class ExistingWorker(Worker[Any]):
 
     def finish(self) -> None:
         self._loop.close()
+        pools = self._begun.pools()  # before their object goes, and pools with it that have something to do
         self._loop.call(self._part)
-        end = time.monotonic() + self._grace_s
-        for thread in self._threads:
-            with self._released():
-                thread.join(max(0.0, end - time.monotonic()))
-        left = [thread.name for thread in self._threads if thread.is_alive()]
+        with self._released():
+            left, calls = self._begun.end(pools, self._grace_s, self._work_s)
         if left:
             self.log.warning("threads of its own go on, and end with the process: %s", ", ".join(left))
+        if calls:
+            self.log.warning("%d calls that its pools were given have not begun after %g s", calls, self._work_s)
 
     def _part(self) -> None:
         """Let go of their object, whose `__del__` may have something to do."""
@@ -239,9 +240,6 @@ class ExistingWorker(Worker[Any]):
             self.stop()
         else:
             self._loop.post(self.stop)
-
-    def _begun(self, thread: threading.Thread) -> None:
-        self._threads = [*(each for each in self._threads if each.is_alive()), thread]
 
     def _beats(self, now: float) -> Beat:
         return _LoopBeat(self._loop, self._chart, self._period, self._period_set)
@@ -350,7 +348,7 @@ class ExistingWorker(Worker[Any]):
                     setattr(module, name, other)
         given = imports.given
         given |= {**types, "Ice": self.ices.ice, "IceStorm": self.ices.storm}
-        given |= waits.modules(self._loop.outside, self._loop.locked, self._begun)
+        given |= waits.modules(self._loop, self._begun)
         imports.lazily |= {name: partial(importlib.import_module, name) for name in waits.BELOW}
         imports.lazily |= {name: partial(self._loop.modules.__getitem__, name) for name in self._loop.modules}
         given["genericworker"] = self._genericworker(package, types, given)

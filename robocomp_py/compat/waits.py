@@ -3,6 +3,10 @@
 RoboComp runs handlers beside `compute`, and users guard what both use by locks, or have one wait for the other. Here
 they take turns; so a wait has to be a turn's end, or a handler that wants a lock which is held by who waits for an
 answer would keep both from going on.
+
+    a lock                lets them in if it is taken
+    whatever else waits   lets them in each time: who works off a queue that is never empty need not wait, and would
+                          keep them out forever
 """
 
 from __future__ import annotations
@@ -11,31 +15,86 @@ import concurrent.futures.thread
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager
+from functools import partial
 from types import ModuleType, TracebackType
-from typing import Any
+from typing import Any, Protocol, TypeVar
+from weakref import WeakSet
 
-Outside = Callable[[], AbstractContextManager[None]]
-"""Around a wait: others are let in meanwhile."""
+T = TypeVar("T")
 
 BELOW = ("concurrent.futures.thread", "concurrent.futures.process")
 """What is below these modules, and stays as it is."""
 
 
-def modules(
-    outside: Outside, locked: Callable[[int], None], begun: Callable[[threading.Thread], None]
-) -> Mapping[str, ModuleType]:
-    """The modules by name, with those of their parts that wait exchanged.
+class Loop(Protocol):
+    """What lets others in."""
 
-    `locked` is told of each lock that is taken (1) and given back (-1), `begun` of each thread that somebody would have
-    to wait for at the end; the process does not.
-    """
-    futures = _like(concurrent.futures, **_futures(outside, begun))
+    def outside(self) -> AbstractContextManager[None]:
+        """Around a wait for a lock, which has to be on the thread that will have it."""
+
+    def wait_for(self, function: Callable[[], T]) -> T:
+        """Call a function that waits, on whatever thread: others are let in meanwhile."""
+
+    def locked(self, change: int) -> None:
+        """A lock was taken (1), or given back (-1): what may want it is not called on the same thread meanwhile."""
+
+
+Pool = concurrent.futures.ThreadPoolExecutor
+
+
+class Begun:
+    """What a component's code has begun, and would keep a process of its own from ending; ours it does not."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._threads: list[threading.Thread] = []
+        self._pools: WeakSet[Pool] = WeakSet()
+
+    def thread(self, thread: threading.Thread) -> None:
+        with self._lock:
+            self._threads = [*(each for each in self._threads if each.is_alive()), thread]
+
+    def pool(self, pool: Pool) -> None:
+        with self._lock:
+            self._pools.add(pool)
+
+    def pools(self) -> list[Pool]:
+        """Those that somebody has."""
+        with self._lock:
+            return list(self._pools)
+
+    def end(self, pools: Collection[Pool], grace_s: float, work_s: float) -> tuple[list[str], int]:
+        """Tell pools that no more comes, and wait until all threads have ended: `grace_s`, and those of a pool where
+        calls wait to be made, `work_s`. Returns the names of those that go on, and how many calls still wait."""
+        begun = time.monotonic()
+        for pool in pools:
+            if not pool._shutdown:
+                pool.shutdown(wait=False)
+        _join(self._threads, begun + grace_s)
+        _join([thread for pool in pools if _calls_in(pool) for thread in pool._threads], begun + work_s)
+        return [each.name for each in self._threads if each.is_alive()], sum(map(_calls_in, pools))
+
+
+def _join(threads: Iterable[threading.Thread], end: float) -> None:
+    for thread in threads:
+        thread.join(max(0.0, end - time.monotonic()))
+
+
+def _calls_in(pool: Pool) -> int:
+    """How many calls nobody has begun in a pool that was shut down: what says so stands behind them, and stays."""
+    is_at_it = any(each.is_alive() for each in pool._threads)
+    return max(0, pool._work_queue.qsize() - 1) if is_at_it else 0
+
+
+def modules(loop: Loop, begun: Begun) -> Mapping[str, ModuleType]:
+    """The modules by name, with those of their parts that wait exchanged."""
+    futures = _like(concurrent.futures, **_futures(loop, begun))
     return {
-        "threading": _like(threading, **_threading(outside, locked, begun)),
-        "queue": _like(queue, **_queues(outside)),
-        "time": _like(time, sleep=_sleeping(outside)),
+        "threading": _like(threading, **_threading(loop, begun)),
+        "queue": _like(queue, **_queues(loop)),
+        "time": _like(time, sleep=_sleeping(loop)),
         "concurrent": _like(concurrent, futures=futures),
         "concurrent.futures": futures,
     }
@@ -47,17 +106,16 @@ def _like(module: ModuleType, **instead: Any) -> ModuleType:
     return made
 
 
-def _sleeping(outside: Outside) -> Callable[[float], None]:
+def _sleeping(loop: Loop) -> Callable[[float], None]:
     def sleep(seconds: float, /) -> None:
-        with outside():
-            time.sleep(seconds)
+        loop.wait_for(partial(time.sleep, seconds))
 
     return sleep
 
 
-def _threading(
-    outside: Outside, locked: Callable[[int], None], begun: Callable[[threading.Thread], None]
-) -> dict[str, Any]:
+def _threading(loop: Loop, begun: Begun) -> dict[str, Any]:
+    locked = loop.locked
+
     class Lock:
         """A lock that lets others in while it is waited for."""
 
@@ -69,7 +127,7 @@ def _threading(
         def acquire(self, blocking: bool = True, timeout: float = -1) -> bool:
             taken = bool(self._lock.acquire(False))
             if blocking and not taken:
-                with outside():
+                with loop.outside():
                     taken = bool(self._lock.acquire(True, timeout))
             if taken:
                 locked(1)
@@ -110,15 +168,29 @@ def _threading(
             super().__init__(lock)
 
         def wait(self, timeout: float | None = None) -> bool:
-            with outside():
-                return super().wait(timeout)
+            """As Python does it, but that another thread than the one that has the lock may be who waits."""
+            this: Any = self
+            if not this._is_owned():
+                raise RuntimeError("cannot wait on un-acquired lock")
+            called, is_called = threading.Lock(), False
+            called.acquire()
+            patience = -1 if timeout is None else max(0, timeout)
+            this._waiters.append(called)
+            state = this._release_save()
+            try:
+                with loop.outside():  # also while the lock is waited for
+                    try:
+                        is_called = loop.wait_for(partial(called.acquire, True, patience))
+                    finally:
+                        this._acquire_restore(state)
+            finally:
+                if not is_called and called in this._waiters:
+                    this._waiters.remove(called)
+            return is_called
 
     class Event(threading.Event):
         def wait(self, timeout: float | None = None) -> bool:
-            if self.is_set():
-                return True
-            with outside():
-                return super().wait(timeout)
+            return loop.wait_for(partial(super().wait, timeout))
 
     class Barrier(threading.Barrier):
         def __init__(self, *arguments: Any, **named: Any) -> None:
@@ -128,14 +200,20 @@ def _threading(
     def semaphore(base: type[threading.Semaphore]) -> type[threading.Semaphore]:
         class Waiting(base):  # type: ignore[misc, valid-type]  # one of two
             def acquire(self, blocking: bool = True, timeout: float | None = None) -> bool:
-                if super().acquire(False):
-                    return True
                 if not blocking:
-                    return False
-                with outside():
-                    return bool(super().acquire(True, timeout))
+                    return bool(super().acquire(False, timeout))
+                return bool(loop.wait_for(partial(super().acquire, True, timeout)))
 
-            __enter__ = acquire
+            # around something it is a lock, whatever it counts
+
+            def __enter__(self) -> bool:
+                self.acquire()
+                locked(1)
+                return True
+
+            def __exit__(self, *exc: Any) -> None:
+                locked(-1)
+                self.release()
 
         return _named(Waiting, base)
 
@@ -144,11 +222,10 @@ def _threading(
             is_awaited, self.daemon = not self.daemon, True
             super().start()
             if is_awaited:
-                begun(self)
+                begun.thread(self)
 
         def join(self, timeout: float | None = None) -> None:
-            with outside():
-                super().join(timeout)
+            loop.wait_for(partial(super().join, timeout))
 
     class Timer(Thread, threading.Timer):
         pass
@@ -171,30 +248,22 @@ def _named(made: type[Any], base: type[Any]) -> type[Any]:
     return made
 
 
-def _queues(outside: Outside) -> dict[str, Any]:
+def _queues(loop: Loop) -> dict[str, Any]:
     def waiting(base: type[Any]) -> type[Any]:
         class Waiting(base):  # type: ignore[misc]  # one of several
             def get(self, block: bool = True, timeout: float | None = None) -> Any:
-                try:
-                    return super().get(False)
-                except queue.Empty:
-                    if not block:
-                        raise
-                with outside():
-                    return super().get(True, timeout)
+                get = partial(super().get, block, timeout)
+                return loop.wait_for(get) if block else get()
 
             def put(self, item: Any, block: bool = True, timeout: float | None = None) -> None:
-                try:
-                    super().put(item, False)
-                except queue.Full:
-                    if not block:
-                        raise
-                    with outside():
-                        super().put(item, True, timeout)
+                put = partial(super().put, item, block, timeout)
+                if block:
+                    loop.wait_for(put)
+                else:
+                    put()
 
             def join(self) -> None:
-                with outside():
-                    super().join()
+                loop.wait_for(super().join)
 
         return _named(Waiting, base)
 
@@ -202,17 +271,19 @@ def _queues(outside: Outside) -> dict[str, Any]:
     return {base.__name__: waiting(base) for base in every}
 
 
-def _futures(outside: Outside, begun: Callable[[threading.Thread], None]) -> dict[str, Any]:
+def _futures(loop: Loop, begun: Begun) -> dict[str, Any]:
     class Future(concurrent.futures.Future[Any]):
         def result(self, timeout: float | None = None) -> Any:
-            with nullcontext() if self.done() else outside():
-                return super().result(timeout)
+            return loop.wait_for(partial(super().result, timeout))
 
         def exception(self, timeout: float | None = None) -> BaseException | None:
-            with nullcontext() if self.done() else outside():
-                return super().exception(timeout)
+            return loop.wait_for(partial(super().exception, timeout))
 
-    class ThreadPoolExecutor(concurrent.futures.ThreadPoolExecutor):
+    class ThreadPoolExecutor(Pool):
+        def __init__(self, *arguments: Any, **named: Any) -> None:
+            super().__init__(*arguments, **named)
+            begun.pool(self)
+
         def submit(self, *arguments: Any, **named: Any) -> Future:
             future: Any = super().submit(*arguments, **named)
             future.__class__ = Future
@@ -220,6 +291,8 @@ def _futures(outside: Outside, begun: Callable[[threading.Thread], None]) -> dic
 
         def _adjust_thread_count(self) -> None:
             """Begin a thread if need be, for which Python does not wait in the end: what it does may be endless."""
+            if self._idle_semaphore.acquire(False) or len(self._threads) >= self._max_workers:
+                return
             known = set(self._threads)
             begin = threading.Thread(target=super()._adjust_thread_count, daemon=True)  # what it begins is so, too
             begin.start()
@@ -227,23 +300,21 @@ def _futures(outside: Outside, begun: Callable[[threading.Thread], None]) -> dic
             for thread in set(self._threads) - known:
                 awaited: Any = concurrent.futures.thread._threads_queues  # those that Python waits for
                 awaited.pop(thread, None)
-                begun(thread)
+                begun.thread(thread)
 
         def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-            with outside() if wait else nullcontext():
-                super().shutdown(wait, cancel_futures=cancel_futures)
+            end = partial(super().shutdown, wait, cancel_futures=cancel_futures)
+            if wait:
+                loop.wait_for(end)
+            else:
+                end()
 
     def wait(*arguments: Any, **named: Any) -> Any:
-        with outside():
-            return concurrent.futures.wait(*arguments, **named)
+        return loop.wait_for(partial(concurrent.futures.wait, *arguments, **named))
 
     def as_completed(*arguments: Any, **named: Any) -> Iterator[concurrent.futures.Future[Any]]:
         completed = concurrent.futures.as_completed(*arguments, **named)
-        while True:
-            with outside():
-                future = next(completed, None)
-            if future is None:
-                return
+        while (future := loop.wait_for(partial(next, completed, None))) is not None:
             yield future
 
     made = (Future, ThreadPoolExecutor, wait, as_completed)

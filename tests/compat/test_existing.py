@@ -399,6 +399,30 @@ def test_a_handler_that_waits_for_a_compute_which_waits_is_no_deadlock(tmp_path:
     assert arm.fine
 
 
+def test_who_works_off_a_queue_that_is_never_empty_lets_handlers_in(tmp_path: Path) -> None:
+    code = """
+    over = False
+
+    def Arm_halt(self):
+        self.over = True
+
+    @QtCore.Slot()
+    def compute(self):
+        things = queue.Queue()
+        end = time.monotonic() + 20
+        while not self.over and time.monotonic() < end:
+            things.put(1)
+            self.seen.append(things.get())
+"""
+    folder = server(tmp_path, code)
+    worker = folder / "src" / "specificworker.py"
+    worker.write_text("import queue\nimport time\n" + worker.read_text())
+    with running(folder) as arm:
+        arm.wait_for(lambda: user_of(arm).seen)
+        arm.call("Arm.halt")
+    assert arm.fine
+
+
 def test_the_period_can_be_changed_from_inside_and_from_outside(tmp_path: Path) -> None:
     with running(server(tmp_path, "\n    def Arm_halt(self):\n        self.setPeriod(40)\n")) as arm:
         arm.call("Arm.halt")
@@ -429,7 +453,7 @@ def what_goes_on(tmp_path: Path, code: str, caplog: pytest.LogCaptureFixture) ->
     head = "import threading\nfrom concurrent import futures\n"
     worker.write_text(f"{head}{worker.read_text()}{code}\nOVER = threading.Event()\n")
     with running(folder) as arm:
-        arm.worker._grace_s = 0.2
+        arm.worker._grace_s = arm.worker._work_s = 0.2
         over = vars(arm.worker._imports.load("specificworker"))["OVER"]
     assert arm.fine
     try:
@@ -469,6 +493,68 @@ def test_what_pools_of_theirs_do_does_not_keep_the_process(tmp_path: Path, caplo
     with what_goes_on(tmp_path, code, caplog) as names:
         assert names == "endless_0"
         assert [each.daemon for each in threading.enumerate() if each.name == names] == [True]
+
+
+def test_the_end_waits_for_what_its_pools_were_given_and_not_for_their_idle_threads(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    code = """
+    def setParams(self, params):
+        self.pool = futures.ThreadPoolExecutor(1)
+        for number in range(20):
+            self.pool.submit(save, number)
+
+def save(number):
+    time.sleep(0.02)
+    SAVED.append(number)
+
+SAVED, IDLE = [], futures.ThreadPoolExecutor(2)
+IDLE.submit(int)
+"""
+    folder = server(tmp_path, "")
+    worker = folder / "src" / "specificworker.py"
+    worker.write_text(f"import time\nfrom concurrent import futures\n{worker.read_text()}{code}")
+    with running(folder) as arm:
+        arm.worker._grace_s = arm.worker._work_s = 10 * SOON
+        saved = vars(arm.worker._imports.load("specificworker"))["SAVED"]
+    assert arm.fine
+    assert saved == list(range(20))
+    assert not [each for each in caplog.records if "of its own" in each.getMessage()]
+
+
+def test_who_waits_for_a_pool_when_the_end_begins_takes_what_time_he_needs(tmp_path: Path) -> None:
+    code = """
+    def setParams(self, params):
+        pool = futures.ThreadPoolExecutor(1)
+        for number in range(10):
+            pool.submit(save, number)
+        QtCore.QCoreApplication.instance().aboutToQuit.connect(pool.shutdown)
+
+def save(number):
+    time.sleep(0.02)
+    SAVED.append(number)
+
+SAVED = []
+"""
+    folder = server(tmp_path, "")
+    worker = folder / "src" / "specificworker.py"
+    worker.write_text(f"import time\nfrom concurrent import futures\n{worker.read_text()}{code}")
+    with running(folder) as arm:
+        arm.worker._grace_s = arm.worker._work_s = 0.0
+        saved = vars(arm.worker._imports.load("specificworker"))["SAVED"]
+    assert saved == list(range(10))
+
+
+def test_calls_that_its_pools_do_not_get_to_are_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    code = """
+    def setParams(self, params):
+        self.pool = futures.ThreadPoolExecutor(1, "endless")
+        for _ in range(3):
+            self.pool.submit(OVER.wait)
+"""
+    with what_goes_on(tmp_path, code, caplog) as names:
+        assert names == "endless_0"
+    assert any("2 calls that its pools were given have not begun after 0.2 s" in each for each in caplog.messages)
 
 
 # What it is configured with.

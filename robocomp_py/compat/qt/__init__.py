@@ -59,10 +59,10 @@ class Loop(Protocol):
     """Those of its files; to be set by who loads them."""
 
     def outside(self) -> AbstractContextManager[None]:
-        """Around a wait in the user's code: others are let in meanwhile, as far as that can be."""
+        """Around a wait for a lock in the user's code: others are let in meanwhile, as far as that can be."""
 
     def wait_for(self, function: Callable[[], T]) -> T:
-        """For what waits for others, and is called from the user's code: meanwhile others have themselves called."""
+        """Call a function that waits, for the user's code, on whatever thread: others are let in meanwhile."""
 
     def due(self, now: float) -> float | None:
         """Seconds until there is something to do; 0: it is time; None: nothing until `wake` is called."""
@@ -71,7 +71,8 @@ class Loop(Protocol):
         """Do one thing that is due, inside the component's monitor. What slots raise is told; SystemExit is raised."""
 
     def post(self, call: Callable[[], object]) -> None:
-        """Have something called when it is its turn. From any thread; raises ComponentError if too much waits."""
+        """Have something called when it is its turn, which may be inside of a `wait_for`. From any thread; raises
+        ComponentError if too much waits."""
 
     def close(self) -> None:
         """Stop timers, close windows. Nothing of the user's is called afterwards but by `call`. Idempotent."""

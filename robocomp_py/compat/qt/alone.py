@@ -62,7 +62,8 @@ class Alone:
         return function(*arguments)
 
     def wait_for(self, function: Callable[[], T]) -> T:
-        return function()
+        with self.outside():
+            return function()
 
     def post(self, call: Callable[[], object]) -> None:
         self._agenda.post(lambda: self._place.attempt(None, call))

@@ -7,8 +7,10 @@ Qt calls it, and handlers, since the threads that have them (and with them the m
     life          Running.run: hooks, as everywhere
     asks          what the main thread waits for; it serves errands meanwhile, so two components can call each other
 
-Errands of a thread whose code waits for an answer let go of the monitor until that is there. While a QMutex is locked
-no errand is served inside of a wait: its code would want the mutex, and be what keeps the other from unlocking it.
+Errands of a thread whose code waits let go of the monitor until that is over. While a lock of theirs is taken no errand
+is served inside of a wait: its code would want the lock, and be what keeps the other from giving it back. Nobody waits
+for an errand that is posted. Of these, one at a time is at work, as Ice has one thread for what is called when an
+answer comes: else each that waits would begin the next one inside of itself.
 """
 
 from __future__ import annotations
@@ -74,8 +76,10 @@ class _Word(Enum):
 class _Errand:
     """Something that another thread has the main thread call."""
 
-    def __init__(self, call: Callable[[], Any], always: bool) -> None:
-        self.call, self.always = call, always
+    is_posted = False
+
+    def __init__(self, call: Callable[[], Any], always: bool = False, apart: bool = False) -> None:
+        self.call, self.always, self.apart = call, always, apart
         self.words: SimpleQueue[_Word] = SimpleQueue()
         self.is_back = False
         self.result: Any = None
@@ -90,6 +94,18 @@ class _Errand:
             self.error = exc
         finally:
             self.words.put(_Word.DONE)
+
+
+class _Posted(_Errand):
+    """One that nobody waits for."""
+
+    is_posted = True
+
+    def do(self) -> None:
+        try:
+            self.call()
+        except Exception as exc:  # it may be done inside of a wait, which is not to raise this
+            sys.excepthook(type(exc), exc, exc.__traceback__)
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +141,8 @@ class Front:
         self._inbox: deque[_Errand] = deque()
         self._at: list[_Errand] = []
         """What the main thread is at; the last one is the innermost."""
+        self._waits = 0
+        """How many waits it is in, one inside of the other."""
         self._is_over = False
         self._is_leaving = False
         self._joined: list[Joined] = []
@@ -175,18 +193,22 @@ class Front:
 
     def wait_for(self, function: Callable[[], T]) -> T:
         """Have a function called that waits, and do meanwhile what other threads want."""
-        if not self.here:
+        if not self.here or self._is_over:
             return function()
-        errand = self._at[-1] if self._at else None
+        errand = self._at[-1] if self._at and not self._at[-1].is_posted else None
         if errand:
             errand.words.put(_Word.WAITS)
         answer = self._asks.submit(function)
         answer.add_done_callback(lambda _: self._tell_news())
-        self._serve(answer.done)
-        if errand:
-            errand.words.put(_Word.GOES_ON)
-            self._serve(lambda: errand.is_back or self._is_over)
-            errand.is_back = False
+        self._waits += 1
+        try:
+            self._serve(answer.done)
+            if errand:
+                errand.words.put(_Word.GOES_ON)
+                self._serve(lambda: errand.is_back or self._is_over)
+                errand.is_back = False
+        finally:
+            self._waits -= 1
         return answer.result()
 
     def leave(self) -> None:
@@ -214,7 +236,13 @@ class Front:
 
     def _next(self) -> _Errand | None:
         locked = any(each.is_locked() for each in self._joined)
-        return next((each for each in self._inbox if each.always or not locked), None)
+        posted = any(each.is_posted for each in self._at)
+
+        def may(errand: _Errand) -> bool:
+            has_to_wait = locked or (posted and errand.is_posted) or (self._waits > 0 and errand.apart)
+            return errand.always or not has_to_wait
+
+        return next(filter(may, self._inbox), None)
 
     def _serve_one(self) -> None:
         with self._news:
@@ -309,12 +337,8 @@ class Front:
         if self.here:
             return call()
         errand = _Errand(call, always)
-        with self._news:
-            if self._is_over:
-                raise Closed("the component ends")
-            self._inbox.append(errand)
-            self._news.notify_all()
-        self._bell.rung.emit()
+        if not self._put(errand):
+            raise Closed("the component ends")
         with ExitStack() as aside:
             while (word := errand.words.get()) is not _Word.DONE:
                 if word is _Word.WAITS:
@@ -330,7 +354,28 @@ class Front:
 
     def post(self, call: Callable[[], object]) -> None:
         """Have the main thread call something when it is its turn, without waiting."""
-        self._bell.posted.emit(call)
+        self._put(_Posted(call))
+
+    def rest(self, patience_s: float) -> None:
+        """Wait until what the main thread is at, and would come back to after a wait, has ended."""
+        is_over = threading.Event()
+        if not self.here and self._put(_Errand(is_over.set, apart=True)):
+            is_over.wait(patience_s)
+
+    def freed(self) -> None:
+        """No lock of a component's is taken any more."""
+        if self._waits and self._inbox:
+            self._tell_news()
+
+    def _put(self, errand: _Errand) -> bool:
+        """Whether it will be done."""
+        with self._news:
+            if self._is_over:
+                return False
+            self._inbox.append(errand)
+            self._news.notify_all()
+        self._bell.rung.emit()
+        return True
 
     def _tell_news(self) -> None:
         with self._news:
@@ -368,12 +413,11 @@ def _bell(serve: Callable[[], None], leave: Callable[[], None]) -> Any:
     core = qt("QtCore")
 
     class Bell(core.QObject):  # type: ignore[misc, name-defined]  # made when it is needed
-        rung, left, posted = core.Signal(), core.Signal(), core.Signal(object)
+        rung, left = core.Signal(), core.Signal()
 
     bell = Bell()
     bell.rung.connect(serve, core.Qt.ConnectionType.QueuedConnection)
     bell.left.connect(leave, core.Qt.ConnectionType.QueuedConnection)
-    bell.posted.connect(lambda call: call(), core.Qt.ConnectionType.QueuedConnection)
     return bell
 
 

@@ -21,9 +21,13 @@ _LOOK_S = 1.0
 class Keeper:
     """What the mutexes of one component have in common."""
 
-    def __init__(self, outside: Callable[[], AbstractContextManager[None]]) -> None:
+    def __init__(
+        self, outside: Callable[[], AbstractContextManager[None]], freed: Callable[[], object] = lambda: None
+    ) -> None:
+        """`freed` is called when none is locked any more."""
         self.outside = outside
         self.closed = False
+        self._freed = freed
         self._lock = threading.Lock()
         self._locked = 0
 
@@ -34,6 +38,9 @@ class Keeper:
     def count(self, change: int) -> None:
         with self._lock:
             self._locked += change
+            is_free = not self._locked
+        if is_free:
+            self._freed()
 
 
 class Mutex:

@@ -48,6 +48,9 @@ _HEADER = re.compile(r"(<header[^<>]*>[^<>]*?)\.py\s*(?=</header>)")
 _ASK_S = 1.0
 """So often the main thread is asked whether it still answers."""
 
+_REST_S = 2.0
+"""So long a slot or a handler that waits may take to get done, in the end."""
+
 
 class Real:
     """See `Loop`."""
@@ -68,7 +71,7 @@ class Real:
         except ComponentError as exc:
             raise ComponentError(f"{exc}\n(it needs Qt: {need.why})") from exc
         self._outside = outside
-        self._keeper = Keeper(self.outside)
+        self._keeper = Keeper(self.outside, self._front.freed)
         self._own = self._names()
         self.base: type = self._base(need.window)
         self.builtins: dict[str, Any] | None = None
@@ -83,7 +86,8 @@ class Real:
         return self._front.live
 
     def outside(self) -> AbstractContextManager[None]:
-        """Around a wait of the user's. The main thread has nothing to step out of: who has it call something has."""
+        """Around a wait for a lock. The main thread has nothing to step out of: who has it call something has. While a
+        lock is taken it would call nothing anyway."""
         return nullcontext() if self._front.here else self._outside()
 
     def due(self, now: float) -> float:
@@ -112,6 +116,8 @@ class Real:
         leave, self._leave = self._leave, None
         self._keeper.closed = True
         self._front.call(leave, self._outside, always=True)
+        with self._outside():  # who waits comes back in
+            self._front.rest(_REST_S)
 
     # What its files find.
 

@@ -243,6 +243,136 @@ def test_what_is_called_when_an_answer_comes_runs_in_the_main_thread(component: 
         assert program.ended() == 0
 
 
+@pytest.mark.parametrize(
+    ("made", "wait", "end"),
+    [
+        ("threading.Event()", "self.came.wait(60)", "self.came.set()"),
+        ("queue.Queue()", "self.came.get(timeout=60)", "self.came.put(True)"),
+        ("futures.Future()", "self.came.result(60)", "self.came.set_result(True)"),
+        ("threading.Condition()", "wait(self.came)", "notify(self.came)"),
+    ],
+)
+def test_what_waits_in_the_main_thread_has_answers_and_handlers_come(
+    component: Callable[..., Path], made: str, wait: str, end: str
+) -> None:
+    body = f"""
+    def setParams(self, params):
+        import queue
+        from concurrent import futures
+        self.came, self.called = {made}, threading.Event()
+        return True
+
+    def compute(self):
+        self.timer.stop()
+        self.back_proxy.askAsync("hello").add_done_callback(self.answered)
+        say("waited:", {wait} and self.called.wait(60))
+        QApplication.quit()
+
+    def answered(self, answer):
+        self.ui.label.setText(answer.result())
+        say(self.ui.label.text())
+        {end}
+
+    def Echo_echo(self, text):
+        self.called.set()
+        return text
+
+def wait(condition):
+    with condition:
+        return condition.wait(60)
+
+def notify(condition):
+    with condition:
+        condition.notify()
+"""
+    view = component(body, ports="requires Back; implements Echo;")
+    back = component(ANSWERER, "back", ports="requires Echo; implements Back;", gui="")
+    with running(view, back) as program:
+        program.wait_for("waited: True main")
+        assert program.ended() == 0
+    assert "hello! main" in program.printed
+
+
+def test_what_is_called_when_an_answer_comes_and_waits_is_waited_for_by_the_next(
+    component: Callable[..., Path],
+) -> None:
+    body = """
+    def compute(self):
+        self.timer.stop()
+        self.number, self.called = 0, threading.Event()
+        for _ in range(3):
+            self.back_proxy.askAsync("hello").add_done_callback(self.answered)
+        self.called.wait(60)
+        say("fine")
+        QApplication.quit()
+
+    def answered(self, answer):
+        import time
+        self.number += 1
+        number = self.number
+        time.sleep(0.1)
+        say("number", number)
+        if number == 3:
+            self.called.set()
+        raise ValueError("bad")
+"""
+    view = component(body, ports="requires Back;")
+    answerer = ANSWERER.replace("self.echo_proxy.echo(text)", "text")
+    back = component(answerer, "back", ports="implements Back;", gui="")
+    with running(view, back) as program:
+        program.wait_for("fine main")
+        assert program.ended() == 0
+    assert [each for each in program.printed if "number" in each] == [f"number {each} main" for each in (1, 2, 3)]
+    assert any("SpecificWorker.answered raised" in each for each in program.printed)
+
+
+def test_the_end_does_not_come_inside_of_a_wait(component: Callable[..., Path]) -> None:
+    body = """
+    def compute(self):
+        import time
+        from concurrent.futures import ThreadPoolExecutor
+        self.timer.stop()
+        self.pool = ThreadPoolExecutor(1)
+        say("sleeping")
+        time.sleep(0.5)
+        say(self.pool.submit(str, "as before").result())
+"""
+    with running(component(body)) as program:
+        program.wait_for("sleeping")
+        program.process.send_signal(signal.SIGTERM)
+        assert program.ended() == 128 + signal.SIGTERM
+    assert "as before main" in program.printed
+
+
+def test_with_a_lock_taken_a_wait_lets_nobody_in(component: Callable[..., Path]) -> None:
+    body = """
+    def setParams(self, params):
+        self.lock = threading.Semaphore(1)
+        return True
+
+    def compute(self):
+        import time
+        self.timer.stop()
+        answer = self.back_proxy.askAsync("hello")
+        with self.lock:
+            time.sleep(0.5)
+            say("slept")
+        say(answer.result())
+        QApplication.quit()
+
+    def Echo_echo(self, text):
+        with self.lock:
+            say("handling")
+        return text
+"""
+    view = component(body, ports="requires Back; implements Echo;")
+    back = component(ANSWERER, "back", ports="requires Echo; implements Back;", gui="")
+    with running(view, back) as program:
+        program.wait_for("hello! main")
+        assert program.ended() == 0
+    assert program.printed.index("slept main") < program.printed.index("handling main")
+
+
 NESTED = """
     def compute(self):
         self.timer.stop()
