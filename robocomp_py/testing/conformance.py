@@ -420,6 +420,13 @@ class TransportConformance(QoSConformance):
         other.send(blob(there, b"other"))
         assert inbox.get(timeout=SOON) == b"other"
 
+    def test_a_star_holds_up_nothing_that_oneself_publishes(self, here: Transport) -> None:
+        interface, qos = f"C{uuid.uuid4().hex[:8]}", QoS(Reliability.RELIABLE, depth=4)
+        here.inlet(topic(f"*/{interface}/news", qos), lambda payload: None)
+        outlet = here.outlet(topic(f"one/{interface}/news", qos))
+        for _ in range(50):
+            outlet.send(blob(here, b"news"), SOON)
+
     # Commands.
 
     def test_commands_arrive_once_and_in_order(self, here: Transport, there: Transport, name: str) -> None:

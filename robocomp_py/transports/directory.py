@@ -456,6 +456,8 @@ class Membership:
                 self._write()
             except TransportError:
                 self._entries.remove(entry)
+                with contextlib.suppress(TransportError):  # what others read by now, although they are not all told
+                    self._write()
                 raise
 
     def remove(self, entry: Entry) -> None:

@@ -42,8 +42,12 @@ class Pending:
             if self._closed:
                 raise self._closed
             self._calls[key] = future, end, deadline
-        future.add_done_callback(lambda _: self._take(key))
+        future.add_done_callback(partial(self._forget, key))
         return future
+
+    def knows(self, key: Hashable) -> bool:
+        """Whether such a call is under way."""
+        return key in self._calls
 
     def settle(self, key: Hashable, reply: Reply) -> bool:
         """End a call by its answer; False if it has ended already."""
@@ -82,6 +86,13 @@ class Pending:
             if end <= now:
                 do(partial(self.fail, key, Timeout(f"{self._name}: no answer in {deadline:g} s")))
         return min((end - now for end, _, _ in ends if end > now), default=None)
+
+    def _forget(self, key: Hashable, future: Future[Reply]) -> None:
+        """That call has ended; the same may have been asked again, by whoever noticed before us."""
+        with self._lock:
+            found = self._calls.get(key)
+            if found and found[0] is future:
+                del self._calls[key]
 
     def _take(self, key: Hashable) -> Future[Reply] | None:
         with self._lock:

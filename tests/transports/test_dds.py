@@ -820,6 +820,26 @@ def test_questions_of_any_size_cross_processes(there: DDSTransport, name: str, s
         assert unblob(there, caller.ask(blob(there, sent), SOON * 3).payload) == sent
 
 
+def test_a_reply_put_aside_while_its_client_is_found_is_sent(
+    here: DDSTransport, there: DDSTransport, name: str
+) -> None:
+    server, caller = here.server(query(name), answering(here, bytes.upper)), there.caller(query(name))
+    assert caller.wait_peer(SOON)
+    assert unblob(there, caller.ask(blob(there, b"x"), SOON).payload) == b"X"
+
+    class FoundNow(dict[int, Any]):
+        """Those who are known, a moment after somebody has looked for one and then for one to put it aside for."""
+
+        looks = 0
+
+        def get(self, client: int, default: Any = None) -> Any:
+            self.looks += 1
+            return None if self.looks <= 2 else super().get(client, default)
+
+    server._clients = FoundNow(server._clients)  # type: ignore[attr-defined]
+    assert unblob(there, caller.ask(blob(there, b"y"), SOON).payload) == b"Y"
+
+
 @pytest.mark.parametrize("beside", ["nobody", "a future"])
 def test_who_gives_up_waiting_leaves_the_replies_of_others_to_them(
     here: DDSTransport, there: DDSTransport, name: str, beside: str

@@ -30,6 +30,21 @@ def directory(tmp_path: Path) -> Directory:
     return Directory(tmp_path / "transport")
 
 
+def test_what_could_not_be_announced_is_told_to_nobody(directory: Directory, monkeypatch: pytest.MonkeyPatch) -> None:
+    member, other = directory.join("world"), replace(LASER, channel="robot/world/Other/op")
+    member.add(LASER)
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as crowded:
+        crowded.setattr(os, "symlink", full)
+        with pytest.raises(TransportError):
+            member.add(other)
+    told = json.loads((directory._folder / f"{member.id}.json").read_text())
+    assert [entry["channel"] for entry in told["entries"]] == [LASER.channel]
+
+
 def test_what_is_added_is_found_until_it_is_removed(directory: Directory) -> None:
     member = directory.join("world")
     member.add(LASER)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import Future
 
 import pytest
 
 from robocomp_py.errors import Closed, Timeout, Unreachable
-from robocomp_py.testing.patience import wait_until
+from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Reply, Status
 from robocomp_py.transports.pending import Pending
 
@@ -29,6 +31,27 @@ def test_a_cancelled_call_is_forgotten_and_its_answer_ignored() -> None:
     assert pending.add(1, 60).cancel()
     assert len(pending) == 0
     assert not pending.settle(1, OK)
+
+
+def test_what_is_asked_again_under_its_number_is_another_call(monkeypatch: pytest.MonkeyPatch) -> None:
+    pending, asked_again = Pending("test"), threading.Event()
+    first, tell = pending.add(1, 60), Future._invoke_callbacks  # type: ignore[attr-defined]
+
+    def tell_late(future: Future[Reply]) -> None:  # whoever waits for it goes on before
+        assert future is not first or asked_again.wait(SOON)
+        tell(future)
+
+    monkeypatch.setattr(Future, "_invoke_callbacks", tell_late)
+    failing = threading.Thread(target=lambda: pending.fail(1, Unreachable("its server left")))
+    failing.start()
+    with pytest.raises(Unreachable):
+        first.result(SOON)
+    second = pending.add(1, 60)
+    asked_again.set()
+    failing.join()
+    assert pending.knows(1)
+    assert pending.settle(1, OK)
+    assert second.result(0) == OK
 
 
 def test_the_deadline_ends_it() -> None:

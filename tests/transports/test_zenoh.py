@@ -9,6 +9,7 @@ import secrets
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Iterator
@@ -24,7 +25,16 @@ from robocomp_py.contract.interface import Pattern
 from robocomp_py.contract.qos import Durability, QoS, Reliability
 from robocomp_py.errors import Closed, ConfigurationError, Timeout, TransportError, Unreachable
 from robocomp_py.testing import everything as e
-from robocomp_py.testing.conformance import TransportConformance, answering, blob, command, query, topic, unblob
+from robocomp_py.testing.conformance import (
+    TransportConformance,
+    answering,
+    blob,
+    command,
+    query,
+    subscribe,
+    topic,
+    unblob,
+)
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, Reply, Status, Transport, TransportConfig, TypeRef, hosting
 from robocomp_py.transports.credit import MOST_AHEAD
@@ -45,6 +55,21 @@ DIVIDE_KEY, NEWS_KEY = f"rc/0/{DIVIDE.name}", f"rc/0/{NEWS.name}"
 BLOCK = zenoh.CongestionControl.BLOCK
 RELIABLE = QoS(Reliability.RELIABLE, depth=4)
 LATCHED = QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=3)
+
+
+_programs: list[subprocess.Popen[str]] = []
+"""Those that `run` has started, for this test."""
+
+
+@pytest.fixture(autouse=True)
+def nobody_else(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A run-time folder for each test, with its own router; and no program outlives the test that started it."""
+    with tempfile.TemporaryDirectory(prefix="rc-", dir="/tmp") as folder:  # short, as that of all tests
+        monkeypatch.setenv("ROBOCOMP_RUNTIME_DIR", folder)
+        yield
+        while _programs:
+            with _programs.pop() as program:
+                program.kill()
 
 
 class TestZenoh(TransportConformance):
@@ -334,6 +359,58 @@ def test_a_server_that_nobody_told_us_has_gone_is_neither_waited_for_nor_in_the_
     transport.table.hear(ghost, True)
     transport.server(query("a/b/c"), answering(transport, bytes.upper))
     assert is_answered(transport, caller)
+
+
+def test_history_is_asked_for_again_if_its_publisher_came_back_meanwhile(
+    transport: ZenohTransport, other: ZenohTransport, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    transport.outlet(topic("a/b/c", LATCHED)).send(blob(transport, b"1"))
+    inquire, asked = other.inquire, list[int]()
+
+    def inquire_in_vain(link: int, what: str, channel: str = "") -> list[Message]:
+        asked.append(link)
+        if len(asked) > 1:
+            return inquire(link, what, channel)
+        (token,) = other.table.find("publishes", "a/b/c")
+        for there in (False, True):
+            other._news(other.key("rc_lv", token.key()), there)
+            other._look()
+        return []
+
+    monkeypatch.setattr(other, "inquire", inquire_in_vain)
+    assert subscribe(other, topic("a/b/c", LATCHED)).get(timeout=SOON) == b"1"
+
+
+def test_a_subscriber_that_nobody_told_us_has_gone_is_not_waited_for_long(transport: ZenohTransport) -> None:
+    transport.table.hear(f"rc_lv/0/subscribes/rl/{1:016x}/1/{2**40:016x}/a/b/c", True)
+    outlet = transport.outlet(topic("a/b/c", QoS(Reliability.RELIABLE, depth=1)))
+    for _ in range(3):
+        outlet.send(blob(transport, b"news"), SOON)
+    assert not transport.table.find("subscribes", "a/b/c")
+
+
+def test_of_two_looks_the_later_one_counts(transport: ZenohTransport, monkeypatch: pytest.MonkeyPatch) -> None:
+    link = transport.inlet(topic("a/b/c"), lambda payload: None)
+    find, interrupted, on = link.counterparts, threading.Event(), threading.Event()  # type: ignore[attr-defined]
+
+    def find_slowly() -> list[Any]:
+        found: list[Any] = find()
+        if threading.current_thread() is first:
+            interrupted.set()
+            assert on.wait(SOON)
+        return found
+
+    monkeypatch.setattr(link, "counterparts", find_slowly)
+    first = threading.Thread(target=link.look)  # type: ignore[attr-defined]
+    first.start()
+    assert interrupted.wait(SOON)
+    transport.table.hear(f"rc_lv/0/publishes/-/{1:016x}/1/{2**40:016x}/a/b/c", True)
+    second = threading.Thread(target=link.look)  # type: ignore[attr-defined]
+    second.start()
+    on.set()
+    first.join()
+    second.join()
+    assert link._channels == {2**40: "a/b/c"}  # type: ignore[attr-defined]
 
 
 def test_of_threads_that_are_the_first_to_ask_one_makes_the_way(transport: ZenohTransport) -> None:
@@ -729,7 +806,6 @@ def test_while_the_router_hangs_deadlines_hold_and_its_holder_is_named(caplog: p
     wait_until(lambda: is_answered(there, caller))
     host.kill()
     host.wait()
-    host.stdout.close()
     here.close()
     there.close()
 
@@ -791,7 +867,6 @@ def test_when_the_process_of_the_router_is_killed_another_one_runs_it() -> None:
     outlet.send(blob(here, b"1"))
     host.send_signal(signal.SIGKILL)
     host.wait()
-    host.stdout.close()
     wait_until(lambda: is_answered(there, caller))
     assert outlet.wait_peer(SOON)
     outlet.send(blob(here, b"2"), SOON)
@@ -818,7 +893,9 @@ def run(*lines: str) -> subprocess.Popen[str]:
         "from robocomp_py.transports.base import *",
         "from robocomp_py.testing.conformance import query",
     )
-    return subprocess.Popen([sys.executable, "-c", "\n".join((*imports, *lines))], stdout=subprocess.PIPE, text=True)
+    program = subprocess.Popen([sys.executable, "-c", "\n".join((*imports, *lines))], stdout=subprocess.PIPE, text=True)
+    _programs.append(program)
+    return program
 
 
 def is_answered(transport: ZenohTransport, caller: Any) -> bool:

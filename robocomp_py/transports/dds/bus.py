@@ -16,6 +16,7 @@ import time
 import weakref
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
+from math import inf
 from time import monotonic
 from typing import Any
 
@@ -310,7 +311,7 @@ class Loop:
     def receive(self) -> Iterable[Job]:
         now = monotonic()
         if self._woken or now >= self._next_tick:
-            self._woken = False  # before looking: what becomes due while we look is not missed
+            self._woken, self._next_tick = False, inf  # before looking: what becomes due while we look is not missed
             self._next_tick = self.tick()
         added = self._jobs
         self._sleeping = True  # before looking at the jobs: whoever adds one later sees this, and wakes us

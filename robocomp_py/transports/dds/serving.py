@@ -252,6 +252,9 @@ class Server(ServingLink):
         for new in partitions - self._writers.keys():
             self._writers[new] = self._writer(new)
         self._clients = {client: self._writers[name] for client, name in map(client_of, partitions) if client}
+        self._send_deferred()
+
+    def _send_deferred(self) -> None:
         with self._order:
             deferred, self._deferred = self._deferred, []
         for expires, client, sample in deferred:
@@ -397,6 +400,8 @@ class Server(ServingLink):
                 if len(self._deferred) > QUERIES_WAITING:
                     del self._deferred[0]
                     self.stats.dropped += 1
+            if client in self._clients:  # since a moment ago, and those put aside before were sent then
+                self._send_deferred()
             self.bus.loop.due(expires)
         elif not writer.write_within(sample, expires, self._pause) and self._sparing.may_tell():
             log.warning("%s: a reply was dropped: who asked does not take it", self.channel.name)

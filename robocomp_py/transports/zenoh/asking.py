@@ -246,7 +246,7 @@ class Caller(Asking):
         line = self._common_line()
         number = number or next(line.numbers)
         future = self._pending.add(number, deadline)
-        future.add_done_callback(lambda _: self._under_way.pop((line, number), None))
+        future.add_done_callback(lambda _: self._forget(line, number))
         try:
             self._put(line, number, payload, end)
         except BaseException:
@@ -254,13 +254,14 @@ class Caller(Asking):
             raise
         finally:
             if future.done():  # perhaps before it was noted as under way
-                self._under_way.pop((line, number), None)
+                self._forget(line, number)
         self.transport.due(end)
         return future
 
     def look(self) -> None:
+        under_way = list(self._under_way.items())  # first: of whom these ask, all were told
         there = {token.link for token in self.counterparts()}
-        for (line, number), server in list(self._under_way.items()):
+        for (line, number), server in under_way:
             if server not in there:
                 line.over(number, Unreachable(f"{self.channel.name}: its server left"))
 
@@ -316,6 +317,10 @@ class Caller(Asking):
             if self._shared is None:
                 self._shared = _SharedLine(self, self._pending, self._settle)
             return self._shared
+
+    def _forget(self, line: Line, number: int) -> None:
+        if not self._pending.knows(number):  # it is not asked again
+            self._under_way.pop((line, number), None)
 
     def _put(self, line: Line, number: int, payload: Payload, end: float) -> None:
         under_way, question = self._under_way, (line, number)

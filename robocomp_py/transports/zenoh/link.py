@@ -149,12 +149,7 @@ class Link:
 
         With `strict`, raises ContractMismatch if there are only others.
         """
-        named = [
-            token
-            for token in self.transport.table.find(self.facing, self.channel.name)
-            if (token.channel == self.channel.name or not self.transport.owns(token.link))
-            and self.transport.reaches(token)
-        ]
+        named = [token for token in self.faced() if self.transport.reaches(token)]
         same = [token for token in named if token.fingerprint == self.channel.type.fingerprint]
         if len(same) == len(named):
             return same
@@ -164,6 +159,14 @@ class Link:
         if strict and not same:
             raise ContractMismatch(mismatch(self.channel, self._type_of(others[0].link, others[0].fingerprint)))
         return same
+
+    def faced(self) -> list[Token]:
+        """Those whose channels meet ours. With `*`, none of our own transport: Zenoh tells them nothing of us."""
+        return [
+            token
+            for token in self.transport.table.find(self.facing, self.channel.name)
+            if token.channel == self.channel.name or not self.transport.owns(token.link)
+        ]
 
     def check_open(self) -> None:
         if self.closed.is_set() or self.transport.closed:

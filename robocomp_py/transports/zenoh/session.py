@@ -70,8 +70,11 @@ _COMMON: dict[str, Any] = {
     "transport/unicast/max_sessions": 10_000,
 }
 _RUNTIME = "ZENOH_RUNTIME"
-_THREADS = "(rx: (worker_threads: 16))"
-"""Those that read, for all sessions of a process; instead of 2. A router has them wait where a reader is slow.
+_THREADS = "(rx: (worker_threads: 16), net: (worker_threads: 4))"
+"""Those that read, for all sessions of a process, instead of 2: a router has them wait where a reader is slow. And
+those that tell what has gone, instead of 1: they need Python's lock for that, and whoever frees a router that was
+closed has it until one of them has ended a task of that router. If none can, Zenoh gives up after 10 s, in which no
+Python runs.
 
 The first session decides. Idle ones cost 50 KB each, and no time.
 """

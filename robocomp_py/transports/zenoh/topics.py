@@ -52,6 +52,12 @@ _MUCH = BYTES_AHEAD // _PARTS
 _LOOK = 0.01
 """Seconds until a sink that takes long is looked at again."""
 
+_EARLY, _GONE = 0, -1
+"""Of a publisher that was heard before it was told of; and of one that went while it was asked what it had said."""
+
+_BEFORE_DOUBT = 0.5
+"""Seconds that a publisher waits for its subscribers until it asks whether they are there."""
+
 _REFUSED = zenoh.ZError, RuntimeError
 """What a publisher of Zenoh raises once it is undeclared, and while it is being."""
 
@@ -71,6 +77,7 @@ class Publisher(Link):
         self._credit = Credit(ahead, self._reliable_readers)
         self._history: deque[tuple[bytes, Payload]] = deque(maxlen=qos.depth if qos.latched else 0)
         self._latched = qos.latched
+        self._doubting = False
         self._order = threading.Lock()
         self._header = publications_of(b"", channel.type.fingerprint, self.id)
 
@@ -104,8 +111,21 @@ class Publisher(Link):
 
     def _wait_for_credit(self, end: float, size: int, deadline: float) -> None:
         self.check_open()
+        if self._credit.wait(min(end, time.monotonic() + _BEFORE_DOUBT), self.check_open, size):
+            return
+        if not self._doubting:
+            self._doubting = True
+            self.transport.do(self._doubt)
         if not self._credit.wait(end, self.check_open, size):
             raise self._too_slow(deadline)
+
+    def _doubt(self) -> None:
+        """Find out whether those we wait for are there at all."""
+        try:
+            for token in self._same():
+                self.transport.confirm(token)
+        finally:
+            self._doubting = False
 
     def visible(self) -> bool:
         return bool(self.counterparts(strict=True)) and self._matches()
@@ -137,8 +157,7 @@ class Publisher(Link):
 
     def _same(self) -> Iterator[Token]:
         fingerprint = self.channel.type.fingerprint
-        found = self.transport.table.find(self.facing, self.channel.name)
-        return (token for token in found if token.fingerprint == fingerprint)
+        return (token for token in self.faced() if token.fingerprint == fingerprint)
 
     def _too_slow(self, deadline: float) -> Timeout:
         return Timeout(f"{self.channel.name}: a subscriber did not keep up for {deadline:g} s")
@@ -152,6 +171,7 @@ class Subscriber(Link):
         qos = channel.qos
         self._lossless = _as_it_is(qos).reliable
         self._latched = qos.latched
+        self._looking = threading.Lock()
         self.traits = traits(_as_it_is(qos))
         self._fingerprint = channel.type.fingerprint
         self._ledger = Ledger(self.stats, ordered=True)
@@ -175,7 +195,10 @@ class Subscriber(Link):
         self._lost: dict[int, int] = {}
         """Of each reliable publisher, which waits for us, how many of its messages did not come."""
         self._catching_up: dict[int, deque[Any]] = {}
-        self._caught_up: set[int] = set()
+        self._caught_up: dict[int, int] = {}
+        """Of each publisher whose history was heard, since when it was there then; or one of those below."""
+        self._since: dict[int, int] = {}
+        """Of each publisher that is there, since when: any number that is another one if it went and came back."""
         self._heard: dict[int, int] = {}
 
     def open(self) -> None:
@@ -185,6 +208,10 @@ class Subscriber(Link):
         self._reader.start(subscription.handler)  # not its own `recv`, during which it cannot be undeclared
 
     def look(self) -> None:
+        with self._looking:  # or who looked first, and was interrupted, would have the last word
+            self._look()
+
+    def _look(self) -> None:
         tokens = self.counterparts()
         there = {token.link for token in tokens}
         self._channels = {token.link: token.channel for token in tokens}
@@ -198,7 +225,12 @@ class Subscriber(Link):
                 untold[3] = self._many(source)
         if self._latched:
             with self._reader.lock:
-                self._caught_up &= there
+                self._since = {token.link: token.since for token in tokens}
+                self._caught_up = {
+                    source: since
+                    for source, since in self._since.items()
+                    if self._caught_up.get(source) in (_EARLY, since)
+                }
                 for source in there:
                     self._catch_up(source)
 
@@ -291,11 +323,16 @@ class Subscriber(Link):
             self.transport.do(partial(self._fetch, source))
 
     def _fetch(self, source: int) -> None:
+        since = self._since.get(source)
         missed = self.transport.inquire(source, "history", self._channels.get(source, self.channel.name))
 
         def all_of_it() -> list[Any]:
-            self._caught_up.add(source)
-            return [*missed, *self._catching_up.pop(source, ())]
+            now = self._since.get(source)
+            if now is not None and now != since:  # it came back meanwhile, and may not have been asked
+                self.transport.do(partial(self._fetch, source))
+                return []
+            self._caught_up[source] = now or (_EARLY if since is None else _GONE)
+            return [*missed, *self._catching_up.pop(source, ())]  # what came before it asked comes to nothing
 
         self._reader.feed(all_of_it)
 

@@ -187,24 +187,29 @@ class ZenohTransport:
 
         `channel` is its own, unless everybody may ask.
         """
-        key = f"{self.address('rc_ask', link)}/{what}"
-        if self._keyed and channel:
-            key = f"{key}/{channel}"
         with contextlib.suppress(zenoh.ZError):
-            replies = self.session.get(
-                key, timeout=INQUIRY, cancellation_token=self._giving_up, consolidation=NO_CONSOLIDATION
-            )
+            replies = self._inquire(link, what, channel)
             return [Message(reply.ok.attachment, reply.ok.payload) for reply in replies if reply.ok]
         return []
 
+    def _inquire(self, link: int, what: str, channel: str = "") -> list[zenoh.Reply]:
+        """All replies, also that there was none in time; none at all if nobody is there. Raises ZError."""
+        key = f"{self.address('rc_ask', link)}/{what}"
+        if self._keyed and channel:
+            key = f"{key}/{channel}"
+        return list(
+            self.session.get(key, timeout=INQUIRY, cancellation_token=self._giving_up, consolidation=NO_CONSOLIDATION)
+        )
+
     def confirm(self, token: Token) -> None:
-        """Forget a token if nobody holds it. Zenoh may tell who joins of one that goes just then, and never that it
-        went."""
-        key = self.key("rc_lv", token.key())
+        """Forget a token if its link has gone, of which that one's transport and the router know.
+
+        Zenoh may tell who joins of a token that goes just then, and never that it went. It may find it, too, if it is
+        asked for it; and now and then it does not find one that is there.
+        """
         with contextlib.suppress(zenoh.ZError):
-            there = self.session.liveliness().get(key, timeout=INQUIRY)
-            if not list(there):  # no error, either
-                self._news(key, False)
+            if not self._inquire(token.link, "text"):
+                self._news(self.key("rc_lv", token.key()), False)
 
     def put(self, key: str, header: bytes | None, payload: Payload) -> None:
         """Send what must arrive, what is small before what is large. Raises ZError."""
