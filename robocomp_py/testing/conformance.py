@@ -269,13 +269,13 @@ class TransportConformance(QoSConformance):
         outlet = here.outlet(channel)
         assert outlet.wait_peer(SOON)
         numbers = itertools.count()
-        for step in range(100):
-            for _ in range(20):
+        for step in range(250):
+            for _ in range(4):
                 outlet.send(blob(here, str(next(numbers)).encode()))
             wait_until(lambda already=step: len(delivered) > already)  # type: ignore[misc]
             permits.release()
         permits.release(len(delivered))
-        assert delivered[-1] > 1000, "it is told what was sent long ago"
+        assert delivered[-1] > 500, "it is told what was sent long ago"
 
     def test_reliable_loses_nothing_to_a_slow_sink(self, here: Transport, there: Transport, name: str) -> None:
         channel = topic(name, _RELIABLE)
