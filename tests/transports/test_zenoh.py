@@ -224,10 +224,12 @@ def test_garbage_among_tokens_acknowledgements_and_inquiries_hurts_nobody(
             outsider.put(key, secrets.token_bytes(size))
     for key in (
         f"rc_ask/0/{member}/{number}/nonsense",
-        f"rc_ask/0/{member}/zz/text",
+        f"rc_ask/0/{member}/zz/history",
         f"rc_ask/0/{member}/ffffff/history",
     ):
         assert [reply.ok for reply in outsider.get(key, timeout=SOON)] == []
+    for key in (f"rc_ask/0/{member}/zz/text", f"rc_ask/0/{member}/ffffff/text"):
+        assert [reply.ok.attachment.to_bytes() for reply in outsider.get(key, timeout=SOON)] == [b"gone"]
     assert outlet.wait_peer(SOON)
     send_many(other, outlet, 20)
     wait_until(lambda: len(heard) == 20)
@@ -387,6 +389,23 @@ def test_a_subscriber_that_nobody_told_us_has_gone_is_not_waited_for_long(transp
     for _ in range(3):
         outlet.send(blob(transport, b"news"), SOON)
     assert not transport.table.find("subscribes", "a/b/c")
+
+
+def test_whoever_keeps_a_token_is_there_unless_its_transport_says_otherwise(
+    transport: ZenohTransport, other: ZenohTransport, outsider: Any
+) -> None:
+    """Zenoh may find a token that has been taken back; a plain program may answer nothing but requests."""
+    link: Any = other.inlet(topic("a/b/c"), lambda payload: None)
+    wait_until(lambda: [*outsider.liveliness().get(f"rc_lv/0/subscribes/*/*/*/{link.id:016x}/a/b/c")])
+    other._links.pop(link.id)
+    plain = outsider.liveliness().declare_token(f"rc_lv/0/subscribes/-/{1:016x}/1/{2**40:016x}/a/b/c")
+    transport.outlet(topic("a/b/c"))
+    wait_until(lambda: len(transport.table.find("subscribes", "a/b/c")) == 2)
+    for token in transport.table.find("subscribes", "a/b/c"):
+        transport.confirm(token)
+    assert [token.link for token in transport.table.find("subscribes", "a/b/c")] == [2**40]
+    plain.undeclare()
+    other._links[link.id] = link
 
 
 def test_of_two_looks_the_later_one_counts(transport: ZenohTransport, monkeypatch: pytest.MonkeyPatch) -> None:

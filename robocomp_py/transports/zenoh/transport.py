@@ -54,6 +54,8 @@ log = logging.getLogger("robocomp.transport.zenoh")
 
 L = TypeVar("L", bound=Link)
 _ACK = struct.Struct("<QQ")  # who took it · sequence
+_GONE = b"gone"
+"""What a transport answers about a link that it does not have, or not any more."""
 _Cancellation: Any = zenoh.CancellationToken  # its stub lacks types
 
 
@@ -193,7 +195,7 @@ class ZenohTransport:
         return []
 
     def _inquire(self, link: int, what: str, channel: str = "") -> list[zenoh.Reply]:
-        """All replies, also that there was none in time; none at all if nobody is there. Raises ZError."""
+        """All replies, also that there was none in time. Raises ZError."""
         key = f"{self.address('rc_ask', link)}/{what}"
         if self._keyed and channel:
             key = f"{key}/{channel}"
@@ -202,14 +204,19 @@ class ZenohTransport:
         )
 
     def confirm(self, token: Token) -> None:
-        """Forget a token if its link has gone, of which that one's transport and the router know.
+        """Forget a token if its link has gone.
 
         Zenoh may tell who joins of a token that goes just then, and never that it went. It may find it, too, if it is
-        asked for it; and now and then it does not find one that is there.
+        asked for it, so its transport is asked first; only of links that nobody speaks for the token itself has to do.
         """
+        key = self.key("rc_lv", token.key())
         with contextlib.suppress(zenoh.ZError):
-            if not self._inquire(token.link, "text"):
-                self._news(self.key("rc_lv", token.key()), False)
+            replies = self._inquire(token.link, "text")
+            gone = any(_is_gone(reply) for reply in replies)
+            if not replies:
+                gone = not list(self.session.liveliness().get(key, timeout=INQUIRY))  # no error, either
+            if gone:
+                self._news(key, False)
 
     def put(self, key: str, header: bytes | None, payload: Payload) -> None:
         """Send what must arrive, what is small before what is large. Raises ZError."""
@@ -264,7 +271,7 @@ class ZenohTransport:
 
     def _ask_for_a_word(self, token: Token, answered: Callable[[], None], over: Callable[[], None]) -> None:
         key = f"{self.address('rc_ask', token.link)}/text"
-        handler = direct(lambda reply: answered() if reply.ok else None, over)
+        handler = direct(lambda reply: answered() if reply.ok and not _is_gone(reply) else None, over)
         with contextlib.suppress(zenoh.ZError):  # closed
             self.session.get(
                 key, handler, timeout=INQUIRY, cancellation_token=self._giving_up, consolidation=NO_CONSOLIDATION
@@ -324,7 +331,8 @@ class ZenohTransport:
         if link and self._keyed and what != "text" and "/".join(channel) != link.channel.name:
             link = None  # what was asked for by a right to something else
         with contextlib.suppress(zenoh.ZError), contextlib.closing(Query(query)) as asked:
-            for header, payload in link.answer(what) if link else ():
+            answers = link.answer(what) if link else [(_GONE, b"")] if what == "text" else ()
+            for header, payload in answers:
                 asked.reply(header, payload)
 
     def _meant(self, number: str) -> Link | None:
@@ -351,6 +359,12 @@ class ZenohTransport:
             link.close()
             raise
         return link
+
+
+def _is_gone(reply: zenoh.Reply) -> bool:
+    """Whether the transport of a link answers that it has it no more."""
+    attachment = reply.ok.attachment if reply.ok else None
+    return attachment is not None and attachment.to_bytes() == _GONE
 
 
 def _nothing() -> None: ...
