@@ -26,3 +26,11 @@ def runtime_folder() -> Iterator[Path]:
         del os.environ["ROBOCOMP_RUNTIME_DIR"]
     else:
         os.environ["ROBOCOMP_RUNTIME_DIR"] = before
+
+
+@pytest.fixture
+def own_runtime_folder(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """One for a single test, where nothing can be that another one has left, or has failed to end."""
+    with tempfile.TemporaryDirectory(prefix="rc-", dir="/tmp") as folder:
+        monkeypatch.setenv("ROBOCOMP_RUNTIME_DIR", folder)
+        yield Path(folder)

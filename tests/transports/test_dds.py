@@ -823,7 +823,8 @@ def test_questions_of_any_size_cross_processes(there: DDSTransport, name: str, s
 def test_a_reply_put_aside_while_its_client_is_found_is_sent(
     here: DDSTransport, there: DDSTransport, name: str
 ) -> None:
-    server, caller = here.server(query(name), answering(here, bytes.upper)), there.caller(query(name))
+    server: Any = here.server(query(name), answering(here, bytes.upper))
+    caller = there.caller(query(name))
     assert caller.wait_peer(SOON)
     assert unblob(there, caller.ask(blob(there, b"x"), SOON).payload) == b"X"
 
@@ -836,7 +837,7 @@ def test_a_reply_put_aside_while_its_client_is_found_is_sent(
             self.looks += 1
             return None if self.looks <= 2 else super().get(client, default)
 
-    server._clients = FoundNow(server._clients)  # type: ignore[attr-defined]
+    server._clients = FoundNow(server._clients)
     assert unblob(there, caller.ask(blob(there, b"y"), SOON).payload) == b"Y"
 
 

@@ -58,16 +58,14 @@ def files() -> set[str]:
 
 
 @pytest.fixture(autouse=True)
-def nobody_else(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """A run-time folder for each test: an array that an earlier one has forgotten is a transport's until it is
-    collected, and what was left is removed only where nobody is."""
-    with tempfile.TemporaryDirectory(prefix="rc-", dir="/tmp") as folder:  # short, as that of all tests
-        monkeypatch.setenv("ROBOCOMP_RUNTIME_DIR", folder)
-        yield
-        if segments():
-            gc.collect()
-            opened().close()
-        assert segments() == set()
+def nothing_is_left(own_runtime_folder: Path) -> Iterator[None]:
+    """In a folder of its own: an array that an earlier test has forgotten is a transport's until it is collected, and
+    what was left is removed only where nobody is."""
+    yield
+    if segments():
+        gc.collect()
+        opened().close()
+    assert segments() == set()
 
 
 class TestShm(TransportConformance):

@@ -9,7 +9,6 @@ import secrets
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Iterator
@@ -62,14 +61,12 @@ _programs: list[subprocess.Popen[str]] = []
 
 
 @pytest.fixture(autouse=True)
-def nobody_else(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """A run-time folder for each test, with its own router; and no program outlives the test that started it."""
-    with tempfile.TemporaryDirectory(prefix="rc-", dir="/tmp") as folder:  # short, as that of all tests
-        monkeypatch.setenv("ROBOCOMP_RUNTIME_DIR", folder)
-        yield
-        while _programs:
-            with _programs.pop() as program:
-                program.kill()
+def nobody_else(own_runtime_folder: Path) -> Iterator[None]:
+    """Each test has its own router, and no program outlives the test that started it."""
+    yield
+    while _programs:
+        with _programs.pop() as program:
+            program.kill()
 
 
 class TestZenoh(TransportConformance):
@@ -409,8 +406,8 @@ def test_whoever_keeps_a_token_is_there_unless_its_transport_says_otherwise(
 
 
 def test_of_two_looks_the_later_one_counts(transport: ZenohTransport, monkeypatch: pytest.MonkeyPatch) -> None:
-    link = transport.inlet(topic("a/b/c"), lambda payload: None)
-    find, interrupted, on = link.counterparts, threading.Event(), threading.Event()  # type: ignore[attr-defined]
+    link: Any = transport.inlet(topic("a/b/c"), lambda payload: None)
+    find, interrupted, on = link.counterparts, threading.Event(), threading.Event()
 
     def find_slowly() -> list[Any]:
         found: list[Any] = find()
@@ -420,16 +417,16 @@ def test_of_two_looks_the_later_one_counts(transport: ZenohTransport, monkeypatc
         return found
 
     monkeypatch.setattr(link, "counterparts", find_slowly)
-    first = threading.Thread(target=link.look)  # type: ignore[attr-defined]
+    first = threading.Thread(target=link.look)
     first.start()
     assert interrupted.wait(SOON)
     transport.table.hear(f"rc_lv/0/publishes/-/{1:016x}/1/{2**40:016x}/a/b/c", True)
-    second = threading.Thread(target=link.look)  # type: ignore[attr-defined]
+    second = threading.Thread(target=link.look)
     second.start()
     on.set()
     first.join()
     second.join()
-    assert link._channels == {2**40: "a/b/c"}  # type: ignore[attr-defined]
+    assert link._channels == {2**40: "a/b/c"}
 
 
 def test_of_threads_that_are_the_first_to_ask_one_makes_the_way(transport: ZenohTransport) -> None:

@@ -52,7 +52,7 @@ _MUCH = BYTES_AHEAD // _PARTS
 _LOOK = 0.01
 """Seconds until a sink that takes long is looked at again."""
 
-_EARLY, _GONE = 0, -1
+_EARLY, _WENT = 0, -1
 """Of a publisher that was heard before it was told of; and of one that went while it was asked what it had said."""
 
 _BEFORE_DOUBT = 0.5
@@ -331,7 +331,7 @@ class Subscriber(Link):
             if now is not None and now != since:  # it came back meanwhile, and may not have been asked
                 self.transport.do(partial(self._fetch, source))
                 return []
-            self._caught_up[source] = now or (_EARLY if since is None else _GONE)
+            self._caught_up[source] = now or (_EARLY if since is None else _WENT)
             return [*missed, *self._catching_up.pop(source, ())]  # what came before it asked comes to nothing
 
         self._reader.feed(all_of_it)
