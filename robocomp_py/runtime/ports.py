@@ -157,7 +157,7 @@ def bind_proxy(
         if pattern is Pattern.QUERY:
             caller = route.transport.caller(channel)
             if operation.idempotent:
-                caller = Retrying(caller)
+                caller = Retrying(caller, ending=lambda: monitor.closed)
             bound[operation.name] = _Asked(call, caller, monitor, route.deadline)
             links.append(caller)
         else:

@@ -2,10 +2,10 @@
 
     at most three times, within their deadline, and only while few do: of all calls, one in ten may be a further attempt
 
-Who asks again waits for a server first, so a component that is restarted is hardly missed; one that refuses a call is
-about to leave, as a rule, and counts as gone. What is asked again is the same question: a server that got it before,
-and whose answer was lost, answers it again, and does not execute it again. Operations that are not idempotent are never
-asked twice.
+Who asks again waits for a server first, so a component that is restarted is hardly missed; a component that ends itself
+waits for none. Who refuses a call is about to leave, as a rule, and counts as gone. What is asked again is the same
+question: a server that got it before, and whose answer was lost, answers it again, and does not execute it again.
+Operations that are not idempotent are never asked twice.
 """
 
 from __future__ import annotations
@@ -32,6 +32,9 @@ SAVED = 10.0
 PAUSE = 0.02
 """Seconds before the second attempt, and three times as many before each further one: about, so that not all come at
 once."""
+
+_LOOK = 0.2
+"""Seconds between two looks whether who waits for a server is to end."""
 
 _THREADS = "retrying"
 
@@ -61,8 +64,11 @@ class Budget:
 class Retrying:
     """A `Caller` of an idempotent operation, in front of the one that does the work."""
 
-    def __init__(self, caller: Caller, budget: Budget | None = None) -> None:
-        self._caller, self._budget = caller, budget or Budget()
+    def __init__(
+        self, caller: Caller, budget: Budget | None = None, ending: Callable[[], bool] = lambda: False
+    ) -> None:
+        """`ending` says whether no server is waited for any more."""
+        self._caller, self._budget, self._ending = caller, budget or Budget(), ending
         self.wait_peer = caller.wait_peer
         self._aside: ThreadPoolExecutor | None = None
         self._lock = threading.Lock()
@@ -146,7 +152,7 @@ class Retrying:
             step_aside()
             self._closed.wait(min(pause * random.uniform(0.5, 1.5), max(0.0, end - time.monotonic())))
             pause *= 3
-            if not self._caller.wait_peer(max(0.0, end - time.monotonic())):
+            if not self._is_served(end):
                 break
             left = end - time.monotonic()
             if left <= 0:
@@ -158,6 +164,15 @@ class Retrying:
             except Unreachable as exc:
                 why = exc
         return _end(why)
+
+    def _is_served(self, end: float) -> bool:
+        """Wait for a server."""
+        while True:
+            left = max(0.0, end - time.monotonic())
+            if self._caller.wait_peer(min(left, _LOOK)):
+                return True
+            if left <= _LOOK or self._ending():
+                return False
 
 
 _Failure = Reply | Unreachable

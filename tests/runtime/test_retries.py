@@ -115,6 +115,16 @@ def test_nobody_is_waited_for_beyond_the_deadline(how: str) -> None:
     retrying.close()
 
 
+def test_who_ends_waits_for_no_server_but_asks_one_that_is_there(how: str) -> None:
+    caller = Scripted(GONE, GONE, OK, there=False)
+    retrying = Retrying(caller, ending=lambda: True)
+    with pytest.raises(Unreachable):
+        asking(how, retrying)(10 * SOON)
+    caller.there = True
+    assert asking(how, retrying)(SOON) == OK
+    retrying.close()
+
+
 def test_one_call_in_ten_may_be_a_further_attempt() -> None:
     budget = Budget()
     assert [budget.spend() for _ in range(int(SAVED) + 1)] == [True] * int(SAVED) + [False]

@@ -660,6 +660,21 @@ def test_who_stops_does_not_wait_for_those_who_wait(find: Any) -> None:
                 waiting.result(SOON)
 
 
+def test_who_ends_does_not_wait_for_a_server_to_come_back(find: Any) -> None:
+    class Asker(Pupil):
+        def compute(self) -> None:
+            super().compute()
+            self.everything_proxy.divide(7, 2, deadline=10 * SOON)
+
+    served, made = make(Calculator, find), make(Asker, find)
+    with running(served), running(made) as asker:
+        wait_until(lambda: asker.entries.count("compute") > 1)
+        served.stop()
+        wait_until(lambda: served.state is State.ENDED and made.monitor._aside)
+    assert asker.outcome
+    assert asker.story == ["initialize", "compute", "finish"]
+
+
 def test_stopped_before_it_opened_it_ends_though_somebody_speaks_to_it(find: Any) -> None:
     class Listener(Diary):
         component = Component("listener", (Port(Verb.SUBSCRIBES, e.EVERYTHING),), period=0.005)

@@ -288,7 +288,7 @@ def test_nothing_is_reached_but_where_the_network_says(site: Site):
     assert all(each.startswith((robot.address, "127.0.0.1")) for each in listening), listening
     assert {line.split()[3] for line in base.do("ss", "-Hltn").splitlines()} == {f"{base.address}:22"}
     run.signal(signal.SIGINT)
-    assert run.code == 130
+    assert run.code == 130, run.text
 
 
 def test_nothing_is_started_when_a_host_cannot_be_reached(site: Site):
@@ -320,7 +320,7 @@ def test_a_host_whose_key_changed_is_not_believed_until_it_is_trusted(site: Site
     run = site.run("--insecure", net)
     run.says("the component of Lab is ready")
     run.signal(signal.SIGINT)
-    assert run.code == 130
+    assert run.code == 130, run.text
 
 
 def test_a_host_that_dies_is_told_and_the_network_still_ends(site: Site):
