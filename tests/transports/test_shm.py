@@ -199,6 +199,7 @@ def test_who_keeps_more_than_there_is_gets_copies_and_all_goes_on(here: ShmTrans
     kept, inbox = Kept(there), subscribe(there, topic(NAME))
     outlet = here.outlet(topic(NAME))
     greet(here, outlet, inbox)
+    wait_until(lambda: kept.arrays and bytes(kept.arrays[-1]) == b"go")  # each is told by itself
     begun = len(kept.arrays)
     for number in range(3 * SHARE):
         outlet.send(blob(here, bytes([number]) * 100_000))
