@@ -98,7 +98,7 @@ def test_fast_dds_hears_our_topic_and_is_heard_value_by_value(relay: Path, octet
         wait_until(answered)
         outlet.send(encode((sent, 7)), SOON)
         wait_until(lambda: answers[-1][1] == 8)
-        wait_until(lambda: heard[-1][0] == 7)
+        wait_until(lambda: heard and heard[-1][0] == 7)
 
     _, sequence, values = heard[-1]
     assert sequence == heard[-2][1] + 1
