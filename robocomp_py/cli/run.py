@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ..errors import ComponentError
 from ..runtime.notify import BETWEEN
-from .common import FINE, complain, insist
+from .common import FINE, complain, insist, signalled
 
 NAME = "run"
 HELP = "run a component"
@@ -79,10 +79,10 @@ def run(
     insist()  # on a signal that came while they were imported
     arguments = [[*(part.passed or []), *own, *(["--help"] if part.help else [])] for part, own in parts]
     if not others:
-        return run_component(workers[0], arguments[0])
+        return run_component(workers[0], arguments[0], missed=signalled)
     from ..runtime.together import main as run_together
 
-    return run_together(list(zip(workers, arguments, strict=True)))
+    return run_together(list(zip(workers, arguments, strict=True)), signalled)
 
 
 def run_plain(arguments: Sequence[str]) -> int | None:
@@ -100,7 +100,7 @@ def run_plain(arguments: Sequence[str]) -> int | None:
     except ComponentError as exc:
         return complain(exc)
     insist()
-    return run_component(worker, options=options)
+    return run_component(worker, options=options, missed=signalled)
 
 
 def _again(option: str, value: str) -> str:

@@ -15,7 +15,8 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 from ..errors import Closed
 from ..transports.base import step_aside
@@ -25,6 +26,9 @@ log = logging.getLogger("robocomp.worker")
 Job = Callable[[], Any]
 Then = Callable[[Any], object]
 """What is done with a job's result once it has left, when nobody need wait for that any more."""
+
+Away = Callable[[], object]
+"""What is done for a job that waited for its turn, if that will not come any more."""
 
 MAX_ASIDE = 16
 """So many handlers may wait for answers; then new requests are turned away."""
@@ -67,6 +71,14 @@ class _Ticket:
         self.called.acquire()
 
 
+class _Waiting(NamedTuple):
+    """A job's place in the queue."""
+
+    job: Job
+    then: Then | None
+    away: Away | None
+
+
 class Monitor:
     """Safe to use from any thread. A thread must not enter twice, except after `released`.
 
@@ -77,7 +89,7 @@ class Monitor:
         self.name = name
         self._state = threading.Lock()
         self._inside: int | None = None
-        self._queue: deque[_Ticket | tuple[Job, Then | None]] = deque()
+        self._queue: deque[_Ticket | _Waiting] = deque()
         self._aside = 0
         self._beside = 0
         self._open = False
@@ -103,15 +115,20 @@ class Monitor:
 
     def turn_away(self) -> None:
         """Let in nobody any more but who comes back from a wait, or is `early`; who waits is sent away."""
+        away: list[Away | None] = []
         with self._state:
             self._closed = True
             waiting, self._queue = self._queue, deque()
             for entry in waiting:
-                if isinstance(entry, _Ticket) and entry.early:
+                if isinstance(entry, _Waiting):
+                    away.append(entry.away)
+                elif entry.early:
                     self._queue.append(entry)
-                elif isinstance(entry, _Ticket):
+                else:
                     entry.refused = True
                     entry.called.release()
+        for each in away:
+            _tell(each)
 
     @property
     def closed(self) -> bool:
@@ -176,23 +193,23 @@ class Monitor:
         finally:
             self._state.release()
 
-    def submit(self, job: Job, then: Then | None = None, *, limited: bool = True) -> bool:
+    def submit(self, job: Job, then: Then | None = None, away: Away | None = None, *, limited: bool = True) -> bool:
         """Run a job on the pool when it is its turn; False if too many wait already, unless not `limited`."""
         with self._state:
             if self._closed or (limited and (self._aside >= MAX_ASIDE or len(self._queue) >= MAX_WAITING)):
                 return False
-            self._queue.append((job, then))
+            self._queue.append(_Waiting(job, then, away))
             if self._inside is None and self._open:
                 self._admit_next()
             return True
 
-    def submit_beside(self, job: Job, then: Then | None = None) -> bool:
+    def submit_beside(self, job: Job, then: Then | None = None, away: Away | None = None) -> bool:
         """Run a job on the pool without keeping anybody out; False if too many do already."""
         with self._state:
             if self._closed or self._beside >= MAX_BESIDE:
                 return False
             self._beside += 1
-        self._pool_beside.submit(self._run_beside, job, then)
+        self._pool_beside.submit(self._run_beside, job, then, away)
         return True
 
     def run(self, job: Job) -> None:
@@ -258,9 +275,9 @@ class Monitor:
             entry.called.release()
         elif entry is not None:
             self._inside = _POOL
-            self._pool.submit(self._run, *entry)
+            self._pool.submit(self._run, entry.job, entry.then)
 
-    def _next(self) -> _Ticket | tuple[Job, Then | None] | None:
+    def _next(self) -> _Ticket | _Waiting | None:
         if self._open:
             return self._queue.popleft() if self._queue else None
         for entry in self._queue:
@@ -278,24 +295,31 @@ class Monitor:
             return
         finally:
             self.leave()
-        self._pass_on(result, then)
+        if then:
+            _tell(partial(then, result))
 
-    def _run_beside(self, job: Job, then: Then | None) -> None:
+    def _run_beside(self, job: Job, then: Then | None, away: Away | None) -> None:
         try:
-            if not self._closed:
-                self._pass_on(job(), then)
+            if self._closed:
+                _tell(away)
+            else:
+                result = job()
+                if then:
+                    _tell(partial(then, result))
         except (Exception, SystemExit):
             log.exception("a handler failed")
         finally:
             with self._state:
                 self._beside -= 1
 
-    def _pass_on(self, result: Any, then: Then | None) -> None:
-        try:
-            if then:
-                then(result)
-        except Exception:
-            log.exception("an answer was not passed on")
+
+def _tell(what: Callable[[], object] | None) -> None:
+    """Those for whom a job was done."""
+    try:
+        if what:
+            what()
+    except Exception:
+        log.exception("an answer was not passed on")
 
 
 _POOL = -1

@@ -9,6 +9,7 @@ import contextlib
 import math
 import os
 import socket
+import threading
 from pathlib import Path
 
 BETWEEN = "+"
@@ -38,21 +39,35 @@ READY_FILE = "ROBOCOMP_READY_FILE"
 """Names a file that is there while a process is ready: launchers of containers look, and do not listen."""
 
 
+_SOON, _LATE = 1.0, 60.0
+"""Seconds in which a launcher takes what it is told; and in which it does so that was stopped, and goes on."""
+
+
 def notify(*lines: str) -> None:
     """Send `READY=1` and the like. Without a launcher that listens or looks, nothing happens."""
+    told = "\n".join(lines)
     if path := os.environ.get(READY_FILE):
-        _show(Path(path), "\n".join(lines).split("\n"))
+        _show(Path(path), told.split("\n"))
     address = os.environ.get("NOTIFY_SOCKET")
     if not address or not hasattr(socket, "AF_UNIX"):
         return
+    if not _taken(address, told, _SOON) and "READY=1" in told.split("\n"):  # which is said only once
+        threading.Thread(target=_taken, args=(address, told, _LATE), name="notifying", daemon=True).start()
+
+
+def _taken(address: str, told: str, within: float) -> bool:
+    """Whether this was taken, or nobody is there to take it; we end when we are told to."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as channel:
-        channel.settimeout(1.0)
+        channel.settimeout(within)
         try:
             # Connected: else it could not be waited for until a launcher that is stopped takes it, only tried for.
             channel.connect("\0" + address[1:] if address[0] == "@" else address)
-            channel.send("\n".join(lines).encode())
+            channel.send(told.encode())
+        except TimeoutError:
+            return False
         except OSError:
-            return  # the launcher has gone; that is its business, and we end when we are told to
+            return True
+    return True
 
 
 def _show(path: Path, lines: list[str]) -> None:

@@ -362,7 +362,7 @@ class _Handling:
                 self._monitor.gauge.note(time.monotonic() - begun)
 
         submit = self._monitor.submit_beside if self._concurrent else self._monitor.submit
-        if submit(job, then=reply.set_result):
+        if submit(job, then=reply.set_result, away=partial(reply.set_result, Reply(Status.REFUSED))):
             return reply
         return Reply(Status.REFUSED if self._monitor.closed else Status.BUSY)
 

@@ -95,6 +95,9 @@ class Running:
         self._watching = Watching(settings.instance, self._happened)
         self._transports = _Transports(settings, find, lambda: not self.is_over)
         self._links: list[Link] = []
+        """Of handlers."""
+        self._proxied: list[Link] = []
+        """Of proxies."""
         self._failed = False
         self._excuse = ""
         self.doing = ""
@@ -113,8 +116,9 @@ class Running:
         finally:
             self._tell("STOPPING=1")
             self.monitor.turn_away()
-            self._watching.close()
+            self._watching.end()
             self._close_links()
+            self._watching.close()
             self.monitor.close()
             self._transports.close()
             self.state = State.ENDED
@@ -206,7 +210,7 @@ class Running:
         required: list[tuple[Port, Link]] = []
         for port in (*provided, *wanted):
             links = self._bind(port)
-            self._links += links
+            (self._proxied if port.verb.has_proxy else self._links).extend(links)
             if port.verb is Verb.REQUIRES:
                 required += ((port, link) for link in links)
         return required
@@ -214,6 +218,7 @@ class Running:
     def _close_links(self) -> None:
         try:
             with self._transports.gathering():
+                ports.close_all(self._proxied)  # first: that releases the handlers and hooks that wait in one
                 ports.close_all(self._links)
         except TransportError as exc:
             log.warning("%s", exc)  # closing its transport does the rest
@@ -302,8 +307,8 @@ class Running:
         self._watching.begin()
         self._beat = self.worker._beats(time.monotonic())
         self.ready.set()
-        self._tell("READY=1")
         log.info("ready")
+        self._tell("READY=1")  # last: at this word others are started, who say that they are ready, too
 
     def _take_transitions(self) -> None:
         """Take those that were fired until now; each lets handlers in between, and none comes inside another."""
@@ -433,11 +438,15 @@ class _Transports:
 
 
 def main(
-    worker_class: type[Worker[Any]], arguments: Sequence[str] | None = None, options: argparse.Namespace | None = None
+    worker_class: type[Worker[Any]],
+    arguments: Sequence[str] | None = None,
+    options: argparse.Namespace | None = None,
+    missed: Callable[[], int] = lambda: 0,
 ) -> int:
     """Run a component as a program: `python -m PACKAGE`, `rc run DIR`. Returns the exit code.
 
-    `options` are its arguments, if they have been read already.
+    `options` are its arguments, if they have been read already. `missed` tells of a signal that was to end this process
+    before the component took heed of any, and went lost, as in a destructor; 0 if there was none.
     """
     options = options or parser_of(worker_class.component).parse_args(arguments)
     try:
@@ -452,7 +461,10 @@ def main(
         print(exc, file=sys.stderr)
         return 1
     received: list[int] = []
-    with Signals(partial(_stop_by, running, received)), Watchdog([running], [chosen.watchdog], notify):
+    stop_by = partial(_stop_by, running, received)
+    with Signals(stop_by), Watchdog([running], [chosen.watchdog], notify):
+        if number := missed():
+            stop_by(number)
         front = running.worker._in_front
         fine = front(running.run, running.stop) if front else running.run()
         write_out()

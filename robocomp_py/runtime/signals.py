@@ -9,36 +9,70 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Any
 
+_ENDING = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
+
+_LATE = 0x80
+"""What is added to a number that Python's own handler passes on."""
+
+_entered: list[Signals] = []
+
 
 class Signals:
     """While entered, Ctrl-C, SIGTERM and SIGHUP (the terminal was closed) call a function.
 
-    It is called on a thread of its own: the one that a signal interrupts may hold any lock. A
-    second Ctrl-C has its usual effect.
+    It is called on a thread of its own, and at once: the thread that a signal interrupts may hold any lock, or be about
+    to wait for long, and Python tells it of signals only between two of its steps. A second Ctrl-C has its usual
+    effect. Processes that are forked meanwhile take signals as before.
     """
 
     def __init__(self, handle: Callable[[int], None]) -> None:
         self._handle = handle
         self._before: dict[int, Any] = {}
+        self._woken_before = -1
         self._out, self._in = os.pipe()
+        os.set_blocking(self._in, False)
         self._thread = threading.Thread(target=self._pass_on, name="signals")
 
     def __enter__(self) -> None:
-        self._thread.start()
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        for number in _ENDING:
             self._before[number] = signal.signal(number, self._received)
+        self._woken_before = signal.set_wakeup_fd(self._in, warn_on_full_buffer=False)
+        _entered.append(self)
+        self._thread.start()  # last: until then a signal may raise something here, and is told of from now on
 
     def __exit__(self, *exc: object) -> None:
+        try:
+            _entered.remove(self)
+            self._restore()  # from now on a signal may raise something here again
+        finally:
+            os.close(self._in)
+            self._thread.join()
+            os.close(self._out)
+
+    def _restore(self) -> None:
+        signal.set_wakeup_fd(self._woken_before)
         for number, before in self._before.items():
             signal.signal(number, before)
-        os.close(self._in)
-        self._thread.join()
-        os.close(self._out)
 
     def _received(self, number: int, frame: FrameType | None) -> None:
         signal.signal(signal.SIGINT, self._before[signal.SIGINT])
-        os.write(self._in, bytes([number]))
+        os.write(self._in, bytes([number | _LATE]))
 
     def _pass_on(self) -> None:
+        told: set[int] = set()
         while received := os.read(self._out, 1):
-            self._handle(received[0])
+            late, number = received[0] & _LATE, received[0] & ~_LATE
+            if late and number in told:  # it came by the descriptor, unless somebody else has put one in its place
+                told.remove(number)
+            elif number in _ENDING:
+                if not late:
+                    told.add(number)
+                self._handle(number)
+
+
+def _forget() -> None:
+    while _entered:
+        _entered.pop()._restore()
+
+
+os.register_at_fork(after_in_child=_forget)

@@ -200,8 +200,8 @@ class Together:
         )
 
 
-def main(parts: Sequence[Part]) -> int:
-    """Run components together, as a program. Returns the exit code."""
+def main(parts: Sequence[Part], missed: Callable[[], int] = lambda: 0) -> int:
+    """Run components together, as a program. Returns the exit code; for `missed` see `run.main`."""
     options = [_options(worker_class, arguments) for worker_class, arguments in parts]
     together = Together()
     try:
@@ -226,6 +226,8 @@ def main(parts: Sequence[Part]) -> int:
     try:
         wishes = [settings.watchdog for settings, _ in prepared]
         with Signals(stop_by), Watchdog(together.every, wishes, notify):
+            if number := missed():
+                stop_by(number)
             front = next((each.worker._in_front for each in together.every if each.worker._in_front), None)
             fine = front(together.run, together.stop) if front else together.run()
             write_out()

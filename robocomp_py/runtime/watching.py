@@ -106,9 +106,14 @@ class Watching:
             self._thread = threading.Thread(target=self._run, name=f"{self._name}-watch")
             self._thread.start()
 
-    def close(self) -> None:
+    def end(self) -> None:
+        """Look no more."""
         self._closed = True
         self._news.set()
+
+    def close(self) -> None:
+        """Wait for the hook that runs."""
+        self.end()
         if self._thread and self._thread is not threading.current_thread():
             self._thread.join(_STUCK)
             if self._thread.is_alive():

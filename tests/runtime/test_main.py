@@ -83,6 +83,28 @@ def test_a_signal_ends_in_finish(hello: Path, tmp_path: Path, number: int, code:
         worker.write_text(before)
 
 
+LOSING = """
+    def __init__(self) -> None:
+        import signal
+
+        class Last:
+            def __del__(self) -> None:
+                signal.raise_signal(signal.SIGTERM)
+
+        Last()
+"""
+
+
+def test_a_signal_that_is_lost_while_it_is_made_ends_it_all_the_same(hello: Path) -> None:
+    worker = hello / "specificworker.py"
+    before = worker.read_text()
+    worker.write_text(before + LOSING)
+    try:
+        assert run("robocomp_py.cli.rc", "run", str(hello)).returncode == 143
+    finally:
+        worker.write_text(before)
+
+
 def test_it_also_runs_as_a_module(hello: Path) -> None:
     with started("hello", cwd=hello.parent) as process:
         process.send_signal(signal.SIGINT)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from robocomp_py.runtime import notify as notify_module
 from robocomp_py.runtime.notify import READY_FILE, notify
 from robocomp_py.testing.patience import SOON
 
@@ -27,18 +28,22 @@ def launcher(
         yield listening
 
 
+def _fill(launcher: socket.socket) -> None:
+    """Until it takes no more."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as other, contextlib.suppress(BlockingIOError):
+        other.connect(launcher.getsockname())
+        other.setblocking(False)
+        while True:
+            other.send(b"more")
+
+
 def test_what_is_told_comes_as_one_datagram(launcher: socket.socket) -> None:
     notify("READY=1", "STATUS=calm")
     assert launcher.recv(1000) == b"READY=1\nSTATUS=calm"
 
 
 def test_a_launcher_that_is_busy_is_waited_for(launcher: socket.socket) -> None:
-    name = launcher.getsockname()
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as other, contextlib.suppress(BlockingIOError):
-        other.connect(name)
-        other.setblocking(False)
-        while True:
-            other.send(b"more")
+    _fill(launcher)
     telling = threading.Thread(target=notify, args=("READY=1",))
     telling.start()
     telling.join(0.01)  # most likely, it waits by now
@@ -46,6 +51,19 @@ def test_a_launcher_that_is_busy_is_waited_for(launcher: socket.socket) -> None:
     while told != b"READY=1":
         told = launcher.recv(1000)
     telling.join()
+
+
+def test_that_it_is_ready_is_told_to_a_launcher_that_was_stopped_meanwhile(
+    launcher: socket.socket, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(notify_module, "_SOON", 0.05)
+    _fill(launcher)
+    notify("STATUS=missed")
+    notify("READY=1")
+    told = []
+    while not told or told[-1] != b"READY=1":
+        told.append(launcher.recv(1000))
+    assert b"STATUS=missed" not in told
 
 
 def test_a_launcher_that_has_gone_stops_nobody(launcher: socket.socket) -> None:

@@ -675,6 +675,58 @@ def test_who_ends_does_not_wait_for_a_server_to_come_back(find: Any) -> None:
     assert asker.story == ["initialize", "compute", "finish"]
 
 
+def test_who_ends_lets_go_of_a_handler_that_waits_for_an_answer(find: Any, caplog: pytest.LogCaptureFixture) -> None:
+    stuck, release = threading.Event(), threading.Event()
+
+    class Stuck(Calculator):
+        def Everything_work(self, task: str) -> str:
+            stuck.set()
+            release.wait(10 * SOON)
+            return task
+
+    class Between(Pupil):
+        component = Component("between", (*Pupil.component.ports, Port(Verb.SUBSCRIBES, e.EVERYTHING)), period=0.005)
+
+        def Everything_news(self, number: int, text: str) -> None:
+            self.everything_proxy.work(text, deadline=10 * SOON)
+
+    class Speaker(Diary):
+        component = Component("speaker", (Port(Verb.PUBLISHES, e.EVERYTHING, proxy=EverythingPublisher),), period=0.005)
+        everything_proxy: EverythingPublisher
+
+    between = make(Between, find)
+    with running(make(Stuck, find)), running(make(Speaker, find)) as speaker:
+        with running(between):
+            wait_until(lambda: speaker.everything_proxy.news(1, "go") or stuck.is_set())
+        release.set()
+    assert "still in a handler" not in caplog.text
+
+
+def test_who_waits_for_a_turn_that_does_not_come_is_told_before_the_component_finishes(find: Any) -> None:
+    begun, release = threading.Event(), threading.Event()
+
+    class Slow(Calculator):
+        def Everything_work(self, task: str) -> str:
+            begun.set()
+            release.wait(SOON)
+            return task
+
+        def finish(self) -> None:
+            release.wait(SOON)
+            super().finish()
+
+    made = make(Slow, find)
+    with running(made), running(make(Pupil, find)) as pupil:
+        first, second = (pupil.everything_proxy._ask_async(e.work, (str(n),), 10 * SOON) for n in range(2))
+        assert begun.wait(SOON)
+        wait_until(lambda: len(made.monitor._queue) > 1)  # with compute
+        made.stop()
+        with pytest.raises(Refused):
+            second.result(SOON)
+        assert not first.done()
+        release.set()
+
+
 def test_stopped_before_it_opened_it_ends_though_somebody_speaks_to_it(find: Any) -> None:
     class Listener(Diary):
         component = Component("listener", (Port(Verb.SUBSCRIBES, e.EVERYTHING),), period=0.005)

@@ -16,11 +16,11 @@ from robocomp_py.errors import ComponentError
 from robocomp_py.runtime.run import Running
 from robocomp_py.runtime.worker import Worker
 from robocomp_py.testing import everything as e
-from robocomp_py.testing.patience import SCALE, wait_until
+from robocomp_py.testing.patience import SCALE, SOON, wait_until
 from robocomp_py.transports.base import TransportConfig, TransportFactory
 from robocomp_py.transports.inproc import InprocTransport
 
-from .components import Diary, EverythingPublisher
+from .components import Calculator, Diary, EverythingProxy, EverythingPublisher, Pupil
 from .test_run import make, running
 
 _SHORT = 0.05 * SCALE
@@ -183,6 +183,31 @@ def test_a_hook_may_stop_its_component(find: Any) -> None:
         say(sonar, lambda: worker.numbers)
         wait_until(lambda: worker.story[-1] == "finish")
     assert worker.outcome
+
+
+def test_who_ends_lets_go_of_a_hook_that_waits_for_an_answer(find: Any, caplog: pytest.LogCaptureFixture) -> None:
+    stuck, release = threading.Event(), threading.Event()
+
+    class Stuck(Calculator):
+        def Everything_work(self, task: str) -> str:
+            stuck.set()
+            release.wait(10 * SOON)
+            return task
+
+    class Asking(Listening):
+        component = Component("asking", (Port(Verb.SUBSCRIBES, e.EVERYTHING, qos=_DEADLINE), *Pupil.component.ports))
+        everything_proxy: EverythingProxy
+
+        def on_deadline_missed(self, port: str, operation: str, instance: str, total: int) -> None:
+            self.everything_proxy.work("", deadline=10 * SOON)
+
+    sonar = make(publisher(_DEADLINE), find)
+    with running(make(Stuck, find)), running(sonar):
+        with running(make(Asking, find)) as worker:
+            say(sonar, lambda: worker.numbers)
+            assert stuck.wait(SOON)
+        release.set()
+    assert "still in a handler" not in caplog.text
 
 
 def test_who_writes_no_hook_reads_it_once_in_the_log(find: Any, caplog: pytest.LogCaptureFixture) -> None:

@@ -1,0 +1,92 @@
+"""Signals as calls."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from robocomp_py.runtime.signals import Signals
+from robocomp_py.testing.patience import SOON, wait_until
+
+
+@pytest.fixture
+def received() -> Iterator[list[int]]:
+    numbers: list[int] = []
+    with Signals(numbers.append):
+        yield numbers
+
+
+def test_a_signal_is_told_once(received: list[int]) -> None:
+    os.kill(os.getpid(), signal.SIGTERM)
+    wait_until(lambda: received == [signal.SIGTERM])
+    os.kill(os.getpid(), signal.SIGHUP)
+    wait_until(lambda: len(received) > 1)
+    assert received == [signal.SIGTERM, signal.SIGHUP]
+
+
+def test_it_is_told_at_once_to_others_than_who_is_interrupted(received: list[int]) -> None:
+    """Python has the main thread take one step more here, and that is a wait."""
+    heard = threading.Event()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Signals, "_received", lambda *_: None)
+        with Signals(lambda _: heard.set()):
+            os.kill(os.getpid(), signal.SIGTERM)
+            assert heard.wait(SOON)
+
+
+def test_it_is_told_when_somebody_else_is_woken_by_signals(received: list[int]) -> None:
+    before = signal.set_wakeup_fd(-1)
+    os.kill(os.getpid(), signal.SIGTERM)
+    signal.set_wakeup_fd(before)
+    wait_until(lambda: received)
+    assert received == [signal.SIGTERM]
+
+
+def test_a_second_ctrl_c_has_its_usual_effect(received: list[int]) -> None:
+    os.kill(os.getpid(), signal.SIGINT)
+    wait_until(lambda: received)
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+
+
+def test_a_process_that_is_forked_meanwhile_takes_signals_as_before(received: list[int]) -> None:
+    reading, writing = os.pipe()
+    pid = os.fork()
+    if pid == 0:
+        os.write(writing, b"!")
+        signal.pause()
+        os._exit(0)
+    os.read(reading, 1)
+    os.close(reading)
+    os.close(writing)
+    os.kill(pid, signal.SIGTERM)
+    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == -signal.SIGTERM
+    assert received == []
+
+
+def test_a_signal_that_would_raise_something_while_it_is_entered_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    received: list[int] = []
+    signals = Signals(received.append)
+    start = signals._thread.start
+
+    def interrupted() -> None:
+        start()
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(signals._thread, "start", interrupted)
+    with signals:
+        wait_until(lambda: received)
+    assert received == [signal.SIGINT]
+
+
+def test_afterwards_all_is_as_before() -> None:
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
+    with Signals(lambda _: None):
+        pass
+    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)] == before
+    assert signal.set_wakeup_fd(-1) == -1
+    assert "signals" not in [thread.name for thread in threading.enumerate()]
