@@ -23,8 +23,8 @@ _LONGEST = 200
 
 _PID = re.compile(r"\(pid (\d{1,9})\)$")
 
-_SIGNING = 0.1
-"""Seconds for which whoever has just locked a file may not have signed it yet."""
+_SIGNING = 3.0
+"""Seconds for which whoever has just locked a file may not have signed it yet, or removed it: it may be held up."""
 
 SWEPT = "swept"
 """The name of the mark of a folder with many files; see `is_swept`."""

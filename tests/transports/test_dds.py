@@ -927,7 +927,10 @@ def test_a_second_server_in_another_process_is_refused_until_that_is_killed(ther
         wait_until(served)
 
 
-def test_who_follows_a_killed_server_need_not_try_twice(there: DDSTransport, name: str) -> None:
+def test_who_follows_a_killed_server_need_not_try_twice(
+    there: DDSTransport, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(serving_module, "LEAVING", 0.0)  # we hear late of it
     with _Elsewhere(_echo_elsewhere, name) as other:
         wait_until(lambda: there.bus.endpoints.find("serves", name))
         other.process.kill()

@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from robocomp_py.errors import AlreadyServed, TransportError
+from robocomp_py.transports import exclusive
 from robocomp_py.transports.exclusive import claim, holder, is_claimed, sweep, try_claim
 
 NAME = "robot/world/Laser/getLaserData"
@@ -148,7 +149,8 @@ def test_of_many_at_once_one_has_it_also_while_others_give_it_back(tmp_path: Pat
     assert files(tmp_path) == []
 
 
-def test_one_who_has_not_signed_yet_has_it_all_the_same(tmp_path: Path) -> None:
+def test_one_who_has_not_signed_yet_has_it_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(exclusive, "_SIGNING", 0.1)  # it never will
     mine = claim(tmp_path, NAME, "world")
     (file,) = files(tmp_path)
     file.write_text("")

@@ -12,6 +12,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -216,6 +217,20 @@ def test_publishers_and_subscribers_come_back_to_a_new_one(
         wait_until(lambda: outlet.wait_peer(0.0))
     assert "does not answer" in caplog.text
     assert "IceStorm answers again" in caplog.text
+
+
+def test_history_is_asked_for_again_if_its_publisher_is_too_busy_to_answer(
+    here: Any, there: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here.outlet(topic(NAME, LATCHED)).send(blob(here, b"1"))
+    history, asked = there.desk.history, list[int]()
+
+    def history_late(desk: str, source: int) -> Any:
+        asked.append(source)
+        return history(desk, source) if len(asked) > 2 else None
+
+    monkeypatch.setattr(there.desk, "history", history_late)
+    assert subscribe(there, topic(NAME, LATCHED)).get(timeout=SOON) == b"1"
 
 
 def test_while_there_is_none_best_effort_goes_on_and_reliable_gives_up_at_its_deadline(

@@ -27,13 +27,13 @@ from robocomp_py.testing.conformance import TransportConformance
 from robocomp_py.testing.faults import TransportFaults
 from robocomp_py.testing.parts import BLOB, Inbox, blob, command, drain, greet, put, query, subscribe, topic, unblob
 from robocomp_py.testing.patience import SOON, wait_until
-from robocomp_py.transports.base import Reply, Status, Transport, TransportConfig
+from robocomp_py.transports.base import Reply, Status, Transport, TransportConfig, gathering
 from robocomp_py.transports.directory import runtime_dir
 from robocomp_py.transports.inotify import Watch
 from robocomp_py.transports.shm import ShmTransport, node, samples
 from robocomp_py.transports.shm.bells import BELLS, NEWS, Bell, Rope
 from robocomp_py.transports.shm.loop import Loop
-from robocomp_py.transports.shm.mail import Post, packed, unpacked
+from robocomp_py.transports.shm.mail import LINGER, Post, packed, unpacked
 from robocomp_py.transports.shm.receipts import SLOTS, Credit, Reader, Receipts
 from robocomp_py.transports.shm.topics import LOANS, SHARE
 
@@ -854,3 +854,11 @@ def test_malformed_letters_are_counted(
 def test_names_of_members_are_numbers_too() -> None:
     for name in ("1-00000000", "4194304-deadbeef", "77-0000000a"):
         assert unpacked(packed(name)) == name
+
+
+def test_what_is_closed_together_is_given_time_once(here: ShmTransport) -> None:
+    with gathering(here):
+        first = here.settling()
+        wait_until(lambda: time.monotonic() + LINGER > first)
+        assert here.settling() == first
+    assert here.settling() > first

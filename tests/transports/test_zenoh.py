@@ -369,7 +369,7 @@ def test_history_is_asked_for_again_if_its_publisher_came_back_meanwhile(
     def inquire_in_vain(link: int, what: str, channel: str = "") -> list[Message]:
         asked.append(link)
         if len(asked) > 1:
-            return inquire(link, what, channel)
+            return inquire(link, what, channel) or []
         (token,) = other.table.find("publishes", "a/b/c")
         for there in (False, True):
             other._news(other.key("rc_lv", token.key()), there)
@@ -377,6 +377,20 @@ def test_history_is_asked_for_again_if_its_publisher_came_back_meanwhile(
         return []
 
     monkeypatch.setattr(other, "inquire", inquire_in_vain)
+    assert subscribe(other, topic("a/b/c", LATCHED)).get(timeout=SOON) == b"1"
+
+
+def test_history_is_asked_for_again_if_its_publisher_is_too_busy_to_answer(
+    transport: ZenohTransport, other: ZenohTransport, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    transport.outlet(topic("a/b/c", LATCHED)).send(blob(transport, b"1"))
+    inquire, asked = other.inquire, list[int]()
+
+    def inquire_late(link: int, what: str, channel: str = "") -> list[Message] | None:
+        asked.append(link)
+        return inquire(link, what, channel) if len(asked) > 2 else None
+
+    monkeypatch.setattr(other, "inquire", inquire_late)
     assert subscribe(other, topic("a/b/c", LATCHED)).get(timeout=SOON) == b"1"
 
 

@@ -10,6 +10,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -21,8 +22,8 @@ from robocomp_py.errors import ConfigurationError, Timeout, Unreachable
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, Reply, Status, TransportConfig, TypeRef
-from robocomp_py.transports.zeromq import ZeroMQTransport
-from robocomp_py.transports.zeromq.curve import Curve, key_pair, read_public
+from robocomp_py.transports.zeromq import ZeroMQTransport, remote
+from robocomp_py.transports.zeromq.curve import Curve, Rights, key_pair, read_public
 from robocomp_py.transports.zeromq.remote import DIRECTORY, host_of, read_record, record
 from robocomp_py.transports.zeromq.sockets import new_socket
 from robocomp_py.wire import header as head
@@ -310,16 +311,31 @@ def test_what_a_server_has_no_right_to_offer_is_not_believed(hosts: Hosts) -> No
 
 def test_who_only_asks_cannot_say_that_it_serves() -> None:
     from robocomp_py.transports.directory import Entry
-    from robocomp_py.transports.zeromq.curve import Rights
 
     told = record("7-1", "eve", 7, [Entry(role, DIVIDE.name, 1, "", "tcp://6.6.6.6:1") for role in ("serves", "calls")])
     member = read_record(told, "eve", at="", rights=Rights())
     assert [entry.role for entry in member.entries] == ["calls"]
 
 
+def test_who_was_held_up_itself_takes_nobody_for_gone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [100.0]
+    monkeypatch.setattr(remote, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    neighbours = remote.Neighbours(tmp_path)
+    other = read_record(record("7-1", "eve", 7, []), "eve", at="", rights=Rights())
+    neighbours.hear(other)
+    now[0] += 60.0
+    neighbours.heed_others()
+    assert neighbours.alive(other.id)
+    for _ in range(5):
+        now[0] += 0.25
+        neighbours.heed_others()
+    assert neighbours.alive(other.id)
+    now[0] += 0.25
+    assert not neighbours.alive(other.id)
+
+
 def test_what_is_told_of_topics_is_taken_to_be_at_the_same_host() -> None:
     from robocomp_py.transports.directory import Entry
-    from robocomp_py.transports.zeromq.curve import Rights
 
     told = record("7-1", "eve", 7, [Entry("publishes", NEWS.name, 1, "", "tcp://6.6.6.6:41000#0a1b2c")])
     (entry,) = read_record(told, "eve", at="tcp://10.0.0.2:7501", rights=Rights()).entries

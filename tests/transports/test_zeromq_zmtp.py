@@ -17,7 +17,7 @@ from robocomp_py.contract.types import FLOAT64, UINT8, Field, Sequence, Struct
 from robocomp_py.testing.conformance import query, topic
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Reply, Status, TransportConfig, is_heard
-from robocomp_py.transports.zeromq import ZeroMQTransport
+from robocomp_py.transports.zeromq import ZeroMQTransport, asking
 from robocomp_py.transports.zeromq.frames import Frames
 from robocomp_py.transports.zeromq.sockets import Subscription
 from robocomp_py.transports.zeromq.zmtp import Feed, Garbled, Gone, Stream
@@ -328,3 +328,22 @@ def test_who_publishes_notices_that_nobody_subscribes_any_more(
     assert is_heard(outlet)
     inlet.close()
     wait_until(lambda: not is_heard(outlet))
+
+
+def test_a_server_that_hangs_up_on_who_was_slow_to_greet_it_is_greeted_again(
+    transports: tuple[ZeroMQTransport, ZeroMQTransport], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here, there = transports
+    here.server(query("a/b/c"), lambda payload, expires: Reply(Status.OK, payload))
+    caller, greeted = there.caller(query("a/b/c")), list[str]()
+    assert caller.wait_peer(SOON)
+
+    def greet(path: str, wait: Callable[[], None]) -> Stream:
+        greeted.append(path)
+        if len(greeted) == 1:
+            raise Gone("it has closed the connection")
+        return Stream(path, wait)
+
+    monkeypatch.setattr(asking, "Stream", greet)
+    assert caller.ask([b"?"], SOON).status is Status.OK
+    assert len(greeted) == 2

@@ -29,7 +29,7 @@ from ..base import (
     step_aside,
 )
 from ..crew import Job, Lane, Servant
-from ..exclusive import Claim, claim
+from ..exclusive import Claim, claim, is_gone
 from ..ledger import Ledger
 from ..replies import Replies
 from .asking import client_of
@@ -74,6 +74,9 @@ _FINE = Status.OK
 LEAVING = 2.5
 """Seconds until we have heard that who served before us is gone, even if it was killed: its lease lasts for two."""
 
+_HEARING = 10.0
+"""Seconds more until we have heard it of a process of this host of which we can see that it is dead: we may be late."""
+
 _Call = tuple[int, int]
 """Which client's request, and its number."""
 
@@ -98,7 +101,8 @@ class ServingLink(Link):
             self.claimed = claim(self.transport.folder, channel.name, self.transport.owner or "a component")
         end = monotonic() + LEAVING
         while others := self.bus.endpoints.find(self.role, channel.name):  # on another host, or of another user
-            if monotonic() >= end:
+            dead = self.transport.local and all(is_gone(each.pid) for each in others)
+            if monotonic() >= end + (_HEARING if dead else 0.0):
                 raise AlreadyServed(f"{channel.name}: already served by {others[0].owner} (pid {others[0].pid})")
             self.closed.wait(0.005)
         if channel.seldom:

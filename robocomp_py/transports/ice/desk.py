@@ -229,13 +229,15 @@ class Desk:
         except library.LocalException as exc:
             log.debug("telling %s: %s", desk, library.why(exc))
 
-    def history(self, desk: str, source: int) -> list[tuple[tuple[int, int, int, int], bytes]]:
-        """What a publisher has latched: headers, and payloads; nothing, if it has gone or does not answer."""
+    def history(self, desk: str, source: int) -> list[tuple[tuple[int, int, int, int], bytes]] | None:
+        """What a publisher has latched: headers, and payloads; nothing, if it has gone; None, if it is too busy."""
         step_aside()
         try:
             proxy = self._proxy(desk).ice_invocationTimeout(INQUIRY_MS)
             ok, answer = proxy.ice_invoke("history", library.NORMAL, _wrapped(_ASKED.pack(source)))
             return list(_unfolded(answer)) if ok else []
+        except library.InvocationTimeout:
+            return None
         except (library.LocalException, struct.error) as exc:
             log.warning("what a publisher has latched could not be fetched: %s", exc)
             return []

@@ -396,9 +396,12 @@ class Subscriber(AnnouncedLink["IceTransport"]):
 
     def _fetch(self, publisher: _Told) -> None:
         latched = self.transport.desk.history(publisher.desk, publisher.id)
+        if latched is None and publisher.id in self._publishers and not self.closed.is_set():
+            self.transport.do(partial(self._fetch, publisher))
+            return
         with self._taking:
             jobs = self._admit_all(
-                publisher.id, [(Header(*fields, publisher.channel), payload) for fields, payload in latched]
+                publisher.id, [(Header(*fields, publisher.channel), payload) for fields, payload in latched or ()]
             )
         for job in jobs:
             job()

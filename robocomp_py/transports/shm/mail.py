@@ -31,7 +31,7 @@ _LOANS = 16
 KNOCK = 0xFFFFFFFF
 """Whom a letter is for that wants nothing but an answer, which tells that all before it were taken."""
 
-LINGER = 0.5
+LINGER = 1.5
 """Seconds for which closing waits for what was sent last to be taken."""
 
 _LONGEST_PAUSE = 0.005

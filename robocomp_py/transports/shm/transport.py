@@ -6,6 +6,7 @@ import atexit
 import contextlib
 import logging
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 from ...contract.interface import Pattern
@@ -167,9 +168,22 @@ class ShmTransport(Announcing):
                     return None
             return self._ropes[member.id]
 
+    @contextlib.contextmanager
+    def gathering(self) -> Iterator[None]:
+        try:
+            with super().gathering():
+                yield
+        finally:
+            if not self.closed:
+                self._settled = float("inf")
+
     def settling(self) -> float:
-        """Until when somebody who closes may wait for what was sent last to be taken."""
-        return min(self._settled, time.monotonic() + LINGER)
+        """Until when somebody who closes may wait for what was sent last to be taken; all that close together have the
+        same time."""
+        settled = min(self._settled, time.monotonic() + LINGER)
+        if self.gathers:
+            self._settled = settled
+        return settled
 
     def peer(self, member: Member) -> Peer | None:
         """Somebody who serves; None if he has just left."""

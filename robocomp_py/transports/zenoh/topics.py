@@ -328,11 +328,12 @@ class Subscriber(Link):
 
         def all_of_it() -> list[Any]:
             now = self._since.get(source)
-            if now is not None and now != since:  # it came back meanwhile, and may not have been asked
+            if now is not None and (now != since or missed is None) and not self.closed.is_set():
+                # it came back meanwhile, and may not have been asked, or is too busy to answer
                 self.transport.do(partial(self._fetch, source))
                 return []
             self._caught_up[source] = now or (_EARLY if since is None else _WENT)
-            return [*missed, *self._catching_up.pop(source, ())]  # what came before it asked comes to nothing
+            return [*(missed or ()), *self._catching_up.pop(source, ())]  # what came before it asked comes to nothing
 
         self._reader.feed(all_of_it)
 

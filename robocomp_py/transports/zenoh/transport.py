@@ -184,14 +184,15 @@ class ZenohTransport:
         address = self.address("rc_to", link)
         return f"{address}/{channel}" if self._keyed else address
 
-    def inquire(self, link: int, what: str, channel: str = "") -> list[Message]:
-        """What another link answers; nothing, if it has gone or is too busy.
+    def inquire(self, link: int, what: str, channel: str = "") -> list[Message] | None:
+        """What another link answers; nothing, if it has gone; None, if it is too busy.
 
         `channel` is its own, unless everybody may ask.
         """
         with contextlib.suppress(zenoh.ZError):
             replies = self._inquire(link, what, channel)
-            return [Message(reply.ok.attachment, reply.ok.payload) for reply in replies if reply.ok]
+            answers = [Message(reply.ok.attachment, reply.ok.payload) for reply in replies if reply.ok]
+            return answers if len(answers) == len(replies) else None
         return []
 
     def _inquire(self, link: int, what: str, channel: str = "") -> list[zenoh.Reply]:

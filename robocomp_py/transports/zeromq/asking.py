@@ -57,6 +57,9 @@ log = logging.getLogger("robocomp.transport.zeromq")
 _SLICE = SLICE_MS / 1000
 """Seconds after which a call that waits looks whether its server lives and its own link is open."""
 
+_GREETINGS = 3
+"""So often a server is greeted that hangs up before it was asked anything, as it does if we are held up meanwhile."""
+
 _TO_SERVER = {"IMMEDIATE": 1, "RECONNECT_IVL": -1, "SNDHWM": 1000, "RCVHWM": 1000}
 """No queueing for the dead; a server that comes back has another address."""
 
@@ -90,13 +93,21 @@ class Peer:
         if self.is_far:
             return FarStream(self._transport.context, self._address, self._secure)
         try:
-            return Stream(self._address.removeprefix("ipc://"), wait)
+            return self._stream(wait)
         except TransportError:  # by `wait`; some are OSErrors, too
             raise
         except (ConnectionError, FileNotFoundError) as exc:
             raise Unreachable(f"{self._address}: its server left") from exc
         except OSError as exc:
             raise TransportError(f"zeromq: connecting to {self._address}: {exc.strerror}") from exc
+
+    def _stream(self, wait: Wait) -> Stream:
+        path = self._address.removeprefix("ipc://")
+        for _ in range(_GREETINGS - 1):
+            with contextlib.suppress(Gone):
+                return Stream(path, wait)
+            wait()
+        return Stream(path, wait)
 
     def give(self, stream: Stream | FarStream) -> None:
         self._idle.append(stream)

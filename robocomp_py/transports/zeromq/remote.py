@@ -59,8 +59,12 @@ _LONGEST = 1024 * 1024
 
 _OFFERING, _WANTING = ("serves", "receives", "publishes"), ("calls", "commands", "subscribes")
 
-_AT_FAR = {"HEARTBEAT_IVL": 500, "HEARTBEAT_TIMEOUT": 2000}
-"""A line that was cut is noticed. Times in milliseconds."""
+_BEAT = SILENT / 4
+"""Seconds between two looks at who is silent; more do not count, since we may have been held up ourselves."""
+
+_AT_FAR = {"HEARTBEAT_IVL": 500, "HEARTBEAT_TIMEOUT": 5000}
+"""A line that was cut is noticed. Times in milliseconds. Who is silent is noticed sooner, and so is that it was us who
+were held up, which the library does not."""
 
 _TO_FAR = {
     "IMMEDIATE": 1,  # no queueing for who is not there
@@ -98,7 +102,9 @@ class Neighbours(Directory):
     def __init__(self, folder: Path) -> None:
         super().__init__(folder)
         self._far: dict[str, tuple[Member, float]] = {}
-        """With the time of its last word."""
+        """With the time of its last word, as `_heeded` counts it."""
+        self._heeded_s, self._heeded_at = 0.0, time.monotonic()
+        """For how long others could be heard, up to the last look; and when that was."""
         self._changes = 0
         self._noting = threading.Lock()
 
@@ -113,13 +119,21 @@ class Neighbours(Directory):
         if "@" not in member_id:
             return super().alive(member_id)
         heard = self._far.get(member_id)
-        return heard is not None and time.monotonic() - heard[1] < SILENT
+        return heard is not None and self._heeded() - heard[1] < SILENT
 
     def responds(self, member: Member, within: float) -> bool:
         if "@" not in member.id:
             return super().responds(member, within)
         heard = self._far.get(member.id)
-        return heard is not None and time.monotonic() - heard[1] < within
+        return heard is not None and self._heeded() - heard[1] < within
+
+    def heed_others(self) -> None:
+        """To be called about every `SILENT / 4` seconds, before what has come in is read."""
+        self._heeded_s, self._heeded_at = self._heeded(), time.monotonic()
+
+    def _heeded(self) -> float:
+        """Seconds in which we were not held up: what others said meanwhile may still have to be read."""
+        return self._heeded_s + min(time.monotonic() - self._heeded_at, _BEAT)
 
     def hear(self, member: Member) -> bool:
         """Note that somebody is there; whether that is news."""
@@ -128,7 +142,7 @@ class Neighbours(Directory):
             if known is None and len(self._far) >= _MOST:
                 return False
             news = known is None or known[0] != member
-            self._far[member.id] = member, time.monotonic()
+            self._far[member.id] = member, self._heeded()
             self._changes += news
         return news
 

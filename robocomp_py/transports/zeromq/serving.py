@@ -76,6 +76,8 @@ class Router:
         self._inside = threading.Lock()
         """Held by whoever uses the socket, also while it waits there."""
         self._ringing = threading.Lock()
+        self._telling = threading.Lock()
+        """Held while somebody is told who we are: so that nobody is told later what was so before."""
         self._late: deque[Frames] = deque()
         self._closed = False
         self._sparing = Sparing()
@@ -129,6 +131,7 @@ class Router:
         frames = [identity, *joined(header, reply.payload)]
         if self._inside.acquire(blocking=False):
             try:
+                self._send_late()
                 self._send(frames)
             finally:
                 self._inside.release()
@@ -145,7 +148,8 @@ class Router:
             if now - when > SILENT:
                 self._acquainted.pop(identity, None)
             else:
-                self.reply(identity, request, Reply(Status.OK, [news(user)]))
+                with self._telling:
+                    self.reply(identity, request, Reply(Status.OK, [news(user)]))
 
     # By whoever is inside.
 
@@ -192,9 +196,10 @@ class Router:
         try:
             named, request, payload = read_request_frames(frames)
             if named == DIRECTORY and self._introduce:
-                answer = self._introduce(bytes(payload[0]) if payload else b"", user)
                 self._note(identity, request, user)
-                self.reply(identity, request, Reply(Status.OK, [answer]))
+                with self._telling:
+                    answer = self._introduce(bytes(payload[0]) if payload else b"", user)
+                    self.reply(identity, request, Reply(Status.OK, [answer]))
                 return None
         except DecodeError as exc:
             self._malformed(frames, exc)

@@ -383,6 +383,7 @@ class ZeroMQTransport(Announcing):
 
     def _tick(self) -> float:
         """Do what is due; seconds until the next time."""
+        self.directory.heed_others()
         if self.directory.has_far_ones:
             self.directory.lose(lambda _: False)
         version = self.directory.version()
