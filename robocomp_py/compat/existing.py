@@ -218,11 +218,13 @@ class ExistingWorker(Worker[Any]):
             self._loop.run(time.monotonic())
 
     def finish(self) -> None:
+        begun = time.monotonic()
         self._loop.close()
         pools = self._begun.pools()  # before their object goes, and pools with it that have something to do
         self._loop.call(self._part)
         with self._released():
-            left, calls = self._begun.end(pools, self._grace_s, self._work_s)
+            work_s = max(0.0, self._work_s - (time.monotonic() - begun))  # of which slots may have had their share
+            left, calls = self._begun.end(pools, min(self._grace_s, work_s), work_s)
         if left:
             self.log.warning("threads of its own go on, and end with the process: %s", ", ".join(left))
         if calls:
