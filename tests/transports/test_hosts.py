@@ -19,8 +19,7 @@ from robocomp_py.transports.base import Channel, Reply, Status, TransportConfig,
 from robocomp_py.transports.dds import DDSTransport
 from robocomp_py.transports.dds.domain import settings
 from robocomp_py.transports.zenoh import ZenohTransport
-
-from .test_zeromq_wire import Outsider
+from tests.freeports import free_port
 
 DIVIDE = Channel("robot/camera/Everything/divide", Pattern.QUERY, type_of(e.divide, Pattern.QUERY))
 TICK = Channel("robot/camera/Everything/divided", Pattern.PUBLISH, type_of(e.divide, Pattern.PUBLISH))
@@ -31,12 +30,6 @@ def everything(monkeypatch: pytest.MonkeyPatch) -> Iterator[contextlib.ExitStack
     with tempfile.TemporaryDirectory(prefix="rc-", dir="/tmp") as name, contextlib.ExitStack() as stack:
         monkeypatch.setenv("ROBOCOMP_RUNTIME_DIR", name)  # short: socket paths have 107 bytes
         yield stack
-
-
-def port() -> int:
-    outsider = Outsider()
-    with contextlib.closing(outsider):
-        return outsider.port()
 
 
 def quotient_of(caller: Any, transport: Any, *numbers: int) -> object:
@@ -60,7 +53,7 @@ def serve(transport: Any) -> None:
 
 def run_routers(everything: contextlib.ExitStack) -> None:
     """Those of two hosts: `robot` listens, `base` connects; as options of who runs them."""
-    at = f"tcp/127.0.0.1:{port()}"
+    at = f"tcp/127.0.0.1:{free_port()}"
     for name, router in (
         ("base", {"listen/endpoints": [], "connect/endpoints": [at]}),  # the one that connects may be first
         ("robot", {"listen/endpoints": [at], "connect/endpoints": []}),

@@ -28,10 +28,10 @@ from robocomp_py.transports.base import Channel, Reply, Status, TransportConfig,
 from robocomp_py.transports.zenoh import ZenohTransport
 from robocomp_py.transports.zenoh import session as sessions
 from robocomp_py.transports.zenoh.tls import client_settings
+from tests.freeports import free_port
 
 from ..deploy.security_network import DAY, NOW, made, network, way
 from .test_zeromq_far import Tap
-from .test_zeromq_wire import Outsider
 
 DIVIDE = Channel("robot/camera/Everything/divide", Pattern.QUERY, TypeRef("", e.divide.fingerprint, e.divide.text))
 MOVE = Channel("robot/camera/Everything/move", Pattern.COMMAND, TypeRef("", 7, "move"))
@@ -56,9 +56,7 @@ class World:
     """A router of a network, and who comes to it."""
 
     def __init__(self, folder: Path) -> None:
-        outsider = Outsider()
-        self.port = outsider.port()
-        outsider.close()
+        self.port = free_port()
         self.plan, self.keys = graph(self.port), folder / "keys"
         made(self.plan, self.keys)
         self.endpoint = f"tls/127.0.0.1:{self.port}"
@@ -316,9 +314,7 @@ def test_what_was_recorded_of_an_encrypted_connection_is_worth_nothing(world: Wo
 
 def test_a_hosts_router_passes_on_what_its_own_processes_may_do_and_no_more(folder: Path) -> None:
     world = World(folder)
-    outsider = Outsider()
-    there = f"tls/127.0.0.1:{outsider.port()}"
-    outsider.close()
+    there = f"tls/127.0.0.1:{free_port()}"
     hosts = {"viewer": "onboard", "stranger": "onboard"}
     plan = world.plan = replace(
         world.plan,

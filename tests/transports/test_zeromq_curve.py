@@ -16,6 +16,7 @@ from robocomp_py.transports.base import TransportConfig
 from robocomp_py.transports.zeromq import ZeroMQTransport
 from robocomp_py.transports.zeromq.curve import Curve, Secure, key_pair
 from robocomp_py.transports.zeromq.sockets import new_socket
+from tests.freeports import free_port
 
 from .test_zeromq_wire import DIVIDE, NAMED, Outsider, reply_of, serve_division
 from .test_zeromq_wire import e as everything
@@ -62,9 +63,9 @@ def outsider() -> Iterator[Outsider]:
 
 
 @pytest.fixture
-def address(keys: Keys, outsider: Outsider) -> Iterator[str]:
+def address(keys: Keys) -> Iterator[str]:
     """Of a component that divides."""
-    options = keys.options(outsider.port())
+    options = keys.options(free_port())
     transport = ZeroMQTransport(TransportConfig(options, "calculator"))
     serve_division(transport)
     yield options["bind"]
@@ -126,8 +127,8 @@ def test_on_this_host_nobody_needs_a_key(keys: Keys, outsider: Outsider, address
         other.close()
 
 
-def test_what_is_wrong_with_keys_is_told_before_anything_is_opened(keys: Keys, outsider: Outsider) -> None:
-    good = keys.options(outsider.port())
+def test_what_is_wrong_with_keys_is_told_before_anything_is_opened(keys: Keys) -> None:
+    good = keys.options(free_port())
     (keys.folder / "empty").write_text("")
     (keys.folder / "empty").chmod(0o600)
     open_to_others = keys.make("careless")

@@ -27,6 +27,7 @@ from robocomp_py.transports.zeromq.curve import Curve, Rights, key_pair, read_pu
 from robocomp_py.transports.zeromq.remote import DIRECTORY, host_of, read_record, record
 from robocomp_py.transports.zeromq.sockets import new_socket
 from robocomp_py.wire import header as head
+from tests.freeports import free_port
 
 from ..deploy.security_network import made, network, way
 from .test_zeromq_wire import Outsider
@@ -62,7 +63,7 @@ class Hosts:
     def __init__(self, folder: Path, keys: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         self._folder, self.keys, self._monkeypatch = folder, keys, monkeypatch
         self.outsider = Outsider()
-        self.address = f"tcp://127.0.0.1:{self.outsider.port()}"
+        self.address = f"tcp://127.0.0.1:{free_port()}"
         self._open: list[ZeroMQTransport] = []
 
     def open(self, name: str, *, with_keys: bool = True, **options: Any) -> ZeroMQTransport:

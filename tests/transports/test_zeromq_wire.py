@@ -28,6 +28,7 @@ from robocomp_py.transports.directory import Entry, runtime_dir
 from robocomp_py.transports.zeromq import ZeroMQTransport
 from robocomp_py.transports.zeromq.topics import Subscriber
 from robocomp_py.wire import header
+from tests.freeports import free_port
 
 DIVIDE = Channel("robot/calculator/Everything/divide", Pattern.QUERY, TypeRef("", e.divide.fingerprint, e.divide.text))
 NAMED = DIVIDE.name.encode() + b"\0"
@@ -58,14 +59,6 @@ class Outsider:
         socket = self.socket(zmq.DEALER)
         socket.connect(address)
         return socket
-
-    def port(self) -> int:
-        """A TCP port that is free, and not one that the system gives to whoever connects somewhere."""
-        for port in secrets.SystemRandom().sample(range(20_000, 32_000), 100):
-            with plain.socket() as probe, contextlib.suppress(OSError):  # ZeroMQ's own would be closed later
-                probe.bind(("127.0.0.1", port))
-                return port
-        raise AssertionError("no free port")
 
     def close(self) -> None:
         for socket in self.sockets:
@@ -122,7 +115,7 @@ def test_a_script_can_listen_to_a_topic(transport: ZeroMQTransport, outsider: Ou
 
 
 def test_operations_are_served_over_tcp_where_the_configuration_says_so(outsider: Outsider) -> None:
-    port = outsider.port()
+    port = free_port()
     transport = ZeroMQTransport(TransportConfig({"bind": f"tcp://127.0.0.1:{port}"}, "calculator"))
     try:
         serve_division(transport)
@@ -221,7 +214,7 @@ def test_garbage_on_a_topic_is_dropped_and_counted(
 
 def test_a_hostile_stream_of_bytes_does_not_stop_the_server(outsider: Outsider) -> None:
     """Not even ZeroMQ's own protocol is spoken."""
-    port = outsider.port()
+    port = free_port()
     transport = ZeroMQTransport(TransportConfig({"bind": f"tcp://127.0.0.1:{port}"}))
     try:
         serve_division(transport)
