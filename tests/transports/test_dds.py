@@ -88,6 +88,8 @@ from robocomp_py.transports.dds.types import (
     request_type,
 )
 
+from .domains import DOMAIN
+
 _RELIABLE = QoS(Reliability.RELIABLE, depth=8)
 _LATCHED = QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=2)
 _numbers = itertools.count()
@@ -95,7 +97,7 @@ _numbers = itertools.count()
 
 class TestDDS(TransportConformance):
     def open_transport(self) -> Transport:
-        return DDSTransport(TransportConfig(owner="test"))
+        return DDSTransport(TransportConfig({"domain": DOMAIN}, "test"))
 
 
 @pytest.fixture
@@ -117,7 +119,7 @@ def name() -> str:
 
 @contextlib.contextmanager
 def _opened() -> Iterator[DDSTransport]:
-    transport = DDSTransport(TransportConfig(owner="tester"))
+    transport = DDSTransport(TransportConfig({"domain": DOMAIN}, "tester"))
     try:
         yield transport
     finally:
@@ -190,7 +192,7 @@ def test_members_may_have_any_name() -> None:
 @contextlib.contextmanager
 def _stranger() -> Iterator[DomainParticipant]:
     """Somebody else on the domain, who uses the library as it is. There must be a transport of ours already."""
-    participant = DomainParticipant(0)
+    participant = DomainParticipant(DOMAIN)
     try:
         yield participant
     finally:
@@ -283,7 +285,7 @@ def test_the_librarys_tool_shows_topics_and_fields(here: DDSTransport, name: str
     if where != "as it is":
         environment["CYCLONEDDS_URI"] = '<General><Interfaces><NetworkInterface name="lo"/></Interfaces></General>'
     tool = Path(sys.executable).with_name("cyclonedds")
-    call = [tool, what, *(["--topic", f".*{name}.*"] if what == "ls" else [f"rc/{name}"])]
+    call = [tool, what, "--id", str(DOMAIN), *(["--topic", f".*{name}.*"] if what == "ls" else [f"rc/{name}"])]
     expected = {
         "ls": [f"rc/{name}", "Conformance::EverythingEchoNestedPublication"],
         "typeof": ["robocomp::PublicationHeader header", "Conformance::Nested value", "long long fingerprint"],
@@ -308,7 +310,7 @@ def test_the_librarys_tool_shows_the_values_of_what_is_published(here: DDSTransp
         "(key=3, value='three')",
     )
     tool = Path(sys.executable).with_name("cyclonedds")
-    call = [tool, "subscribe", "--suppress-progress-bar", "--qos", "scan-random", f"rc/{name}"]
+    call = [tool, "subscribe", "--id", str(DOMAIN), "--suppress-progress-bar", "--qos", "scan-random", f"rc/{name}"]
     environment = os.environ | {"COLUMNS": "200", "NO_COLOR": "1", "PYTHONUNBUFFERED": "1"}
     lines: list[str] = []
     with subprocess.Popen(call, env=environment, stdout=subprocess.PIPE, text=True) as process:
@@ -798,7 +800,7 @@ class _Elsewhere:
 def _echo_elsewhere(
     ready: Any, end: Any, begun: Any, name: str, abrupt: bool = False, options: Mapping[str, Any] = MappingProxyType({})
 ) -> None:
-    transport = DDSTransport(TransportConfig(options, "elsewhere"))
+    transport = DDSTransport(TransportConfig({"domain": DOMAIN, **options}, "elsewhere"))
     transport.server(query(name), answering(transport, bytes))
     outlet = transport.outlet(topic(name + "back", _RELIABLE))
     transport.inlet(
@@ -968,7 +970,7 @@ def test_a_server_that_is_killed_ends_the_calls_under_way(there: DDSTransport, n
 
 
 def _stuck_elsewhere(ready: Any, end: Any, begun: Any, name: str) -> None:
-    transport = DDSTransport(TransportConfig(owner="elsewhere"))
+    transport = DDSTransport(TransportConfig({"domain": DOMAIN}, "elsewhere"))
 
     def service(payload: Any, expires: float) -> Future[Reply]:
         begun.set()
@@ -1027,7 +1029,7 @@ def test_two_processes_talk_over_another_network_than_this_hosts_own(name: str, 
 
 def test_a_program_that_forgets_to_close_ends_nevertheless(name: str) -> None:
     out, code = _run(
-        "t, u = (DDSTransport(TransportConfig(owner='forgetful')) for _ in range(2))",
+        "t, u = (DDSTransport(TransportConfig(OWN, 'forgetful')) for _ in range(2))",
         f"t.server(query({name!r}), answering(t, bytes.upper)); c = u.caller(query({name!r}))",
         "assert c.wait_peer(SOON)",
         "print(unblob(u, c.ask(blob(u, b'x'), SOON).payload).decode())",
@@ -1048,7 +1050,7 @@ def test_a_program_that_forgets_to_close_ends_nevertheless(name: str) -> None:
 )
 def test_a_forked_process_ends_and_is_told_that_nothing_of_this_works(name: str, doing: str, outcome: str) -> None:
     out, code = _run(
-        "t = DDSTransport(TransportConfig(owner='forking'))",
+        "t = DDSTransport(TransportConfig(OWN, 'forking'))",
         f"t.server(query({name!r}), answering(t, bytes.upper)); c = t.caller(query({name!r}))",
         f"o = t.outlet(topic({name + 't'!r}))",
         "assert c.wait_peer(SOON)",
@@ -1077,6 +1079,7 @@ def _run(*lines: str) -> tuple[str, int]:
         "from robocomp_py.transports.base import TransportConfig",
         "from robocomp_py.testing.conformance import answering, blob, query, topic, unblob",
         "from robocomp_py.testing.patience import SOON",
+        f"OWN = {{'domain': {DOMAIN}}}",
     )
     call = [sys.executable, "-c", "\n".join((*imports, *lines))]
     done = subprocess.run(call, stdout=subprocess.PIPE, text=True, timeout=SOON * 3)
@@ -1278,7 +1281,7 @@ def test_each_user_of_a_host_has_a_domain_and_the_first_one_that_of_the_tools() 
 
 def test_users_of_one_host_do_not_meet_unless_they_name_a_domain(monkeypatch: pytest.MonkeyPatch) -> None:
     """The second one serves what the first one serves, in a run-time folder of another name."""
-    with _opened() as first:
+    with contextlib.closing(DDSTransport(TransportConfig())) as first:
         first.server(query("a/b/ask"), lambda payload, expires: Reply(Status.OK, payload))
         monkeypatch.setattr(transport_module, "domain_of_user", lambda _: domain_of_user(FIRST_USER + 7))
         second = DDSTransport(TransportConfig())

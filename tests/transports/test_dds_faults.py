@@ -4,10 +4,12 @@ from robocomp_py.testing.faults import TransportFaults
 from robocomp_py.transports.base import Transport, TransportConfig
 from robocomp_py.transports.dds import DDSTransport
 
+from .domains import ANOTHER_DOMAIN, DOMAIN
+
 
 class TestDDS(TransportFaults):
     def open_transport(self) -> Transport:
-        return DDSTransport(TransportConfig(owner="test"))
+        return DDSTransport(TransportConfig({"domain": DOMAIN}, "test"))
 
     def open_as_another_user(self) -> Transport:
-        return DDSTransport(TransportConfig({"domain": 1}, owner="test"))
+        return DDSTransport(TransportConfig({"domain": ANOTHER_DOMAIN}, "test"))

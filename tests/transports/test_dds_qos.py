@@ -26,6 +26,8 @@ from robocomp_py.transports.base import Channel, Source, TransportConfig
 from robocomp_py.transports.dds import DDSTransport
 from robocomp_py.transports.dds.types import publication_type
 
+from .domains import DOMAIN
+
 _STRICT = QoS(Reliability.RELIABLE, deadline=0.5, lifespan=2.0, liveliness=Liveliness.MANUAL_BY_TOPIC, lease=3.0)
 _KIND = type_of(e.divide, Pattern.PUBLISH)
 _OURS = Policy.DataRepresentation(use_cdrv0_representation=True)
@@ -34,7 +36,7 @@ _numbers = itertools.count()
 
 @pytest.fixture
 def here() -> Iterator[DDSTransport]:
-    transport = DDSTransport(TransportConfig(owner="test"))
+    transport = DDSTransport(TransportConfig({"domain": DOMAIN}, "test"))
     yield transport
     transport.close()
 
@@ -47,7 +49,7 @@ def name() -> str:
 @contextlib.contextmanager
 def _stranger() -> Iterator[DomainParticipant]:
     """Somebody else on the domain, who uses the library as it is. There must be a transport of ours already."""
-    participant = DomainParticipant(0)
+    participant = DomainParticipant(DOMAIN)
     try:
         yield participant
     finally:
