@@ -73,7 +73,7 @@ from ..transports.base import (
 from ..wire.codec import Payload
 from . import everything as e
 from .parts import A_MOMENT as A_MOMENT
-from .parts import BLOB, OTHER, Victim, publish_once, put, subscribe
+from .parts import BLOB, OTHER, Victim, in_time, publish_once, put, subscribe
 from .parts import Inbox as Inbox
 from .parts import blob as blob
 from .parts import command as command
@@ -324,8 +324,8 @@ class TransportConformance(QoSConformance):
         outlet = here.outlet(channel)
         assert outlet.wait_peer(SOON)
         try:
-            with pytest.raises(Timeout):
-                _send_many(here, outlet, 100_000)
+            with pytest.raises(Timeout):  # after so long it is full, and nobody is just late
+                _send_many(here, outlet, 100_000, SOON / 3)
             patient = pool.submit(outlet.send, blob(here, bytes(100_000)), SOON * 3)
             wait_until(patient.running)
             for _ in range(3):
@@ -917,7 +917,7 @@ class TransportConformance(QoSConformance):
     ) -> None:
         victim = Victim(self, there, name)
         caller = there.caller(query(name))
-        assert caller.wait_peer(SOON)
+        assert caller.wait_peer(SOON * 3)  # a process has to start first
         asking = pool.submit(_asker(there, caller, ask, SOON * 3), b"stuck")
         victim.wait_until_stuck()
         victim.kill()
@@ -1169,9 +1169,9 @@ def answering(transport: Transport, answer: Callable[[bytes], bytes]) -> Callabl
     return lambda payload, expires: Reply(Status.OK, blob(transport, answer(unblob(transport, payload))))
 
 
-def _send_many(transport: Transport, outlet: Outlet, number: int) -> None:
+def _send_many(transport: Transport, outlet: Outlet, number: int, deadline: float = A_MOMENT) -> None:
     for _ in range(number):
-        outlet.send(blob(transport, bytes(100_000)), A_MOMENT)
+        outlet.send(blob(transport, bytes(100_000)), deadline)
 
 
 def _noting(inbox: Inbox) -> Callable[[bytes], bytes]:
@@ -1194,7 +1194,7 @@ def _asker(transport: Transport, caller: Caller, how: str, deadline: float = SOO
     def ask(data: bytes) -> bytes:
         payload = blob(transport, data)
         reply = caller.ask(payload, deadline) if how == "ask" else caller.call(payload, deadline).result(SOON * 3)
-        return unblob(transport, reply.payload)
+        return unblob(transport, in_time(reply).payload)
 
     return ask
 

@@ -49,7 +49,7 @@ from ..transports.base import Caller, Capability, Outlet, Reply, Status, Transpo
 from ..transports.directory import runtime_dir
 from ..wire.codec import Payload
 from .conformance import A_MOMENT, answering, blob, command, query, topic, unblob
-from .parts import TransportSuite
+from .parts import TransportSuite, in_time
 from .patience import SOON, wait_until
 
 LARGE = 6_000_000
@@ -58,6 +58,8 @@ FLOOD = 3000
 MESSAGE = 100_000
 MOST_MEMORY = 150_000_000
 _RELIABLE = QoS(Reliability.RELIABLE, depth=4)
+_LEAST_LEASE = 2.0
+"""For so many seconds every transport bears with a process that hangs."""
 
 Control: TypeAlias = "Connection[Any, Any]"
 Act: TypeAlias = Callable[[Transport, str, "Control"], None]
@@ -198,7 +200,7 @@ class TransportFaults(TransportSuite):
         outlet.send(_numbered(here, 0), SOON)
         assert sleeper.heard() == 0
         sleeper.stop()
-        taken = []
+        stopped, taken = time.monotonic(), []
         with contextlib.suppress(Timeout, Unreachable):
             for number in range(1, FLOOD):
                 outlet.send(_numbered(here, number), A_MOMENT)
@@ -215,8 +217,9 @@ class TransportFaults(TransportSuite):
             return heard[-1] > FLOOD
 
         wait_until(the_last_is_heard)
+        slept = time.monotonic() - stopped  # if that was long, it may have been given up since, by a lease
         assert heard == sorted(set(heard))
-        if kind == "topic" and counts:  # commands expire
+        if kind == "topic" and counts and slept < _LEAST_LEASE / 2:  # commands expire
             assert set(taken) - set(heard) == set()
 
     def test_what_a_killed_process_left_is_gone_after_the_next_one(self, name: str, start: Start) -> None:
@@ -267,7 +270,7 @@ class TransportFaults(TransportSuite):
 
         link = here.inlet(topic(name, QoS(depth=4)), sink)
         sender = start(_flood)
-        wait_until(lambda: delivered)
+        wait_until(lambda: delivered, SOON * 3)  # a process has to start first
         before = memory()
         sender.tell("go")
         print("best effort:", sender.heard())
@@ -288,7 +291,7 @@ class TransportFaults(TransportSuite):
         channel = topic(name, QoS(Reliability.RELIABLE, depth=16))
         link = here.inlet(channel, lambda payload: delivered.append(_number(here, payload)))
         sender = start(_flood_reliably)
-        wait_until(lambda: delivered)
+        wait_until(lambda: delivered, SOON * 3)  # a process has to start first
         before = memory()
         sender.tell("go")
         print("reliable:", sender.heard())
@@ -526,7 +529,7 @@ def _number(transport: Transport, payload: Payload) -> int:
 def _ask(transport: Transport, caller: Caller, how: str, data: bytes, deadline: float) -> bytes:
     payload = blob(transport, data)
     reply = caller.ask(payload, deadline) if how == "ask" else caller.call(payload, deadline).result(SOON * 3)
-    assert reply.status is Status.OK
+    assert in_time(reply).status is Status.OK
     return unblob(transport, reply.payload)
 
 

@@ -19,7 +19,8 @@ import pytest
 from ..contract.interface import Pattern
 from ..contract.qos import QoS
 from ..contract.types import INT16, UINT8, Field, Sequence, Struct
-from ..transports.base import Capability, Channel, Outlet, Reply, Transport, TypeRef
+from ..errors import Timeout
+from ..transports.base import Capability, Channel, Outlet, Reply, Status, Transport, TypeRef
 from ..wire.codec import Payload
 from .patience import SCALE, SOON, wait_until
 
@@ -85,6 +86,13 @@ def blob(transport: Transport, data: bytes) -> Payload:
 def unblob(transport: Transport, payload: Payload) -> bytes:
     (data,) = transport.codec.decoder(BLOB)(payload)
     return bytes(data.tobytes())
+
+
+def in_time(reply: Reply) -> Reply:
+    """A reply; but a Timeout if it says that the call had expired: whoever asked was as late as its server."""
+    if reply.status is Status.EXPIRED:
+        raise Timeout("its server found that it had expired")
+    return reply
 
 
 def drain(inbox: Inbox) -> list[bytes]:

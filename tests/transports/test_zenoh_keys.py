@@ -31,6 +31,7 @@ from robocomp_py.transports.zenoh.tls import client_settings
 from tests.freeports import free_port
 
 from ..deploy.security_network import DAY, NOW, made, network, way
+from .test_zenoh import joined
 from .test_zeromq_far import Tap
 
 DIVIDE = Channel("robot/camera/Everything/divide", Pattern.QUERY, TypeRef("", e.divide.fingerprint, e.divide.text))
@@ -80,7 +81,7 @@ class World:
 
     def session(self, keys: Path | None) -> zenoh.Session:
         """Somebody who knows Zenoh, and not us."""
-        opened = sessions.open_client(self.endpoint, client_settings(keys))
+        opened: zenoh.Session = joined(self.endpoint, client_settings(keys))
         self._everything.callback(opened.close)
         return opened
 
@@ -214,7 +215,7 @@ def rewrite(world: World, name: str, issued: Issued) -> None:
 
 def refused(world: World, name: str = "viewer") -> None:
     with pytest.raises(zenoh.ZError):
-        world.session(world.keys / name)
+        sessions.open_client(world.endpoint, client_settings(world.keys / name))
 
 
 def test_a_certificate_of_another_authority_is_refused(world: World) -> None:
@@ -251,12 +252,12 @@ def test_a_good_certificate_in_a_name_that_the_graph_does_not_know_is_good_for_n
 
 def test_without_a_certificate_the_routers_own_socket_is_good_for_nothing(world: World) -> None:
     divide(world.open("camera"))
-    session = sessions.open_client(sessions.resolved("here/Patrol"))
+    session = joined(sessions.resolved("here/Patrol"))
     try:
         assert list(session.liveliness().get("rc_lv/**", timeout=1.0)) == []
         assert answers(session, f"rc/0/{DIVIDE.name}") == []
     finally:
-        session.close()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
+        session.close()
 
 
 @pytest.mark.parametrize("how", ["another authority", "another name", "a certificate for clients"])
