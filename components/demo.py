@@ -1,7 +1,7 @@
 """Generates the rescue network, runs it until its mission is over, and has it drawn.
 
 python components/demo.py                        about a minute
-python components/demo.py --fast                 the same story, ten times faster
+python components/demo.py --fast                 the same story in a few seconds
 python components/demo.py --middleware zeromq    over that middleware and no other
 """
 
@@ -17,6 +17,15 @@ from robocomp_py.deploy.routes import stays_inside, unfit, unshared
 from robocomp_py.runtime.settings import carrier, is_auto
 
 NETWORK = Path(__file__).with_name("rescue.ddsl")
+FAST = (
+    "*.component.period=0.02",
+    "world.component.period=0.01",
+    "world.params.capacity=10",
+    "world.params.battery=31",
+    "rescue.params.enough=40",
+)
+"""Five times faster. A busy machine may keep the mission waiting while the robot drives
+on for seconds: its battery lasts, and is low long before somebody can be met."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -36,8 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return code
     given = ["--until", "rescue", "--set", f"world.params.picture={picture}"]
     if options.fast:
-        given += ["--set", "*.component.period=0.01"]
-        given += ["--set", "world.component.period=0.005"]
+        given += [word for each in FAST for word in ("--set", each)]
     code = rcdeploy.main([str(NETWORK), *over, *given])
     if code == 0:
         print(f"The story is drawn in {picture}: open it in a browser.")
@@ -52,7 +60,7 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--middleware", help="what carries the messages")
-    parser.add_argument("--fast", action="store_true", help="ten times faster")
+    parser.add_argument("--fast", action="store_true", help="in a few seconds")
     parser.add_argument("--picture", type=Path, default=Path("rescue.svg"))
     return parser
 

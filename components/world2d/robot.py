@@ -105,6 +105,7 @@ class Battery:
     """What is left, in %. Being awake costs a little, driving and turning cost more."""
 
     percent: float
+    capacity_wh: float = 1.0
     rate: float = 0.0
     """%/s of late, positive when charging."""
     charging: bool = False
@@ -116,7 +117,8 @@ class Battery:
         before = self.percent
         used = AWAKE * seconds + DRIVING * driven + TURNING * turned
         gained = CHARGING * seconds if charging else 0.0
-        self.percent = min(max(before + gained - used, 0.0), 100.0)
+        change = (gained - used) / self.capacity_wh
+        self.percent = min(max(before + change, 0.0), 100.0)
         self.rate = (self.percent - before) / seconds
         self.charging = charging
 
@@ -136,7 +138,7 @@ class Battery:
     @property
     def power(self) -> float:
         """W that flow into it."""
-        return self.rate / 100 * CAPACITY_WH * 3600
+        return self.rate / 100 * self.capacity_wh * 3600
 
     @property
     def seconds_to_go(self) -> float:
@@ -146,7 +148,7 @@ class Battery:
         return ((100 if self.rate > 0 else 0) - self.percent) / self.rate
 
 
-CAPACITY_WH = 1.0
+# Of a battery of 1 Wh.
 AWAKE = 0.02  # %/s
 DRIVING = 2.2  # %/m
 TURNING = 0.3  # %/rad

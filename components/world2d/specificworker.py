@@ -33,7 +33,7 @@ class SpecificWorker(GenericWorker):
         """Put the robot where the map says."""
         self.room = read_room(Path(__file__).parent / self.params.map)
         self.base = Base(self.room, self.params.max_adv, self.params.max_rot)
-        self.battery = Battery(self.params.battery)
+        self.battery = Battery(self.params.battery, self.params.capacity)
         half = math.radians(FIELD_DEG / 2)
         self.directions = np.linspace(-half, half, self.params.beams)
         self.random = np.random.default_rng(self.params.seed)

@@ -6,6 +6,7 @@ The libraries of the middlewares that are not used cannot be imported here, so n
 from __future__ import annotations
 
 import hashlib
+import runpy
 import shutil
 import subprocess
 from pathlib import Path
@@ -17,7 +18,7 @@ from .conftest import COMPONENTS
 
 LIBRARIES = {"zeromq": "zmq", "dds": "cyclonedds", "zenoh": "zenoh", "shm": "iceoryx2"}
 MIDDLEWARES = tuple(LIBRARIES)
-FAST = ("--set", "*.component.period=0.01", "--set", "world.component.period=0.005")
+FAST = [word for each in runpy.run_path(str(COMPONENTS / "demo.py"))["FAST"] for word in ("--set", each)]
 
 
 @pytest.fixture(scope="module")

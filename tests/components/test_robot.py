@@ -130,6 +130,14 @@ def test_standing_and_turning_take_something_too() -> None:
     assert turning.percent < standing.percent < 50.0
 
 
+def test_a_battery_that_holds_more_lasts_longer() -> None:
+    small, large = Battery(50.0, 1.0), Battery(50.0, 10.0)
+    small.step(1.0, 1.0, 1.0, charging=False)
+    large.step(1.0, 1.0, 1.0, charging=False)
+    assert 50.0 - small.percent == pytest.approx(10 * (50.0 - large.percent))
+    assert small.power == pytest.approx(large.power)
+
+
 def test_at_the_charger_it_fills() -> None:
     battery = Battery(50.0)
     battery.step(1.0, 0.0, 0.0, charging=True)

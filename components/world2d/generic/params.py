@@ -19,6 +19,7 @@ class Params(Parameters):
     max_adv: float = 1.5  # m/s, the fastest it drives, 0.1 to 3.0
     max_rot: float = 2.5  # rad/s, the fastest it turns, 0.1 to 10.0
     battery: float = 60.0  # %, what the battery holds at the start, 0.0 to 100.0
+    capacity: float = 1.0  # Wh, what the battery holds when it is full, 0.1 to 100.0
     beams: int = 91  # measures in a scan, 3 to 1081
     noise: float = 10.0  # mm, standard deviation of a measure, 0.0 to 200.0
     seed: int = 1  # what the noise begins with, 0 to 1000000
@@ -72,6 +73,14 @@ Params.__spec__ = ParameterSet(
             minimum=0.0,
             maximum=100.0,
             description="%, what the battery holds at the start",
+        ),
+        Parameter(
+            "capacity",
+            ParameterKind.FLOAT,
+            1.0,
+            minimum=0.1,
+            maximum=100.0,
+            description="Wh, what the battery holds when it is full",
         ),
         Parameter(
             "beams",
