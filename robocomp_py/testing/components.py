@@ -13,6 +13,7 @@ what is not faked returns zeros.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import json
 import threading
@@ -35,7 +36,7 @@ from ..runtime.RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE, Parameter
 from ..runtime.run import Running
 from ..runtime.worker import Worker
 from ..spelling import unknown
-from ..transports.base import Link, Transport, TransportConfig
+from ..transports.base import Link, TransportConfig
 from ..transports.inproc import InprocTransport
 from ..wire import names
 from .patience import SOON, wait_until
@@ -86,7 +87,7 @@ class ComponentTest:
             settings.override(document, f"{key}={_toml(value)}")
         bus = f"test-{next(_buses)}"
 
-        def open_inproc(config: TransportConfig) -> Transport:
+        def open_inproc(config: TransportConfig) -> InprocTransport:
             return InprocTransport(TransportConfig({"bus": bus}, config.owner))
 
         self._running = Running(worker, settings.check(worker.component, document), lambda name: open_inproc)
@@ -130,6 +131,8 @@ class ComponentTest:
         self._running.stop()
         if self._thread.ident is not None:
             self._thread.join(SOON)
+        with contextlib.suppress(AssertionError):  # a fake that is stuck: the links say so when they are closed
+            wait_until(lambda: self._transport.idle, SOON, "the fakes have received what was sent to them")
         ports.close_all(self._links)
         self._monitor.close()
         self._transport.close()
@@ -158,7 +161,10 @@ class ComponentTest:
         self._proxies[port.name]._ask(_SET_PARAMETERS, (given,), SOON)
 
     def received(self, operation: str) -> list[tuple[Any, ...]]:
-        """The arguments of every call, command or publication so far: `received("batterypub.pushBattery")`."""
+        """The arguments of every call, command or publication so far: `received("batterypub.pushBattery")`.
+
+        After the block, that is all that the component has sent.
+        """
         self._known(operation)
         return [arguments for name, arguments in list(self._received) if name == operation]
 

@@ -353,6 +353,12 @@ class Lane:
                 self._waiting.extend(payloads)
         return len(payloads)
 
+    @property
+    def idle(self) -> bool:
+        """Whether all that was put has been given to the sink, and that has returned; no `drain` is due."""
+        with self._lock:
+            return not (self._waiting or self._draining or self._summoned)
+
     def through(self, wrap: Callable[[Sink], Sink]) -> None:
         """Put something in front of the sink."""
         self._sink = wrap(self._sink)

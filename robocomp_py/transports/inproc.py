@@ -131,6 +131,11 @@ class InprocTransport:
     def server(self, channel: Channel, service: Service) -> _Server:
         return self._open(_Server(self, self._bus, channel, service))
 
+    @property
+    def idle(self) -> bool:
+        """Whether all that was sent to our inlets has been taken."""
+        return all(link.lane.idle for link in list(self._links) if isinstance(link, _Inlet))
+
     def close(self) -> None:
         self._closed = True
         with contextlib.ExitStack() as everything:

@@ -17,8 +17,9 @@ from robocomp_py.runtime.worker import Worker
 from robocomp_py.testing import components
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.components import ComponentTest
+from robocomp_py.testing.patience import wait_until
 
-from ..runtime.components import Calculator, EverythingProxy, Tuned
+from ..runtime.components import Calculator, EverythingProxy, EverythingPublisher, Tuned
 
 
 class Comparing(Worker[None]):
@@ -63,6 +64,28 @@ def test_each_of_several_ports_has_a_fake_of_its_own() -> None:
         assert component.received("everything1.work") == [("second",)]
         assert component.worker.heard == [("second", 1), ("first", 2)]
     assert component.fine
+
+
+class Telling(Worker[None]):
+    """Has something to say at the end."""
+
+    component = Component("telling", (Port(Verb.PUBLISHES, e.EVERYTHING, proxy=EverythingPublisher),), period=0.005)
+    middleware = "inproc"
+    everything_proxy: EverythingPublisher
+
+    def finish(self) -> None:
+        for number in range(3):
+            self.everything_proxy.news(number, "")
+
+
+def test_what_it_publishes_last_is_received_although_it_has_ended() -> None:
+    def late(number: int, text: str) -> None:
+        wait_until(lambda: not component._thread.is_alive())
+
+    with ComponentTest(Telling, everything={"news": late}) as component:
+        pass
+    assert component.fine
+    assert component.received("everything.news") == [(number, "") for number in range(3)]
 
 
 def test_what_it_implements_can_be_called() -> None:
