@@ -446,14 +446,17 @@ def test_killYourSelf_ends_the_component(tmp_path: Path) -> None:
 
 
 @contextmanager
-def what_goes_on(tmp_path: Path, code: str, caplog: pytest.LogCaptureFixture) -> Iterator[str]:
-    """The names of the threads that a component has begun, and that wait for OVER, as long as this is entered."""
+def what_goes_on(tmp_path: Path, code: str, caplog: pytest.LogCaptureFixture, *, grace_s: float) -> Iterator[str]:
+    """The names of the threads that a component has begun, and that wait for OVER, as long as this is entered.
+
+    Who does not wait for OVER has `grace_s` to end, and so long this takes.
+    """
     folder = server(tmp_path, "")
     worker = folder / "src" / "specificworker.py"
     head = "import threading\nfrom concurrent import futures\n"
     worker.write_text(f"{head}{worker.read_text()}{code}\nOVER = threading.Event()\n")
     with running(folder) as arm:
-        arm.worker._grace_s = arm.worker._work_s = 0.2
+        arm.worker._grace_s = arm.worker._work_s = grace_s
         over = vars(arm.worker._imports.load("specificworker"))["OVER"]
     assert arm.fine
     try:
@@ -479,7 +482,7 @@ def test_threads_of_theirs_are_waited_for_and_do_not_keep_the_process(
     def forever():
         OVER.wait()
 """
-    with what_goes_on(tmp_path, code, caplog) as names:
+    with what_goes_on(tmp_path, code, caplog, grace_s=0.3 * SOON) as names:
         assert names == "endless"
 
 
@@ -490,7 +493,7 @@ def test_what_pools_of_theirs_do_does_not_keep_the_process(tmp_path: Path, caplo
         self.pool.submit(OVER.wait)
         futures.ThreadPoolExecutor(1, "idle").submit(int)
 """
-    with what_goes_on(tmp_path, code, caplog) as names:
+    with what_goes_on(tmp_path, code, caplog, grace_s=0.3 * SOON) as names:
         assert names == "endless_0"
         assert [each.daemon for each in threading.enumerate() if each.name == names] == [True]
 
@@ -549,10 +552,18 @@ def test_calls_that_its_pools_do_not_get_to_are_told(tmp_path: Path, caplog: pyt
     code = """
     def setParams(self, params):
         self.pool = futures.ThreadPoolExecutor(1, "endless")
-        for _ in range(3):
-            self.pool.submit(OVER.wait)
+        self.pool.submit(go_on)
+        BEGUN.wait()
+        for _ in range(2):
+            self.pool.submit(go_on)
+
+def go_on():
+    BEGUN.set()
+    OVER.wait()
+
+BEGUN = threading.Event()
 """
-    with what_goes_on(tmp_path, code, caplog) as names:
+    with what_goes_on(tmp_path, code, caplog, grace_s=0.2) as names:
         assert names == "endless_0"
     assert any("2 calls that its pools were given have not begun after 0.2 s" in each for each in caplog.messages)
 

@@ -9,7 +9,8 @@ from speech.specificworker import SpecificWorker
 from robocomp_py.testing.components import ComponentTest
 
 FAST = {"component.period": 0.002}
-SLOW = {**FAST, "params.computes_per_word": 100}
+SLOW = {"component.period": 1.0, "params.computes_per_word": 100}
+"""No word is over before a test is."""
 
 
 def say(component: ComponentTest, text: str, *, overwrite: bool = False) -> dataresponse:
