@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from .checker import Violation, check
+from .checker import Violation
 from .laboratory import Remote
 from .rows import HERE, Figure, Result, Row, Run
 
@@ -27,7 +27,7 @@ def _fuzzed(run: Run) -> Result:
         honest.stop(channel=_CHANNEL)
         served = honest.ask_once(channel=_CHANNEL)
         history = laboratory.end()
-    violations = [each for each in check(history) if "nobody asked for it" not in each.what]  # some frames are good
+    violations = [each for each in run.check(history) if "nobody asked for it" not in each.what]  # some frames are good
     if served != "target":
         violations.append(Violation("hangs", "who is honest is not served any more"))
     figures = [
@@ -61,7 +61,7 @@ def _oversized(run: Run) -> Result:
         refused = client.ask_too_much(channel=_CHANNEL)
         again = client.ask_once(channel=_CHANNEL)
         history = laboratory.end()
-    violations = check(history)
+    violations = run.check(history)
     if "EncodeError" not in refused or "268435456" not in refused:
         violations.append(Violation("oversized", f"it was not refused with the limit, but: {refused}"))
     if again != "s":

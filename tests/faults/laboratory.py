@@ -146,7 +146,7 @@ class Laboratory:
         """Have all end, as they should; what happened, with those who are there nevertheless."""
         for actor in self._actors:
             actor.end()
-        deadline = time.monotonic() + 5.0
+        deadline = time.monotonic() + PATIENCE
         while (left := self._left()) and time.monotonic() < deadline:
             time.sleep(0.02)
         return [*read(self.folder), *(Left(pid, name) for pid, name in left)]

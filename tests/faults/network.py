@@ -15,7 +15,7 @@ from typing import Any
 from tests.deploy.laboratory import Host
 from tests.deploy.laboratory import Laboratory as Network
 
-from .checker import Allowed, check, check_commands
+from .checker import check_commands
 from .history import Asked, Ended, Event, Executed, Heard
 from .laboratory import Laboratory, Remote, until
 from .rows import Figure, Result, Row, Run
@@ -123,7 +123,7 @@ def _cut(run: Run) -> Result:
             Figure("healed after", back - healed, "s", 3, timed=True),
             Figure("executed late at most", _latest(history), "s"),
         ],
-        [*check(history, Allowed(late=_ON_THE_WAY)), *check_commands(history, "server")],
+        [*run.check(history, late=_ON_THE_WAY), *check_commands(history, "server")],
     )
 
 
@@ -137,7 +137,7 @@ def _lossy(run: Run) -> Result:
         history = two.end()
     return Result(
         [*_counts(history), Figure("executed late at most", _latest(history), "s")],
-        [*check(history, Allowed(late=_ON_THE_WAY)), *check_commands(history, "server")],
+        [*run.check(history, late=_ON_THE_WAY), *check_commands(history, "server")],
     )
 
 
@@ -167,7 +167,7 @@ def _half_open(run: Run) -> Result:
             Figure("calls that timed out", len(late)),
             Figure("beyond their deadline", max(late, default=0.0) * 1000, "ms", 50, timed=True),
         ],
-        check(history, Allowed(late=_ON_THE_WAY)),
+        run.check(history, late=_ON_THE_WAY),
     )
 
 

@@ -17,7 +17,7 @@ from collections import Counter
 from pathlib import Path
 
 from .checker import Violation
-from .laboratory import until
+from .laboratory import PATIENCE, until
 from .nemesis import deeds
 from .rows import Figure, Result, Row, Run
 
@@ -254,7 +254,7 @@ _DEEDS = ("Ctrl-C", "Ctrl-C twice", "SIGTERM", "SIGHUP", "kill -9")
 
 def _ended(run: Run) -> Result:
     """Every way to end, at any time: while it starts, while it runs, and again while it stops."""
-    rounds = run.rounds(200, 5)
+    rounds, patience = run.rounds(200, 5), _GONE if run.full else PATIENCE
     slowest, done = 0.0, Counter[str]()
     violations: list[Violation] = []
     with _Network(4, run.transport) as network:
@@ -267,7 +267,7 @@ def _ended(run: Run) -> Result:
             _do(deployer, deed.what, random.Random(run.seed + number))
             done[deed.what] += 1
             with contextlib.suppress(RuntimeError):
-                until(lambda: not network.processes(), _GONE, "")
+                until(lambda: not network.processes(), patience, "")
             slowest = max(slowest, time.monotonic() - begun)
             for pid, what in network.processes().items():
                 text = f"round {number}, {deed.what} after {deed.after:.2f} s: {pid} {what}"
@@ -290,7 +290,7 @@ def _ended_far(run: Run) -> Result:
     from tests.deploy.laboratory import Laboratory as Machines
     from tests.deploy.laboratory import SshServer, make_key
 
-    rounds = run.rounds(60, 4)
+    rounds, patience = run.rounds(60, 4), _GONE if run.full else PATIENCE
     slowest, done = 0.0, Counter[str]()
     violations: list[Violation] = []
     with Machines() as machines, tempfile.TemporaryDirectory(prefix="rcf-", dir="/tmp") as home:
@@ -320,14 +320,14 @@ def _ended_far(run: Run) -> Result:
                     _cut_off(network, far.pids(), deed.what)
                 done[deed.what] += 1
                 with contextlib.suppress(RuntimeError):
-                    until(lambda hit=hit: not hit & set(network.processes()), _GONE, "")
+                    until(lambda hit=hit: not hit & set(network.processes()), patience, "")
                 slowest = max(slowest, time.monotonic() - begun)
                 left = {pid: what for pid, what in network.processes().items() if pid in hit}
                 deployer.terminate()
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     deployer.wait(20.0)
                 with contextlib.suppress(RuntimeError):
-                    until(lambda: not network.processes(), _GONE, "")
+                    until(lambda: not network.processes(), patience, "")
                 for pid, what in (left | network.processes()).items():
                     text = f"round {number}, {deed.what} after {deed.after:.2f} s: {pid} {what}"
                     violations.append(Violation("nobody left", text))

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
-from .checker import Violation, check
+from .checker import Violation
 from .history import Asked, Ended, Event
 from .laboratory import Laboratory, until
 from .rows import HERE, Figure, Result, Row, Run
@@ -50,7 +50,7 @@ def _leaping(run: Run) -> Result:
         until(lambda: last_heard(laboratory, subscriber) == publisher.sent(), 20.0, "the last message is heard")
         lost = subscriber.stats(channel=_TOPIC, count=True)
         history = laboratory.end()
-    violations = check(history)
+    violations = run.check(history)
     if leapt < 0.9 * _HOUR:
         violations.append(Violation("clock", f"it leapt by {leapt:.0f} s only: is libfaketime at work?"))
     others = _other_outcomes(history)
@@ -97,7 +97,7 @@ def _full(run: Run) -> Result:
         Figure("calls that did not end well", sum(others.values()), "", 0),
         *(Figure(f"as {outcome}", number) for outcome, number in sorted(others.items())),
     ]
-    return Result(figures, check(history))
+    return Result(figures, run.check(history))
 
 
 @contextlib.contextmanager
