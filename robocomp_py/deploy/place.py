@@ -20,10 +20,14 @@ import os
 import re
 import shutil
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TypeVar
 
 from ..errors import ConfigurationError, DeploymentError
+
+M = TypeVar("M")
 
 _TRIES, _PAUSE = 10, 0.03
 """How often the lock is tried: who cleans up behind a killed launcher has it for a moment."""
@@ -46,6 +50,20 @@ class Runner:
 def file_name(instance: str) -> str:
     """By what the files of an instance begin: `left.arm` for `left/arm`. Never a path, whatever it is called."""
     return re.sub(r"[^A-Za-z0-9_.-]", "_", instance.replace("/", ".")).lstrip(".") or "_"
+
+
+def made_in(folder: Path, make: Callable[[], M], tries: int = 10) -> M:
+    """What is made in a folder, which is made if there is none. Raises OSError.
+
+    Who ends just now may remove the folder before there is anything in it; what is in it keeps it.
+    """
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        return make()
+    except (FileNotFoundError, FileExistsError):
+        if tries <= 1:
+            raise
+    return made_in(folder, make, tries - 1)
 
 
 class Place:
@@ -88,8 +106,7 @@ class Place:
         """
         for _ in range(_TRIES):
             try:
-                self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-                held = os.open(self._lock, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+                held = made_in(self.folder, self._opened)
             except OSError as exc:
                 raise DeploymentError(f"{self.folder}: {exc.strerror}; set ROBOCOMP_RUNTIME_DIR") from exc
             if _lock(held, self._lock):
@@ -133,13 +150,15 @@ class Place:
         """Let others run it. What is of no use any more is removed; logs and complaints stay. May be called twice."""
         if self._held < 0:
             return
-        for each in (self.control, self.plan, self.leftovers, self._lock):
+        for each in (self.control, self.plan, self.leftovers):
             with contextlib.suppress(OSError):
                 each.unlink()
         with contextlib.suppress(OSError):  # there is none, mostly
             if not self.complaints.stat().st_size:
                 self.complaints.unlink()
         shutil.rmtree(self.notify, ignore_errors=True)
+        with contextlib.suppress(OSError):  # the last of all: what is there afterwards is somebody else's
+            self._lock.unlink()
         os.close(self._held)
         self._held = -1
         for folder in (self.folder, self.folder.parent):
@@ -149,6 +168,9 @@ class Place:
     @property
     def _lock(self) -> Path:
         return self.folder / "pid"
+
+    def _opened(self) -> int:
+        return os.open(self._lock, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
 
     def _taken(self) -> str:
         runner = self.runner()

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import stat
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -49,6 +51,40 @@ def test_the_folder_is_the_users_alone_and_goes_with_what_is_of_no_use_any_more(
     (place.logs / "laser.log").touch()
     place.release()
     assert [path.name for path in place.folder.rglob("*")] == ["logs", "laser.log"]
+
+
+def test_nobody_takes_it_before_all_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    place, remove = Place("Patrol", tmp_path), shutil.rmtree
+    place.take()
+    place.notify.mkdir()
+    runners: list[Runner | None] = []
+
+    def removing(path: Path, ignore_errors: bool) -> None:
+        runners.append(Place("Patrol", tmp_path).runner())
+        remove(path, ignore_errors)
+
+    monkeypatch.setattr(shutil, "rmtree", removing)
+    place.release()
+    assert [each and each.pid for each in runners] == [os.getpid()]
+
+
+class Fleeting(type(Path())):  # type: ignore[misc]  # the class of a path is that of the system
+    """A folder that is removed when it is made for the first time, as by who releases it."""
+
+    times = 0
+
+    def mkdir(self, *arguments: Any, **options: Any) -> None:
+        super().mkdir(*arguments, **options)
+        Fleeting.times += 1
+        if Fleeting.times == 1:
+            self.rmdir()
+
+
+def test_who_takes_it_while_its_folder_is_removed_makes_another_one(tmp_path: Path) -> None:
+    place = Place("Patrol", Fleeting(tmp_path))
+    place.take()
+    assert Fleeting.times == 2
+    place.release()
 
 
 def test_who_reads_the_plan_has_all_of_it_or_the_one_before(tmp_path: Path) -> None:
