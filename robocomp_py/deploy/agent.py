@@ -14,6 +14,7 @@ import asyncio
 import contextlib
 import os
 import signal
+import socket
 import sys
 import time
 from collections import deque
@@ -26,7 +27,7 @@ from ..errors import ConfigurationError, DeploymentError, TransportError
 from .agents import Abandoned, Listener
 from .hosts.lines import BEAT, SILENCE, VERSION, Lines, Message, packed, process_of, usage_told
 from .launcher.local import Launcher
-from .place import AlreadyRuns, Place
+from .place import AlreadyRuns, Place, made_in
 from .process import Process
 from .sockets import address, listening
 
@@ -123,9 +124,9 @@ class Agent(Listener):
         self._server: asyncio.Server | None = None
         self._tasks: set[asyncio.Task[None]] = set()
 
-    async def run(self, first: Session) -> None:
+    async def run(self, first: Session, found_at: socket.socket) -> None:
         """Until told to close, or until nobody is there any more."""
-        self._server = await asyncio.start_unix_server(self._arrived, sock=listening(self.socket))
+        self._server = await asyncio.start_unix_server(self._arrived, sock=found_at)
         self._task(self._converse(first))
         self._task(self._watch())
         try:
@@ -158,8 +159,8 @@ class Agent(Listener):
         self._ending = True
         server, self._server = self._server, None
         if server:
+            self.socket.unlink(missing_ok=True)  # as long as it can only be ours
             server.close()
-            self.socket.unlink(missing_ok=True)
 
     # Who is there.
 
@@ -415,16 +416,15 @@ async def _all_ended(there: list[_Kept], seconds: float) -> bool:
 
 async def _main(name: str, into: int, out: int) -> int:
     reader, writer = await _pipes(into, out)
-    place = Place(name)
     agent = Agent(name)
     try:
         with address(agent.socket) as path:
             there = await asyncio.open_unix_connection(path)
     except OSError:
-        place.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        _say_into(place.folder / "agent.log")
-        await agent.run(Session(reader, writer))
-        _tidy(place.folder)
+        found_at = made_in(agent.socket.parent, lambda: listening(agent.socket))
+        _say_into(agent.socket.with_name("agent.log"))
+        await agent.run(Session(reader, writer), found_at)
+        _tidy(agent.socket)
     else:
         await _carry((reader, writer), there)
     return 0
@@ -468,12 +468,13 @@ def _say_into(path: Path) -> None:
     os.close(log)
 
 
-def _tidy(folder: Path) -> None:
-    """Leave nothing, unless there is something to be read."""
+def _tidy(found_at: Path) -> None:
+    """Leave nothing, unless there is something to be read, or an agent that came after us."""
+    log = found_at.with_name("agent.log")
     with contextlib.suppress(OSError):
-        if not (folder / "agent.log").stat().st_size:
-            (folder / "agent.log").unlink()
-        folder.rmdir()
+        if not found_at.exists() and not log.stat().st_size:
+            log.unlink()
+        log.parent.rmdir()
 
 
 def main(arguments: list[str]) -> int:
