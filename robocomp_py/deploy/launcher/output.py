@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import time
 from collections.abc import Callable
 
 LINE = 4096
@@ -17,6 +18,12 @@ _MUCH = 8192
 _LATER = 4.0
 """... by so many times as long as that turn took: who floods is slowed down, and nobody else."""
 
+_HELD_UP = 0.02
+"""Seconds that count, at most, of a turn in which we did nothing: we waited for who reads us, or were stopped."""
+
+_REST = 1 << 20
+"""Bytes that are read at most when it is too late to wait for them; a pipe holds fewer, unless it is still filled."""
+
 
 class Output:
     """Reads until all who hold the other end are gone, or `close`; it does so at once, or after what waits."""
@@ -26,13 +33,19 @@ class Output:
         self._loop = asyncio.get_running_loop()
         self._rest = b""
         self._pause: asyncio.TimerHandle | None = None
+        self._draining = False
         self.ended: asyncio.Future[None] = self._loop.create_future()
         os.set_blocking(pipe, False)
         self._loop.add_reader(pipe, self._turn)
 
     async def drain(self, seconds: float) -> None:
-        """Read what was printed until now, for so long at most, and close."""
+        """Read what was printed until now, and what comes for so long at most, and close."""
+        self._draining = True
+        if self._pause:
+            self._pause.cancel()
+            self._go_on()
         await asyncio.wait({self.ended}, timeout=seconds)
+        self._read_rest()
         self.close()
 
     def close(self) -> None:
@@ -51,18 +64,30 @@ class Output:
             self.ended.set_result(None)
 
     def _turn(self) -> None:
-        begun = self._loop.time()
+        begun, worked = self._loop.time(), time.thread_time()
+        count = self._read()
+        if count > _MUCH and not self._draining:
+            took = max(time.thread_time() - worked, min(self._loop.time() - begun, _HELD_UP))
+            self._loop.remove_reader(self._pipe)
+            self._pause = self._loop.call_later(took * _LATER, self._go_on)
+
+    def _read(self) -> int:
+        """How many bytes there were; none if there is nothing just now, or this was the end."""
         try:
             chunk = os.read(self._pipe, _CHUNK)
         except BlockingIOError:
-            return
-        if not chunk:
+            return 0
+        if chunk:
+            self._take(chunk)
+        else:
             self.close()
-            return
-        self._take(chunk)
-        if len(chunk) > _MUCH:
-            self._loop.remove_reader(self._pipe)
-            self._pause = self._loop.call_later((self._loop.time() - begun) * _LATER, self._go_on)
+        return len(chunk)
+
+    def _read_rest(self) -> None:
+        """We may have been stopped all the time that there was to read it."""
+        left = _REST
+        while self._pipe >= 0 and left > 0 and (count := self._read()):
+            left -= count
 
     def _go_on(self) -> None:
         self._pause = None

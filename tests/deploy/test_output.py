@@ -1,0 +1,90 @@
+"""What a process prints is read to its end, whatever holds us up."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from robocomp_py.deploy.launcher import output
+from robocomp_py.deploy.launcher.output import Output
+from robocomp_py.testing.patience import SOON
+
+MUCH = b"noise\n" * 2000
+
+
+@pytest.fixture
+def pipe() -> Iterator[tuple[int, int]]:
+    """The end that is read, which whoever reads it closes, and the other one."""
+    out, into = os.pipe()
+    yield out, into
+    os.close(into)
+
+
+async def have_come(lines: list[str], count: int) -> None:
+    end = time.monotonic() + SOON
+    while len(lines) < count:
+        assert time.monotonic() < end, f"{len(lines)} of {count} lines have come"
+        await asyncio.sleep(0.002)
+
+
+def test_who_was_slowed_down_for_its_flood_loses_nothing_at_its_end(
+    pipe: tuple[int, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(output, "_LATER", 1e9)  # for ever
+    lines: list[str] = []
+
+    async def story() -> None:
+        printed = Output(pipe[0], lines.append)
+        os.write(pipe[1], MUCH)
+        await have_come(lines, 2000)
+        os.write(pipe[1], MUCH + b"last")
+        await printed.drain(0.0)
+
+    asyncio.run(story())
+    assert lines[3999:] == ["noise", "last"]
+
+
+def test_who_keeps_the_pipe_and_floods_it_does_not_keep_us(pipe: tuple[int, int]) -> None:
+    lines: list[str] = []
+    os.set_blocking(pipe[1], False)
+
+    def refill(line: str) -> None:
+        lines.append(line)
+        os.write(pipe[1], b"%d\n" % len(lines))
+
+    async def story() -> None:
+        printed = Output(pipe[0], refill)
+        os.write(pipe[1], MUCH)
+        await printed.drain(0.0)
+        with pytest.raises(BrokenPipeError):
+            os.write(pipe[1], b"more")
+
+    asyncio.run(story())
+    assert len(lines) > 2000
+
+
+def test_while_we_were_held_up_ourselves_nobody_flooded_us(
+    pipe: tuple[int, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lines: list[str] = []
+    clock = time.monotonic
+
+    async def story() -> None:
+        def tell(line: str) -> None:
+            lines.append(line)
+            monkeypatch.setattr(loop, "time", lambda: clock() + 1e6)  # as if we had been stopped just now
+
+        loop = asyncio.get_running_loop()
+        printed = Output(pipe[0], tell)
+        os.write(pipe[1], MUCH)
+        await have_come(lines, 2000)
+        os.write(pipe[1], b"soon\n")
+        await have_come(lines, 2001)
+        printed.close()
+
+    asyncio.run(story())
+    assert lines[-1] == "soon"
