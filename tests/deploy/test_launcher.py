@@ -499,6 +499,23 @@ def test_it_is_asked_to_end_even_while_it_is_stopped(tmp_path: Path) -> None:
     launched(tmp_path, story)
 
 
+def test_it_is_asked_to_end_even_before_it_has_a_group_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def killpg(pid: int, number: int) -> None:
+        raise ProcessLookupError
+
+    async def story(launcher: Launcher, heard: Heard) -> None:
+        await launcher.start(program(f"{NOTIFY}notify('READY=1')\n{FOREVER}"))
+        await heard.until("ready")
+        with monkeypatch.context() as early:
+            early.setattr(os, "killpg", killpg)
+            launcher.stop("it")
+        assert (await heard.until("exited"))[2] == -signal.SIGTERM
+
+    launched(tmp_path, story)
+
+
 def test_what_it_started_ends_with_it(tmp_path: Path, with_and_without_groups: None) -> None:
     heard = ended(STRAY, tmp_path)
     assert is_gone(int(heard.lines()[0]))

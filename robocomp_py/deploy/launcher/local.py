@@ -304,9 +304,7 @@ class Launcher(Agent):
             return
         running.stopping = True
         self._watchdogs.forget(name)
-        groups = running.groups()
-        for pid in groups:
-            _send_group(pid, signal.SIGTERM)
+        groups = {pid for pid in running.groups() if _send_group(pid, signal.SIGTERM)}  # a new one may have none yet
         for pid in {*running.handles, *(cgroups.members(running.group) if running.group else ())}:
             with contextlib.suppress(OSError):
                 if os.getpgid(pid) not in groups:
@@ -525,9 +523,13 @@ def _send(handle: int, number: signal.Signals) -> None:
         signal.pidfd_send_signal(handle, number)
 
 
-def _send_group(pid: int, number: signal.Signals) -> None:
-    with contextlib.suppress(OSError):
+def _send_group(pid: int, number: signal.Signals) -> bool:
+    """Whether there is such a group."""
+    try:
         os.killpg(pid, number)
+    except OSError:
+        return False
+    return True
 
 
 def _parent(pid: int) -> int:
