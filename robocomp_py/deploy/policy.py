@@ -387,7 +387,7 @@ class Supervisor:
         if each.again:
             self._wait(each)
         elif was is State.STOPPING:
-            self._end(each, not self._is_stopped_well(code))
+            self._end(each, not self._is_stopped_well(each, code))
         elif self.stopping or each.leaving:
             self._end(each, failed)
         elif self._is_mission(each) and not failed:
@@ -677,7 +677,9 @@ class Supervisor:
     def _is_mission(self, each: Progress) -> bool:
         return self._until == each.child.name or self._until in each.instances
 
-    def _is_stopped_well(self, code: int) -> bool:
+    def _is_stopped_well(self, each: Progress, code: int) -> bool:
+        if each.ready_at is None and not each.is_killed and 0 < code < 128:
+            return True  # what it needed to become ready was stopped with it
         return code in _STOPPED_BY_US or (self._impatient and code == -signal.SIGKILL)
 
     def _has_been_ready(self, each: Progress) -> bool:

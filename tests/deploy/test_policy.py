@@ -90,6 +90,18 @@ def test_a_process_that_does_not_stop_is_killed_and_counts_as_failed() -> None:
     assert history == [[Start("lidar")], [Stop("lidar")], [], [Kill("lidar")], [Finish(1)]]
 
 
+def test_what_is_stopped_before_it_was_ready_may_fail_for_lack_of_what_is_stopped_with_it() -> None:
+    def code(*history: Step) -> Action:
+        return replay(*history, network=(LIDAR,))[-1][-1]
+
+    stop = StopRequested(130)
+    assert code(stop, Exited("lidar", 1)) == Finish(130)
+    assert code(Ready("lidar"), stop, Exited("lidar", 1)) == Finish(1)
+    for crashed in (-11, 139):
+        assert code(stop, Exited("lidar", crashed)) == Finish(1)
+    assert code(stop, (5.0, Tick()), Exited("lidar", 1)) == Finish(1)
+
+
 def test_each_process_has_a_grace_of_its_own() -> None:
     slow = Child("arm", grace=12.0)
     history = replay(StopRequested(), (5.0, Tick()), (12.0, Tick()), network=(LIDAR, slow))
