@@ -26,11 +26,15 @@ from pathlib import Path
 from typing import TypeVar
 
 from ..errors import ConfigurationError, DeploymentError
+from .launcher import traces
 
 M = TypeVar("M")
 
 _TRIES, _PAUSE = 10, 0.03
-"""How often the lock is tried: who cleans up behind a killed launcher has it for a moment."""
+"""How often the lock is tried while who runs the network is there: it may be just ending."""
+
+_TRIES_FOR_NOBODY = 170
+"""How often otherwise: who asks for the runner has it for a moment, and so has who cleans up behind a killed one."""
 
 
 class AlreadyRuns(DeploymentError):
@@ -45,6 +49,12 @@ class Runner:
     since: float = 0.0
     """Seconds since the Unix epoch."""
     command: str = ""
+
+    @property
+    def is_there(self) -> bool:
+        """Whether it is known, and lives. Else somebody has the lock for a moment, or could not write into it."""
+        trace = traces.look(self.pid)
+        return trace is not None and trace.state != "Z"
 
 
 def file_name(instance: str) -> str:
@@ -104,22 +114,16 @@ class Place:
 
         Raises AlreadyRuns, or DeploymentError if nothing can be written there.
         """
-        for _ in range(_TRIES):
-            try:
-                held = made_in(self.folder, self._opened)
-            except OSError as exc:
-                raise DeploymentError(f"{self.folder}: {exc.strerror}; set ROBOCOMP_RUNTIME_DIR") from exc
-            if _lock(held, self._lock):
-                break
-            os.close(held)
-            time.sleep(_PAUSE)
-        else:
-            raise AlreadyRuns(self._taken())
-        self._held = held
+        self._take()
         told = json.dumps(asdict(Runner(os.getpid(), time.time(), command)))
         with contextlib.suppress(OSError):  # on a full disk; the lock holds without it
-            os.ftruncate(held, 0)
-            os.pwrite(held, told.encode(), 0)
+            os.ftruncate(self._held, 0)
+            os.pwrite(self._held, told.encode(), 0)
+
+    def clear(self) -> None:
+        """Remove what a killed launcher has left. Nobody is told that we run it. Raises as `take` does."""
+        self._take()
+        self.release()
 
     def runner(self) -> Runner | None:
         """Who runs it now; None if nobody does."""
@@ -168,6 +172,22 @@ class Place:
     @property
     def _lock(self) -> Path:
         return self.folder / "pid"
+
+    def _take(self) -> None:
+        for tried in range(_TRIES_FOR_NOBODY):
+            try:
+                held = made_in(self.folder, self._opened)
+            except OSError as exc:
+                raise DeploymentError(f"{self.folder}: {exc.strerror}; set ROBOCOMP_RUNTIME_DIR") from exc
+            if _lock(held, self._lock):
+                self._held = held
+                return
+            runner = _read(os.pread(held, 65536, 0))
+            os.close(held)
+            if tried >= _TRIES and runner.is_there:
+                break
+            time.sleep(_PAUSE)
+        raise AlreadyRuns(self._taken())
 
     def _opened(self) -> int:
         return os.open(self._lock, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)

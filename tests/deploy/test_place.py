@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import shutil
 import stat
+import subprocess
+import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -53,19 +57,25 @@ def test_the_folder_is_the_users_alone_and_goes_with_what_is_of_no_use_any_more(
     assert [path.name for path in place.folder.rglob("*")] == ["logs", "laser.log"]
 
 
-def test_nobody_takes_it_before_all_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    place, remove = Place("Patrol", tmp_path), shutil.rmtree
-    place.take()
-    place.notify.mkdir()
-    runners: list[Runner | None] = []
+@pytest.fixture
+def seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Runner | None]:
+    """Who runs it, as far as others know, whenever something is removed."""
+    found: list[Runner | None] = []
+    remove = shutil.rmtree
 
     def removing(path: Path, ignore_errors: bool) -> None:
-        runners.append(Place("Patrol", tmp_path).runner())
+        found.append(Place("Patrol", tmp_path).runner())
         remove(path, ignore_errors)
 
     monkeypatch.setattr(shutil, "rmtree", removing)
+    return found
+
+
+def test_nobody_takes_it_before_all_is_removed(tmp_path: Path, seen: list[Runner | None]) -> None:
+    place = Place("Patrol", tmp_path)
+    place.take()
     place.release()
-    assert [each and each.pid for each in runners] == [os.getpid()]
+    assert [runner and runner.pid for runner in seen] == [os.getpid()]
 
 
 class Fleeting(type(Path())):  # type: ignore[misc]  # the class of a path is that of the system
@@ -108,7 +118,54 @@ def test_complaints_stay_if_there_are_any(tmp_path: Path) -> None:
     assert not place.folder.exists()
 
 
-def test_whatever_stands_in_the_lock_somebody_holds_it(tmp_path: Path) -> None:
+TAKE = """
+import os, sys
+from pathlib import Path
+from robocomp_py.deploy.place import Place
+Place("Patrol", Path(sys.argv[1])).take()
+os._exit(0)
+"""
+
+
+@pytest.fixture
+def killed(tmp_path: Path) -> int:
+    """The id of who ran it, and was killed."""
+    with subprocess.Popen([sys.executable, "-c", TAKE, str(tmp_path)]) as runner:
+        return runner.pid
+
+
+def test_who_cleans_up_behind_who_was_killed_does_not_say_that_it_runs(
+    tmp_path: Path, killed: int, seen: list[Runner | None]
+) -> None:
+    Place("Patrol", tmp_path).clear()
+    assert [runner and runner.pid for runner in seen] == [killed]
+    assert not (tmp_path / "Patrol").exists()
+
+
+@pytest.mark.parametrize("stands_there", ["it", "nothing"])
+def test_while_nobody_who_runs_it_is_there_the_lock_is_waited_for(
+    tmp_path: Path, killed: int, stands_there: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lock = tmp_path / "Patrol" / "pid"
+    if stands_there == "nothing":
+        lock.write_text("")
+    asking = os.open(lock, os.O_RDONLY)
+    fcntl.flock(asking, fcntl.LOCK_SH)
+    pauses = iter(range(100))
+
+    def pausing(seconds: float) -> None:
+        if next(pauses) == 99:
+            os.close(asking)
+
+    monkeypatch.setattr(time, "sleep", pausing)
+    place = Place("Patrol", tmp_path)
+    place.take()
+    place.release()
+    assert list(pauses) == []
+
+
+def test_whatever_stands_in_the_lock_somebody_holds_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("robocomp_py.deploy.place._TRIES_FOR_NOBODY", 1)
     place = Place("Patrol", tmp_path)
     place.take()
     for text in ("", "nonsense", json.dumps({"pid": []})):

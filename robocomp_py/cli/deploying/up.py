@@ -94,11 +94,11 @@ def _up(plan: Plan, options: argparse.Namespace, parent: Parent | None) -> int:
         parent.leave(complaints)
 
     try:
-        if runner := Place(plan.name).runner():
-            whose = f" (process {runner.pid})" if runner.pid else ""
+        runner = Place(plan.name).runner()
+        if runner and runner.is_there:  # else the lock may be free in a moment: `take` waits for that
             return complain(
-                f"rcdeploy: {plan.name} runs already{whose}; how it is: rcdeploy status {network}; what would change: "
-                f"rcdeploy plan {network}; to stop it: rcdeploy down {network}"
+                f"rcdeploy: {plan.name} runs already (process {runner.pid}); how it is: rcdeploy status {network}; "
+                f"what would change: rcdeploy plan {network}; to stop it: rcdeploy down {network}"
             )
         for each in neighbours.warnings(plan):
             print(f"rcdeploy: warning: {each}", file=sys.stderr, flush=True)

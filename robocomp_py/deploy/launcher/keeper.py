@@ -31,8 +31,7 @@ def main() -> None:
     left.end()
     place = Place(network, Path(folder).parent)
     with contextlib.suppress(DeploymentError):  # somebody runs it again already
-        place.take()
-        place.release()
+        place.clear()
     left.until_waited_for()
     clear_up()
 
