@@ -115,6 +115,8 @@ class Agent(Listener):
         self._launcher: Launcher | None = None
         self._hosted = contextlib.ExitStack()
         self._session: Session | None = None
+        self._heirs = 0
+        """How many wait to take over from who is there."""
         self._keep = False
         self._kept: dict[str, _Kept] = {}
         self._away: deque[tuple[str, str]] = deque(maxlen=AWAY)
@@ -191,7 +193,7 @@ class Agent(Listener):
 
     async def _alone(self) -> None:
         """Nobody is there any more."""
-        if not self._keep and not self._ending:
+        if not self._keep and not self._ending and not self._heirs:
             self._leave()
             await self._stop(list(self._kept))
             await self._close()
@@ -252,12 +254,12 @@ class Agent(Listener):
                 await self._close()
 
     async def _open(self, session: Session, message: Message) -> None:
+        if not await self._is_free(message["controller"]):
+            raise DeploymentError(f"{message['network']} is run by somebody else there, who is still in touch")
         if self._ending:
             raise DeploymentError(f"{message['network']} is just ending there; try again")
-        now, other = time.monotonic(), self._session
-        is_another = other is not None and other is not session and other.controller != message["controller"]
-        if other and is_another and now - other.heard_at < SILENCE:
-            raise DeploymentError(f"{message['network']} is run by somebody else there, who is still in touch")
+        other = self._session  # an earlier connection of this controller
+        stays = message["names"] if other or self._keep else ()
         self._session, session.controller = session, message["controller"]
         if other and other is not session:
             await other.close()
@@ -268,11 +270,28 @@ class Agent(Listener):
             except BaseException:
                 await self._close_after(session)
                 raise
-        await self._replace([name for name in self._kept if name not in message["names"]])
+        await self._replace([name for name in self._kept if name not in stays])
         session.send(tell="opened", kept=sorted(self._kept))
         while self._away:
             name, line = self._away.popleft()
             session.send(tell="output", name=name, line=line)
+
+    async def _is_free(self, controller: str) -> bool:
+        """Whether nobody but this controller is there: another one is gone once its connection is closed, or silent.
+
+        That may take a moment, and what it said before may still come: it is there if it is heard, and stays.
+        """
+        came, is_heard = time.monotonic(), False
+        self._heirs += 1
+        try:
+            while (other := self._session) and other.controller != controller and not self._ending:
+                if is_heard:
+                    return False
+                is_heard = other.heard_at > came
+                await asyncio.sleep(BEAT / 4)
+            return True
+        finally:
+            self._heirs -= 1
 
     async def _begin(self, message: Message) -> None:
         middlewares = [name for name, _ in message["hosted"]]
@@ -295,6 +314,7 @@ class Agent(Listener):
     async def _close_after(self, session: Session) -> None:
         """End, once it was told why: by who raises now."""
         self._session = None
+        self._leave()
 
         async def later() -> None:
             await session.close()
