@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 import os
 import signal
 import socket
@@ -180,13 +181,18 @@ class Agent(Listener):
             self._ended.set()  # who came has left before saying what to do
 
     async def _watch(self) -> None:
+        now = awake_since = time.monotonic()
         while True:
+            lay_down = now
             await asyncio.sleep(BEAT)
+            now = time.monotonic()
+            if now - lay_down > 2 * BEAT:
+                awake_since = now  # we were held up ourselves, and could hear nobody
             session = self._session
             if session is None:
                 continue
             session.send(tell="usage", of=usage_told(self._launcher.usage() if self._launcher else {}))
-            if time.monotonic() - session.heard_at > SILENCE:
+            if now - max(session.heard_at, awake_since) > SILENCE:
                 self._session = None
                 self._task(session.close())
                 self._task(self._alone())
@@ -239,7 +245,11 @@ class Agent(Listener):
         if message["do"] == "alive":
             return
         if message["do"] == "open":
-            await self._open(session, message)
+            session.heard_at = math.inf  # until it is told that it may go on, it has nothing to say
+            try:
+                await self._open(session, message)
+            finally:
+                session.heard_at = time.monotonic()
             return
         if session is not self._session or not self._launcher:
             return  # somebody else has taken over meanwhile

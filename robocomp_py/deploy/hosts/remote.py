@@ -255,10 +255,16 @@ class RemoteAgent(Agent):
         self._lose(channel, why)
 
     async def _beat(self, channel: ssh.Channel) -> None:
+        loop = asyncio.get_running_loop()
+        now = awake_since = loop.time()
         while self._channel is channel:
             self._send(do="alive")
+            lay_down = now
             await asyncio.sleep(BEAT)
-            if asyncio.get_running_loop().time() - self._heard_at > SILENCE:
+            now = loop.time()
+            if now - lay_down > 2 * BEAT:
+                awake_since = now  # we were held up ourselves, and could hear nobody
+            if now - max(self._heard_at, awake_since) > SILENCE:
                 self._lose(channel, f"nothing was heard for {SILENCE:g} s")
 
     def _take(self, message: Message) -> None:

@@ -6,12 +6,15 @@ import asyncio
 import json
 import socket
 import sys
+import time
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from robocomp_py.deploy.agent import Agent, Session, _tidy
-from robocomp_py.deploy.hosts.lines import packed, told
+from robocomp_py.deploy.hosts.lines import Message, packed, told
 from robocomp_py.deploy.process import Process
 from robocomp_py.deploy.sockets import connected, listening
 from robocomp_py.testing.patience import SOON
@@ -49,16 +52,23 @@ class Controller:
         self._writer.close()
 
 
+async def run_by_first(agent: Agent) -> tuple[asyncio.Task[None], Controller]:
+    """The agent, at work, and who asks it to be."""
+    here, there = socket.socketpair()
+    agent.socket.parent.mkdir(parents=True)
+    session = Session(*await asyncio.open_unix_connection(sock=there))
+    running = asyncio.create_task(agent.run(session, listening(agent.socket)))
+    first = Controller("first", *await asyncio.open_unix_connection(sock=here))
+    first.open()
+    return running, first
+
+
 def scene(act: Callable[[Controller, Controller], Awaitable[object]]) -> None:
     """One controller has a process run, and another one wants to have the network run, too."""
 
     async def play() -> None:
-        agent, (here, there) = Agent("Net"), socket.socketpair()
-        agent.socket.parent.mkdir(parents=True)
-        session = Session(*await asyncio.open_unix_connection(sock=there))
-        running = asyncio.create_task(agent.run(session, listening(agent.socket)))
-        first = Controller("first", *await asyncio.open_unix_connection(sock=here))
-        first.open()
+        agent = Agent("Net")
+        running, first = await run_by_first(agent)
         await first.is_told("opened")
         first.tell(do="start", process=told(LASER, LASER.command, "/"))
         await first.is_told("started")
@@ -100,6 +110,53 @@ def test_who_comes_while_another_controller_is_in_touch_is_refused(own_runtime_f
         await first.leave()
 
     scene(act)
+
+
+class Slow(Agent):
+    """Takes its time to begin."""
+
+    async def _begin(self, message: Message) -> None:
+        self.may_begin = asyncio.Event()
+        await self.may_begin.wait()
+        await super()._begin(message)
+
+
+def test_who_waits_for_the_network_to_begin_need_not_say_anything(
+    own_runtime_folder: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("robocomp_py.deploy.agent.BEAT", 0.01)
+    monkeypatch.setattr("robocomp_py.deploy.agent.SILENCE", 0.0)
+
+    async def play() -> None:
+        agent = Slow("Net")
+        running, first = await run_by_first(agent)
+        for _ in range(3):
+            await first.is_told("usage")
+        agent.may_begin.set()
+        await first.is_told("opened")
+        await first.leave()
+        await running
+
+    asyncio.run(play())
+
+
+def test_an_agent_that_was_held_up_itself_takes_nobody_for_gone(
+    own_runtime_folder: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("robocomp_py.deploy.agent.BEAT", 0.05)
+    clock = time.monotonic
+
+    async def play() -> None:
+        running, first = await run_by_first(Agent("Net"))
+        await first.is_told("opened")
+        await first.is_told("usage")
+        monkeypatch.setattr(time, "monotonic", lambda: clock() + 1000)
+        for _ in range(3):
+            await first.is_told("usage")
+        await first.leave()
+        await running
+
+    asyncio.run(play())
 
 
 def test_who_ends_removes_nothing_of_an_agent_that_came_afterwards(tmp_path: Path):

@@ -7,6 +7,7 @@ import json
 import os
 import signal
 import sys
+import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, replace
@@ -298,6 +299,23 @@ def test_when_the_connection_is_lost_what_ran_there_is_stopped_and_can_be_starte
             await agent.start(laser)
             *_, again = await heard.hears("output", "laser", times=2)
             assert again != pid
+            await agent.close()
+
+    scene(act)
+
+
+def test_who_was_held_up_itself_takes_no_host_for_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    async def act() -> None:
+        heard, laser, clock = Heard(), program(FOREVER), time.monotonic
+        async with serving(tmp_path) as server:
+            agent = server.agent(heard, laser)
+            await agent.open()
+            await agent.start(laser)
+            await until(lambda: "laser" in agent.usage(), "it is measured")
+            monkeypatch.setattr(time, "monotonic", lambda: clock() + 1000)
+            before = agent.usage()
+            await until(lambda: agent.usage() not in (before, {}), "it is measured again")
+            assert not [told for told in heard.told if told[0] == "lost"]
             await agent.close()
 
     scene(act)
