@@ -231,6 +231,9 @@ UNREACHABLE = 3
 UNKILLABLE = 10.0
 """Seconds after which a process that was killed counts as one that cannot be."""
 
+_HELD_UP = 1.0
+"""Seconds that we are late from which on nobody is blamed for them: it may have been stopped like us."""
+
 _STOPPED_BY_US = frozenset({0, -signal.SIGTERM, -signal.SIGINT, 128 + signal.SIGTERM, 128 + signal.SIGINT})
 """Exit codes of a process that was told to stop, and did."""
 
@@ -346,6 +349,8 @@ class Supervisor:
 
     def handle(self, event: Event, now: float = 0.0, chance: float = 0.5) -> list[Action]:
         self._now, self._chance, self._notices = now, chance, []
+        if self._count[State.STOPPING]:
+            self._put_off()
         match event:
             case Ready(name):
                 self._ready(self.progress[name])
@@ -369,6 +374,15 @@ class Supervisor:
         if not self.up and not self.stopping:
             self.up = self._count[State.READY] + self._count[State.ENDED] == len(self.progress)
         return [*self._notices, *self._next()]
+
+    def _put_off(self) -> None:
+        """Who had to be gone while we were held up has its time once more."""
+        overdue = [
+            each for each in self.progress.values() if each.state is State.STOPPING and each.deadline <= self._now
+        ]
+        if any(self._now - each.deadline > _HELD_UP for each in overdue):
+            for each in overdue:
+                each.deadline = self._now + (UNKILLABLE if each.is_killed else self._grace_of(each))
 
     # What happened.
 

@@ -90,6 +90,12 @@ def test_a_process_that_does_not_stop_is_killed_and_counts_as_failed() -> None:
     assert history == [[Start("lidar")], [Stop("lidar")], [], [Kill("lidar")], [Finish(1)]]
 
 
+def test_nobody_is_killed_for_the_time_that_rcdeploy_itself_was_stopped() -> None:
+    steps = (60.0, Tick()), (64.9, Tick()), (65.0, Tick()), (200.0, Tick()), (210.0, Tick())
+    history = replay(StopRequested(), *steps, network=(LIDAR,))
+    assert history[1:] == [[Stop("lidar")], [], [], [Kill("lidar")], [], [Stuck("lidar"), Finish(1)]]
+
+
 def test_what_is_stopped_before_it_was_ready_may_fail_for_lack_of_what_is_stopped_with_it() -> None:
     def code(*history: Step) -> Action:
         return replay(*history, network=(LIDAR,))[-1][-1]
