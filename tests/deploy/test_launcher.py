@@ -672,6 +672,14 @@ def test_when_both_are_killed_the_kernel_ends_processes_and_the_next_launch_the_
     launched(tmp_path, story)
 
 
+def test_the_sockets_of_a_launch_that_was_killed_are_in_nobodys_way(tmp_path: Path) -> None:
+    left = Place("net", tmp_path).notify
+    left.mkdir(parents=True)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as first:
+        first.bind(str(left / "1"))
+    assert ended("print('started')", tmp_path).lines() == ["started"]
+
+
 def test_a_stranger_with_the_id_of_a_leftover_is_left_alone(tmp_path: Path) -> None:
     stranger = subprocess.Popen([sys.executable, "-ISc", FOREVER], start_new_session=True)
     trace = traces.look(stranger.pid)

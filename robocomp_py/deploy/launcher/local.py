@@ -21,6 +21,7 @@ import logging
 import os
 import resource
 import secrets
+import shutil
 import signal
 import subprocess
 from collections.abc import Callable, Iterable, Mapping
@@ -150,6 +151,9 @@ class Launcher(Agent):
             self._group = group
             self._undo.callback(cgroups.end, group)
         try:
+            shutil.rmtree(
+                self.place.notify, ignore_errors=True
+            )  # of a launch that was killed: ours are called the same
             self.place.notify.mkdir(mode=0o700, exist_ok=True)
             self._record = Record(self.place.leftovers, self._launch, self._group)
             self._undo.callback(self._record.close)
