@@ -151,9 +151,8 @@ class Launcher(Agent):
             self._group = group
             self._undo.callback(cgroups.end, group)
         try:
-            shutil.rmtree(
-                self.place.notify, ignore_errors=True
-            )  # of a launch that was killed: ours are called the same
+            # What a launch that was killed has left is called the same as ours.
+            shutil.rmtree(self.place.notify, ignore_errors=True)
             self.place.notify.mkdir(mode=0o700, exist_ok=True)
             self._record = Record(self.place.leftovers, self._launch, self._group)
             self._undo.callback(self._record.close)
