@@ -40,25 +40,37 @@ def command(main: Callable[[Sequence[str] | None], int]) -> Main:
                 os.getcwd()
                 code = main(arguments)
                 sys.stdout.flush()
-        except FileNotFoundError:
-            if _is_somewhere():
-                raise
-            return complain("the working directory is not there any more; change to one that is")
         except _Ended as ended:
             return int(ended.code)
-        except BrokenPipeError:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains when it ends
-            return WRONG
-        except OSError as exc:
-            if exc.filename is not None or exc.errno not in _FULL:
-                raise
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            return complain(f"what this prints cannot be written: {exc.strerror}")
         except KeyboardInterrupt:
             return INTERRUPTED
+        except Exception as exc:
+            explained = _explained(exc)
+            if number := signalled():  # what it raised became another one: in a __set_name__, say, a RuntimeError
+                return 128 + number
+            if explained is None:
+                raise
+            return explained
+        finally:
+            # If a KeyboardInterrupt came in the last `exec`, of a dataclass say, Python would kill itself at its end.
+            exec("")
         return code
 
     return run
+
+
+def _explained(exc: Exception) -> int | None:
+    """The exit code for what is no fault of the command, once it is said; None for everything else."""
+    match exc:
+        case FileNotFoundError() if not _is_somewhere():
+            return complain("the working directory is not there any more; change to one that is")
+        case BrokenPipeError():
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains when it ends
+            return WRONG
+        case OSError(filename=None) if exc.errno in _FULL:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return complain(f"what this prints cannot be written: {exc.strerror}")
+    return None
 
 
 def _prepare_output() -> None:

@@ -18,6 +18,7 @@ from robocomp_py.cli.rcgen import main as rcgen
 
 COMMANDS = {"rc": ["robocomp_py.cli.rc", "lint", "--json"], "rcgen": ["robocomp_py.cli.rcgen", "--check"]}
 PROGRAMS = pytest.mark.parametrize("program", COMMANDS)
+SIGNALS = pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
 
 
 def started(program: str, path: Path, **streams: int) -> subprocess.Popen[str]:
@@ -174,7 +175,34 @@ raise SystemExit(main())
 """What a signal raises is ignored by Python in a destructor, say."""
 
 
-@pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
+@SIGNALS
 def test_a_signal_whose_exception_got_lost_ends_a_command_all_the_same(name: str, code: int) -> None:
     done = subprocess.run([sys.executable, "-c", LOST.format(name=name)], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (code, f"{getattr(signal, name):d}\n")
+
+
+WITHIN = """
+import signal
+from robocomp_py.cli.common import command
+
+CODE = "signal.raise_signal(signal.{name})"
+
+class Named:
+    def __set_name__(self, owner, name):
+        exec(CODE)
+
+@command
+def main(arguments=None):
+    {doing}
+
+raise SystemExit(main())
+"""
+
+
+@pytest.mark.parametrize("doing", ["exec(CODE)", "type('Owner', (), {'it': Named()})"])
+@SIGNALS
+def test_a_signal_while_a_class_is_made_ends_a_command_as_any_other_time(name: str, code: int, doing: str) -> None:
+    """Python remembers a KeyboardInterrupt in an `exec`, as of a dataclass; 3.11 hides what a `__set_name__` raises."""
+    script = WITHIN.format(name=name, doing=doing)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (code, "", "")

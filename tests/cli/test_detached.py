@@ -79,6 +79,16 @@ def test_that_it_was_killed_is_a_failure_and_is_said() -> None:
         assert waiting.wait(SOON) == 1
 
 
+def test_that_it_was_interrupted_needs_no_saying() -> None:
+    """Python ends so when Ctrl-C comes while it is about to end."""
+    end = "helper.kill(); signal.signal(signal.SIGINT, signal.SIG_DFL); signal.raise_signal(signal.SIGINT)"
+    with started(end) as waiting:
+        assert waiting.stdout is not None
+        waiting.stdout.readline()
+        assert waiting.stdout.read() == ""
+        assert waiting.wait(SOON) == 130
+
+
 def test_it_goes_on_and_neither_it_nor_what_it_started_holds_the_output(tmp_path: Path) -> None:
     complaints = tmp_path / "folder" / "complaints"
     with started(f"parent.leave(Path({str(complaints)!r})); print('more'); print('oh', file=sys.stderr)") as waiting:

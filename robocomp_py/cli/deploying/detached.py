@@ -16,7 +16,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from ..common import complain
+from ..common import INTERRUPTED, complain
 
 _GOES_ON = b"+"
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -108,6 +108,8 @@ def _code(code: int) -> int:
     """What a child that did not go on makes of us: who was killed could say nothing itself."""
     if code >= 0:
         return code
+    if code == -signal.SIGINT:  # when it was about to end anyway
+        return INTERRUPTED
     return complain(f"rcdeploy: who runs the network was killed ({_name(-code)}) before everything was ready")
 
 
