@@ -11,7 +11,7 @@ import contextlib
 import random
 import signal
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass
 from typing import Any
@@ -67,6 +67,8 @@ CLOSING = 30.0
 
 REQUESTS = 1000
 """Events that may wait; a user who asks for more is refused."""
+
+_TERMINATING = (signal.SIGTERM, signal.SIGHUP)
 
 _LONGEST = 64
 """How many times longer than the first one the wait for a reminder gets."""
@@ -147,18 +149,19 @@ class _Run(Listener, Network):
 
     async def run(self, services: Sequence[Service]) -> int:
         loop = asyncio.get_running_loop()
-        signals = [signal.SIGINT, signal.SIGTERM]
-        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # as under nohup
-            signals.append(signal.SIGHUP)
-        for number in signals:
+        before = {number: signal.getsignal(number) for number in (signal.SIGINT, *_TERMINATING)}
+        if before[signal.SIGHUP] is signal.SIG_IGN:  # as under nohup
+            del before[signal.SIGHUP]
+        for number in before:
             loop.add_signal_handler(number, self._interrupted, number)
         if missed := self._options.signalled():
             self._interrupted(missed)
         try:
             return await self._with_agents(services)
         finally:
-            for number in signals:
+            for number, handler in before.items():
                 loop.remove_signal_handler(number)
+                signal.signal(number, handler or signal.SIG_DFL)  # of which asyncio does not think
 
     async def _with_agents(self, services: Sequence[Service]) -> int:
         try:
@@ -462,7 +465,7 @@ def run(plan: Plan, options: Options, display: Display, services: Sequence[Servi
 
     Raises TransportError or ConfigurationError if that cannot be had.
     """
-    with contextlib.ExitStack() as hosted, contextlib.suppress(asyncio.CancelledError):
+    with contextlib.ExitStack() as end, contextlib.ExitStack() as hosted, contextlib.suppress(asyncio.CancelledError):
         owner = f"rcdeploy {plan.name}"
         for opened in plan.transports:
             if opened.middleware != ICE:  # of which only topics need something
@@ -471,5 +474,19 @@ def run(plan: Plan, options: Options, display: Display, services: Sequence[Servi
             hosted.enter_context(hosting(ICE, TransportConfig({"storm": storm}, owner)))
         if "" in plan.routers:
             hosted.enter_context(hosting("zenoh", TransportConfig(plan.routers[""], owner)))
-        return asyncio.run(run_plan(plan, options, display, services))
+        try:
+            return asyncio.run(run_plan(plan, options, display, services))
+        finally:
+            end.enter_context(_undisturbed())
     return 1
+
+
+@contextlib.contextmanager
+def _undisturbed() -> Iterator[None]:
+    """While entered, what cleans up is not ended by being told to end once more."""
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in _TERMINATING}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler or signal.SIG_DFL)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
+from types import FrameType
 
 import pytest
 
@@ -229,6 +230,32 @@ def test_what_a_middleware_needs_is_there_as_long_as_the_network(monkeypatch: py
         ("hello", "hello"),
         ("host", "closed"),
     ]
+
+
+def test_another_signal_does_not_disturb_what_cleans_up_and_everybody_else_hears_of_signals_as_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    told, while_closing = Told(line=lambda: os.kill(os.getpid(), signal.SIGTERM)), []
+
+    def taken(number: int, frame: FrameType | None) -> None:
+        raise AssertionError("the network takes it")
+
+    class Hosted:
+        @staticmethod
+        @contextmanager
+        def host(config: TransportConfig) -> Iterator[None]:
+            yield
+            while_closing.append(signal.getsignal(signal.SIGTERM))
+
+    monkeypatch.setattr("robocomp_py.transports.base.find_transport", {"hosted": Hosted}.get)
+    plan = replace(network(chatty=f"print('hello', flush=True); {FOREVER}"), transports=(OpenedTransport("hosted"),))
+    before = signal.signal(signal.SIGTERM, taken)
+    try:
+        assert run(plan, Options(), told) == 143
+        assert while_closing == [signal.SIG_IGN]
+        assert signal.getsignal(signal.SIGTERM) is taken
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def test_the_router_of_a_zenoh_network_is_run_by_its_deployer(runtime_folder: Path) -> None:
