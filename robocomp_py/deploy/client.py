@@ -31,6 +31,9 @@ LOOK_S = 0.1
 _LATE_S = 60.0
 """For which nothing may happen when a network stops, beyond the grace of its processes."""
 
+_LISTEN_S = 0.5
+"""For which to wait at a time: a signal that comes just before an endless wait begins does not end it."""
+
 _COMING_S = 3.0
 """For which a network that has just been started, or is just ending, may have no socket."""
 
@@ -119,13 +122,15 @@ class Connection:
         """The next answer; None if the other side has gone. Without patience: however long that takes."""
         end = time.monotonic() + patience_s if patience_s is not None else None
         while b"\n" not in self._rest:
-            left = None if end is None else end - time.monotonic()
+            left = _LISTEN_S if end is None else end - time.monotonic()
             try:
-                if left is not None and left <= 0:
+                if left <= 0:
                     raise TimeoutError
                 self._socket.settimeout(left)
                 chunk = self._socket.recv(1 << 16)
             except TimeoutError as exc:
+                if end is None:
+                    continue
                 raise Stuck(self._stuck()) from exc
             except ConnectionError:
                 return None

@@ -1,4 +1,4 @@
-"""Commands that a signal comes to while Python ignores what that raises."""
+"""Commands that a signal comes to while Python ignores what that raises, or just before a wait."""
 
 from __future__ import annotations
 
@@ -26,6 +26,17 @@ def run_afterwards(options):
 module.run = run_afterwards
 raise SystemExit(program.main(sys.argv[4:]))
 """
+
+UNHEARD = """
+import signal, sys, threading
+
+def interrupt():
+    sys.stdin.readline()
+    signal.pthread_kill(threading.get_ident(), signal.SIGINT)
+
+threading.Thread(target=interrupt).start()
+"""
+"""In front of a script: a line to it is a Ctrl-C that ends no wait, as one that comes just before that begins."""
 
 
 def run_losing(

@@ -12,8 +12,10 @@ import pytest
 
 from robocomp_py.testing.patience import SOON, wait_until
 
+from .losing import UNHEARD
+
 WORK = """
-import os, signal, subprocess, sys
+import os, signal, subprocess, sys, time
 from pathlib import Path
 from robocomp_py.cli.common import command
 from robocomp_py.cli.deploying.detached import detached
@@ -24,7 +26,8 @@ def work(parent):
     try:
         print("works", os.getpid(), helper.pid, os.getsid(0), flush=True)
         STEPS
-        signal.pause()
+        while True:
+            time.sleep(0.1)  # an endless wait would miss a signal that comes just before it begins
     except KeyboardInterrupt:
         return 130
     finally:
@@ -39,9 +42,11 @@ sys.exit(main())
 """
 
 
-def started(steps: str = "pass") -> subprocess.Popen[str]:
-    code = WORK.replace("STEPS", steps)
-    return subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+def started(steps: str = "pass", before: str = "") -> subprocess.Popen[str]:
+    code = before + WORK.replace("STEPS", steps)
+    return subprocess.Popen(
+        [sys.executable, "-c", code], text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+    )
 
 
 def alive(pid: int) -> bool:
@@ -61,6 +66,17 @@ def test_until_it_goes_on_alone_it_ends_with_who_waits_for_it(number: int, code:
         assert waiting.stdout.read() == "cleans up\n"
         assert waiting.wait(SOON) == code
         assert not alive(worker)
+
+
+def test_an_interrupt_just_before_it_is_waited_for_ends_it_all_the_same() -> None:
+    with started(before=UNHEARD) as waiting:
+        assert waiting.stdout is not None
+        waiting.stdout.readline()
+        try:
+            assert waiting.communicate("\n", SOON) == ("cleans up\n", None)
+        finally:
+            waiting.terminate()
+    assert waiting.returncode == 130
 
 
 def test_its_failure_is_that_of_who_waits_for_it() -> None:

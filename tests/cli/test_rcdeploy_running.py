@@ -15,7 +15,7 @@ from robocomp_py.cli.rcdeploy import main as rcdeploy
 from robocomp_py.deploy.place import Place
 from robocomp_py.testing.patience import SOON, wait_until
 
-from .losing import run_losing
+from .losing import UNHEARD, run_losing
 
 Said = pytest.CaptureFixture[str]
 
@@ -150,6 +150,19 @@ def test_who_goes_on_looking_ends_by_a_signal_whose_exception_got_lost(
 ) -> None:
     done = run_losing(name, "rcdeploy", f"deploying.{command[0]}", *command, house.path)
     assert (done.returncode, done.stdout) == (code, "")
+
+
+def test_who_follows_ends_by_an_interrupt_just_before_the_wait_for_the_next_line(house: Running) -> None:
+    code = f"{UNHEARD}\nfrom robocomp_py.cli.rcdeploy import main\nsys.exit(main())"
+    command = [sys.executable, "-c", code, "logs", "-f", house.path]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as following:
+        assert following.stdout is not None
+        following.stdout.readline()
+        try:
+            following.communicate("\n", SOON)
+        finally:
+            following.terminate()
+    assert following.returncode == 130
 
 
 def test_who_is_not_there_cannot_be_started_again(house: Running, capsys: Said) -> None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import os
+import select
 import signal
 import sys
 from collections.abc import Callable
@@ -20,6 +21,9 @@ from ..common import INTERRUPTED, complain
 
 _GOES_ON = b"+"
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+_LISTEN_S = 0.5
+"""For which to wait at a time: a signal that comes just before an endless wait begins does not end it."""
 
 
 class Parent:
@@ -93,6 +97,8 @@ def _wait(child: int, reading: int) -> int:
     while True:
         try:
             signal.pthread_sigmask(signal.SIG_UNBLOCK, _ENDING)
+            while not select.select([reading], [], [], _LISTEN_S)[0]:
+                pass
             if os.read(reading, 1) == _GOES_ON:
                 return 0
             return _code(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
