@@ -361,6 +361,8 @@ def killed(*arguments: object, too: bool = False) -> Deployer:
     with deployed(*arguments) as deployer:
         deployer.wait_for("are ready")
         found = json.loads(run("status", "net", "--json").stdout)
+        if too:
+            deployer.send_signal(signal.SIGSTOP)  # it would end by itself if it saw them go
         for pid in (*(each["pid"] for each in found["processes"]), *([deployer.pid] if too else ())):
             os.kill(pid, signal.SIGKILL)
     return deployer

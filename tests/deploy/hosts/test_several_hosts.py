@@ -229,7 +229,7 @@ def site(tmp_path: Path, components: Path) -> Iterator[Site]:
 
 
 def gone(site: Site, *names: str) -> None:
-    wait_until(lambda: not any(site.left(name) for name in names), SOON, f"{[site.left(name) for name in names]}")
+    wait_until(lambda: not any(site.left(name) for name in names), LONG, f"{[site.left(name) for name in names]}")
 
 
 @pytest.mark.parametrize("middleware", ["zeromq", "zenoh", "dds"])
