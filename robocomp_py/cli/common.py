@@ -46,11 +46,11 @@ def command(main: Callable[[Sequence[str] | None], int]) -> Main:
             return INTERRUPTED
         except Exception as exc:
             explained = _explained(exc)
-            if number := signalled():  # what it raised became another one: in a __set_name__, say, a RuntimeError
-                return 128 + number
+            if isinstance(exc.__cause__, KeyboardInterrupt | _Ended):  # what Python makes of it in a __set_name__, say
+                return 128 + (signalled() or signal.SIGINT)
             if explained is None:
                 raise
-            return explained
+            return 128 + signalled() if signalled() else explained
         finally:
             # If a KeyboardInterrupt came in the last `exec`, of a dataclass say, Python would kill itself at its end.
             exec("")
