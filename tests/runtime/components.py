@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from typing import Any, ClassVar
 
 from robocomp_py.contract.component import Component, Port
@@ -10,6 +11,7 @@ from robocomp_py.contract.parameters import Parameter, ParameterKind, Parameters
 from robocomp_py.runtime.ports import Proxy
 from robocomp_py.runtime.worker import Worker
 from robocomp_py.testing import everything as e
+from robocomp_py.testing.patience import SOON
 
 
 class EverythingProxy(Proxy):
@@ -82,6 +84,19 @@ class Calculator(Diary):
 
     def Everything_poke(self, number: int) -> None:
         self.entries.append(f"poke {number}")
+
+
+class Stuck(Calculator):
+    """Does its work once it is released."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.begun, self.released = threading.Event(), threading.Event()
+
+    def Everything_work(self, task: str) -> str:
+        self.begun.set()
+        self.released.wait(10 * SOON)
+        return super().Everything_work(task)
 
 
 class Pupil(Diary):

@@ -30,7 +30,7 @@ from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Transport, TransportConfig, TransportFactory
 from robocomp_py.transports.inproc import InprocTransport
 
-from .components import Calculator, Diary, EverythingProxy, EverythingPublisher, Pupil, Tuned
+from .components import Calculator, Diary, EverythingProxy, EverythingPublisher, Pupil, Stuck, Tuned
 
 _buses = itertools.count()
 
@@ -676,14 +676,6 @@ def test_who_ends_does_not_wait_for_a_server_to_come_back(find: Any) -> None:
 
 
 def test_who_ends_lets_go_of_a_handler_that_waits_for_an_answer(find: Any, caplog: pytest.LogCaptureFixture) -> None:
-    stuck, release = threading.Event(), threading.Event()
-
-    class Stuck(Calculator):
-        def Everything_work(self, task: str) -> str:
-            stuck.set()
-            release.wait(10 * SOON)
-            return task
-
     class Between(Pupil):
         component = Component("between", (*Pupil.component.ports, Port(Verb.SUBSCRIBES, e.EVERYTHING)), period=0.005)
 
@@ -694,11 +686,10 @@ def test_who_ends_lets_go_of_a_handler_that_waits_for_an_answer(find: Any, caplo
         component = Component("speaker", (Port(Verb.PUBLISHES, e.EVERYTHING, proxy=EverythingPublisher),), period=0.005)
         everything_proxy: EverythingPublisher
 
-    between = make(Between, find)
-    with running(make(Stuck, find)), running(make(Speaker, find)) as speaker:
-        with running(between):
-            wait_until(lambda: speaker.everything_proxy.news(1, "go") or stuck.is_set())
-        release.set()
+    with running(make(Stuck, find)) as stuck, running(make(Speaker, find)) as speaker:
+        with running(make(Between, find)):
+            wait_until(lambda: speaker.everything_proxy.news(1, "go") or stuck.begun.is_set())
+        stuck.released.set()
     assert "still in a handler" not in caplog.text
 
 

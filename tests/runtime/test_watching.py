@@ -20,7 +20,7 @@ from robocomp_py.testing.patience import SCALE, SOON, wait_until
 from robocomp_py.transports.base import TransportConfig, TransportFactory
 from robocomp_py.transports.inproc import InprocTransport
 
-from .components import Calculator, Diary, EverythingProxy, EverythingPublisher, Pupil
+from .components import Diary, EverythingProxy, EverythingPublisher, Pupil, Stuck
 from .test_run import make, running
 
 _SHORT = 0.05 * SCALE
@@ -186,14 +186,6 @@ def test_a_hook_may_stop_its_component(find: Any) -> None:
 
 
 def test_who_ends_lets_go_of_a_hook_that_waits_for_an_answer(find: Any, caplog: pytest.LogCaptureFixture) -> None:
-    stuck, release = threading.Event(), threading.Event()
-
-    class Stuck(Calculator):
-        def Everything_work(self, task: str) -> str:
-            stuck.set()
-            release.wait(10 * SOON)
-            return task
-
     class Asking(Listening):
         component = Component("asking", (Port(Verb.SUBSCRIBES, e.EVERYTHING, qos=_DEADLINE), *Pupil.component.ports))
         everything_proxy: EverythingProxy
@@ -202,11 +194,11 @@ def test_who_ends_lets_go_of_a_hook_that_waits_for_an_answer(find: Any, caplog: 
             self.everything_proxy.work("", deadline=10 * SOON)
 
     sonar = make(publisher(_DEADLINE), find)
-    with running(make(Stuck, find)), running(sonar):
+    with running(make(Stuck, find)) as stuck, running(sonar):
         with running(make(Asking, find)) as worker:
             say(sonar, lambda: worker.numbers)
-            assert stuck.wait(SOON)
-        release.set()
+            assert stuck.begun.wait(SOON)
+        stuck.released.set()
     assert "still in a handler" not in caplog.text
 
 
