@@ -52,7 +52,8 @@ def command(main: Callable[[Sequence[str] | None], int]) -> Main:
                 raise
             return 128 + signalled() if signalled() else explained
         finally:
-            # If a KeyboardInterrupt came in the last `exec`, of a dataclass say, Python would kill itself at its end.
+            # Python remembers whether a KeyboardInterrupt left the last `exec`, as that of a dataclass, and would end
+            # by that signal, whatever was made of the exception.
             exec("")
         return code
 

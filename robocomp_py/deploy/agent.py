@@ -199,7 +199,7 @@ class Agent(Listener):
 
     async def _alone(self) -> None:
         """Nobody is there any more."""
-        if not self._keep and not self._ending and not self._heirs:
+        if not (self._session or self._heirs or self._keep or self._ending):  # nor has anybody come meanwhile
             self._leave()
             await self._stop(list(self._kept))
             await self._close()

@@ -34,7 +34,8 @@ _TRIES, _PAUSE = 10, 0.03
 """How often the lock is tried while who runs the network is there: it may be just ending."""
 
 _TRIES_FOR_NOBODY = 170
-"""How often otherwise: who asks for the runner has it for a moment, and so has who cleans up behind a killed one."""
+"""How often otherwise, for five seconds: who asks for the runner has it for a moment, and so has who cleans up behind a
+killed one, and either may be held up."""
 
 
 class AlreadyRuns(DeploymentError):

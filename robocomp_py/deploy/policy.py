@@ -271,6 +271,8 @@ class Progress:
     is_dropped: bool = False
     """Whether it, or the one for whose sake it was stopped, has been given up."""
     is_killed: bool = False
+    is_put_off: bool = False
+    """Whether it was given its time once more, to stop, or to be gone after it was killed."""
     is_stuck: bool = False
     """Whether it is still there although it was killed; for the others it is gone."""
 
@@ -376,12 +378,15 @@ class Supervisor:
         return [*self._notices, *self._next()]
 
     def _put_off(self) -> None:
-        """Who had to be gone while we were held up has its time once more."""
+        """Who had to be gone while we were held up has its time once more; once, since we may always be late."""
         overdue = [
-            each for each in self.progress.values() if each.state is State.STOPPING and each.deadline <= self._now
+            each
+            for each in self.progress.values()
+            if each.state is State.STOPPING and each.deadline <= self._now and not each.is_put_off
         ]
-        if any(self._now - each.deadline > _HELD_UP for each in overdue):
+        if any(self._now - each.deadline > _HELD_UP for each in overdue) and not self._impatient:
             for each in overdue:
+                each.is_put_off = True
                 each.deadline = self._now + (UNKILLABLE if each.is_killed else self._grace_of(each))
 
     # What happened.
@@ -614,7 +619,7 @@ class Supervisor:
             return []
         each.starts, each.started_at = each.starts + 1, self._now
         each.ready_at = None
-        each.is_done = each.is_killed = False
+        each.is_done = each.is_killed = each.is_put_off = False
         self._to(each, State.STARTING)
         return [Start(each.child.name)]
 
@@ -628,7 +633,7 @@ class Supervisor:
         if each.state is not State.STOPPING or each.deadline > self._now:
             return []
         if not each.is_killed:
-            each.is_killed = True
+            each.is_killed, each.is_put_off = True, False
             each.deadline = self._now + UNKILLABLE
             return [Kill(name)]
         self._gone(each)
@@ -692,7 +697,7 @@ class Supervisor:
         return self._until == each.child.name or self._until in each.instances
 
     def _is_stopped_well(self, each: Progress, code: int) -> bool:
-        if each.ready_at is None and not each.is_killed and 0 < code < 128:
+        if each.ready_at is None and not each.is_killed and code == FAILED:
             return True  # what it needed to become ready was stopped with it
         return code in _STOPPED_BY_US or (self._impatient and code == -signal.SIGKILL)
 

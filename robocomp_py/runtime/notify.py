@@ -51,7 +51,8 @@ def notify(*lines: str) -> None:
     address = os.environ.get("NOTIFY_SOCKET")
     if not address or not hasattr(socket, "AF_UNIX"):
         return
-    if not _taken(address, told, _SOON) and "READY=1" in told.split("\n"):  # which is said only once
+    if not _taken(address, told, _SOON) and "READY=1" in told.split("\n"):
+        # That is said only once. Nobody need wait for it in the end: of one who ends, it is no news any more.
         threading.Thread(target=_taken, args=(address, told, _LATE), name="notifying", daemon=True).start()
 
 

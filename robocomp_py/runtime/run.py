@@ -147,9 +147,9 @@ class Running:
         with self._changing:
             if during is None or self.state is during:
                 self.state = after(self.state, event)
+        self._wake.set()
         if self.state in (State.FINISH, State.ENDED):
             self.monitor.turn_away()
-        self._wake.set()
 
     # Starting.
 

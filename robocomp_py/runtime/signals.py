@@ -14,6 +14,9 @@ _ENDING = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
 _LATE = 0x80
 """What is added to a number that Python's own handler passes on."""
 
+_END = b"\0"
+"""What ends the thread; no signal has this number."""
+
 _entered: list[Signals] = []
 
 
@@ -43,11 +46,17 @@ class Signals:
     def __exit__(self, *exc: object) -> None:
         try:
             _entered.remove(self)
-            self._restore()  # from now on a signal may raise something here again
-        finally:
-            os.close(self._in)
-            self._thread.join()
-            os.close(self._out)
+        finally:  # a second Ctrl-C raises something here; and once all is restored, so may any signal
+            try:
+                self._restore()
+            finally:
+                os.write(self._in, _END)  # what was forked meanwhile may have the pipe open, too
+                self._thread.join()
+                self._close()
+
+    def _close(self) -> None:
+        os.close(self._in)
+        os.close(self._out)
 
     def _restore(self) -> None:
         signal.set_wakeup_fd(self._woken_before)
@@ -60,7 +69,7 @@ class Signals:
 
     def _pass_on(self) -> None:
         told: set[int] = set()
-        while received := os.read(self._out, 1):
+        while (received := os.read(self._out, 1)) != _END:
             late, number = received[0] & _LATE, received[0] & ~_LATE
             if late and number in told:  # it came by the descriptor, unless somebody else has put one in its place
                 told.remove(number)
@@ -72,7 +81,9 @@ class Signals:
 
 def _forget() -> None:
     while _entered:
-        _entered.pop()._restore()
+        signals = _entered.pop()
+        signals._restore()
+        signals._close()
 
 
 os.register_at_fork(after_in_child=_forget)

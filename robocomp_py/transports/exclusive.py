@@ -23,8 +23,12 @@ _LONGEST = 200
 
 _PID = re.compile(r"\(pid (\d{1,9})\)$")
 
-_SIGNING = 3.0
-"""Seconds for which whoever has just locked a file may not have signed it yet, or removed it: it may be held up."""
+_SIGNING, _REMOVING = 3.0, 1.0
+"""Seconds for which whoever has just locked a file may not have signed it yet, or removed it, if the signature is one
+of the dead (or of somebody in another container): it may be held up."""
+
+_LONGEST_PAUSE = 0.02
+"""Seconds between two attempts meanwhile."""
 
 SWEPT = "swept"
 """The name of the mark of a folder with many files; see `is_swept`."""
@@ -57,13 +61,14 @@ def claim(folder: Path, name: str, owner: str) -> Claim:
     if folder not in _swept:
         _swept.add(folder)
         sweep(folder)
-    end = time.monotonic() + _SIGNING
+    begun, pause = time.monotonic(), 0.001
     while (claimed := try_claim(folder, name, owner)) is None:
         who = _signature(folder, name)
         settled = bool(who) and not is_gone(_pid(who))  # else it has not been signed yet, or is just being removed
-        if settled or time.monotonic() >= end:
+        if settled or time.monotonic() - begun >= (_REMOVING if who else _SIGNING):
             raise AlreadyServed(f"{name}: already served by {who or holder(folder, name)}")
-        time.sleep(0.001)
+        time.sleep(pause)
+        pause = min(2 * pause, _LONGEST_PAUSE)
     return claimed
 
 

@@ -24,6 +24,9 @@ from .directory import Directory, Entry, Member
 
 log = logging.getLogger("robocomp.transport")
 
+HISTORY_TRIES = 3
+"""So often what a publisher has latched is asked for if it does not come in time; then what comes next is heard."""
+
 _MOST = 1000
 """What so many publishers offer is looked at; further ones pass for such that offer what is asked for."""
 

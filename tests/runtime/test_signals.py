@@ -29,7 +29,7 @@ def test_a_signal_is_told_once(received: list[int]) -> None:
 
 
 def test_it_is_told_at_once_to_others_than_who_is_interrupted(received: list[int]) -> None:
-    """Python has the main thread take one step more here, and that is a wait."""
+    """Python's own handler tells nothing here, as if the main thread waited without end."""
     heard = threading.Event()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Signals, "_received", lambda *_: None)
@@ -66,6 +66,21 @@ def test_a_process_that_is_forked_meanwhile_takes_signals_as_before(received: li
     os.kill(pid, signal.SIGTERM)
     assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == -signal.SIGTERM
     assert received == []
+
+
+def test_it_ends_though_a_process_that_was_forked_meanwhile_lives() -> None:
+    reading, writing = os.pipe()
+    with Signals(lambda _: None):
+        pid = os.fork()
+        if pid == 0:
+            os.write(writing, b"!")
+            signal.pause()
+            os._exit(0)
+        os.read(reading, 1)
+    os.kill(pid, signal.SIGKILL)
+    os.waitpid(pid, 0)
+    os.close(reading)
+    os.close(writing)
 
 
 def test_a_signal_that_would_raise_something_while_it_is_entered_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

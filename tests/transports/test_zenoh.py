@@ -380,15 +380,15 @@ def test_history_is_asked_for_again_if_its_publisher_came_back_meanwhile(
     transport.outlet(topic("a/b/c", LATCHED)).send(blob(transport, b"1"))
     inquire, asked = other.inquire, list[int]()
 
-    def inquire_in_vain(link: int, what: str, channel: str = "") -> list[Message]:
+    def inquire_in_vain(link: int, what: str, channel: str = "") -> tuple[list[Message], bool]:
         asked.append(link)
         if len(asked) > 1:
-            return inquire(link, what, channel) or []
+            return inquire(link, what, channel)
         (token,) = other.table.find("publishes", "a/b/c")
         for there in (False, True):
             other._news(other.key("rc_lv", token.key()), there)
             other._look()
-        return []
+        return [], True
 
     monkeypatch.setattr(other, "inquire", inquire_in_vain)
     assert subscribe(other, topic("a/b/c", LATCHED)).get(timeout=SOON) == b"1"
@@ -400,12 +400,23 @@ def test_history_is_asked_for_again_if_its_publisher_is_too_busy_to_answer(
     transport.outlet(topic("a/b/c", LATCHED)).send(blob(transport, b"1"))
     inquire, asked = other.inquire, list[int]()
 
-    def inquire_late(link: int, what: str, channel: str = "") -> list[Message] | None:
+    def inquire_late(link: int, what: str, channel: str = "") -> tuple[list[Message], bool]:
         asked.append(link)
-        return inquire(link, what, channel) if len(asked) > 2 else None
+        return inquire(link, what, channel) if len(asked) > 2 else ([], False)
 
     monkeypatch.setattr(other, "inquire", inquire_late)
     assert subscribe(other, topic("a/b/c", LATCHED)).get(timeout=SOON) == b"1"
+
+
+def test_who_never_tells_all_of_its_history_is_heard_all_the_same(
+    transport: ZenohTransport, other: ZenohTransport, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(other, "inquire", lambda *_: ([], False))
+    outlet, inbox = transport.outlet(topic("a/b/c", LATCHED)), subscribe(other, topic("a/b/c", LATCHED))
+    assert outlet.wait_peer(SOON)
+    outlet.send(blob(transport, b"news"))
+    assert inbox.get(timeout=SOON) == b"news"
+    assert "not all that its publisher has latched" in caplog.text
 
 
 def test_a_subscriber_that_nobody_told_us_has_gone_is_not_waited_for_long(transport: ZenohTransport) -> None:
@@ -574,9 +585,9 @@ def test_history_is_asked_for_once_what_follows_it_is_heard(
         subscribe(self)
         subscribed.set()
 
-    def inquire(*_: object) -> list[Message]:
+    def inquire(*_: object) -> tuple[list[Message], bool]:
         asked.append(subscribed.is_set())
-        return []
+        return [], True
 
     monkeypatch.setattr(Subscriber, "open", open_late)
     monkeypatch.setattr(other, "inquire", inquire)

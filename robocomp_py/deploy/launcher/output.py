@@ -54,6 +54,7 @@ class Output:
             return
         if self._pause:
             self._pause.cancel()
+            self._pause = None
         self._loop.remove_reader(self._pipe)
         os.close(self._pipe)
         self._pipe = -1

@@ -62,7 +62,7 @@ if TYPE_CHECKING:
 _FINE, _OK = Status.OK, int(Status.OK)
 """The status, and a plain number: finding the one in its class, and comparing with it, takes several times as long."""
 
-DISCOVERED = 5.0
+DISCOVERED = 2.5
 """Seconds in which DDS tells that a server of this host has left, also if the machine is busy."""
 
 

@@ -230,7 +230,7 @@ class Desk:
             log.debug("telling %s: %s", desk, library.why(exc))
 
     def history(self, desk: str, source: int) -> list[tuple[tuple[int, int, int, int], bytes]] | None:
-        """What a publisher has latched: headers, and payloads; nothing, if it has gone; None, if it is too busy."""
+        """What a publisher has latched: headers, and payloads; nothing, if it has gone; None, if that took too long."""
         step_aside()
         try:
             proxy = self._proxy(desk).ice_invocationTimeout(INQUIRY_MS)

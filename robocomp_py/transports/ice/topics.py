@@ -25,7 +25,7 @@ from ..base import Channel, Sink, Source, TypeRef, depth_of
 from ..credit import BYTES_AHEAD, MOST_AHEAD, Credit
 from ..crew import Job, Lane
 from ..ledger import Ledger
-from ..reception import Reception, living
+from ..reception import HISTORY_TRIES, Reception, living
 from . import library
 from .desk import RC_CHANNEL, Header, Hearing
 from .exchange import Topic
@@ -394,11 +394,13 @@ class Subscriber(AnnouncedLink["IceTransport"]):
             self._asked.add(source)
             self.transport.do(partial(self._fetch, publisher))
 
-    def _fetch(self, publisher: _Told) -> None:
+    def _fetch(self, publisher: _Told, tries: int = HISTORY_TRIES) -> None:
         latched = self.transport.desk.history(publisher.desk, publisher.id)
         if latched is None and publisher.id in self._publishers and not self.closed.is_set():
-            self.transport.do(partial(self._fetch, publisher))
-            return
+            if tries > 1:
+                self.transport.do(partial(self._fetch, publisher, tries - 1))
+                return
+            log.warning("%s: what its publisher has latched did not come in time", publisher.channel)
         with self._taking:
             jobs = self._admit_all(
                 publisher.id, [(Header(*fields, publisher.channel), payload) for fields, payload in latched or ()]

@@ -60,7 +60,7 @@ class ShmTransport(Announcing):
         self._peers: dict[str, Peer] = {}
         self._bury_at = 0.0
         self._call_at = 0.0
-        self._settled = float("inf")
+        self._settled = self._settled_together = float("inf")
         self.directory = Directory(self.folder)
         with contextlib.ExitStack() as undo:
             self.member = self.directory.join(config.owner)
@@ -103,7 +103,7 @@ class ShmTransport(Announcing):
             if self.closed:
                 return
             self.closed = True
-            self._settled = time.monotonic() + LINGER
+            self._settled = min(self._settled_together, time.monotonic() + LINGER)
         with contextlib.ExitStack() as everything:  # from the last line to the first, and all of it whatever fails
             everything.callback(self._leave)
             everything.callback(self._let_go)
@@ -170,19 +170,16 @@ class ShmTransport(Announcing):
 
     @contextlib.contextmanager
     def gathering(self) -> Iterator[None]:
-        try:
-            with super().gathering():
-                yield
-        finally:
-            if not self.closed:
-                self._settled = float("inf")
+        self._settled_together = float("inf")
+        with super().gathering():
+            yield
 
     def settling(self) -> float:
-        """Until when somebody who closes may wait for what was sent last to be taken; all that close together have the
-        same time."""
+        """Until when somebody who closes may wait for what was sent last to be taken; all that close together, and the
+        transport if it is closed after them, have the same time."""
         settled = min(self._settled, time.monotonic() + LINGER)
         if self.gathers:
-            self._settled = settled
+            settled = self._settled_together = min(self._settled_together, settled)
         return settled
 
     def peer(self, member: Member) -> Peer | None:

@@ -210,7 +210,7 @@ class Link:
     def _type_of(self, link: int, fingerprint: int) -> TypeRef:
         """What another link means by the name, in its own words."""
         if not self._texts.get(link):
-            answers = self.transport.inquire(link, "text")
+            answers, _ = self.transport.inquire(link, "text")
             self._texts[link] = answers[0].payload.to_bytes().decode(errors="replace") if answers else ""
         return TypeRef("", fingerprint, self._texts[link])
 

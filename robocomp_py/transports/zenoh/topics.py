@@ -31,7 +31,7 @@ from ..base import (
 )
 from ..credit import BYTES_AHEAD, MOST_AHEAD, Credit
 from ..ledger import Ledger
-from ..reception import Reception
+from ..reception import HISTORY_TRIES, Reception
 from .link import INBOX, TICK, Link
 from .messages import BLOCK, DROP, Message
 from .reader import Reader
@@ -322,18 +322,22 @@ class Subscriber(Link):
             self._catching_up[source] = deque(maxlen=INBOX)
             self.transport.do(partial(self._fetch, source))
 
-    def _fetch(self, source: int) -> None:
-        since = self._since.get(source)
-        missed = self.transport.inquire(source, "history", self._channels.get(source, self.channel.name))
+    def _fetch(self, source: int, tries: int = HISTORY_TRIES) -> None:
+        since, name = self._since.get(source), self._channels.get(source, self.channel.name)
+        missed, whole = self.transport.inquire(source, "history", name)
 
         def all_of_it() -> list[Any]:
             now = self._since.get(source)
-            if now is not None and (now != since or missed is None) and not self.closed.is_set():
-                # it came back meanwhile, and may not have been asked, or is too busy to answer
+            if now is not None and now != since:  # it came back meanwhile, and may not have been asked
                 self.transport.do(partial(self._fetch, source))
                 return []
+            if now is not None and not whole and not self.closed.is_set():  # it was too busy
+                if tries > 1:
+                    self.transport.do(partial(self._fetch, source, tries - 1))
+                    return []
+                log.warning("%s: not all that its publisher has latched came in time", name)
             self._caught_up[source] = now or (_EARLY if since is None else _WENT)
-            return [*(missed or ()), *self._catching_up.pop(source, ())]  # what came before it asked comes to nothing
+            return [*missed, *self._catching_up.pop(source, ())]  # what came before it asked comes to nothing
 
         self._reader.feed(all_of_it)
 

@@ -184,16 +184,16 @@ class ZenohTransport:
         address = self.address("rc_to", link)
         return f"{address}/{channel}" if self._keyed else address
 
-    def inquire(self, link: int, what: str, channel: str = "") -> list[Message] | None:
-        """What another link answers; nothing, if it has gone; None, if it is too busy.
+    def inquire(self, link: int, what: str, channel: str = "") -> tuple[list[Message], bool]:
+        """What another link answers, and whether that is all: nothing is all of one that has gone.
 
         `channel` is its own, unless everybody may ask.
         """
         with contextlib.suppress(zenoh.ZError):
             replies = self._inquire(link, what, channel)
             answers = [Message(reply.ok.attachment, reply.ok.payload) for reply in replies if reply.ok]
-            return answers if len(answers) == len(replies) else None
-        return []
+            return answers, len(answers) == len(replies)
+        return [], True
 
     def _inquire(self, link: int, what: str, channel: str = "") -> list[zenoh.Reply]:
         """All replies, also that there was none in time. Raises ZError."""

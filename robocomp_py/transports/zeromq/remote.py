@@ -103,7 +103,7 @@ class Neighbours(Directory):
         super().__init__(folder)
         self._far: dict[str, tuple[Member, float]] = {}
         """With the time of its last word, as `_heeded` counts it."""
-        self._heeded_s, self._heeded_at = 0.0, time.monotonic()
+        self._listened = 0.0, time.monotonic()
         """For how long others could be heard, up to the last look; and when that was."""
         self._changes = 0
         self._noting = threading.Lock()
@@ -129,11 +129,12 @@ class Neighbours(Directory):
 
     def heed_others(self) -> None:
         """To be called about every `SILENT / 4` seconds, before what has come in is read."""
-        self._heeded_s, self._heeded_at = self._heeded(), time.monotonic()
+        self._listened = self._heeded(), time.monotonic()
 
     def _heeded(self) -> float:
         """Seconds in which we were not held up: what others said meanwhile may still have to be read."""
-        return self._heeded_s + min(time.monotonic() - self._heeded_at, _BEAT)
+        heeded, when = self._listened
+        return heeded + min(time.monotonic() - when, _BEAT)
 
     def hear(self, member: Member) -> bool:
         """Note that somebody is there; whether that is news."""

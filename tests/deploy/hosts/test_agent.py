@@ -37,7 +37,7 @@ class Controller:
 
     async def is_told(self, *kinds: str) -> dict[str, Any]:
         """The first message of one of these kinds."""
-        async with asyncio.timeout(SOON):
+        async with asyncio.timeout(SOON * 3):  # that somebody is silent takes a while
             while line := await self._reader.readline():
                 message: dict[str, Any] = json.loads(line)
                 if message["tell"] in kinds:
