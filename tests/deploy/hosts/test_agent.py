@@ -112,6 +112,19 @@ def test_who_comes_while_another_controller_is_in_touch_is_refused(own_runtime_f
     scene(act)
 
 
+def test_who_has_taken_over_is_not_ended_for_the_one_before(own_runtime_folder: Path):
+    async def play() -> None:
+        agent = Agent("Net")
+        running, first = await run_by_first(agent)
+        await first.is_told("opened")
+        await agent._alone()  # as is begun when somebody is lost, and may run once the next one is there
+        assert not agent._ending
+        await first.leave()
+        await running
+
+    asyncio.run(play())
+
+
 class Slow(Agent):
     """Takes its time to begin."""
 
