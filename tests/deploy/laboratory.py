@@ -28,7 +28,8 @@ from typing import Any, Self
 
 from robocomp_py.testing.patience import SOON, wait_until
 
-_SUBNETS = itertools.count(os.getpid())
+_SUBNETS = itertools.count(64 * os.getpid())
+"""So many for each process of tests: another one that was started just after it makes its own."""
 
 _LATE = 60.0
 """Seconds after which a command of a host counts as hanging."""
