@@ -1,7 +1,7 @@
 """Generates the rescue network, runs it until its mission is over, and has it drawn.
 
 python components/demo.py                        about a minute
-python components/demo.py --fast                 the same story in a few seconds
+python components/demo.py --fast                 the same story in ten seconds or so
 python components/demo.py --middleware zeromq    over that middleware and no other
 """
 
@@ -60,7 +60,7 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--middleware", help="what carries the messages")
-    parser.add_argument("--fast", action="store_true", help="in a few seconds")
+    parser.add_argument("--fast", action="store_true", help="in ten seconds or so")
     parser.add_argument("--picture", type=Path, default=Path("rescue.svg"))
     return parser
 

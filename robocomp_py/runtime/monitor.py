@@ -314,11 +314,11 @@ class Monitor:
 
 
 def _tell(what: Callable[[], object] | None) -> None:
-    """Those for whom a job was done."""
+    """Pass an answer on to who waits for it, if anybody does."""
     try:
         if what:
             what()
-    except Exception:
+    except Exception:  # that of one transport; the thread has other jobs, and other components end by it
         log.exception("an answer was not passed on")
 
 

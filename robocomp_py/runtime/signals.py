@@ -44,6 +44,8 @@ class Signals:
         self._thread.start()  # last: until then a signal may raise something here, and is told of from now on
 
     def __exit__(self, *exc: object) -> None:
+        if self not in _entered:
+            return  # this process was forked meanwhile, and all is as before already
         try:
             _entered.remove(self)
         finally:  # a second Ctrl-C raises something here; and once all is restored, so may any signal

@@ -53,7 +53,8 @@ def test_a_second_ctrl_c_has_its_usual_effect(received: list[int]) -> None:
         signal.raise_signal(signal.SIGINT)
 
 
-def test_a_process_that_is_forked_meanwhile_takes_signals_as_before(received: list[int]) -> None:
+def fork() -> int:
+    """A process that waits for a signal; its id, once it does as a forked one has to."""
     reading, writing = os.pipe()
     pid = os.fork()
     if pid == 0:
@@ -63,24 +64,35 @@ def test_a_process_that_is_forked_meanwhile_takes_signals_as_before(received: li
     os.read(reading, 1)
     os.close(reading)
     os.close(writing)
+    return pid
+
+
+def test_a_process_that_is_forked_meanwhile_takes_signals_as_before(received: list[int]) -> None:
+    pid = fork()
     os.kill(pid, signal.SIGTERM)
     assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == -signal.SIGTERM
     assert received == []
 
 
 def test_it_ends_though_a_process_that_was_forked_meanwhile_lives() -> None:
-    reading, writing = os.pipe()
     with Signals(lambda _: None):
-        pid = os.fork()
-        if pid == 0:
-            os.write(writing, b"!")
-            signal.pause()
-            os._exit(0)
-        os.read(reading, 1)
+        pid = fork()
     os.kill(pid, signal.SIGKILL)
     os.waitpid(pid, 0)
-    os.close(reading)
-    os.close(writing)
+
+
+def test_a_forked_process_may_leave_it_too() -> None:
+    pid = 0
+    try:
+        with Signals(lambda _: None):
+            pid = os.fork()
+    except BaseException:
+        if pid:
+            raise
+        os._exit(1)
+    if pid == 0:
+        os._exit(0)
+    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
 
 
 def test_a_signal_that_would_raise_something_while_it_is_entered_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
