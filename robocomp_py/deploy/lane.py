@@ -1,4 +1,4 @@
-"""What one host is asked to do, one start after the other.
+"""What one host is asked to do, a few starts at a time.
 
 A start may take its time, over a network say. Who is to stop before its turn has come is not started at all.
 """
@@ -16,6 +16,9 @@ from .process import Process
 
 CANNOT_BE_STARTED = 127
 """The exit code of a process of which there was none, as in shells."""
+
+ABREAST = 8
+"""How many are being started at a time: a start is a question and its answer, and others may be asked for meanwhile."""
 
 
 class Lane:
@@ -41,12 +44,12 @@ class Lane:
         self._starts.clear()
 
     async def run(self) -> None:
-        """For ever, until cancelled."""
+        """For ever, until cancelled: one start after the other. `ABREAST` of these run at a time."""
         while True:
             await self._news.wait()
-            self._news.clear()
             while self._starts:
                 await self._start(self._starts.popleft())
+            self._news.clear()
 
     async def _start(self, process: Process) -> None:
         try:

@@ -22,7 +22,7 @@ from ..runtime.notify import notify
 from ..transports.base import TransportConfig, hosting
 from .agents import Agent, Listener, Usage
 from .iceplaces import ICE
-from .lane import Lane
+from .lane import ABREAST, Lane
 from .plan import Plan
 from .policy import (
     FAILED,
@@ -231,7 +231,11 @@ class _Run(Listener, Network):
         self._measure()
         self._remind_later()
         async with asyncio.TaskGroup() as lanes:
-            tasks = [lanes.create_task(lane.run(), name=f"host {host}") for host, lane in self._lanes.items()]
+            tasks = [
+                lanes.create_task(lane.run(), name=f"host {host}")
+                for host, lane in self._lanes.items()
+                for _ in range(ABREAST)
+            ]
             code = await self._loop()
             for task in tasks:
                 task.cancel()

@@ -337,6 +337,21 @@ def test_a_forked_component_is_as_one_that_was_executed(component: Path, tmp_pat
     assert len({number for line in drawn for number in line.split()[1:]}) == 4
 
 
+def test_many_may_be_asked_for_at_once(component: Path, tmp_path: Path, runtime_folder: Path) -> None:
+    command = (sys.executable, "-m", "robocomp_py.cli.rc", "run", str(component))
+    names = [f"it{number}" for number in range(12)]
+
+    async def story(launcher: Launcher, heard: Heard) -> None:
+        await asyncio.gather(
+            *(launcher.start(Process(name, name, (*command, "--name", name), component)) for name in names)
+        )
+        for name in names:
+            assert (await heard.until("exited", name))[2] == 0
+
+    heard = launched(tmp_path / "run", story)
+    assert len({line for name in names for line in heard.lines(name) if line.startswith("random")}) == len(names)
+
+
 def test_a_forked_component_lets_equal_pages_be_merged(component: Path, tmp_path: Path, runtime_folder: Path) -> None:
     asked = "from ctypes import PyDLL\nprint('merged', PyDLL(None).prctl(68, 0, 0, 0, 0))\n"
     allowing = asked.replace("print", "PyDLL(None).prctl(67, 1, 0, 0, 0); print")

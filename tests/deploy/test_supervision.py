@@ -13,6 +13,7 @@ import pytest
 
 from robocomp_py.contract.interface import Verb
 from robocomp_py.deploy.agents import Abandoned, Agent, Listener, Usage
+from robocomp_py.deploy.lane import ABREAST
 from robocomp_py.deploy.plan import Host, Link, Plan
 from robocomp_py.deploy.policy import Escalation, Restart, RestartRequested, State, StopRequested, When
 from robocomp_py.deploy.process import Process
@@ -266,16 +267,22 @@ def test_nobody_is_started_or_waited_for_whose_turn_comes_after_the_beginning_of
     class Slow(Scripted):
         async def start(self, process: Process) -> None:
             self.did.append(f"start {process.name}")
-            self.coming = asyncio.get_running_loop().create_future()
-            interrupt()
-            await self.coming
+            coming[process.name] = asyncio.get_running_loop().create_future()
+            if len(coming) == ABREAST:
+                interrupt()
+            await coming[process.name]
 
         def stop(self, name: str) -> None:
             self.did.append(f"stop {name}")
-            self.coming.set_exception(Abandoned(name))
+            coming[name].set_exception(Abandoned(name))
 
-    scene = Scene(plan(process("laser"), process("mapper")), Told(), make=Slow)
-    assert scene.did == ["open", "start laser", "stop laser", "close"]
+    coming: dict[str, asyncio.Future[None]] = {}
+    names = [f"n{number}" for number in range(ABREAST + 3)]
+    scene = Scene(plan(*map(process, names)), Told(), make=Slow)
+    begun = names[:ABREAST]
+    assert scene.did[: ABREAST + 1] == ["open", *(f"start {name}" for name in begun)]
+    assert sorted(scene.did[ABREAST + 1 : -1]) == sorted(f"stop {name}" for name in begun)
+    assert scene.did[-1] == "close"
     assert scene.code == 130
 
 

@@ -21,11 +21,11 @@ import importlib
 import io
 import json
 import os
+import select
 import signal
 import socket
 import sys
 import threading
-import time
 import weakref
 from collections.abc import Collection, Mapping, Sequence
 from types import ModuleType
@@ -57,6 +57,9 @@ _MAX = 1 << 18
 
 _ADOPTED = 5.0
 """Seconds within which a new process belongs to who launched it."""
+
+_BROOD = 8
+"""How many have one process in between; the first of them waits for the last."""
 
 _PR_SET_NAME = 15
 _PR_SET_MEMORY_MERGE = 67
@@ -137,7 +140,7 @@ def serve(channel: socket.socket, lifeline: int) -> Mapping[str, Any] | None:
         if threads() > 1:  # whoever holds a lock now would never give it back
             _answer(channel, json.loads(message), error="the process that starts components has threads")
         elif not (middle := _libc.fork()):  # what Python does at a fork is done at the second one
-            return _born(channel, lifeline, json.loads(message), pipes)
+            return _bear(channel, lifeline, message, pipes)
         elif middle < 0:
             _answer(channel, json.loads(message), error=os.strerror(ctypes.get_errno()))
         else:
@@ -150,21 +153,42 @@ def threads() -> int:
     return os.stat("/proc/self/task").st_nlink - 2  # as of any folder with so many folders in it
 
 
-def _born(channel: socket.socket, lifeline: int, request: Mapping[str, Any], pipes: list[int]) -> Mapping[str, Any]:
-    """In between: start the new process, tell its id, and leave it to who launched us. Returns in the new one."""
+def _bear(channel: socket.socket, lifeline: int, message: bytes, pipes: list[int]) -> Mapping[str, Any]:
+    """In between: start a new process, tell its id, and leave it to who launched us. Returns in the new one.
+
+    So it is with some others, if they are asked for already: what had to be copied to come here is copied once for all.
+    """
     middle = os.getpid()
-    try:
-        born = os.fork()
-    except OSError as exc:
-        _answer(channel, request, error=exc.strerror)
-        os._exit(1)
-    if born:
+    for more in reversed(range(_BROOD)):
+        request = json.loads(message)
+        try:
+            born = os.fork()
+        except OSError as exc:
+            _answer(channel, request, error=exc.strerror)
+            break
+        if not born:
+            channel.close()
+            return _born(middle, lifeline, request, pipes)
         _answer(channel, request, pid=born)
-        os._exit(0)
-    channel.close()
-    end = time.monotonic() + _ADOPTED
-    while os.getppid() == middle and time.monotonic() < end:
-        time.sleep(0.0002)
+        for pipe in pipes:
+            os.close(pipe)
+        if not more or not select.select([channel], [], [], 0)[0]:
+            break
+        with contextlib.suppress(OSError):
+            message, pipes, _, _ = socket.recv_fds(channel, _MAX, 4)
+            if message:
+                continue
+        break
+    os._exit(0)
+
+
+def _born(middle: int, lifeline: int, request: Mapping[str, Any], pipes: list[int]) -> Mapping[str, Any]:
+    """In the new process: live as it is asked to, once the one in between has ended."""
+    with contextlib.suppress(ProcessLookupError):
+        its_end = os.pidfd_open(middle)
+        if os.getppid() == middle:
+            select.select([its_end], [], [], _ADOPTED)
+        os.close(its_end)
     with contextlib.suppress(BaseException):
         files = tuple(request["files"]) if request["files"] else None
         Birth(request["parent"], lifeline_of_its_own(lifeline), request["cgroup"], files).prepare()
