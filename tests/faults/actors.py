@@ -18,6 +18,7 @@ import socket
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import asdict, replace
@@ -59,7 +60,8 @@ class Actor:
         self._work: dict[str, threading.Thread] = {}
         self._stop: dict[str, threading.Event] = {}
         self._said: dict[str, Any] = {}
-        self._published = self._asked = 0
+        self._published = 0
+        self._well: Counter[str] = Counter()
         self._numbers = itertools.count(1)
 
     # Servers.
@@ -142,11 +144,11 @@ class Actor:
             number = 0
             while number < calls and not stop.is_set():
                 number += 1
-                self._asked = next(self._numbers)
-                call = f"{self.name}.{channel}.{self._asked}"
+                call = f"{self.name}.{channel}.{next(self._numbers)}"
                 self.journal.note(Asked(call, kind, deadline, time.monotonic()))
                 try:
                     outcome, server = do(call)
+                    self._well[channel] += outcome == "ok"
                 except TransportError as exc:
                     outcome, server = type(exc).__name__, ""
                 self.journal.note(Ended(call, outcome, time.monotonic(), server))
@@ -155,9 +157,9 @@ class Actor:
 
         self._begin(channel, work)
 
-    def asked(self) -> int:
-        """How many calls and commands there were."""
-        return self._asked
+    def well(self, channel: str) -> int:
+        """How many calls or commands ended well."""
+        return self._well[channel]
 
     # Topics.
 

@@ -415,7 +415,7 @@ ROWS = [
         "500 components on one host of 2 cores over zeromq (zenoh 250, dds 60), each a process",
         "ready ≤ 10 s, stopped ≤ 5 s, ≤ 1.5 GB (PSS), `status` answers in 0.5 s",
         tuple(_MANY),
-        60,
+        15,
         _many,
     ),
     Row(
@@ -423,7 +423,7 @@ ROWS = [
         "the same, ten to a process (`process NAME;`)",
         "ready ≤ 10 s, stopped ≤ 5 s, ≤ 1.5 GB (PSS), `status` answers in 0.5 s",
         tuple(_MANY),
-        30,
+        10,
         _together,
     ),
 ]
