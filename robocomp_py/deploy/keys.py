@@ -45,6 +45,8 @@ DAYS = 365.0
 SOON = datetime.timedelta(days=30)
 """Before the end: from then on certificates are made again; those with a shorter life, in its last third."""
 
+_OF_EACH = "ca.pem", "certificate.pem", "key.pem"
+_OF_PROCESS = *_OF_EACH, "curve.key", "curve.key_secret", "identity.json"
 _ROUTER = "router@"
 _NUMBERS = 0x10000
 
@@ -185,6 +187,17 @@ def files_of(plan: Plan, host: str, folder: Path) -> tuple[Path, ...]:
     """The folders that a host gets: those of its processes, and that of its router. Never the authority's key."""
     found = [folder_of(folder, each.name) for each in plan.processes if each.host == host]
     return (*found, *([router_folder(folder, host)] if host in plan.routers else []))
+
+
+def contents(graph: Graph) -> dict[str, tuple[str, ...]]:
+    """What there is in the folder of each process and router once their keys are made, as paths in it, by its name."""
+    nobody = {each.name: b"" for each in graph.principals}
+    found: dict[str, tuple[str, ...]] = {_router_folder(host): _OF_EACH for host in graph.routers}
+    found |= {each.folder: _OF_PROCESS for each in graph.principals}
+    for folder, files in permissions(graph, nobody).items():
+        owner, _, below = folder.partition("/")
+        found[owner] += tuple(f"{below}/{file}" for file in files)
+    return found
 
 
 def router_settings(plan: Plan, host: str, folder: Path) -> dict[str, Any]:

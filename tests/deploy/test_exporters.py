@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import shlex
 import subprocess
 import sys
 from dataclasses import replace
@@ -18,10 +20,14 @@ import yaml
 from robocomp_py.cli import rcdeploy
 from robocomp_py.deploy.exporters import EXPORTERS, Export, write_export
 from robocomp_py.deploy.exporters.base import unique
+from robocomp_py.deploy.keys import folder_of, make_keys
 from robocomp_py.deploy.plan import Host, Plan, Process
 from robocomp_py.deploy.policy import Escalation, Restart, When
 from robocomp_py.deploy.relocation import places, relocate
+from robocomp_py.deploy.security import secured
 from robocomp_py.errors import DeploymentError
+
+from . import security_network
 
 NASTY = [
     "plain",
@@ -383,7 +389,7 @@ def test_a_router_is_there_before_its_components(folder: Path) -> None:
 def guarded(folder: Path) -> Plan:
     """A network on one other host whose process and router have keys."""
     keys = folder / "keys" / "laser"
-    router = folder / "keys" / "router-onboard"
+    router = folder / "keys" / "router@onboard"
     for each in (keys, router):
         each.mkdir(parents=True)
         (each / "key.pem").touch(0o600)
@@ -398,10 +404,10 @@ def test_units_get_the_keys_of_their_processes_beside_their_components(guarded: 
     assert export.copies == {
         PurePosixPath("app/laser"): folder / "laser",
         PurePosixPath("keys/laser"): folder / "keys" / "laser",
-        PurePosixPath("keys/router-onboard"): folder / "keys" / "router-onboard",
+        PurePosixPath("keys/router@onboard"): folder / "keys" / "router@onboard",
     }
     assert '--keys "%h/robocomp-Patrol/keys/laser"' in parts(only(export, "-laser.service"))["ExecStart"][0]
-    assert '"%h/robocomp-Patrol/keys/router-onboard/key.pem' in only(export, "-zenoh-router.service").replace("\\", "")
+    assert '"%h/robocomp-Patrol/keys/router@onboard/key.pem' in only(export, "-zenoh-router.service").replace("\\", "")
     assert str(folder) not in "".join(export.files.values())
 
 
@@ -409,7 +415,7 @@ def test_keys_are_mounted_into_containers_and_not_into_their_image(guarded: Plan
     export = EXPORTERS["compose"](guarded, "n")
     services = compose_file(only(export, "compose.yaml"))["services"]
     assert "./keys/laser:/keys/laser:ro" in services["laser"]["volumes"]
-    assert "./keys/router-onboard:/keys/router-onboard:ro" in services["zenoh-router"]["volumes"]
+    assert "./keys/router@onboard:/keys/router@onboard:ro" in services["zenoh-router"]["volumes"]
     assert only(export, ".dockerignore").splitlines()[1:] == ["keys"]
     assert "keys" not in only(export, "Dockerfile")
 
@@ -419,8 +425,53 @@ def test_keys_become_secrets_of_kubernetes(guarded: Plan) -> None:
     pod = manifest(only(export, ".yaml"))["spec"]["template"]["spec"]
     laser = next(each for each in pod["containers"] if each["name"] == "laser")
     assert {"name": "keys-laser", "mountPath": "/keys/laser", "readOnly": True} in laser["volumeMounts"]
-    assert {"name": "keys-laser", "secret": {"secretName": "patrol-laser", "defaultMode": 0o400}} in pod["volumes"]
-    assert "kubectl create secret generic patrol-laser --from-file=keys/laser" in export.steps
+    secret = next(each["secret"] for each in pod["volumes"] if each["name"] == "keys-laser")
+    assert (secret["secretName"], secret["defaultMode"]) == ("patrol-laser", 0o440)
+    assert any(step.startswith("kubectl create secret generic patrol-laser --from-file=") for step in export.steps)
+
+
+def tree(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_in_a_pod_there_are_the_same_keys_as_here(tmp_path: Path) -> None:
+    plan = security_network.network(
+        security_network.way("left/arm", "camera", "divide"),
+        security_network.way("camera", "left/arm", "news"),
+        names=("camera", "left/arm"),
+        router="tls/10.0.0.1:7447",
+    )
+    make_keys(plan, tmp_path / "keys", security_network.NOW)
+    export = EXPORTERS["kubernetes"](secured(plan, tmp_path / "keys"), "n")
+    write_export(export, tmp_path / "out")
+    volumes = manifest(only(export, ".yaml"))["spec"]["template"]["spec"]["volumes"]
+    mounted = {each["secret"]["secretName"]: each["secret"]["items"] for each in volumes if "secret" in each}
+    found: dict[str, dict[str, bytes]] = {}
+    for step in export.steps:  # as kubectl does
+        match shlex.split(step):
+            case ["kubectl", "create", "secret", "generic", name, *options]:
+                files = dict(each.removeprefix("--from-file=").split("=") for each in options if "--from-file" in each)
+                assert all(re.fullmatch(r"[-._a-zA-Z0-9]+", key) for key in files)
+                data = {key: (tmp_path / "out" / path).read_bytes() for key, path in files.items()}
+                found[name] = {item["path"]: data[item["key"]] for item in mounted[name]}
+    assert found == {
+        "patrol-camera": tree(folder_of(tmp_path / "keys", "camera")),
+        "patrol-left-arm": tree(folder_of(tmp_path / "keys", "left/arm")),
+        "patrol-zenoh-router": tree(tmp_path / "keys" / "router@"),
+    }
+    assert "admitted/left.arm.key" in found["patrol-camera"]
+
+
+def test_kubernetes_gets_no_keys_that_rcdeploy_did_not_make(folder: Path) -> None:
+    plan = network(component(folder, "laser", "--keys", str(folder / "mine")))
+    with pytest.raises(DeploymentError, match="write `security lan;`"):
+        EXPORTERS["kubernetes"](plan, "n")
+
+
+@pytest.mark.parametrize("kind", EXPORTERS)
+def test_what_a_program_of_another_kind_calls_keys_is_its_own_affair(folder: Path, kind: str) -> None:
+    program = Process("lidar", "Lidar", ("urg_node", "--keys", "/etc/lidar"), folder, notifies=False)
+    assert EXPORTERS[kind](network(program), "n").copies == {}
 
 
 def test_copied_keys_stay_readable_for_their_user_only(guarded: Plan, tmp_path: Path) -> None:

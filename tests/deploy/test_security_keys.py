@@ -12,7 +12,16 @@ import pytest
 
 from robocomp_py.contract.interface import Verb
 from robocomp_py.deploy import certificates
-from robocomp_py.deploy.keys import access_control, files_of, folder_of, graph_of, make_keys, router_folder, troubles
+from robocomp_py.deploy.keys import (
+    access_control,
+    contents,
+    files_of,
+    folder_of,
+    graph_of,
+    make_keys,
+    router_folder,
+    troubles,
+)
 from robocomp_py.errors import DeploymentError
 from robocomp_py.transports.zeromq.curve import key_pair, read_public
 
@@ -111,6 +120,18 @@ def test_who_is_no_part_of_the_network_any_more_loses_its_keys_and_other_folders
         "other removed: it is no part of the network any more"
     ]
     assert sorted(path.name for path in folder.iterdir()) == [".gitignore", "ca", "camera", "notes", "viewer"]
+
+
+def test_what_will_be_in_a_folder_is_known_before_it_is_there(folder: Path) -> None:
+    plan = network(way("viewer", "left/arm", "divide"), names=("left/arm", "viewer"), router="tls/10.0.0.1:20000")
+    known = contents(graph_of(plan))
+    made(plan, folder)
+    assert {name: set(files) for name, files in known.items()} == {
+        each.name: {str(path.relative_to(each)) for path in each.rglob("*") if path.is_file()}
+        for each in folder.iterdir()
+        if each.is_dir() and each.name != "ca"
+    }
+    assert "admitted/viewer.key" in known["left.arm"]
 
 
 def test_a_host_gets_the_keys_of_its_own_processes_and_never_that_of_the_authority(folder: Path) -> None:

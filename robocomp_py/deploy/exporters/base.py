@@ -107,8 +107,8 @@ def sites_of(plan: Plan, below: Callable[[Host | None], str]) -> list[Site]:
 
 
 def _keys(process: Process) -> Path | None:
-    """The folder of its keys, which its command names."""
-    words = process.command
+    """The folder of its keys, which its command names; programs of other kinds may mean something else by that."""
+    words = process.command if process.notifies else ()
     return next((Path(folder) for word, folder in pairwise(words) if word == "--keys"), None)
 
 

@@ -7,7 +7,9 @@ from collections.abc import Iterator
 from pathlib import PurePosixPath
 from typing import Any
 
+from ...errors import DeploymentError
 from ...runtime.notify import READY_FILE
+from ..keys import contents, graph_of
 from ..plan import Plan, Process
 from ..policy import When
 from .base import (
@@ -29,6 +31,7 @@ from .base import unique as unique_names
 from .containers import INSIDE, READY, as_yaml, dockerfile
 
 _NAME = "a-z0-9"
+_KEY = "A-Za-z0-9_."
 _LONGEST = 63
 """Characters of a name, by RFC 1123."""
 
@@ -63,13 +66,14 @@ def _deployment(plan: Plan, site: Site) -> dict[str, Any]:
             "replicas": 1,
             "strategy": {"type": "Recreate"},
             "selector": {"matchLabels": {"app.kubernetes.io/name": name}},
-            "template": {"metadata": {"labels": labels}, "spec": _pod(site, name)},
+            "template": {"metadata": {"labels": labels}, "spec": _pod(plan, site, name)},
         },
     }
 
 
-def _pod(site: Site, image: str) -> dict[str, Any]:
+def _pod(plan: Plan, site: Site, image: str) -> dict[str, Any]:
     names = unique_names((each.name for each in site.processes), _NAME, str.lower)
+    secrets = _secrets(plan, site)
     pod: dict[str, Any] = {}
     if site.host:
         # By its addresses the other machines find it; the labels of nodes are their operator's.
@@ -85,13 +89,32 @@ def _pod(site: Site, image: str) -> dict[str, Any]:
         "volumes": [
             {"name": "runtime", "emptyDir": {"medium": "Memory"}},
             {"name": "shared-memory", "emptyDir": {"medium": "Memory"}},
-            *({"name": f"{KEYS}-{names[name]}", "secret": _secret(image, names[name])} for name in site.keys),
+            *(
+                {"name": f"{KEYS}-{names[process]}", "secret": _secret(f"{image}-{names[process]}", keys)}
+                for process, keys in secrets.items()
+            ),
         ],
     }
 
 
-def _secret(image: str, name: str) -> dict[str, Any]:
-    return {"secretName": f"{image}-{name}", "defaultMode": 0o400}
+def _secrets(plan: Plan, site: Site) -> dict[str, dict[str, str]]:
+    """By process, the files in the folder of its keys, each with a key of the secret, in which there are no folders."""
+    known = contents(graph_of(plan)) if site.keys else {}
+    found: dict[str, dict[str, str]] = {}
+    for process, path in site.keys.items():
+        if path.name not in known:
+            raise DeploymentError(
+                f"{process}: {path} is not of `rcdeploy keys`, whose keys go to Kubernetes; write `security lan;` "
+                "instead of `--keys`"
+            )
+        found[process] = unique_names(known[path.name], _KEY, lambda file: file.replace("/", "."))
+    return found
+
+
+def _secret(name: str, keys: dict[str, str]) -> dict[str, Any]:
+    items = [{"key": key, "path": file} for file, key in keys.items()]
+    # They are root's, and the pod's own group (fsGroup) reads them; with it, 0400 would come to 0440 anyway.
+    return {"secretName": name, "defaultMode": 0o440, "items": items}
 
 
 def _container(site: Site, process: Process, name: str, image: str) -> dict[str, Any]:
@@ -138,8 +161,9 @@ def _steps(plan: Plan, all_sites: list[Site]) -> Iterator[str]:
         folder = site.name or "."
         yield f"docker build -t {_called(plan, site)} {folder}"
         names = unique_names((each.name for each in site.processes), _NAME, str.lower)
-        for process, path in site.keys.items():
-            files = f"{'' if folder == '.' else f'{folder}/'}{KEYS}/{path.name}"
-            secret = f"{_called(plan, site)}-{names[process]}"
-            yield f"kubectl create secret generic {secret} --from-file={shlex.quote(files)}"
+        for process, keys in _secrets(plan, site).items():
+            there = f"{'' if folder == '.' else f'{folder}/'}{KEYS}/{site.keys[process].name}"
+            files = " ".join(shlex.quote(f"--from-file={key}={there}/{file}") for file, key in keys.items())
+            made = f"kubectl create secret generic {_called(plan, site)}-{names[process]} {files}"
+            yield f"{made} --dry-run=client -o yaml | kubectl apply -f -"  # also over the keys of before
         yield f"kubectl apply -f {'' if folder == '.' else f'{folder}/'}{_called(plan, site)}.yaml"

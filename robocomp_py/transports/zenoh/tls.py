@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-import stat
 from pathlib import Path
 from typing import Any
 
 from ...errors import ConfigurationError
+from ..private import insist_private
 
 _FILES = "ca.pem", "certificate.pem", "key.pem", "identity.json"
 
@@ -22,14 +22,13 @@ def checked(keys: str) -> Path | None:
     folder = Path(keys)
     for name in _FILES:
         try:
-            info = (folder / name).stat()
+            (folder / name).stat()
+            if name == "key.pem":
+                insist_private(folder / name, "zenoh: `keys`")
         except OSError as exc:
             raise ConfigurationError(
                 f"zenoh: `keys`: {folder / name}: {exc.strerror}; make keys again: rcdeploy keys"
             ) from exc
-        if name == "key.pem" and stat.S_IMODE(info.st_mode) & 0o077:
-            path = folder / name
-            raise ConfigurationError(f"zenoh: `keys`: {path} is open to other users; chmod 600 {path}")
     return folder
 
 

@@ -1,6 +1,7 @@
 """CURVE: encryption, and who may talk to whom, for sockets that others than our own user can reach.
 
-    curve_key         file of our own key pair, as `zmq.auth.create_certificates` writes it (`NAME.key_secret`); 0600
+    curve_key         file of our own key pair, as `zmq.auth.create_certificates` writes it (`NAME.key_secret`);
+                      mode 0600, or 0640 if it is root's
     curve_admitted    folder with the public keys (`*.key`) of those who may talk to us
     curve_peers       folder with the public keys (`NAME.key`) of those whom `connect` names
     keys              a folder with all of them: `curve.key_secret`, `admitted`, `peers`; `rcdeploy keys` makes it
@@ -15,7 +16,6 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import stat
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -27,6 +27,7 @@ from zmq.utils import z85
 
 from ...errors import ConfigurationError
 from ...wire.names import matches
+from ..private import insist_private
 
 log = logging.getLogger("robocomp.transport.zeromq")
 
@@ -156,14 +157,12 @@ def configured(options: Mapping[str, Any]) -> Curve | None:
 
 
 def key_pair(path: Path) -> tuple[bytes, bytes]:
-    """A public and a secret key from a file of its owner's alone; raises ConfigurationError."""
+    """A public and a secret key from a file that nobody else may read; raises ConfigurationError."""
     try:
-        mode = path.stat().st_mode
+        insist_private(path, "`curve_key`")
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as exc:
         raise ConfigurationError(f"`curve_key`: {path} cannot be read: {exc}") from exc
-    if stat.S_IMODE(mode) & 0o077:
-        raise ConfigurationError(f"`curve_key`: {path} is open to other users; chmod 600 {path}")
     public, secret = _key(text, "public-key"), _key(text, "secret-key")
     if not public or not secret:
         raise ConfigurationError(

@@ -1,0 +1,29 @@
+"""Files of private keys: who else may read them."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from ..errors import ConfigurationError
+
+
+def insist_private(path: Path, option: str) -> None:
+    """Raises ConfigurationError, in the name of an option, if others may read that file; OSError if it is not there."""
+    info = path.stat()
+    if excess(info.st_mode, info.st_uid, os.getuid()):
+        may = allowed(info.st_uid, os.getuid())
+        raise ConfigurationError(f"{option}: {path} is open to other users; chmod {may:o} {path}")
+
+
+def excess(mode: int, owner: int, us: int) -> int:
+    """What a mode gives to others that it must not; 0 if nothing."""
+    return mode & 0o077 & ~allowed(owner, us)
+
+
+def allowed(owner: int, us: int) -> int:
+    """The widest mode of a private key, by PostgreSQL's rule.
+
+    What root owns, a group may read: so who runs a machine hands a key to one user of it, as Kubernetes does.
+    """
+    return 0o640 if owner == 0 != us else 0o600
