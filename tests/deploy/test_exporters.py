@@ -128,6 +128,25 @@ def test_a_program_that_says_nothing_is_ready_once_it_runs(folder: Path) -> None
     assert parts(only(EXPORTERS["systemd"](network(program), "net.ddsl"), ".service"))["Type"] == ["exec"]
 
 
+def test_a_component_that_hangs_is_ended_as_by_rcdeploy_and_then_restart_counts(folder: Path) -> None:
+    laser = component(folder, "laser", restart=Restart(When.ON_FAILURE))
+    unit = parts(only(EXPORTERS["systemd"](network(laser), "net.ddsl"), ".service"))
+    assert (unit["WatchdogSec"], unit["TimeoutAbortSec"], unit["Restart"]) == (["30"], ["5"], ["on-failure"])
+
+
+def test_what_feeds_no_watchdog_is_not_ended_for_that(folder: Path) -> None:
+    program = Process("lidar", "Lidar", ("urg_node",), folder, notifies=False)
+    plan = network(program, routers={"": {"connect": "here/Patrol"}}, storms=("S:tcp -p 9999", "S:tcp -p 9998"))
+    units = [text for name, text in EXPORTERS["systemd"](plan, "n").files.items() if name.suffix == ".service"]
+    assert len(units) == 4
+    assert not any("WatchdogSec" in parts(text) for text in units)
+
+
+def test_no_grace_at_all_is_not_for_ever(folder: Path) -> None:
+    unit = parts(only(EXPORTERS["systemd"](network(component(folder, "laser", grace=0)), "net.ddsl"), ".service"))
+    assert float(unit["TimeoutStopSec"][0]) > 0
+
+
 def test_units_of_other_hosts_go_with_their_components(folder: Path) -> None:
     host = Host("onboard", "192.168.1.10", "robot", python="python3.12")
     plan = network(component(folder, "laser", host="onboard"), component(folder, "arm"), hosts=(host,))
@@ -287,6 +306,9 @@ def test_what_an_engine_does_not_do_is_said(folder: Path) -> None:
     )
     for export in (exporter(plan, "n") for exporter in EXPORTERS.values()):
         assert any("`escalation` has no effect" in note for note in export.notes)
+    for kind in EXPORTERS:
+        is_said = any("a component that hangs" in note for note in EXPORTERS[kind](plan, "n").notes)
+        assert is_said is (kind != "systemd")
     assert any("also laser" in note for note in EXPORTERS["kubernetes"](plan, "n").notes)
     assert any("`dependences` of arm" in note for note in EXPORTERS["kubernetes"](plan, "n").notes)
 

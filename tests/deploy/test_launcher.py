@@ -584,7 +584,7 @@ def test_one_that_stops_feeding_its_watchdog_is_told_aborted_and_gone(tmp_path: 
 
 
 def test_one_that_does_not_heed_that_either_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(local, "_TRACES", 0.01)
+    monkeypatch.setattr(local, "TRACES", 0.01)
     text = "signal.signal(signal.SIGABRT, signal.SIG_IGN); notify('WATCHDOG=trigger')"
     assert ended(f"{NOTIFY}{text}\n{FOREVER}", tmp_path).told == [("hung", "it"), ("exited", "it", -signal.SIGKILL)]
 

@@ -166,6 +166,11 @@ def unique(names: Iterable[str], allowed: str, spelt: Callable[[str], str] = str
     return found
 
 
+def watches_itself(process: Process) -> bool:
+    """Whether it feeds a watchdog. What only carries messages says that it is ready, and no more."""
+    return process.notifies and not process.name.startswith((ROUTER, BROKER))
+
+
 def grace(process: Process) -> float:
     """Seconds it has to end by itself: its components end one after the other."""
     return process.grace if process.grace is not None else GRACE * len(process.instances)
@@ -237,6 +242,12 @@ def brought(plan: Plan, recipe: str) -> Iterator[str]:
     for process in plan.processes:
         if not process.notifies and not process.files:
             yield f"`{process.name}` runs `{process.command[0]}`: add what installs it to {recipe}"
+
+
+def unwatched(plan: Plan, engine: str) -> Iterator[str]:
+    """What is lost of the watchdogs of components."""
+    if any(watches_itself(each) and each.restart.when is not When.NEVER for each in plan.processes):
+        yield f"{engine} does not notice a component that hangs, which rcdeploy would start again"
 
 
 def escalating(plan: Plan, engine: str) -> Iterator[str]:

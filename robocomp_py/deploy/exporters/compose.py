@@ -23,6 +23,7 @@ from .base import (
     sites_of,
     told_once,
     unique,
+    unwatched,
 )
 from .containers import INSIDE, READY, as_yaml, dockerfile
 
@@ -111,6 +112,7 @@ def _plain(text: str) -> str:
 
 def _notes(plan: Plan) -> Iterator[str]:
     yield from escalating(plan, "compose")
+    yield from unwatched(plan, "compose")
     yield from brought(plan, "the Dockerfile")
     if any(each.restart.when is not When.NEVER for each in plan.processes):
         yield "compose has delays of its own between restarts, and counts all: `delay` and `period` have no effect"

@@ -26,6 +26,7 @@ from .base import (
     identifier,
     sites_of,
     told_once,
+    unwatched,
 )
 from .base import unique as unique_names
 from .containers import INSIDE, READY, as_yaml, dockerfile
@@ -147,6 +148,7 @@ def _plain(text: str) -> str:
 
 def _notes(plan: Plan) -> Iterator[str]:
     yield from escalating(plan, "Kubernetes")
+    yield from unwatched(plan, "Kubernetes")
     yield from brought(plan, "the Dockerfile")
     others = [each.name for each in plan.processes if each.restart.when is not When.ALWAYS]
     if others:

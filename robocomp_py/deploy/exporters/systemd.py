@@ -8,12 +8,29 @@ from collections.abc import Iterable, Iterator
 from pathlib import PurePosixPath
 
 from ...errors import DeploymentError
+from ..launcher.local import TRACES, WATCHDOG
 from ..plan import Host, Plan, Process
 from ..policy import Restart, When
-from .base import APP, KEYS, ROUTER, Export, Site, escalating, grace, heading, identifier, sites_of, told_once, unique
+from .base import (
+    APP,
+    KEYS,
+    ROUTER,
+    Export,
+    Site,
+    escalating,
+    grace,
+    heading,
+    identifier,
+    sites_of,
+    told_once,
+    unique,
+    watches_itself,
+)
 
 _RESTART = {When.NEVER: "no", When.ON_FAILURE: "on-failure", When.ALWAYS: "always"}
 _NAME = "A-Za-z0-9_.:"
+_AT_ONCE = 0.001
+"""Seconds: of no time at all, systemd makes an endless one."""
 
 
 def systemd(plan: Plan, network: str) -> Export:
@@ -71,10 +88,10 @@ Environment=ROBOCOMP_RUNTIME_DIR=%t/{whole}
 RuntimeDirectory={whole}
 RuntimeDirectoryMode=0700
 RuntimeDirectoryPreserve=yes
-Restart={_RESTART[restart.when]}{_delay(restart)}
+Restart={_RESTART[restart.when]}{_delay(restart)}{_watchdog(process)}
 SuccessExitStatus=130 143
 TimeoutStartSec=infinity
-TimeoutStopSec={grace(process):g}
+TimeoutStopSec={grace(process) or _AT_ONCE:g}
 """
 
 
@@ -91,6 +108,11 @@ def _limits(restart: Restart) -> str:
 
 def _delay(restart: Restart) -> str:
     return "" if restart.when is When.NEVER else f"\nRestartSec={restart.delay:g}"
+
+
+def _watchdog(process: Process) -> str:
+    """From when it is ready; it tells systemd itself if its configuration gives it another time."""
+    return f"\nWatchdogSec={WATCHDOG:g}\nTimeoutAbortSec={TRACES:g}" if watches_itself(process) else ""
 
 
 def _notes(plan: Plan) -> Iterator[str]:

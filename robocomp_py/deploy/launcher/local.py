@@ -53,7 +53,7 @@ by `component.watchdog`."""
 _DRAIN = 1.0
 """Seconds for which what a process said before it ended is still read."""
 
-_TRACES = 5.0
+TRACES = 5.0
 """Seconds in which a stuck process says where it is."""
 
 _ENDED = 5.0
@@ -483,7 +483,7 @@ class Launcher(Agent):
         if handle is not None:
             _send(handle, signal.SIGABRT)
             _send(handle, signal.SIGCONT)
-        self._loop.call_later(_TRACES, self._kill_if, running)
+        self._loop.call_later(TRACES, self._kill_if, running)
 
     def _kill_if(self, running: _Running) -> None:
         if self._running.get(running.name) is running:
