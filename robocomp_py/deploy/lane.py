@@ -18,7 +18,9 @@ CANNOT_BE_STARTED = 127
 """The exit code of a process of which there was none, as in shells."""
 
 ABREAST = 8
-"""How many are being started at a time: a start is a question and its answer, and others may be asked for meanwhile."""
+"""How many are being started at a time on this machine: they share what a start takes (`launcher.zygote`). An agent of
+another host does one thing after the other, and what it has been asked for cannot be taken back.
+"""
 
 
 class Lane:
@@ -44,7 +46,7 @@ class Lane:
         self._starts.clear()
 
     async def run(self) -> None:
-        """For ever, until cancelled: one start after the other. `ABREAST` of these run at a time."""
+        """For ever, until cancelled: one start after the other. Several of these may run at a time."""
         while True:
             await self._news.wait()
             while self._starts:

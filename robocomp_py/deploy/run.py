@@ -234,7 +234,7 @@ class _Run(Listener, Network):
             tasks = [
                 lanes.create_task(lane.run(), name=f"host {host}")
                 for host, lane in self._lanes.items()
-                for _ in range(ABREAST)
+                for _ in range(1 if host else ABREAST)
             ]
             code = await self._loop()
             for task in tasks:

@@ -19,7 +19,8 @@ from typing import Any
 import pytest
 
 from robocomp_py.deploy.agents import Abandoned, Listener
-from robocomp_py.deploy.launcher import cgroups, leftovers, local, traces, zygote
+from robocomp_py.deploy.launcher import cgroups, forking, leftovers, local, traces, zygote
+from robocomp_py.deploy.launcher.birth import PADDING, Birth, adopt_orphans
 from robocomp_py.deploy.launcher.forking import forkable
 from robocomp_py.deploy.launcher.local import Launcher
 from robocomp_py.deploy.place import AlreadyRuns, Place
@@ -348,8 +349,68 @@ def test_many_may_be_asked_for_at_once(component: Path, tmp_path: Path, runtime_
         for name in names:
             assert (await heard.until("exited", name))[2] == 0
 
+        assert launcher._zygote
+        assert not launcher._zygote.ended
+
     heard = launched(tmp_path / "run", story)
     assert len({line for name in names for line in heard.lines(name) if line.startswith("random")}) == len(names)
+
+
+@pytest.mark.parametrize("how", ["it ends", "it is given up"])
+def test_what_was_answered_counts_also_when_the_process_that_forks_is_gone(
+    monkeypatch: pytest.MonkeyPatch, how: str
+) -> None:
+    """Whatever is not known is started again."""
+
+    class Forking:
+        pid, returncode = 0, 0
+
+        def __init__(self, command: tuple[str, ...], pass_fds: tuple[int, ...], **_: object) -> None:
+            self.channel = socket.socket(fileno=os.dup(pass_fds[0]))
+
+        def kill(self) -> None: ...
+
+    async def asked() -> list[object]:
+        asking = forking.Zygote([], 0, {})
+        channel: socket.socket = asking._running.channel  # type: ignore[attr-defined]
+        wanted = [program("", name) for name in ("first", "second", "third")]
+        starts = [asyncio.create_task(asking.start(each, {}, 1, Birth(os.getpid(), -1))) for each in wanted]
+        await asyncio.sleep(0)  # no time passes: they go as far as they can without an answer
+        for pid in (101, 102):
+            number = json.loads(channel.recv(65536))["id"]
+            channel.send(json.dumps({"id": number, "pid": pid}).encode())
+        if how == "it ends":
+            channel.close()  # with a question that nobody has read: the other end is told of that before all else
+        else:
+            asking.close()
+            channel.close()
+        return await asyncio.gather(*starts, return_exceptions=True)
+
+    monkeypatch.setattr(forking.subprocess, "Popen", Forking)
+    first, second, third = asyncio.run(asked())
+    assert (first, second) == (101, 102)
+    assert isinstance(third, forking.Unavailable)
+
+
+def test_one_of_which_nobody_can_be_told_is_ended(request: pytest.FixtureRequest) -> None:
+    adopt_orphans(True)  # or it would end for want of a parent
+    request.addfinalizer(lambda: adopt_orphans(False))
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    lifeline, held = os.pipe()
+    out, into = os.pipe()
+    numbers = (theirs.fileno(), lifeline)
+    command = (sys.executable, "-P", "-m", "robocomp_py.deploy.launcher.zygote", *map(str, numbers), "inproc", PADDING)
+    with subprocess.Popen(command, pass_fds=numbers) as forks:
+        wanted = {"id": 1, "name": "it", "arguments": ["--help"], "cwd": "/", "env": {}, "parent": os.getpid()}
+        socket.send_fds(ours, [json.dumps({**wanted, "cgroup": "", "files": None}).encode()], [into])
+        for each in (ours, theirs):
+            each.close()  # it is still importing, and will find the question
+        os.close(into)
+        assert forks.wait(SOON) == 0
+        with open(out, "rb") as printed:
+            assert printed.read() == b""  # nobody is left who might print
+    for descriptor in (lifeline, held):
+        os.close(descriptor)
 
 
 def test_a_forked_component_lets_equal_pages_be_merged(component: Path, tmp_path: Path, runtime_folder: Path) -> None:

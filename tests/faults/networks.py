@@ -90,7 +90,8 @@ class _Network:
         home: Path | None = None,
         processes: int = 0,
     ) -> None:
-        self.folder = Path(tempfile.mkdtemp(prefix="rcf-", dir="/dev/shm"))  # in memory, as run-time folders of logins
+        memory = Path("/dev/shm")  # where run-time folders of logins are
+        self.folder = Path(tempfile.mkdtemp(prefix="rcf-", dir=memory if memory.is_dir() else None))
         self.run_folder = self.folder / "run"
         self.run_folder.mkdir(mode=0o700)
         self.environment = os.environ | {

@@ -103,6 +103,10 @@ class Zygote:
         if not self.ended:
             self.ended = True
             asyncio.get_running_loop().remove_reader(self._channel)
+            with contextlib.suppress(OSError):
+                self._channel.shutdown(socket.SHUT_RDWR)  # whoever can tell us no more ends what it starts
+            while message := self._read():  # what was told before runs, and would be started again
+                self._settle(message)
             self._channel.close()
             self._running.kill()
         if self._running.returncode is None:
@@ -123,15 +127,23 @@ class Zygote:
                 await asyncio.sleep(0.005)
 
     def _answered(self) -> None:
-        try:
-            message = self._channel.recv(65536)
-        except BlockingIOError:
-            return
-        except OSError:
-            message = b""
-        if not message:
+        message = self._read()
+        if message:
+            self._settle(message)
+        elif message is not None:
             self.close()
-            return
+
+    def _read(self) -> bytes | None:
+        """The next answer; None if there is none yet, empty if there is to be none any more."""
+        while True:
+            try:
+                return self._channel.recv(65536)
+            except BlockingIOError:
+                return None
+            except ConnectionResetError:  # told once, and before what was answered before it
+                continue
+
+    def _settle(self, message: bytes) -> None:
         told: dict[str, Any] = json.loads(message)
         _, answer = self._asked.get(told["id"], ("", None))
         if answer is None or answer.done():

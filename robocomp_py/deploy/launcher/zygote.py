@@ -55,9 +55,6 @@ _NEEDED = (
 _MAX = 1 << 18
 """Bytes of a request."""
 
-_ADOPTED = 5.0
-"""Seconds within which a new process belongs to who launched it."""
-
 _BROOD = 8
 """How many have one process in between; the first of them waits for the last."""
 
@@ -169,10 +166,13 @@ def _bear(channel: socket.socket, lifeline: int, message: bytes, pipes: list[int
         if not born:
             channel.close()
             return _born(middle, lifeline, request, pipes)
-        _answer(channel, request, pid=born)
+        if not _answer(channel, request, pid=born):  # it would be started again, or is not wanted any more
+            os.kill(born, signal.SIGKILL)
+            os.waitpid(born, 0)
+            break
         for pipe in pipes:
             os.close(pipe)
-        if not more or not select.select([channel], [], [], 0)[0]:
+        if not more or not _is_readable(channel.fileno(), 0):
             break
         with contextlib.suppress(OSError):
             message, pipes, _, _ = socket.recv_fds(channel, _MAX, 4)
@@ -187,7 +187,7 @@ def _born(middle: int, lifeline: int, request: Mapping[str, Any], pipes: list[in
     with contextlib.suppress(ProcessLookupError):
         its_end = os.pidfd_open(middle)
         if os.getppid() == middle:
-            select.select([its_end], [], [], _ADOPTED)
+            _is_readable(its_end, None)  # as long as it takes: nobody but the kernel has to tell
         os.close(its_end)
     with contextlib.suppress(BaseException):
         files = tuple(request["files"]) if request["files"] else None
@@ -200,9 +200,19 @@ def _born(middle: int, lifeline: int, request: Mapping[str, Any], pipes: list[in
     os._exit(127)
 
 
-def _answer(channel: socket.socket, request: Mapping[str, Any], **told: Any) -> None:
-    with contextlib.suppress(OSError):  # it has gone, and we will
+def _is_readable(descriptor: int, milliseconds: int | None) -> bool:
+    looking = select.poll()
+    looking.register(descriptor, select.POLLIN)
+    return bool(looking.poll(milliseconds))
+
+
+def _answer(channel: socket.socket, request: Mapping[str, Any], **told: Any) -> bool:
+    """Whether it is told: who has asked may have gone."""
+    try:
         channel.send(json.dumps({"id": request["id"], **told}).encode())
+    except OSError:
+        return False
+    return True
 
 
 def become(request: Mapping[str, Any], shown: tuple[int, int]) -> int:
