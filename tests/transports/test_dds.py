@@ -7,6 +7,7 @@ import gc
 import itertools
 import multiprocessing
 import os
+import socket
 import subprocess
 import sys
 import threading
@@ -70,7 +71,7 @@ from robocomp_py.transports.dds import asking as asking_module
 from robocomp_py.transports.dds import endpoints as endpoints_module
 from robocomp_py.transports.dds import serving as serving_module
 from robocomp_py.transports.dds import transport as transport_module
-from robocomp_py.transports.dds.domain import address_of, compose, note_on_sockets, settings
+from robocomp_py.transports.dds.domain import _udp_sockets, address_of, compose, note_on_sockets, settings
 from robocomp_py.transports.dds.link import KEEP_ALL, endpoint_qos
 from robocomp_py.transports.dds.serving import COMMANDS_WAITING, QUERIES_WAITING
 from robocomp_py.transports.dds.topics import BYTES_WAITING, MESSAGES_WAITING
@@ -946,6 +947,17 @@ def test_who_follows_a_killed_server_need_not_try_twice(
     caller = there.caller(query(name))
     assert caller.wait_peer(SOON)
     assert unblob(there, caller.ask(blob(there, b"next"), SOON).payload) == b"NEXT"
+
+
+def test_other_hosts_do_not_reach_one_that_talks_to_none(there: DDSTransport) -> None:
+    """Its sockets are those of the loopback interface, though the library opens them for all addresses."""
+    first = 7400 + 250 * there.bus.participant.domain_id  # by the standard, 9.6.2.3
+    heard = set()
+    for number in _udp_sockets():
+        with socket.socket(fileno=os.dup(number)) as each:
+            if first <= each.getsockname()[1] < first + 250:
+                heard.add(each.getsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, 16))
+    assert heard == {b"lo\0"}
 
 
 @pytest.mark.parametrize("ask", ["ask", "call"])

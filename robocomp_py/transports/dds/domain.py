@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import fcntl
 import logging
 import os
@@ -12,6 +14,7 @@ import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from urllib.parse import unquote, urlparse
 from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
@@ -24,6 +27,9 @@ from ..memory import keep_memory
 from .library import creating, forget
 
 log = logging.getLogger("robocomp.transport.dds")
+
+_libc = ctypes.CDLL(None, use_errno=True)
+"""For options of sockets that are not Python's, whose objects would change more about them than that."""
 
 
 def settings(
@@ -243,13 +249,44 @@ def open_domain(id: int, interface: str, peers: tuple[str, ...] = (), many: bool
 
 
 def _new_domain(id: int, config: str, asked: _Asked) -> Domain | None:
+    before = set(_udp_sockets())
     try:
-        return Domain(id, config)
+        domain = Domain(id, config)
     except DDSException as exc:
         if exc.code != DDSException.DDS_RETCODE_PRECONDITION_NOT_MET:
             raise _why(id, config, asked) from exc
+    else:
+        _keep_to_loopback({number: at for number, at in _udp_sockets().items() if number not in before})
+        return domain
     log.warning("domain %d was opened by other code of this process; its settings apply to us, too", id)
     return None
+
+
+def _keep_to_loopback(sockets: Mapping[int, str]) -> None:
+    """If a domain uses the loopback interface alone, have its sockets hear nothing else.
+
+    The library sends from the address of its interface, but listens at all of the host's: others would reach it.
+    """
+    if not any(address.startswith("127.") for address in sockets.values()):
+        return
+    for number in sockets:
+        if _libc.setsockopt(number, socket.SOL_SOCKET, socket.SO_BINDTODEVICE, b"lo", len(b"lo")):
+            why = os.strerror(ctypes.get_errno())
+            log.warning("DDS: other hosts may reach ports of this component, though it talks to none: %s", why)
+            return
+
+
+def _udp_sockets() -> dict[int, str]:
+    """Those of this process for IPv4: the address where each listens, by its number. None where there is no /proc."""
+    found = {}
+    with contextlib.suppress(OSError):
+        table = Path("/proc/self/net/udp").read_text().splitlines()[1:]
+        addresses = {f"socket:[{words[9]}]": words[1] for words in map(str.split, table)}
+        for number in os.listdir("/proc/self/fd"):
+            with contextlib.suppress(OSError):  # closed by now
+                if listening := addresses.get(os.readlink(f"/proc/self/fd/{number}")):
+                    found[int(number)] = socket.inet_ntoa(struct.pack("=I", int(listening.partition(":")[0], 16)))
+    return found
 
 
 def _why(id: int, config: str, asked: _Asked) -> TransportError | ConfigurationError:
