@@ -29,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     signal.signal(signal.SIGINT, signal.default_int_handler)  # what `nohup`, or `&` in a script, has ignored would be
     signal.signal(signal.SIGHUP, signal.SIG_DFL)  # ignored by what we start, too, and then it does not end by that
     full = not options.reduced
-    expected = sum(row.seconds for row, _ in chosen) * (1.0 if full else _REDUCED)
+    expected = sum(row.lasts(options.frames) for row, _ in chosen) * (1.0 if full else _REDUCED)
     print(f"{len(chosen)} runs, about {expected / 60:.0f} minutes; seed {options.seed}", flush=True)
     found = [_run(row, transport, options.seed, full, options.frames) for row, transport in chosen]
     print()

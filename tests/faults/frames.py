@@ -9,10 +9,11 @@ from .laboratory import Remote
 from .rows import HERE, Figure, Result, Row, Run
 
 _CHANNEL, _COMMANDS = "faults/Conformance/op", "faults/Conformance/command"
+_FRAMES = 100_000
 
 
 def _fuzzed(run: Run) -> Result:
-    count = run.frames or run.rounds(100_000, 2_000)
+    count = run.frames or run.rounds(_FRAMES, 2_000)
     with run.laboratory() as laboratory:
         target, honest, hostile = (laboratory.start(name) for name in ("target", "honest", "hostile"))
         target.serve(channel=_CHANNEL, idempotent=True)
@@ -77,6 +78,7 @@ ROWS = [
         (*HERE, "ice"),
         60,
         _fuzzed,
+        frames=_FRAMES,
     ),
     Row(
         "oversized",

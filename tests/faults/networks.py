@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import random
@@ -20,6 +21,7 @@ from .checker import Violation
 from .laboratory import PATIENCE, until
 from .nemesis import deeds
 from .rows import Figure, Result, Row, Run
+from .surroundings import LEAPS, with_clock
 
 _IDSL = "module RoboCompEcho { interface Echo { idempotent int say(int number); }; };\n"
 _CDSL = """import "Echo.idsl";
@@ -237,6 +239,43 @@ def _crowd(run: Run, count: int, to_a_process: int) -> Result:
     )
 
 
+def _leapt(run: Run) -> Result:
+    """The clock of rcdeploy and its components leaps by an hour, forward and back, while `compute` runs."""
+    leaps, period = run.rounds(20, 4), 0.05
+    with _Network(2, run.transport, period=period) as network:
+        clock = network.folder / "clock"
+        clock.write_text("+0")
+        network.environment |= with_clock(clock)
+        deployer = network.start("asking")
+        until(network.called, 60.0, "calls")
+        begun = time.monotonic()
+        for number in range(leaps):
+            time.sleep(0.5)
+            clock.write_text(LEAPS[number % len(LEAPS)])
+        time.sleep(0.5)
+        seconds = time.monotonic() - begun
+        code = deployer.poll()
+        unmoved = [what for pid, what in network.processes().items() if "libfaketime" not in _mapped(pid)]
+        lines = [line.split() for line in (network.folder / "calls").read_text().splitlines()[:-1]]
+        at = sorted(float(each[0]) for each in lines if begun < float(each[0]) < begun + seconds)
+        deployer.send_signal(signal.SIGTERM)
+        deployer.wait(30.0)
+        said, left = network.said.read_text(), network.processes()
+    violations = [Violation("nobody left", f"{pid} {what}") for pid, what in left.items()]
+    violations += [Violation("clock", f"is libfaketime at work in {what}?") for what in unmoved]
+    if code is not None or "again" in said:
+        violations.append(Violation("runs on", f"rcdeploy: {code}, and said: …{said[-300:]}"))
+    return Result(
+        [
+            Figure("leaps", leaps),
+            Figure("`compute` ran", len(at)),
+            Figure("left out", max(0.0, 1 - len(at) / (seconds / period)) * 100, "%", 5, timed=True),
+            Figure("longest pause", max(late - early for early, late in itertools.pairwise(at)), "s", 0.5, timed=True),
+        ],
+        violations,
+    )
+
+
 def _stormy(run: Run) -> Result:
     """One fails at once, is started again and again, and its neighbours ask each other meanwhile."""
     seconds = run.rounds(30, 3)
@@ -248,9 +287,9 @@ def _stormy(run: Run) -> Result:
             deployer = network.start(*faults.split())
             until(network.called, 60.0, "calls")
             time.sleep(2.0)
-            before, since = _cpu(deployer.pid), time.monotonic()
+            before, since = _cpu(network, deployer.pid), time.monotonic()
             time.sleep(seconds)
-            used = (_cpu(deployer.pid) - before) / (time.monotonic() - since)
+            used = (_cpu(network, deployer.pid) - before) / (time.monotonic() - since)
             lines = [line.split() for line in (network.folder / "calls").read_text().splitlines()[:-1]]
             took = sorted(float(each[1]) for each in lines if float(each[0]) > since)
             measured[faults] = took[int(len(took) * 0.99)], used, network.said.read_text().count("n0")
@@ -379,10 +418,19 @@ def _do(deployer: subprocess.Popen[str], what: str, chance: random.Random) -> No
             deployer.send_signal(signal.SIGINT)
 
 
-def _cpu(pid: int) -> float:
-    """Seconds that a process has computed."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+def _mapped(pid: int) -> str:
+    """The files that a process has in its memory."""
+    return Path(f"/proc/{pid}/maps").read_text()
+
+
+def _cpu(network: _Network, deployer: int) -> float:
+    """Seconds that rcdeploy has computed, with what starts and keeps processes for it."""
+    its_own = [pid for pid, what in network.processes().items() if "robocomp_py.deploy.launcher" in what]
+    used = 0.0
+    for pid in (deployer, *its_own):
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        used += sum(map(int, fields[11:15] if pid != deployer else fields[11:13])) / os.sysconf("SC_CLK_TCK")
+    return used
 
 
 ROWS = [
@@ -393,6 +441,15 @@ ROWS = [
         ("zeromq",),
         90,
         _stormy,
+    ),
+    Row(
+        "timers",
+        "clock jump ± 1 h of rcdeploy and its components",
+        "no timer misfires: `compute` runs in its period, nobody is taken for stuck, ended or started again",
+        ("zeromq",),
+        15,
+        _leapt,
+        root=True,
     ),
     Row(
         "end",

@@ -82,6 +82,12 @@ class Row:
     """Whether a few rounds of it are part of `make faults-ci`."""
     root: bool = False
     """Whether it takes root, and programs that .ci/run installs."""
+    frames: int = 0
+    """How many damaged frames are sent, where another number may be asked for."""
+
+    def lasts(self, frames: int) -> float:
+        """Seconds over one transport, with so many frames; 0 for as many as usual."""
+        return self.seconds * (frames / self.frames if frames and self.frames else 1.0)
 
 
 def _rounded(value: float) -> str:

@@ -17,6 +17,21 @@ from .topics import greet, last_heard
 
 _CALLS, _TOPIC = "faults/Conformance/op", "faults/Conformance/topic"
 _HOUR = 3600
+LEAPS = ("+1h", "+0", "-1h", "+0")
+"""What is written to the file of `with_clock`, one after the other."""
+
+
+def with_clock(file: Path) -> dict[str, str]:
+    """The environment of processes whose clock is off by what a file says; their monotonic one is right."""
+    found = sorted(Path("/usr/lib").glob("*/faketime/libfaketimeMT.so.1"))
+    if not found:
+        raise RuntimeError("there is no libfaketime here: apt-get install libfaketime")
+    return {
+        "LD_PRELOAD": str(found[0]),
+        "FAKETIME_TIMESTAMP_FILE": str(file),
+        "FAKETIME_NO_CACHE": "1",
+        "FAKETIME_DONT_FAKE_MONOTONIC": "1",
+    }
 
 
 def _leaping(run: Run) -> Result:
@@ -25,13 +40,7 @@ def _leaping(run: Run) -> Result:
     with run.laboratory() as laboratory:
         clock = laboratory.folder / "clock"
         clock.write_text("+0")
-        laboratory.prefix = (
-            "env",
-            f"LD_PRELOAD={_libfaketime()}",
-            f"FAKETIME_TIMESTAMP_FILE={clock}",
-            "FAKETIME_NO_CACHE=1",
-            "FAKETIME_DONT_FAKE_MONOTONIC=1",
-        )
+        laboratory.prefix = ("env", *(f"{name}={value}" for name, value in with_clock(clock).items()))
         server, client, publisher, subscriber = (laboratory.start(name) for name in ("s", "c", "p", "h"))
         server.serve(channel=_CALLS)
         subscriber.subscribe(channel=_TOPIC, depth=1000)
@@ -41,7 +50,7 @@ def _leaping(run: Run) -> Result:
         before = server.clock()
         for number in range(leaps):
             time.sleep(0.5)
-            clock.write_text(("+1h", "+0", "-1h", "+0")[number % 4])
+            clock.write_text(LEAPS[number % len(LEAPS)])
             if number == 0:
                 leapt = server.clock() - before
         time.sleep(0.5)
@@ -129,18 +138,11 @@ def _took(history: list[Event]) -> list[float]:
     return [event.at - asked[event.call] for event in history if isinstance(event, Ended)]
 
 
-def _libfaketime() -> str:
-    found = sorted(Path("/usr/lib").glob("*/faketime/libfaketimeMT.so.1"))
-    if not found:
-        raise RuntimeError("there is no libfaketime here: apt-get install libfaketime")
-    return str(found[0])
-
-
 ROWS = [
     Row(
         "clock",
         "clock jump ± 1 h",
-        "nothing lost, no timer misfires; component runs on",
+        "nothing lost; who talks goes on",
         HERE,
         20,
         _leaping,
