@@ -52,7 +52,7 @@ def changes(running: Json, wanted: Json) -> list[Change]:
     return found
 
 
-_FIELDS = ("component", "instances", "host", "cwd", "env", "after", "restart", "grace")
+_FIELDS = ("component", "instances", "host", "cwd", "env", "after", "notifies", "restart", "grace")
 
 
 def _changed(name: str, before: Json, after: Json) -> list[Change]:
@@ -89,6 +89,8 @@ def _words(value: object) -> list[str]:
     match value:
         case None | "":
             return []
+        case bool():
+            return ["yes" if value else "no"]
         case dict():
             return [f"{key}={inner}" for key, inner in value.items()]
         case list() | tuple():

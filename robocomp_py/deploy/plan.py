@@ -124,6 +124,7 @@ def _process_to_json(process: Process) -> dict[str, Any]:
         "env": dict(process.env),
         "after": list(process.after),
         "notifies": process.notifies,
+        "is_program": process.is_program,
         "host": process.host,
         "restart": {**asdict(process.restart), "when": str(process.restart.when)},
         "grace": process.grace,

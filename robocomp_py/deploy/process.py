@@ -31,6 +31,8 @@ class Process:
     """Those that must be ready before it is started."""
     notifies: bool = True
     """Whether it says itself when it is ready; else it counts as ready once it runs."""
+    is_program: bool = False
+    """Whether it is a program of somebody's own, and not components of ours."""
     members: tuple[Member, ...] = ()
     """Those that are in it, in the order in which they start; none if it is that of the instance it is called like."""
     host: str = ""

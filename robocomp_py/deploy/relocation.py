@@ -35,7 +35,7 @@ def relocate(process: Process, moved: Places, python: str) -> tuple[str, ...]:
     """The command of a process there, where the interpreter is called `python`."""
     names = {str(path): place for path, place in moved.items()}
     first, *rest = (names.get(word, word) for word in process.command)
-    return (python if process.notifies else first, *rest)
+    return (first if process.is_program else python, *rest)
 
 
 def _free(name: str, taken: set[str]) -> str:

@@ -202,7 +202,7 @@ def secured(plan: Plan, folder: Path) -> Plan:
 
 def _with_keys(process: Process, folder: Path) -> Process:
     """What is not ours is told nothing; its keys are there for it all the same."""
-    if not process.notifies:
+    if process.is_program:
         return process
     words: list[str] = []
     done = False

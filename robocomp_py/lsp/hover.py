@@ -126,6 +126,7 @@ _NETWORK_WORDS = {
     "local": "only this user on this machine takes part: loopback, sockets and shared memory of one folder",
     "lan": "only who has a key takes part, and everything is encrypted: see `rcdeploy keys`",
     "open": "whoever reaches the network takes part",
+    "notifies": "the program tells by sd_notify(3) when it is ready, and others wait for that",
     "stop": "what runs on the host ends when whoever launched the network is gone",
     "keep": "what runs on the host goes on when whoever launched the network is gone",
 }

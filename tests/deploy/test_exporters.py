@@ -124,7 +124,7 @@ def test_a_process_becomes_a_service_of_the_network(folder: Path) -> None:
 
 
 def test_a_program_that_says_nothing_is_ready_once_it_runs(folder: Path) -> None:
-    program = Process("lidar", "Lidar", ("urg_node",), folder, notifies=False)
+    program = Process("lidar", "Lidar", ("urg_node",), folder, notifies=False, is_program=True)
     assert parts(only(EXPORTERS["systemd"](network(program), "net.ddsl"), ".service"))["Type"] == ["exec"]
 
 
@@ -135,7 +135,7 @@ def test_a_component_that_hangs_is_ended_as_by_rcdeploy_and_then_restart_counts(
 
 
 def test_what_feeds_no_watchdog_is_not_ended_for_that(folder: Path) -> None:
-    program = Process("lidar", "Lidar", ("urg_node",), folder, notifies=False)
+    program = Process("lidar", "Lidar", ("urg_node",), folder, is_program=True)
     plan = network(program, routers={"": {"connect": "here/Patrol"}}, storms=("S:tcp -p 9999", "S:tcp -p 9998"))
     units = [text for name, text in EXPORTERS["systemd"](plan, "n").files.items() if name.suffix == ".service"]
     assert len(units) == 4
@@ -145,6 +145,13 @@ def test_what_feeds_no_watchdog_is_not_ended_for_that(folder: Path) -> None:
 def test_no_grace_at_all_is_not_for_ever(folder: Path) -> None:
     unit = parts(only(EXPORTERS["systemd"](network(component(folder, "laser", grace=0)), "net.ddsl"), ".service"))
     assert float(unit["TimeoutStopSec"][0]) > 0
+
+
+def test_a_program_that_says_so_is_ready_when_it_says_so(folder: Path) -> None:
+    program = Process("lidar", "Lidar", ("urg_node",), folder, is_program=True)
+    export = EXPORTERS["systemd"](network(program), "net.ddsl")
+    assert parts(only(export, ".service"))["Type"] == ["notify"]
+    assert export.notes == ()
 
 
 def test_units_of_other_hosts_go_with_their_components(folder: Path) -> None:
@@ -243,12 +250,26 @@ def test_a_process_becomes_a_service_of_compose(folder: Path) -> None:
 
 
 def test_only_who_says_so_is_waited_for_until_it_is_ready(folder: Path) -> None:
-    program = Process("lidar", "Lidar", ("urg_node",), folder, notifies=False)
+    program = Process("lidar", "Lidar", ("urg_node",), folder, notifies=False, is_program=True)
     export = EXPORTERS["compose"](network(program, component(folder, "arm", after=("lidar",))), "n")
     document = compose_file(only(export, "compose.yaml"))
     assert document["services"]["arm"]["depends_on"] == {"lidar": {"condition": "service_started"}}
     assert "healthcheck" not in document["services"]["lidar"]
     assert "`lidar` runs `urg_node`: add what installs it to the Dockerfile" in export.notes
+
+
+def test_containers_are_not_asked_for_a_file_that_only_components_of_ours_make(folder: Path) -> None:
+    program = Process("lidar", "Lidar", ("urg_node",), folder, is_program=True)
+    plan = network(program, component(folder, "arm", after=("lidar",)))
+    composed, cluster = EXPORTERS["compose"](plan, "n"), EXPORTERS["kubernetes"](plan, "n")
+    services = compose_file(only(composed, "compose.yaml"))["services"]
+    assert services["arm"]["depends_on"] == {"lidar": {"condition": "service_started"}}
+    assert "healthcheck" not in services["lidar"]
+    lidar, arm = manifest(only(cluster, ".yaml"))["spec"]["template"]["spec"]["containers"]
+    assert ("readinessProbe" in lidar, "readinessProbe" in arm) == (False, True)
+    for export in (composed, cluster):
+        assert any("hears no sd_notify: `notifies` of lidar has no effect" in note for note in export.notes)
+        assert "`lidar` runs `urg_node`: add what installs it to the Dockerfile" in export.notes
 
 
 @pytest.mark.parametrize("text", NASTY)
@@ -337,6 +358,7 @@ def test_files_keep_their_names_where_these_are_free(tmp_path: Path) -> None:
     }
     changed = replace(process, command=(sys.executable, "run", str(one), "--set", f"params.x={one}"))
     assert relocate(changed, moved, "python") == ("python", "run", "/app/laser", "--set", f"params.x={one}")
+    assert relocate(replace(changed, is_program=True), moved, "python")[:2] == (sys.executable, "run")
 
 
 @pytest.mark.parametrize("kind", EXPORTERS)

@@ -110,6 +110,8 @@ def test_another_host_or_restart_or_order_is_a_change() -> None:
     assert (change.of, change.removed, change.added) == ("after", ("body",), ("laser",))
     [change] = differing(PLAN, with_process("brain", grace=3.0, env={}))
     assert (change.of, change.added) == ("grace", ("3.0",))
+    [change] = differing(PLAN, with_process("brain", notifies=False))
+    assert (change.of, change.removed, change.added) == ("notifies", ("yes",), ("no",))
 
 
 def test_what_holds_for_the_whole_network_is_a_change_of_it() -> None:

@@ -152,7 +152,22 @@ def test_a_program_of_ones_own_is_run_as_it_is(folder: Path) -> None:
     assert found is not None
     (process,) = found.processes
     assert process.command == (str(script), "a b", "c")
-    assert (process.cwd, process.notifies) == (folder, False)
+    assert (process.cwd, process.notifies, process.is_program) == (folder, False, True)
+
+
+def test_a_program_that_says_when_it_is_ready_is_waited_for(folder: Path) -> None:
+    body = 'Component sensor { existing "sleep 60"; notifies; }; Component driver { dependences sensor; };'
+    found, diagnostics = plan(folder, body)
+    assert diagnostics == []
+    assert found is not None
+    assert [(each.name, each.notifies, each.is_program) for each in found.processes] == [
+        ("sensor", True, True),
+        ("driver", True, False),
+    ]
+    assert [(each["notifies"], each["is_program"]) for each in found.to_json()["processes"]] == [
+        (True, True),
+        (True, False),
+    ]
 
 
 def test_who_subscribes_hears_a_program_of_ones_own_beside_the_others(folder: Path) -> None:
@@ -198,6 +213,7 @@ WRONG = {
     'Component sensor { existing "./no-such-program"; };': ["missing-file"],
     'Component sensor { existing "sleep"; qos LaserPub(reliable); };': ["configuration"],
     "Component sensor { restart always(intensity 0); };": ["bad-restart"],
+    "Component sensor { notifies; };": ["not-a-program"],
     "System left { Component sensor { }; }; Component left : driver { };": ["duplicate"],
     "System a { Component sensor { }; }; System b { Component sensor { }; }; Component driver { };": [
         "ambiguous-provider"

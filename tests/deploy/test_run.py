@@ -18,9 +18,11 @@ import pytest
 from robocomp_py.contract.interface import Verb
 from robocomp_py.deploy.agents import Agent, Usage
 from robocomp_py.deploy.plan import Link, Member, OpenedTransport, Plan, Process
+from robocomp_py.deploy.planner import make_plan
 from robocomp_py.deploy.policy import Restart, State, When
 from robocomp_py.deploy.run import Options, run, run_plan
 from robocomp_py.deploy.telling import Display
+from robocomp_py.dsl.workspace import Workspace
 from robocomp_py.testing.patience import SOON
 from robocomp_py.transports.base import TransportConfig
 
@@ -105,6 +107,37 @@ def test_who_is_not_ready_is_told_again_and_again_with_what_is_known() -> None:
     told = Patient()
     assert run(network(hello=status, asker=FOREVER, after="hello"), Options(remind=0.01), told) == 130
     assert reason in told.said
+
+
+def test_who_depends_on_a_program_that_notifies_starts_when_that_says_that_it_is_ready(tmp_path: Path) -> None:
+    warms_up = f"{NOTIFY}\nnotify('STATUS=warming up')\nopen('gate').read(1)\nprint('warm', flush=True)"
+    (tmp_path / "lidar.py").write_text(f"{warms_up}\nnotify('READY=1')\n{FOREVER}")
+    (tmp_path / "map.py").write_text("print('mapping')")
+    (tmp_path / "program.cdsl").write_text("Component program { language python; };")
+    network = tmp_path / "net.ddsl"
+    network.write_text(f"""import "program.cdsl"; Deployment net {{
+        Component lidar : program {{ existing "'{sys.executable}' -IS lidar.py"; notifies; }};
+        Component map : program {{ existing "'{sys.executable}' -IS map.py"; dependences lidar; }};
+    }};""")
+    plan = make_plan(network, Workspace())
+    assert plan is not None
+    os.mkfifo(tmp_path / "gate")
+    gate = os.open(tmp_path / "gate", os.O_RDWR)
+    reason = ("waiting", "lidar (warming up)", "map (after lidar)")
+
+    class Opening(Told):
+        def waiting(self, whom: list[str]) -> None:
+            super().waiting(whom)
+            if ("waiting", *whom) == reason:
+                os.write(gate, b".")
+
+    told = Opening()
+    try:
+        assert run(plan, Options(remind=0.01, until="map"), told) == 0
+    finally:
+        os.close(gate)
+    said = [words for words in told.said if words == reason or words[0] == "line"]
+    assert said == [reason, ("line", "lidar", "warm"), ("line", "map", "mapping")]
 
 
 def test_a_failure_while_others_start_stops_them_and_says_whose_it_was() -> None:

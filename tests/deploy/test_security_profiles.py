@@ -122,7 +122,7 @@ def test_of_a_process_with_several_instances_each_is_told(tmp_path: Path) -> Non
 
 def test_programs_of_ones_own_and_local_networks_are_left_as_they_are(tmp_path: Path) -> None:
     plan = network()
-    program = replace(plan.processes[0], notifies=False)
+    program = replace(plan.processes[0], is_program=True)
     assert secured(replace(plan, processes=(program,)), tmp_path).processes == (program,)
     local = replace(plan, security=Security.LOCAL)
     assert secured(local, tmp_path) is local

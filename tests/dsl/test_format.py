@@ -155,7 +155,7 @@ def test_a_deployment_in_our_style() -> None:
         """
         import "a.cdsl"; Deployment net{middleware zenoh;namespace a / b;
         Component x:a{ip ::1;args "a","b";requires Laser from y;process p;qos publishes X( reliable,deadline 5 ms,) ;}
-        Component y:a{};Component z:a{};}
+        Component y:a{};Component z:a{existing "z";notifies;}}
         """,
         """
         import "a.cdsl";
@@ -174,7 +174,12 @@ def test_a_deployment_in_our_style() -> None:
                 qos publishes X(reliable, deadline 5 ms);
             };
             Component y : a { };
-            Component z : a { };
+
+            Component z : a
+            {
+                existing "z";
+                notifies;
+            };
         };
         """,
     )

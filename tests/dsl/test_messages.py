@@ -486,6 +486,25 @@ net.ddsl:1:34: error[syntax]: unexpected `escalation`; expected `args`, `config`
                                      ^^^^^^^^^^
     what has one is the network, or a `System`""",
     ),
+    "a clause of a component in the block of a system": (
+        "net.ddsl",
+        'Deployment net { System arms { notifies; Component arm { existing "reach"; }; }; };',
+        """\
+net.ddsl:1:32: error[syntax]: unexpected `notifies`; expected `Component`, `System`, `escalation`, `host`, `restart` \
+or `}`
+    Deployment net { System arms { notifies; Component arm { existing "reach"; }; }; };
+                                   ^^^^^^^^
+    this is said for each component, in its block""",
+    ),
+    "a generated component that is to say when it is ready": (
+        "net.ddsl",
+        "Deployment net { Component arm { notifies; }; };",
+        """\
+net.ddsl:1:34: error[not-a-program]: `arm` is a generated component, which tells by itself when it is ready
+    Deployment net { Component arm { notifies; }; };
+                                     ^^^^^^^^^
+    remove it, or name the program by `path` or `existing`""",
+    ),
     "the word of a host in another case": (
         "net.ddsl",
         'Deployment net { Host onboard { address "10.0.0.1"; }; };',

@@ -62,7 +62,7 @@ WORDS = {
     " deadline reliable language python gui Qt options statemachine params period s worker concurrent",
     ".pdsl": "ComponentParams List int float double string bool true enum mandatory T",
     ".ddsl": "Deployment Component path ip port config dependences middleware namespace env args requires from host"
-    " System restart ::1 10.0.0.1 process qos publishes ( ) depth 5",
+    " System restart ::1 10.0.0.1 process qos publishes ( ) depth 5 existing notifies",
     ".smdsl": "game states initial_state end_state transitions transition parallel => : begin loop over",
 }
 MODELS = {

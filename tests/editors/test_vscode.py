@@ -91,6 +91,7 @@ AROUND = {
         "Escalation": IN_DEPLOYMENT.replace("%s", "restart always; %s Component test : camera { };"),
         "Security": IN_DEPLOYMENT,
         "Existing": IN_INSTANCE,
+        "Notifies": IN_INSTANCE.replace("%s", 'existing "sleep 60"; %s'),
         "Grace": IN_INSTANCE,
     },
     "smdsl": {

@@ -132,7 +132,7 @@ import "chess/chess.cdsl";
 Deployment fleet
 {
     host onboard { address "192.168.1.10"; };
-    Component spare : arm { host onboard; restart always(period 10); };
+    Component spare : arm { host onboard; restart always(period 10); existing "spare"; notifies; };
     System north
     {
         host onboard;

@@ -181,12 +181,12 @@ def test_a_network_is_written_with_what_fits(editor: Editor, inside: str, expect
         ("Component chess { restart always(|); };", {"intensity", "period", "delay", "max_delay"}, {"left"}),
         ("escalation |;", {"one_for_one", "rest_for_one", "one_for_all"}, {"left"}),
         ("security |;", {"local", "lan", "open"}, {"left"}),
-        ("System a { | };", {"Component", "System", "host", "restart", "escalation"}, {"middleware"}),
+        ("System a { | };", {"Component", "System", "host", "restart", "escalation"}, {"middleware", "notifies"}),
         ("System a { Component x : arm { }; Component chess { dependences |; }; };", {"left", "x"}, {"a/x", "chess"}),
         ("System a { Component left : arm { }; Component b : arm { dependences |; }; };", {"left", "/left"}, {"b"}),
         ("System a { Component x : arm { }; }; Component chess { requires Arm from |; };", {"left", "a/x"}, {"x"}),
         ("| Component chess { };", {"System", "host", "security", "restart", "escalation"}, {"grace"}),
-        ("Component chess { | };", {"existing", "grace", "restart", "host"}, {"security"}),
+        ("Component chess { | };", {"existing", "grace", "notifies", "restart", "host"}, {"security"}),
     ],
 )
 def test_a_network_on_several_hosts_is_written_with_what_fits(

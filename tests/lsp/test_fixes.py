@@ -96,6 +96,7 @@ NOT_FIXABLE = {
     "no-states",
     "nobody-provides",
     "nobody-publishes",
+    "not-a-program",
     "not-a-publication",
     "not-a-value-type",
     "not-an-exception",

@@ -74,6 +74,7 @@ def fleet(editor: Editor) -> Editor:
         ("dependences north/ha|nd", "Component hand : arm"),
         ("dependences nor|th/hand", "system of `fleet`, in fleet.ddsl"),
         ("restart al|ways", "`always`: it is started again whenever it has ended by itself"),
+        ("noti|fies;", "`notifies`: the program tells by sd_notify(3) when it is ready, and others wait for that"),
         ("escalation one_|for_one", "`one_for_one`: who has failed is started again, and nobody else"),
     ],
 )

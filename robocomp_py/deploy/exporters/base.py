@@ -108,7 +108,7 @@ def sites_of(plan: Plan, below: Callable[[Host | None], str]) -> list[Site]:
 
 def _keys(process: Process) -> Path | None:
     """The folder of its keys, which its command names; programs of other kinds may mean something else by that."""
-    words = process.command if process.notifies else ()
+    words = () if process.is_program else process.command
     return next((Path(folder) for word, folder in pairwise(words) if word == "--keys"), None)
 
 
@@ -168,7 +168,7 @@ def unique(names: Iterable[str], allowed: str, spelt: Callable[[str], str] = str
 
 def watches_itself(process: Process) -> bool:
     """Whether it feeds a watchdog. What only carries messages says that it is ready, and no more."""
-    return process.notifies and not process.name.startswith((ROUTER, BROKER))
+    return process.notifies and not process.is_program and not process.name.startswith((ROUTER, BROKER))
 
 
 def grace(process: Process) -> float:
@@ -240,7 +240,7 @@ def told_once(notes: Iterable[str]) -> tuple[str, ...]:
 def brought(plan: Plan, recipe: str) -> Iterator[str]:
     """Which programs an image has to have, beside what we put into it."""
     for process in plan.processes:
-        if not process.notifies and not process.files:
+        if process.is_program and not process.files:
             yield f"`{process.name}` runs `{process.command[0]}`: add what installs it to {recipe}"
 
 
@@ -248,6 +248,13 @@ def unwatched(plan: Plan, engine: str) -> Iterator[str]:
     """What is lost of the watchdogs of components."""
     if any(watches_itself(each) and each.restart.when is not When.NEVER for each in plan.processes):
         yield f"{engine} does not notice a component that hangs, which rcdeploy would start again"
+
+
+def unheard(plan: Plan, engine: str) -> Iterator[str]:
+    """Whose word is lost that they are ready: containers are looked at, and not listened to."""
+    telling = [each.name for each in plan.processes if each.is_program and each.notifies]
+    if telling:
+        yield f"{engine} hears no sd_notify: `notifies` of {enumerated(telling)} has no effect, what runs is ready"
 
 
 def escalating(plan: Plan, engine: str) -> Iterator[str]:

@@ -22,6 +22,7 @@ from .base import (
     identifier,
     sites_of,
     told_once,
+    unheard,
     unique,
     unwatched,
 )
@@ -62,7 +63,7 @@ def _service(site: Site, process: Process, project: str, names: dict[str, str]) 
     command = [_plain(word) for word in site.command(process, "python")]
     environment = {name: _plain(value) for name, value in process.env.items()}
     service: dict[str, Any] = {"image": image, "build": ".", "command": command}
-    if process.notifies:
+    if not process.is_program:
         environment[READY_FILE] = READY
         service["tmpfs"] = ["/tmp"]  # empty at each start
         service["healthcheck"] = {
@@ -91,8 +92,8 @@ def _service(site: Site, process: Process, project: str, names: dict[str, str]) 
 
 
 def _condition(site: Site, name: str) -> dict[str, str]:
-    notifies = any(each.notifies for each in site.processes if each.name == name)
-    return {"condition": "service_healthy" if notifies else "service_started"}
+    is_program = any(each.is_program for each in site.processes if each.name == name)
+    return {"condition": "service_started" if is_program else "service_healthy"}
 
 
 def _restart(restart: Restart) -> str:
@@ -114,6 +115,7 @@ def _notes(plan: Plan) -> Iterator[str]:
     yield from escalating(plan, "compose")
     yield from unwatched(plan, "compose")
     yield from brought(plan, "the Dockerfile")
+    yield from unheard(plan, "compose")
     if any(each.restart.when is not When.NEVER for each in plan.processes):
         yield "compose has delays of its own between restarts, and counts all: `delay` and `period` have no effect"
 

@@ -26,6 +26,7 @@ from .base import (
     identifier,
     sites_of,
     told_once,
+    unheard,
     unwatched,
 )
 from .base import unique as unique_names
@@ -127,7 +128,7 @@ def _container(site: Site, process: Process, name: str, image: str) -> dict[str,
         "imagePullPolicy": "IfNotPresent",
         "command": [_plain(word) for word in site.command(process, "python")],
     }
-    if process.notifies:
+    if not process.is_program:
         environment[READY_FILE] = READY
         container["readinessProbe"] = {"exec": {"command": ["test", "-e", READY]}, "periodSeconds": 1}
     container["env"] = [{"name": key, "value": value} for key, value in environment.items()]
@@ -150,6 +151,7 @@ def _notes(plan: Plan) -> Iterator[str]:
     yield from escalating(plan, "Kubernetes")
     yield from unwatched(plan, "Kubernetes")
     yield from brought(plan, "the Dockerfile")
+    yield from unheard(plan, "Kubernetes")
     others = [each.name for each in plan.processes if each.restart.when is not When.ALWAYS]
     if others:
         yield f"Kubernetes starts again whatever ends, also {enumerated(others)}, with delays of its own"

@@ -13,7 +13,7 @@ from ..source import Name
 from . import model as m
 from .hosts import check_hosts
 from .order import process_dependences, processes_of, start_order
-from .programs import check_program
+from .programs import check_notifies, check_program
 from .restarts import check_restarts, read_restart
 from .scope import HERE, host_of, meanings, restart_of
 
@@ -33,6 +33,7 @@ def check(model: m.Deployment, report: Report) -> None:
     _check_processes(model, report)
     for instance in model.instances:
         check_program(instance, report)
+        check_notifies(instance, model.skipped, report)
         _check_qos(instance, report)
 
 

@@ -112,6 +112,8 @@ class Instance:
     """The time it has to end by itself."""
     existing: Name | None = None
     """The command line of a program that is not ours."""
+    notifies: Clause | None = None
+    """That the program tells when it is ready."""
     clauses: tuple[Clause, ...] = ()
     """All of them, in order."""
 

@@ -23,7 +23,7 @@ _HINTS = {
     r"\bescalation\b": "what has one is the network, or a `System`",
     r"\b(?:security|namespace)\b": "this is said once, for the whole network",
     r"\bmiddleware\b": "this is said for the network, or for a component",
-    r"\bgrace\b": "this is said for each component, in its block",
+    r"\bgrace\b|\b(?-i:notifies)\s*;": "this is said for each component, in its block",
     r"\w\s+/\s*\w|\w\s*/\s+\w": "there are no spaces around the slash: left/arm",
     r"\brestart\s+\w+\s+\d\S*": "settings have names, and stand in parentheses: restart on_failure(intensity 5);",
     r"\brestart\s+\w+\s*\([^);]*\d\s+\w+\s+\d": "a comma stands between two settings: (intensity 5, period 60)",
@@ -131,6 +131,8 @@ class _Builder:
                 return {"restart": m.Restart(names[0], self._settings(clause), self._span(clause))}
             case "grace":
                 return {"grace": amount_of(self._source, clause.children[0])}
+            case "notifies":
+                return {"notifies": m.Clause("notifies", self._span(clause))}
             case one:  # it has the name of the field
                 return {one: names[0]}
 

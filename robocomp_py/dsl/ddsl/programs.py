@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+from collections.abc import Set
 
 from ..diagnostics import Report
 from . import model as m
@@ -35,6 +36,14 @@ def check_program(instance: m.Instance, report: Report) -> None:
         message = f"`{found}` is for a shell, but none reads this: it would be given to the program"
         hint = "put it into single quotes if that is meant; else write a script, and name it here"
         report.error("bad-command", message, command.span, hint)
+
+
+def check_notifies(instance: m.Instance, skipped: Set[str], report: Report) -> None:
+    """Only of a program is it said that it tells when it is ready. `skipped`: words that syntax errors left out."""
+    if instance.notifies and not instance.program and not skipped & {"path", "existing"}:
+        message = f"`{instance.name}` is a generated component, which tells by itself when it is ready"
+        hint = "remove it, or name the program by `path` or `existing`"
+        report.error("not-a-program", message, instance.notifies.span, hint)
 
 
 def _shell_syntax(command: str) -> str:

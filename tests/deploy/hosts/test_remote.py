@@ -97,7 +97,9 @@ class Server:
 
 
 def program(code: str, name: str = "laser", **more: Any) -> Process:
-    return Process(name, "Laser", (sys.executable, "-c", code), Path("/"), host="robot", notifies=False, **more)
+    return Process(
+        name, "Laser", (sys.executable, "-c", code), Path("/"), host="robot", notifies=False, is_program=True, **more
+    )
 
 
 @pytest.fixture(autouse=True)
@@ -260,6 +262,7 @@ def test_a_folder_that_a_command_names_is_there_under_another_name_and_is_sent_o
             Path("/"),
             host="robot",
             notifies=False,
+            is_program=True,
             files=(own,),
         )
         async with serving(tmp_path) as server:

@@ -127,6 +127,19 @@ def test_a_program_that_is_there_already_is_read_with_its_arguments() -> None:
     only = instance("existing \"urg_node --frame 'base link'\";")
     assert str(only.existing) == "urg_node --frame 'base link'"
     assert only.program is only.existing
+    assert only.notifies is None
+
+
+def test_a_program_may_be_said_to_tell_when_it_is_ready() -> None:
+    only = instance('existing "urg_node"; notifies;')
+    assert only.notifies is not None
+    assert only.notifies.span.text == "notifies;"
+
+
+def test_where_the_program_could_not_be_read_nobody_says_that_there_is_none() -> None:
+    found = workspace(**{"net.ddsl": "Deployment net { Component a { existing sleep; notifies; }; };"})
+    found.check(FOLDER / "net.ddsl")
+    assert [each.code for each in found.report.diagnostics] == ["syntax"]
 
 
 NESTED = """

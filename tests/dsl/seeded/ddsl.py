@@ -183,6 +183,12 @@ SEEDS = [
         {"{ port 10004; }": '{ existing "«no-such-program --fast»"; }'},
     ),
     Seed(
+        "a program that is not named, and is to say when it is ready",
+        "not-a-program",
+        _FILE,
+        {"{ port 10004; }": "{ port 10004; «notifies;» }"},
+    ),
+    Seed(
         "others started again with none",
         "ineffective-escalation",
         _FILE,
