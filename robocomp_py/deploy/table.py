@@ -143,7 +143,7 @@ def _note(process: ProcessStatus) -> str:
     if process.next_start is not None:
         again = f"again in {process.next_start:.1f} s"
         return f"{process.how}; {again}" if process.how else again
-    return process.how or (process.status if process.state is State.STARTING else "")
+    return process.how or process.status
 
 
 def _maybe(form: Callable[[float], str], value: float | None) -> str:

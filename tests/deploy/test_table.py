@@ -44,8 +44,11 @@ def test_instances_that_share_a_process_stand_below_it() -> None:
 def test_why_something_is_as_it_is_stands_at_the_end() -> None:
     again = process("a", State.RESTARTING, pid=None, how="ended with exit code 3", next_start=3.72)
     waits = process("b", State.STARTING, status="waiting for Laser of world")
-    assert shown(again, waits)[1].endswith("  ended with exit code 3; again in 3.7 s")
-    assert shown(again, waits)[2].endswith("  waiting for Laser of world")
+    works = process("c", status="12 scans/s")
+    lines = shown(again, waits, works)
+    assert lines[1].endswith("  ended with exit code 3; again in 3.7 s")
+    assert lines[2].endswith("  waiting for Laser of world")
+    assert lines[3].endswith("  12 scans/s")
 
 
 def test_more_processes_than_lines_leave_those_that_are_well_out_and_say_how_many() -> None:
