@@ -514,7 +514,7 @@ def test_kubernetes_gets_no_keys_that_rcdeploy_did_not_make(folder: Path) -> Non
 
 @pytest.mark.parametrize("kind", EXPORTERS)
 def test_what_a_program_of_another_kind_calls_keys_is_its_own_affair(folder: Path, kind: str) -> None:
-    program = Process("lidar", "Lidar", ("urg_node", "--keys", "/etc/lidar"), folder, notifies=False)
+    program = Process("lidar", "Lidar", ("urg_node", "--keys", "/etc/lidar"), folder, notifies=False, is_program=True)
     assert EXPORTERS[kind](network(program), "n").copies == {}
 
 
