@@ -152,7 +152,7 @@ class Laboratory:
         return [*read(self.folder), *(Left(pid, name) for pid, name in left)]
 
     def _left(self) -> list[tuple[int, str]]:
-        return [(pid, name) for pid, (began, name) in self._started.items() if _began(pid) == began]
+        return [(pid, name) for pid, (began, name) in self._started.items() if _lives(pid, began)]
 
     def _fork(self, prefix: tuple[str, ...], spec: Mapping[str, Any]) -> int:
         with self._starting:
@@ -218,7 +218,7 @@ class Remote:
         self._hang_up()
 
     def alive(self) -> bool:
-        return _began(self.pid) == self.began
+        return _lives(self.pid, self.began)
 
     def written(self) -> int:
         """How much its journal holds."""
@@ -268,6 +268,11 @@ def _began(pid: int) -> str:
     except OSError:
         return ""
     return fields[19]
+
+
+def _lives(pid: int, began: str) -> bool:
+    """Whether that process is there still; one that ended before anybody looked never `began`."""
+    return began != "" and _began(pid) == began
 
 
 def _set(name: str, value: str | None) -> None:

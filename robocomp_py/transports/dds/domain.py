@@ -265,11 +265,12 @@ def _new_domain(id: int, config: str, asked: _Asked) -> Domain | None:
 def _keep_to_loopback(sockets: Mapping[int, str]) -> None:
     """If a domain uses the loopback interface alone, have its sockets hear nothing else.
 
-    The library sends from the address of its interface, but listens at all of the host's: others would reach it.
+    The library sends from the address of its interface, but listens at all of the host's: others would reach it. What
+    it sends may go to other addresses of this host, where programs are with settings of their own.
     """
     if not any(address.startswith("127.") for address in sockets.values()):
         return
-    for number in sockets:
+    for number in (number for number, address in sockets.items() if address == "0.0.0.0"):
         if _libc.setsockopt(number, socket.SOL_SOCKET, socket.SO_BINDTODEVICE, b"lo", len(b"lo")):
             why = os.strerror(ctypes.get_errno())
             log.warning("DDS: other hosts may reach ports of this component, though it talks to none: %s", why)
