@@ -336,9 +336,12 @@ class TransportConformance(QoSConformance):
             release.set()
         patient.result(SOON * 3)
 
-    def test_best_effort_never_waits_and_counts_what_it_lost(
-        self, here: Transport, there: Transport, name: str
+    @pytest.mark.parametrize("asked", [QoS(depth=4), QoS(Reliability.RELIABLE, depth=4)], ids=["less", "more"])
+    def test_best_effort_never_waits_and_counts_what_it_lost_whatever_is_asked_for(
+        self, here: Transport, there: Transport, name: str, asked: QoS
     ) -> None:
+        if asked.reliable and Capability.RELIABLE not in here.capabilities:
+            return  # refused, as a test above shows
         release = threading.Event()
         first = threading.Event()
 
@@ -346,8 +349,7 @@ class TransportConformance(QoSConformance):
             first.set()
             release.wait(SOON * 3)
 
-        channel = topic(name, QoS(depth=4))
-        link, outlet = there.inlet(channel, sink), here.outlet(channel)
+        link, outlet = there.inlet(topic(name, asked), sink), here.outlet(topic(name, QoS(depth=4)))
         assert outlet.wait_peer(SOON)
         outlet.send(blob(here, b"0"))
         assert first.wait(SOON)

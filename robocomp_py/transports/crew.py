@@ -323,10 +323,11 @@ class Lane:
         """How many messages `put` would take; a lossy lane takes any number, and is said to have its depth."""
         return self._depth if self._lossy else self._depth - len(self._waiting)
 
-    def put(self, payload: Payload, patience: float = 0.0) -> bool:
+    def put(self, payload: Payload, patience: float = 0.0, *, may_be_lost: bool = False) -> bool:
         """Append a message, after waiting for room at most `patience` seconds; whether it was taken.
 
-        Somebody has to call `drain` then. A closed lane takes everything and forgets it.
+        One that may be lost is given up, and counted, where there is no room: it counts as taken. Somebody has to call
+        `drain` then. A closed lane takes everything and forgets it.
         """
         self._lock.acquire()
         try:
@@ -336,6 +337,10 @@ class Lane:
                     with contextlib.suppress(IndexError):  # `drain` may be quicker
                         waiting.popleft()
                         self._stats.dropped += 1
+                elif may_be_lost:  # and not what waits, which may be of somebody whose messages must not be
+                    if not self._gate.closed:
+                        self._stats.dropped += 1
+                    return True
                 elif not self._await_room(patience):
                     return False
             if not self._gate.closed:

@@ -251,6 +251,8 @@ class _Link:
 class _Outlet(_Link):
     def __init__(self, transport: InprocTransport, bus: _Bus, channel: Channel) -> None:
         super().__init__(transport, bus, channel)
+        self._lossy = channel.pattern is Pattern.PUBLISH and not channel.qos.reliable
+        """Whether nobody is waited for, however much its readers want everything."""
         self._order = threading.Lock()
         self._looked = -1, False
         self._history: deque[tuple[int, Payload]] = deque(maxlen=channel.qos.depth if channel.qos.latched else 0)
@@ -303,7 +305,8 @@ class _Outlet(_Link):
         assert isinstance(inlet, _Inlet)
         if inlet.reception.on:
             payload = inlet.admit(self.channel.name, time.time_ns(), payload)
-        if not inlet.lane.put(payload, max(0.0, end - time.monotonic())):
+        patience = 0.0 if self._lossy else max(0.0, end - time.monotonic())
+        if not inlet.lane.put(payload, patience, may_be_lost=self._lossy):
             raise Timeout(f"{self.channel.name}: a reader is too slow")
         inlet.have_drained()
 

@@ -147,6 +147,15 @@ def test_a_full_faithful_lane_takes_no_more_until_there_is_room() -> None:
     assert heard == [0, 1, 3]
 
 
+def test_what_may_be_lost_takes_nobodys_place() -> None:
+    heard: list[str] = []
+    stats = Statistics()
+    lane = Lane("test", heard.append, 2, lossy=False, stats=stats)
+    assert [lane.put(each, SOON, may_be_lost=True) for each in ("first", "second", "no room")] == [True] * 3
+    lane.drain()
+    assert (heard, stats.dropped) == (["first", "second"], 1)
+
+
 def test_a_lane_is_drained_by_one_thread_at_a_time_in_order() -> None:
     heard: list[int] = []
     entered, release = threading.Event(), threading.Event()
