@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable, Hashable
@@ -79,13 +80,20 @@ class Pending:
 
     def expire(self, do: Do = at_once) -> float | None:
         """End the overdue calls; seconds until the next one is, or None if there is none."""
-        with self._lock:
-            ends = [(end, key, deadline) for key, (_, end, deadline) in self._calls.items()]
         now = time.monotonic()
-        for end, key, deadline in ends:
-            if end <= now:
-                do(partial(self.fail, key, Timeout(f"{self._name}: no answer in {deadline:g} s")))
-        return min((end - now for end, _, _ in ends if end > now), default=None)
+        with self._lock:
+            ends = [(end, key) for key, (_, end, _) in self._calls.items()]
+            overdue = [key for end, key in ends if end <= now]
+            errors = [self._overdue(key) for key in overdue]
+        for key, error in zip(overdue, errors, strict=True):
+            do(partial(self.fail, key, error))
+        return min((end - now for end, _ in ends if now < end < math.inf), default=None)
+
+    def _overdue(self, key: Hashable) -> Timeout:
+        """How a call has to end, which is told once: whoever looks before that is done need not have it done again."""
+        future, _, deadline = self._calls[key]
+        self._calls[key] = future, math.inf, deadline
+        return Timeout(f"{self._name}: no answer in {deadline:g} s")
 
     def _forget(self, key: Hashable, future: Future[Reply]) -> None:
         """That call has ended; the same may have been asked again, by whoever noticed before us."""

@@ -73,6 +73,16 @@ def test_a_call_that_has_waited_for_something_before_ends_no_later_for_that() ->
         future.result(0)
 
 
+def test_what_is_overdue_is_to_be_ended_once_however_often_one_looks_before_that_is_done() -> None:
+    pending, jobs = Pending("test"), list[Callable[[], object]]()
+    future = pending.add(1, 0.0)
+    assert [pending.expire(jobs.append) for _ in range(3)] == [None] * 3
+    assert len(jobs) == 1
+    jobs.pop()()
+    with pytest.raises(Timeout, match="no answer in 0 s"):
+        future.result(0)
+
+
 def test_with_no_call_there_is_nothing_to_wait_for() -> None:
     assert Pending("test").expire() is None
 
