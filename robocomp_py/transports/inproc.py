@@ -36,6 +36,7 @@ from .base import (
     Sink,
     Source,
     Statistics,
+    Status,
     TransportConfig,
     depth_of,
     mismatch,
@@ -58,6 +59,13 @@ TRUSTED = 3
 
 COMMANDS_WAITING = 1000
 """Commands that may wait at one server; the next ones wait at their senders."""
+
+
+QUERIES_WAITING = 1000
+"""Requests that may wait at one server; more are turned away."""
+
+AT_ONCE = 64
+"""So many requests to one server are run by threads of its transport at the same time."""
 
 
 class _Bus:
@@ -116,6 +124,8 @@ class InprocTransport:
         self._links: list[_Link] = []
         self._closed = False
         self._work: queue.SimpleQueue[Job] = queue.SimpleQueue()
+        self._will_look = False
+        """Whether somebody is about to look when the next call is overdue."""
         self._crew = Crew("inproc", self._receive, wake=lambda: self._work.put(_nothing))
         self._crew.start()
 
@@ -147,11 +157,18 @@ class InprocTransport:
         """Have a thread of ours run this."""
         self._work.put(job)
 
+    def look(self) -> None:
+        """Have whoever receives look when the next call is overdue: it may have meant to wait for longer."""
+        if not self._will_look:
+            self._will_look = True
+            self._work.put(_nothing)
+
     def left(self, link: _Link) -> None:
         with contextlib.suppress(ValueError):  # closed a second time
             self._links.remove(link)
 
     def _receive(self) -> Iterable[Job]:
+        self._will_look = False  # before looking: whoever calls from now on is seen, or has us look again
         waits = [link.pending.expire(self.do) for link in list(self._links) if isinstance(link, _Caller)]
         try:
             return (self._work.get(timeout=min((wait for wait in waits if wait is not None), default=None)),)
@@ -362,7 +379,7 @@ class _Caller(_Link):
 
     def call(self, payload: Payload, deadline: float) -> Future[Reply]:
         future = self._start(self._server(), payload, deadline, self._answered)
-        self.transport.do(_nothing)  # whoever receives may have meant to wait for longer than this deadline
+        self.transport.look()
         return future
 
     def ask(self, payload: Payload, deadline: float) -> Reply:
@@ -423,7 +440,8 @@ class _Caller(_Link):
     ) -> Future[Reply]:
         key = server, next(self._sequence)
         future = self.pending.add(key, deadline)
-        server.take(payload, time.monotonic() + deadline, partial(answered, key))
+        if not server.take(payload, time.monotonic() + deadline, partial(answered, key)):
+            self.pending.settle(key, Reply(Status.BUSY))  # here and now: nobody has put anything behind this Future yet
         if server.closed:  # perhaps before it had our request, and so did not know of us
             self.server_left(server)
         return future
@@ -438,10 +456,15 @@ class _Caller(_Link):
         self.pending.close(Closed(self.channel.name))
 
 
+_Asked = tuple[Payload, float, Callable[[Reply], object]]
+"""A request, when it expires, and what its answer is passed to."""
+
+
 class _Server(_Link):
     """Runs its service on a thread of its transport until that is trusted to be prompt, then on the one that asks.
 
-    No deadline ends what the asking thread runs: should a trusted service take long all the same,
+    Its transport runs at most `AT_ONCE` requests at a time; of the others, `QUERIES_WAITING` wait, and further ones
+    are turned away. No deadline ends what the asking thread runs: should a trusted service take long all the same,
     that call ends by Timeout, but late, and the service is not trusted any more.
     """
 
@@ -451,13 +474,41 @@ class _Server(_Link):
     def __init__(self, transport: InprocTransport, bus: _Bus, channel: Channel, service: Service) -> None:
         super().__init__(transport, bus, channel)
         self._servant = Servant(channel.name, service, self.stats)
+        self._lock = threading.Lock()
+        self._waiting: deque[_Asked] = deque()
+        self._running = 0
+        """How many requests are run by threads of ours, or about to be."""
         self.trusted = 0
         """How many times in a row the service was prompt."""
 
-    def take(self, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> None:
-        self.transport.do(partial(self.run, payload, expires, answer))
+    def take(self, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> bool:
+        """Have a request answered, now or later; False if too many wait here."""
+        with self._lock:
+            if len(self._waiting) >= QUERIES_WAITING:
+                self.stats.dropped += 1
+                return False
+            self._waiting.append((payload, expires, answer))
+            if self._running == AT_ONCE:
+                return True
+            self._running += 1
+        self.transport.do(self._next)
+        return True
 
-    def run(self, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> None:
+    def _next(self) -> None:
+        """Run the one that came first, and have the next one run, behind what others have to do."""
+        try:
+            with self._lock:
+                asked = self._waiting.popleft() if self._waiting else None  # another thread may have been quicker
+            if asked:
+                self._run(*asked)
+        finally:
+            with self._lock:
+                more = bool(self._waiting)
+                self._running -= not more
+            if more:
+                self.transport.do(self._next)
+
+    def _run(self, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> None:
         begun = time.monotonic()
         self._servant.serve(payload, expires, answer)
         prompt = time.monotonic() - begun < PROMPT and not self.transport.hand_over
@@ -478,6 +529,8 @@ class _Server(_Link):
         for caller in callers:
             caller.server_left(self)
         self._servant.close()
+        with self._lock:
+            self._waiting.clear()
 
 
 _Caller.facing = _Server

@@ -109,6 +109,31 @@ def test_a_flood_makes_one_job_for_its_lane(transport: InprocTransport) -> None:
     release.set()
 
 
+def test_too_many_calls_of_a_slow_service_are_turned_away_and_neither_queue_nor_threads_grow(
+    transport: InprocTransport,
+) -> None:
+    release, inside = threading.Event(), threading.Semaphore(0)
+
+    def slow(payload: object, expires: float) -> Reply:
+        inside.release()
+        release.wait(SOON * 3)
+        return Reply(Status.OK)
+
+    link = transport.server(query("a/b/ask"), slow)
+    caller, threads = transport.caller(query("a/b/ask")), threading.active_count()
+    calls = [caller.call([], SOON * 3) for _ in range(inproc.AT_ONCE)]
+    for _ in calls:
+        assert inside.acquire(timeout=SOON)  # all that run at once do
+    calls += [caller.call([], SOON * 3) for _ in range(5000)]
+    busy = [each for each in calls if each.done() and each.result().status is Status.BUSY]
+    assert len(busy) == link.stats.dropped == 5000 - inproc.QUERIES_WAITING
+    assert threading.active_count() - threads <= inproc.AT_ONCE + 1
+    wait_until(lambda: transport._work.qsize() <= 2)
+    release.set()
+    served = [each.result(SOON).status for each in calls if each not in busy]
+    assert served == [Status.OK] * (inproc.AT_ONCE + inproc.QUERIES_WAITING)
+
+
 # Services that the asking thread runs.
 
 
