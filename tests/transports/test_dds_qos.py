@@ -94,11 +94,16 @@ def test_what_keeps_all_is_limited_for_dds_as_well(here: DDSTransport, name: str
     assert qos[Policy.ResourceLimits].max_samples == 10_000
 
 
-def test_a_publisher_of_another_program_that_offers_less_is_heard_and_what_is_missing_is_told(
-    here: DDSTransport, name: str, caplog: pytest.LogCaptureFixture
+@pytest.mark.parametrize(
+    ("asked", "missing"),
+    [(QoS(), None), (QoS(deadline=1.0), "deadline"), (QoS(Reliability.RELIABLE), "reliability")],
+    ids=["nothing", "deadline", "reliability"],
+)
+def test_a_best_effort_publisher_of_another_program_is_heard_and_of_what_is_asked_for_it_is_told_what_is_missing(
+    here: DDSTransport, name: str, caplog: pytest.LogCaptureFixture, asked: QoS, missing: str | None
 ) -> None:
     inbox: list[Any] = []
-    here.inlet(Channel(name, Pattern.PUBLISH, _KIND, QoS(deadline=1.0)), inbox.append)
+    here.inlet(Channel(name, Pattern.PUBLISH, _KIND, asked), inbox.append)
     with _stranger() as participant:
         kind: Any = publication_type(_KIND.name, _KIND.request)
         made = Topic(participant, f"rc/{name}", kind)
@@ -113,7 +118,9 @@ def test_a_publisher_of_another_program_that_offers_less_is_heard_and_what_is_mi
             return bool(inbox)
 
         wait_until(heard)
-    assert "offers less reliability than this subscription asks for" in caplog.text
+    told = [each.getMessage() for each in caplog.records if "offers less" in each.getMessage()]
+    assert len(told) == (missing is not None)
+    assert all(f"offers less {missing} than this subscription asks for" in each for each in told)
 
 
 def test_a_publisher_of_another_program_is_there_as_long_as_dds_says_so(here: DDSTransport, name: str) -> None:

@@ -238,6 +238,10 @@ class _Heard:
         self.name, self.reader, self.credits = name, reader, credits
         self.news: Reader | None = None
         """Hears publishers that offer less than we ask for (nothing for late ones, say), whom `reader` cannot hear."""
+        self.common: Callable[..., Qos] = endpoint_qos
+        """What `news` has in common with all readers, or with those that are best effort on the wire, too."""
+        self.modest = False
+        """Whether `news` asks for nothing that might be missing, and not only for less on the wire."""
         self.consumed: dict[int, int] = {}
         self.told: dict[int, int] = {}
         """By source: up to which message we said that we have consumed."""
@@ -372,23 +376,30 @@ class Subscriber(Link):
         asked = self.channel.qos
         less = [each for each in shortfalls(asked, from_traits(publisher.traits)) if each.policy != "reliability"]
         heard = self._heard.get(publisher.channel)
-        if less and heard and heard.news is None:
-            self._hear_news(heard, endpoint_qos)
+        if less and heard and not heard.modest:
+            self._hear_news(heard, heard.common)
 
-    def _hear_news(self, heard: _Heard, common: Callable[..., Qos]) -> None:
-        """Hear also those that offer less than we ask for."""
+    def _hear_news(self, heard: _Heard, common: Callable[..., Qos], *, modest: bool = True) -> None:
+        """Hear also those that offer less than we ask for; or, if not `modest`, less than all our readers have."""
         if heard.news:
             self.bus.loop.detach(heard.news.condition)
             heard.news.close()
-        modest = replace(self.channel, qos=QoS(self.channel.qos.reliability, depth=depth_of(self.channel.qos)))
-        heard.news = self._reader(heard.name, modest, common)
+        less = replace(self.channel, qos=QoS(self.channel.qos.reliability, depth=depth_of(self.channel.qos)))
+        heard.news = self._reader(heard.name, less if modest else self.channel, common)
+        heard.common, heard.modest = common, modest
         self.bus.loop.attach(heard.news.condition, partial(self._on_news, heard, heard.news))
 
     def _notice_strangers(self, heard: _Heard) -> None:
         """Other programs do not tell what they offer, but that something is missing."""
         for reader in heard.readers():
             missing = reader.unmet()
-            if not missing or (heard.news and missing != "reliability"):
+            unreliable = missing == "reliability"
+            if unreliable and not self._reliable:  # then only our readers want it, for the wire
+                if heard.common is not best_effort_qos:
+                    self._hear_news(heard, best_effort_qos, modest=heard.modest)  # and see whether more is missing
+                    return
+                continue
+            if not missing or (heard.modest and not unreliable):
                 continue  # it is one of ours, or will be heard with the others
             log.warning(
                 "%s: a publisher that is none of ours offers less %s than this subscription asks for; it is heard "
@@ -396,7 +407,7 @@ class Subscriber(Link):
                 heard.name,
                 missing,
             )
-            self._hear_news(heard, best_effort_qos if missing == "reliability" else endpoint_qos)
+            self._hear_news(heard, best_effort_qos if unreliable else heard.common)
             return
 
     def _on_message(self, heard: _Heard) -> list[Job]:
