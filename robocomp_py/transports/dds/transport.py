@@ -55,7 +55,10 @@ L = TypeVar("L", bound=Link)
 
 
 def domain_of_user(number: int) -> int:
-    """Where those of a user meet on a host that others use, too: 0, as every tool has it, but for the second one on."""
+    """Where those of a user meet on a host that others use, too: 0, as every tool has it, but for the second one on.
+
+    Root, services and the first user share it, as do users whose numbers differ by how many domains there are.
+    """
     return max(0, number - FIRST_USER) % (LAST_DOMAIN + 1)
 
 
