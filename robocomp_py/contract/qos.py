@@ -54,7 +54,8 @@ class QoS:
 
     @property
     def reliable(self) -> bool:
-        return self.reliability is Reliability.RELIABLE
+        """Whether nothing may be lost: what all is kept of must not be lost on its way either."""
+        return self.reliability is Reliability.RELIABLE or self.history is History.KEEP_ALL
 
     @property
     def latched(self) -> bool:
@@ -98,7 +99,7 @@ def shortfalls(asked: QoS, offered: QoS) -> list[Shortfall]:
     A lifespan is no promise: the shorter one holds. Nor is history: each side keeps its own.
     """
     found = []
-    if asked.reliable and not offered.reliable:
+    if asked.reliability is Reliability.RELIABLE and not offered.reliable:
         found.append(Shortfall("reliability", "reliable", "best_effort", 'reliability = "best_effort"'))
     if asked.latched and not offered.latched:
         found.append(Shortfall("durability", "transient_local", "volatile", 'durability = "volatile"'))

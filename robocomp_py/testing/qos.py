@@ -238,8 +238,11 @@ class QoSConformance(TransportSuite):
         finally:
             release.set()
 
-    def test_to_keep_all_is_bounded(self, here: Transport, there: Transport, name: str) -> None:
-        qos = QoS(Reliability.RELIABLE, history=History.KEEP_ALL)
+    @pytest.mark.parametrize("reliability", list(Reliability))
+    def test_to_keep_all_is_bounded_and_loses_nothing(
+        self, here: Transport, there: Transport, name: str, reliability: Reliability
+    ) -> None:
+        qos = QoS(reliability, history=History.KEEP_ALL)
         if _refused(here, qos):
             return
         release = threading.Event()

@@ -315,7 +315,7 @@ def needs(channel: Channel) -> Capability:
     if channel.pattern is not Pattern.PUBLISH:
         return Capability.NONE
     wanted = {
-        Capability.RELIABLE: qos.reliable or qos.history is History.KEEP_ALL,
+        Capability.RELIABLE: qos.reliable,
         Capability.LATCHED: qos.latched,
         Capability.DEADLINE: qos.deadline is not None,
         Capability.LIFESPAN: qos.lifespan is not None,

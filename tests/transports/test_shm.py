@@ -171,6 +171,20 @@ def test_answers_are_not_copied_either(here: ShmTransport, there: ShmTransport) 
     assert answer.tobytes() == b"x" * LARGE
 
 
+@pytest.mark.parametrize("size", [0, 64 * 1024 * 1024])
+def test_queries_and_commands_may_be_as_large_as_messages(here: ShmTransport, there: ShmTransport, size: int) -> None:
+    data = np.arange(size, dtype=np.uint8).tobytes()
+    taken: list[bytes] = []
+    there.server(query(NAME), lambda payload, _: Reply(Status.OK, blob(there, unblob(there, payload))))
+    there.inlet(command(NAME + "c"), lambda payload: taken.append(unblob(there, payload)))
+    caller, outlet = here.caller(query(NAME)), here.outlet(command(NAME + "c"))
+    assert caller.wait_peer(SOON)
+    assert outlet.wait_peer(SOON)
+    assert unblob(here, caller.ask(blob(here, data), SOON * 3).payload) == data
+    outlet.send(blob(here, data), SOON * 3)
+    wait_until(lambda: taken == [data])
+
+
 def test_arrays_outlive_larger_messages_their_publisher_and_their_transport() -> None:
     here, there = opened(), opened()
     kept, outlet = Kept(there), here.outlet(topic(NAME))

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ...contract.qos import History, QoS, from_traits
+from ...contract.qos import from_traits
 from ...errors import Closed, Timeout, TransportError
 from ...wire import names
 from ...wire.codec import Payload
@@ -63,7 +63,7 @@ class Publisher(AnnouncedLink["IceTransport"]):
         super().__init__(transport, channel)
         qos = channel.qos
         self.id = random_id()
-        self._lossless = is_lossless(qos)
+        self._lossless = qos.reliable
         self._operation = names.operation(channel.name)
         self._mode = library.IDEMPOTENT if channel.idempotent else library.NORMAL
         self._fingerprint = channel.type.fingerprint
@@ -200,7 +200,7 @@ class Publisher(AnnouncedLink["IceTransport"]):
         epoch = self._topic.epoch if self._topic else 0
         for member, entry in self.counterparts():
             told = _reader(entry.address)
-            if told and is_lossless(from_traits(entry.traits)) and self.transport.directory.alive(member.id):
+            if told and from_traits(entry.traits).reliable and self.transport.directory.alive(member.id):
                 yield told[0], epoch << 32 | told[1]
 
 
@@ -213,7 +213,7 @@ class Subscriber(AnnouncedLink["IceTransport"]):
         qos = channel.qos
         self.id = random_id()
         self.operation = names.operation(channel.name)
-        self.lossless = is_lossless(qos)
+        self.lossless = qos.reliable
         self._latched = qos.latched
         self._sink = sink
         depth = WAITING if self.lossless else depth_of(qos)
@@ -457,8 +457,3 @@ def _reader(address: str) -> tuple[int, int] | None:
         return int(identity, 16), int(epoch)
     except ValueError:
         return None
-
-
-def is_lossless(qos: QoS) -> bool:
-    """What all is kept of must not be lost on its way either."""
-    return qos.reliable or qos.history is History.KEEP_ALL

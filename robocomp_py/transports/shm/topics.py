@@ -8,7 +8,7 @@ import time
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from ...contract.qos import History, from_traits
+from ...contract.qos import from_traits
 from ...errors import DecodeError, Timeout, TransportError
 from ...wire.codec import Payload
 from ...wire.header import pack_publication, publication_at, random_id
@@ -65,7 +65,7 @@ class Publisher(AnnouncedLink["ShmTransport"]):
 
     def open(self) -> None:
         qos = self.channel.qos
-        self._lossless = qos.reliable or qos.history is History.KEEP_ALL
+        self._lossless = qos.reliable
         self._history = qos.depth if qos.latched else 0
         self._ahead = min(max(depth_of(qos), LEAST_AHEAD), MOST_AHEAD)
         self._credit = Credit()
@@ -277,7 +277,7 @@ class Subscriber(AnnouncedLink["ShmTransport"]):
 
     def __init__(self, transport: ShmTransport, channel: Channel, sink: Sink) -> None:
         super().__init__(transport, channel)
-        self._lossless = channel.qos.reliable or channel.qos.history is History.KEEP_ALL
+        self._lossless = channel.qos.reliable
         self._depth = depth_of(channel.qos)
         self._lane = Lane(channel.name, sink, self._depth, lossy=not self._lossless, stats=self.stats)
         self._reception = Reception(channel, self.stats, self._lane.through)

@@ -8,13 +8,12 @@ import threading
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import zenoh
 
-from ...contract.qos import History, QoS, Reliability, from_traits, traits
+from ...contract.qos import from_traits, traits
 from ...errors import Timeout
 from ...wire.codec import Payload
 from ...wire.header import (
@@ -69,9 +68,9 @@ class Publisher(Link):
     def __init__(self, transport: ZenohTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
         qos = channel.qos
-        lossless = _as_it_is(qos).reliable
+        lossless = qos.reliable
         ahead = min(depth_of(channel.qos), MOST_AHEAD)
-        self.traits = f"{traits(_as_it_is(qos))}w{ahead}" if lossless else traits(qos)
+        self.traits = f"{traits(qos)}w{ahead}" if lossless else traits(qos)
         self._lossless = lossless
         self._readers: tuple[int, dict[int, int]] = -1, {}
         self._credit = Credit(ahead, self._reliable_readers)
@@ -169,10 +168,10 @@ class Subscriber(Link):
     def __init__(self, transport: ZenohTransport, channel: Channel, sink: Sink) -> None:
         super().__init__(transport, channel)
         qos = channel.qos
-        self._lossless = _as_it_is(qos).reliable
+        self._lossless = qos.reliable
         self._latched = qos.latched
         self._looking = threading.Lock()
-        self.traits = traits(_as_it_is(qos))
+        self.traits = traits(qos)
         self._fingerprint = channel.type.fingerprint
         self._ledger = Ledger(self.stats, ordered=True)
         self._reader = Reader(
@@ -340,8 +339,3 @@ class Subscriber(Link):
             return [*missed, *self._catching_up.pop(source, ())]  # what came before it asked comes to nothing
 
         self._reader.feed(all_of_it)
-
-
-def _as_it_is(qos: QoS) -> QoS:
-    """What all is kept of must not be lost on its way either."""
-    return replace(qos, reliability=Reliability.RELIABLE) if qos.history is History.KEEP_ALL else qos
