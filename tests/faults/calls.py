@@ -208,7 +208,7 @@ ROWS = [
         "kill -9 of a server in mid-call, 1000 times",
         "typed outcome ≤ 1 s (≤ 2.5 s on DDS and shm), 0 hangs, 0 double executions",
         (*HERE, "ice"),
-        200,
+        120,
         _killed,
     ),
     Row(
@@ -216,7 +216,7 @@ ROWS = [
         "server restart, client stays, 200 cycles",
         "first good call ≤ 1.5 s after ready; threads and file descriptors back to the start",
         (*HERE, "ice"),
-        60,
+        40,
         _restarted,
     ),
     Row(
@@ -224,7 +224,7 @@ ROWS = [
         "stopped server (SIGSTOP)",
         "calls end at their deadline ± 50 ms; none is executed after it",
         (*HERE, "ice"),
-        50,
+        46,
         _stopped,
     ),
 ]

@@ -232,7 +232,7 @@ ROWS = [
         "half-open TCP: the far end is cut off, and gone",
         "lost ≤ 2.5 s; calls end at their deadline ± 50 ms",
         _NETWORKED,
-        12,
+        4,
         _half_open,
         root=True,
     ),

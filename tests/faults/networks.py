@@ -193,7 +193,7 @@ def _many(run: Run) -> Result:
 
 
 def _together(run: Run) -> Result:
-    return _crowd(run, run.rounds(_MANY[run.transport], 20), 10)
+    return _crowd(run, _MANY[run.transport], 10)
 
 
 def _crowd(run: Run, count: int, to_a_process: int) -> Result:
@@ -439,7 +439,7 @@ ROWS = [
         "restart storm: a component that fails at once, and is started again",
         "neighbours' p99 + ≤ 20 % (or 2 ms), rcdeploy ≤ 5 % CPU",
         ("zeromq",),
-        90,
+        70,
         _stormy,
     ),
     Row(
@@ -447,7 +447,7 @@ ROWS = [
         "clock jump ± 1 h of rcdeploy and its components",
         "no timer misfires: `compute` runs in its period, nobody is taken for stuck, ended or started again",
         ("zeromq",),
-        15,
+        14,
         _leapt,
         root=True,
     ),
@@ -456,7 +456,7 @@ ROWS = [
         "Ctrl-C once and twice, SIGTERM, SIGHUP, kill -9 of rcdeploy; 200 random rounds",
         "0 processes after 5 s, `setsid` grandchildren included where cgroups allow",
         ("zeromq",),
-        900,
+        310,
         _ended,
     ),
     Row(
@@ -464,7 +464,7 @@ ROWS = [
         "the same with a second host, and kill -9 of its agent, dropped ssh; 60 random rounds",
         "0 processes after 5 s, there too",
         ("zeromq",),
-        600,
+        215,
         _ended_far,
         root=True,
     ),
@@ -473,7 +473,7 @@ ROWS = [
         "500 components on one host of 2 cores over zeromq (zenoh 250, dds 60), each a process",
         "ready ≤ 10 s, stopped ≤ 5 s, ≤ 1.5 GB (PSS), `status` answers in 0.5 s",
         tuple(_MANY),
-        15,
+        10,
         _many,
     ),
     Row(
@@ -481,7 +481,8 @@ ROWS = [
         "the same, ten to a process (`process NAME;`)",
         "ready ≤ 10 s, stopped ≤ 5 s, ≤ 1.5 GB (PSS), `status` answers in 0.5 s",
         tuple(_MANY),
-        10,
+        8,
         _together,
+        reduced=False,
     ),
 ]

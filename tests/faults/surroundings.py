@@ -144,9 +144,9 @@ ROWS = [
         "clock jump ± 1 h",
         "nothing lost; who talks goes on",
         HERE,
-        20,
+        12,
         _leaping,
         root=True,
     ),
-    Row("disk", "disk full", "nothing lost; component runs on; who comes later works", HERE, 20, _full, root=True),
+    Row("disk", "disk full", "nothing lost; component runs on; who comes later works", HERE, 11, _full, root=True),
 ]

@@ -126,7 +126,7 @@ ROWS = [
         "slow and stopped subscriber; flood",
         "`publish` p99 ≤ 5 ms, other subscribers lose nothing, memory bounded, drop counter exact",
         HERE,
-        120,
+        30,
         _flooded,
     ),
     Row(
@@ -134,7 +134,7 @@ ROWS = [
         "contract mismatch",
         "both ends log both fingerprints and the differing fields ≤ 2 s; 0 samples delivered",
         HERE,
-        4,
+        1,
         _mismatched,
     ),
 ]
