@@ -47,7 +47,7 @@ _MOST = 200_000
 class QoSConformance(TransportSuite):
     def test_a_missed_deadline_is_told(self, here: Transport, there: Transport, name: str) -> None:
         qos = QoS(deadline=_SHORT)
-        if _refused(here, qos):
+        if refuses(here, qos):
             return
         with _Subscribed(there, name, qos) as subscribed:
             _send(_publish(here, name, qos), here, 1)
@@ -58,7 +58,7 @@ class QoSConformance(TransportSuite):
 
     def test_no_deadline_is_missed_while_messages_come(self, here: Transport, there: Transport, name: str) -> None:
         qos = QoS(depth=20, deadline=SOON * 3)
-        if _refused(here, qos):
+        if refuses(here, qos):
             return
         with _Subscribed(there, name, qos) as subscribed:
             outlet = _publish(here, name, qos)
@@ -72,7 +72,7 @@ class QoSConformance(TransportSuite):
         self, here: Transport, there: Transport, name: str, who: str
     ) -> None:
         qos = QoS(lifespan=_LIFESPAN)
-        if _refused(here, qos):
+        if refuses(here, qos):
             return
         inbox, blocked, release = Inbox(), threading.Event(), threading.Event()
 
@@ -97,7 +97,7 @@ class QoSConformance(TransportSuite):
         self, here: Transport, there: Transport, name: str
     ) -> None:
         qos = QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=5, lifespan=_LIFESPAN)
-        if _refused(here, qos):
+        if refuses(here, qos):
             return
         outlet = here.outlet(topic(name, qos))
         outlet.send(blob(here, b"old"))
@@ -109,7 +109,7 @@ class QoSConformance(TransportSuite):
     def test_a_publisher_whose_process_hangs_is_lost_and_so_is_one_that_is_killed(
         self, there: Transport, name: str
     ) -> None:
-        if _refused(there, _AUTOMATIC):
+        if refuses(there, _AUTOMATIC):
             return
         with _Subscribed(there, name, _AUTOMATIC) as subscribed:
             victim = Victim(self, there, name, _publish_news)
@@ -126,7 +126,7 @@ class QoSConformance(TransportSuite):
 
     def test_who_came_back_may_be_lost_again(self, there: Transport, name: str) -> None:
         qos = QoS(lease=4 * _SHORT)
-        if _refused(there, qos):
+        if refuses(there, qos):
             return
         with _Subscribed(there, name, qos) as subscribed:
             for _ in range(2):
@@ -141,7 +141,7 @@ class QoSConformance(TransportSuite):
     def test_a_publisher_that_has_to_send_something_and_does_not_is_lost(
         self, here: Transport, there: Transport, name: str
     ) -> None:
-        if _refused(here, _MANUAL):
+        if refuses(here, _MANUAL):
             return
         with _Subscribed(there, name, _MANUAL) as subscribed:
             outlet = _publish(here, name, _MANUAL)
@@ -154,7 +154,7 @@ class QoSConformance(TransportSuite):
         self, here: Transport, there: Transport, name: str, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         qos = QoS(deadline=SOON * 3, lease=SOON * 3, liveliness=Liveliness.MANUAL_BY_TOPIC)
-        if _refused(here, qos):
+        if refuses(here, qos):
             return
         true_ns = time.time_ns
         with _Subscribed(there, name, qos) as subscribed:
@@ -172,7 +172,7 @@ class QoSConformance(TransportSuite):
         self, here: Transport, there: Transport, name: str, caplog: pytest.LogCaptureFixture
     ) -> None:
         asked = QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, deadline=5.0, lease=2.0)
-        if _refused(here, asked):
+        if refuses(here, asked):
             return
         inbox, outlet = subscribe(there, topic(name, asked)), here.outlet(topic(name))
         greet(here, outlet, inbox)
@@ -243,7 +243,7 @@ class QoSConformance(TransportSuite):
         self, here: Transport, there: Transport, name: str, reliability: Reliability
     ) -> None:
         qos = QoS(reliability, history=History.KEEP_ALL)
-        if _refused(here, qos):
+        if refuses(here, qos):
             return
         release = threading.Event()
         there.inlet(topic(name, qos), lambda _: release.wait(SOON * 3))
@@ -262,7 +262,7 @@ def _send_many(outlet: Outlet, message: Payload) -> None:
         outlet.send(message, A_MOMENT)
 
 
-def _refused(transport: Transport, qos: QoS) -> bool:
+def refuses(transport: Transport, qos: QoS) -> bool:
     """Whether a transport does not offer that; then it has to say so."""
     channel = topic("any/Conformance/op", qos)
     if not needs(channel) & ~transport.capabilities:

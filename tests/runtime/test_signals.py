@@ -86,7 +86,7 @@ def test_a_forked_process_may_leave_it_too() -> None:
     try:
         with Signals(lambda _: None):
             pid = os.fork()
-    except BaseException:
+    except BaseException:  # whatever it is: the forked process must not go on as pytest
         if pid:
             raise
         os._exit(1)

@@ -71,7 +71,14 @@ from robocomp_py.transports.dds import asking as asking_module
 from robocomp_py.transports.dds import endpoints as endpoints_module
 from robocomp_py.transports.dds import serving as serving_module
 from robocomp_py.transports.dds import transport as transport_module
-from robocomp_py.transports.dds.domain import _udp_sockets, address_of, compose, note_on_sockets, settings
+from robocomp_py.transports.dds.domain import (
+    _keep_to_loopback,
+    _udp_sockets,
+    address_of,
+    compose,
+    note_on_sockets,
+    settings,
+)
 from robocomp_py.transports.dds.link import KEEP_ALL, endpoint_qos
 from robocomp_py.transports.dds.serving import COMMANDS_WAITING, QUERIES_WAITING
 from robocomp_py.transports.dds.topics import BYTES_WAITING, MESSAGES_WAITING
@@ -958,6 +965,20 @@ def test_other_hosts_do_not_reach_one_that_talks_to_none(there: DDSTransport) ->
             if first <= each.getsockname()[1] < first + 250:
                 heard.add(each.getsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, 16))
     assert heard == {b"lo\0"}
+
+
+@pytest.mark.parametrize(
+    ("senders", "apart"),
+    [(["127.0.0.1"], True), (["127.0.0.1", "192.0.2.7"], False), (["192.0.2.7"], False), ([], False)],
+)
+def test_who_talks_to_others_too_hears_them(senders: list[str], apart: bool) -> None:
+    """Several interfaces may be named in CYCLONEDDS_URI."""
+    with contextlib.ExitStack() as undo:
+        sockets = [undo.enter_context(socket.socket(type=socket.SOCK_DGRAM)) for _ in range(len(senders) + 1)]
+        addresses = ["0.0.0.0", *senders]
+        _keep_to_loopback({each.fileno(): address for each, address in zip(sockets, addresses, strict=True)})
+        heard = [each.getsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, 16) for each in sockets]
+    assert heard == [b"lo\0" if apart else b"", *(b"" for _ in senders)]
 
 
 @pytest.mark.parametrize("ask", ["ask", "call"])

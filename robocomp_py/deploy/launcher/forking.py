@@ -142,6 +142,8 @@ class Zygote:
                 return None
             except ConnectionResetError:  # told once, and before what was answered before it
                 continue
+            except OSError:
+                return b""
 
     def _settle(self, message: bytes) -> None:
         told: dict[str, Any] = json.loads(message)

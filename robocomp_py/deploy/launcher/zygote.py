@@ -172,14 +172,19 @@ def _bear(channel: socket.socket, lifeline: int, message: bytes, pipes: list[int
             break
         for pipe in pipes:
             os.close(pipe)
-        if not more or not _is_readable(channel.fileno(), 0):
+        message, pipes = _asked_already(channel) if more else (b"", [])
+        if not message:
             break
-        with contextlib.suppress(OSError):
-            message, pipes, _, _ = socket.recv_fds(channel, _MAX, 4)
-            if message:
-                continue
-        break
     os._exit(0)
+
+
+def _asked_already(channel: socket.socket) -> tuple[bytes, list[int]]:
+    """The next request, with its pipe; empty if there is none yet, or nobody to ask any more."""
+    with contextlib.suppress(OSError):
+        if _is_readable(channel.fileno(), 0):
+            message, pipes, _, _ = socket.recv_fds(channel, _MAX, 4)
+            return message, pipes
+    return b"", []
 
 
 def _born(middle: int, lifeline: int, request: Mapping[str, Any], pipes: list[int]) -> Mapping[str, Any]:

@@ -268,9 +268,11 @@ def _keep_to_loopback(sockets: Mapping[int, str]) -> None:
     The library sends from the address of its interface, but listens at all of the host's: others would reach it. What
     it sends may go to other addresses of this host, where programs are with settings of their own.
     """
-    if not any(address.startswith("127.") for address in sockets.values()):
-        return
-    for number in (number for number, address in sockets.items() if address == "0.0.0.0"):
+    everywhere = [number for number, address in sockets.items() if address == "0.0.0.0"]
+    senders = [address for number, address in sockets.items() if number not in everywhere]
+    if not senders or not all(address.startswith("127.") for address in senders):
+        return  # it talks to others, by CYCLONEDDS_URI perhaps, which may name several interfaces
+    for number in everywhere:
         if _libc.setsockopt(number, socket.SOL_SOCKET, socket.SO_BINDTODEVICE, b"lo", len(b"lo")):
             why = os.strerror(ctypes.get_errno())
             log.warning("DDS: other hosts may reach ports of this component, though it talks to none: %s", why)

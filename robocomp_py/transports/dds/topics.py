@@ -384,7 +384,8 @@ class Subscriber(Link):
         if heard.news:
             self.bus.loop.detach(heard.news.condition)
             heard.news.close()
-        less = replace(self.channel, qos=QoS(self.channel.qos.reliability, depth=depth_of(self.channel.qos)))
+        qos = self.channel.qos
+        less = replace(self.channel, qos=QoS(qos.reliability, history=qos.history, depth=qos.depth))
         heard.news = self._reader(heard.name, less if modest else self.channel, common)
         heard.common, heard.modest = common, modest
         self.bus.loop.attach(heard.news.condition, partial(self._on_news, heard, heard.news))
