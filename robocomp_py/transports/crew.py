@@ -78,6 +78,8 @@ class Crew:
         self._jobs: deque[Job] = deque()
         self._threads: list[threading.Thread] = []
         self._closing = threading.Event()
+        self._ends = False
+        """The same; looking at it is no call of a function."""
         self._traffic = threading.Event()
         self._watched = False
         self._lock = threading.RLock()
@@ -99,6 +101,7 @@ class Crew:
 
         A thread whose job is stuck is left alone after a while; that is logged.
         """
+        self._ends = True
         self._closing.set()
         self._traffic.set()
         with self._lock:
@@ -135,7 +138,7 @@ class Crew:
 
     def _lead(self) -> None:
         me, jobs = threading.current_thread(), self._jobs
-        while not self._closing.is_set():
+        while not self._ends:
             if not jobs:
                 jobs.extend(self._input())
             elif not self._run(jobs.popleft(), me):
@@ -391,8 +394,8 @@ class Lane:
         lock.release()
         if draining:
             return
-        waiting, gate = self._waiting, self._gate
-        inside = gate.enter()
+        waiting, gate, me = self._waiting, self._gate, threading.get_ident()
+        gate.inside.append(me)  # `enter` and `leave`, but quicker; who finds it closed has nothing to give
         try:
             while True:
                 try:
@@ -415,8 +418,9 @@ class Lane:
                 except BaseException:  # also SystemExit: the messages that follow are to be delivered all the same
                     log.exception("%s: a message was not handled", self._name)
         finally:
-            if inside:
-                gate.leave()
+            gate.inside.remove(me)
+            if gate.closed:
+                gate.left()
 
     def close(self) -> None:
         """Forget what waits. The sink is not called any more once this returns."""

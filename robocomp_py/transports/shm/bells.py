@@ -71,7 +71,10 @@ class Bell:
         self._poll = poll.poll
 
     def wait(self, seconds: float) -> Iterable[int]:
-        """Wait until it rings, at most so long; what was rung since the last time, which may be nothing."""
+        """Wait until it rings, at most so long; what was rung since the last time, which may be nothing.
+
+        It is bytes if it rang once.
+        """
         found = self._poll(seconds * 1000)
         if not found:
             return ()

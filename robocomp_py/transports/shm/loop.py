@@ -6,7 +6,7 @@ import contextlib
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Protocol
 
 from ...errors import TransportError
@@ -28,8 +28,8 @@ TURNS = 16
 class Attending(Protocol):
     """A link that may have input."""
 
-    def on_input(self) -> Iterable[Job]:
-        """Take what is there; what is left to do about it."""
+    def on_input(self, *, one: bool = False) -> Sequence[Job]:
+        """Take what is there, or no more than `one` message; what is left to do about it."""
 
 
 class Loop:
@@ -45,6 +45,9 @@ class Loop:
         self._taken = 0
         self._next_tick = 0.0
         self._sleeping = False
+        self._afterwards: list[Callable[[], object]] = []
+        self.afterwards = self._afterwards.append
+        """Have this done soon by who receives: once what just came in was handed on, or another thread receives."""
 
     def add(self, number: int, link: Attending) -> None:
         """Have a link attended to whenever that number is rung."""
@@ -73,6 +76,11 @@ class Loop:
         self._own.ring(LOOK)
 
     def receive(self) -> Iterable[Job]:
+        while self._afterwards:
+            try:
+                self._afterwards.pop()()
+            except TransportError:
+                log.exception("taking input")
         now = time.monotonic()
         if now >= self._next_tick:
             self._next_tick = now + self._tick()
@@ -82,6 +90,8 @@ class Loop:
         busy = self._mail or self._ready or self._jobs
         rung = self._bell.wait(0.0 if busy else max(0.0, self._next_tick - now))
         self._sleeping = False
+        if type(rung) is bytes and not busy and (jobs := self._one(rung[0])) is not None:
+            return jobs
         for number in rung:
             if number == MAIL:
                 self._mail = True
@@ -100,6 +110,21 @@ class Loop:
             except TransportError:
                 log.exception("taking input")  # of one link; the others have theirs taken
         return [self._jobs.popleft() for _ in range(len(self._jobs))]
+
+    def _one(self, number: int) -> Sequence[Job] | None:
+        """Take the one message that the bell was rung for. None if it was rung for something else.
+
+        To look for more takes time, which can be spent `afterwards`. That is different with mail: who has an answer
+        asks again, often before we would sleep.
+        """
+        links = self._attending[number]
+        if len(links) != 1:
+            return None
+        try:
+            return links[0].on_input(one=True)
+        except TransportError:
+            log.exception("taking input")
+            return ()
 
     def _letter(self) -> Job | None:
         """What is to be done about the next one, unless it is the others' turn."""

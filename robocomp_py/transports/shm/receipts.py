@@ -54,8 +54,11 @@ class Receipts:
         _SLOT.pack_into(self._map, free * _SLOT.size, source, 0, 0)
 
     def took(self, source: int, sequence: int) -> bool:
-        """Note a message; whether its publisher is to be woken."""
-        at = self._slots[source] * _SLOT.size
+        """Note a message; whether its publisher is to be woken. One that has left meanwhile is not."""
+        slot = self._slots.get(source)
+        if slot is None:
+            return False
+        at = slot * _SLOT.size
         _NUMBER.pack_into(self._map, at + _TAKEN, sequence)
         (call,) = _NUMBER.unpack_from(self._map, at + _CALL)
         if not 0 < call <= sequence:

@@ -302,6 +302,7 @@ class Reader:
 
     def __init__(self, port: Any, share: int) -> None:
         self._receive: Callable[[], Any] = port.receive
+        self._has_samples: Callable[[], bool] = port.has_samples
         self.share = share
         self._out: list[None] = []
         """One for each sample that somebody still looks at. Appending and removing are one step each."""
@@ -334,6 +335,13 @@ class Reader:
                 payload = memoryview(lent).cast("B")[:size].toreadonly()
             return _message((to, member, line, octets, payload))
 
+    def has_more(self) -> bool:
+        """Whether there are messages to read."""
+        try:
+            return self._has_samples()
+        except iceoryx2.ConnectionFailure as exc:
+            raise TransportError(f"shm: receiving: {exc}") from exc
+
     @property
     def spent(self) -> bool:
         """Whether as many samples are out as may be: the next one is copied."""
@@ -341,7 +349,7 @@ class Reader:
 
     def close(self) -> None:
         """Let go of the port; what was read stays where it is."""
-        self._receive = _no_sample
+        self._receive, self._has_samples = _no_sample, bool
 
 
 def _no_sample() -> None: ...

@@ -150,7 +150,7 @@ class Publisher(AnnouncedLink["ShmTransport"]):
             rope.ring(number)
         return all(key in self._readers for key in there)
 
-    def on_input(self) -> tuple[Job, ...]:
+    def on_input(self, *, one: bool = False) -> tuple[Job, ...]:
         """A subscriber has rung: it begins to read, or it has read as much as was waited for."""
         self._credit.called()
         if self._seen != self._present():
@@ -329,9 +329,9 @@ class Subscriber(AnnouncedLink["ShmTransport"]):
             if self._receipts:
                 self._receipts.close()
 
-    def on_input(self) -> tuple[Job, ...]:
+    def on_input(self, *, one: bool = False) -> tuple[Job, ...]:
         taken = 0
-        for heard in tuple(self._heard.values()):
+        for heard in (*self._heard.values(),):
             for _ in range(min(BATCH, self._depth)):
                 self._paused = True  # before looking: whoever makes room later sees this, and has us go on
                 self._paused = self._lane.full
@@ -339,16 +339,27 @@ class Subscriber(AnnouncedLink["ShmTransport"]):
                 if message is None:
                     break
                 taken += self._take(heard, message)
+                if one:
+                    break
                 if heard.reader.spent:  # what follows would be copied; once the handler had these, it need not be
                     self.transport.attend(self)
                     break
             else:
                 self.transport.attend(self)
-            if self._receipts and heard.last != heard.noted:
-                heard.noted = heard.last
-                if self._receipts.took(heard.source, heard.last):
-                    heard.call()
+            if one and taken:
+                break
+        self.transport.afterwards(self._look_round)
         return (self._drain,) if taken else ()
+
+    def _look_round(self) -> None:
+        """After messages were handed on: let publishers know how far we are, and see to it that nothing is left."""
+        for heard in (*self._heard.values(),):
+            if heard.last != heard.noted:
+                heard.noted = heard.last
+                if self._receipts and self._receipts.took(heard.source, heard.last):
+                    heard.call()
+            if not self._paused and heard.reader.has_more():
+                self.transport.attend(self)
 
     def _begin(self, key: tuple[str, str], member: Member, channel: str) -> None:
         """Have a publisher heard. One that cannot be heard now is tried again, as long as it is there."""

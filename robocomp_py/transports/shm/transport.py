@@ -79,6 +79,7 @@ class ShmTransport(Announcing):
             undo.callback(self._mailbox.close)
             self.desk = Desk(self, self._mailbox)
             self._loop = Loop(self._bell, self._own, self._tick, self.desk.open_next)
+            self.afterwards = self._loop.afterwards
             self.directory.heed(self._watch, self._loop.wake)
             self._crew = Crew("shm", self._loop.receive, self._loop.wake)
             undo.pop_all()
