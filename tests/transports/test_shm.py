@@ -31,7 +31,9 @@ from robocomp_py.transports.base import Reply, Status, Transport, TransportConfi
 from robocomp_py.transports.directory import runtime_dir
 from robocomp_py.transports.inotify import Watch
 from robocomp_py.transports.shm import ShmTransport, node, samples
-from robocomp_py.transports.shm.bells import BELLS, NEWS, Bell, Rope
+from robocomp_py.transports.shm.bells import BELLS, MAIL, NEWS, Bell, Rope
+from robocomp_py.transports.shm.bells import SOON as ANNOUNCED
+from robocomp_py.transports.shm.haste import Haste
 from robocomp_py.transports.shm.loop import Loop
 from robocomp_py.transports.shm.mail import LINGER, Post, packed, unpacked
 from robocomp_py.transports.shm.receipts import SLOTS, Credit, Reader, Receipts
@@ -169,6 +171,19 @@ def test_answers_are_not_copied_either(here: ShmTransport, there: ShmTransport) 
     assert is_shared(seen[0])
     assert is_shared(answer)
     assert answer.tobytes() == b"x" * LARGE
+
+
+@pytest.mark.parametrize("hurried", [False, True])
+def test_it_does_not_matter_to_an_answer_whether_it_is_waited_for_awake(
+    here: ShmTransport, there: ShmTransport, hurried: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Haste, "next", lambda haste: hurried)
+    there.server(query(NAME), lambda payload, _: Reply(Status.OK, blob(there, unblob(there, payload))))
+    caller = here.caller(query(NAME))
+    assert caller.wait_peer(SOON)
+    for size in (0, 1000, 100_000, LARGE) * 20:  # the last one is not written as quickly as one wakes up
+        data = bytes([size % 251]) * size
+        assert unblob(here, caller.ask(blob(here, data), SOON).payload) == data
 
 
 @pytest.mark.parametrize("size", [0, 64 * 1024 * 1024])
@@ -654,6 +669,22 @@ def test_of_a_bell_that_was_rung_too_often_all_numbers_count_as_rung(tmp_path: P
     bell.close()
 
 
+def test_what_is_only_announced_wakes_and_is_not_taken_for_a_message(tmp_path: Path) -> None:
+    bell = Bell(tmp_path / "bell")
+    rope = Rope(tmp_path / "bell")
+    rope.ring(ANNOUNCED)
+    assert not list(bell.wait(SOON))
+    rope.ring(ANNOUNCED)
+    rope.ring(3)
+    assert bell.wait(SOON) == bytes((3,))  # as if that alone had been rung, once
+    rope.ring(ANNOUNCED)
+    assert bell.rung(SOON)
+    for _ in range(10_000):
+        rope.ring(ANNOUNCED)
+    assert MAIL in bell.wait(SOON)  # what was rung afterwards did not fit in
+    bell.close()
+
+
 def test_there_is_nobody_to_hear_a_bell_that_was_closed(tmp_path: Path) -> None:
     bell = Bell(tmp_path / "bell")
     rope = Rope(tmp_path / "bell")
@@ -682,12 +713,13 @@ def test_who_waits_at_a_bell_is_told_as_well_that_the_folder_has_changed(tmp_pat
 
 
 class Counting:
-    """A link that counts how often it is attended to."""
+    """A link that counts how often it is attended to, and how often for one message."""
 
-    turns = 0
+    turns = ones = 0
 
-    def on_input(self) -> tuple[()]:
+    def on_input(self, *, one: bool = False) -> tuple[()]:
         self.turns += 1
+        self.ones += one
         return ()
 
 
@@ -699,6 +731,45 @@ def test_a_link_that_was_asked_for_several_times_is_attended_to_once(tmp_path: P
     rope.ring(3)
     assert not list(loop.receive())
     assert link.turns == 1
+    rope.close()
+    bell.close()
+
+
+def test_who_is_rung_once_takes_one_message_and_looks_for_more_afterwards(tmp_path: Path) -> None:
+    bell, rope, link = Bell(tmp_path / "bell"), Rope(tmp_path / "bell"), Counting()
+    loop = Loop(bell, rope, lambda: SOON, lambda: None)
+    loop.add(3, link)
+    loop.receive()
+    assert (link.turns, link.ones) == (1, 0)  # when it was added
+    rope.ring(3)
+    loop.afterwards(lambda: loop.attend(link))
+    loop.receive()
+    assert (link.turns, link.ones) == (2, 0)  # it was to be attended to anyhow: all is taken
+    rope.ring(3)
+    loop.receive()
+    assert (link.turns, link.ones) == (3, 1)
+    for _ in range(2):
+        rope.ring(3)
+    loop.receive()
+    assert (link.turns, link.ones) == (4, 1)  # there may be several
+    rope.close()
+    bell.close()
+
+
+def test_what_fails_afterwards_does_not_keep_anybody_from_receiving(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    bell, rope, link = Bell(tmp_path / "bell"), Rope(tmp_path / "bell"), Counting()
+    loop = Loop(bell, rope, lambda: SOON, lambda: None)
+    loop.add(3, link)
+
+    def fail() -> None:
+        raise TransportError("broken")
+
+    loop.afterwards(fail)
+    loop.receive()
+    assert link.turns == 1
+    assert "broken" in caplog.text
     rope.close()
     bell.close()
 

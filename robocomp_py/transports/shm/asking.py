@@ -18,8 +18,9 @@ from ..directory import Entry, Member
 from ..finding import CommandingLink, FindingLink
 from ..pending import Pending
 from ..replies import Numbered
+from .haste import Haste
 from .loop import TICK
-from .mail import KNOCK, Line, Post, packed, persist
+from .mail import HURRY, KNOCK, Line, Post, packed, persist
 from .samples import HEAD_BYTES, size_of
 
 if TYPE_CHECKING:
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
 
 
 _COMMAND = Flag.ONEWAY | Flag.SENT
+
+_QUICK = 64 * 1024
+"""Octets up to which a request is written in less time than it takes to be woken."""
 
 
 class Peer:
@@ -124,6 +128,7 @@ class Caller(AskingLink):
         super().__init__(transport, channel)
         self._pending = Pending(channel.name)
         self._flags = Flag.IDEMPOTENT | Flag.SENT if channel.idempotent else Flag.SENT
+        self._haste = Haste()
         self._met: dict[str, Peer] = {}
         """Those we asked, and who may still answer."""
 
@@ -201,12 +206,18 @@ class Caller(AskingLink):
         self._pending.close(Closed(f"{self.channel.name}: the link is closed"))
 
     def _ask(self, peer: Peer, to: int, payload: Payload, end: float, deadline: float, number: int) -> Reply:
-        line = peer.take()
+        line, haste, begun = peer.take(), self._haste, time.monotonic()
+        at = line.number
+        hurry = haste.next()
         try:
-            number, header = self.request(self._flags, max(0.0, end - time.monotonic()), number)
             size = size_of(payload)
-            if not peer.post.send(line.number, to, header, payload, size):
-                send = partial(peer.post.send, line.number, to, header, payload, size)
+            if hurry:
+                at |= HURRY
+                if size < _QUICK:
+                    peer.post.announce()
+            number, header = self.request(self._flags, max(0.0, end - begun), number)
+            if not peer.post.send(at, to, header, payload, size):
+                send = partial(peer.post.send, at, to, header, payload, size)
                 if not persist(send, end, partial(self.still, peer), self.closed):
                     raise Timeout(f"{self.channel.name}: could not be asked within {deadline:g} s")
             while True:
@@ -219,6 +230,8 @@ class Caller(AskingLink):
                         found = reply_at(message.octets, HEAD_BYTES)
                         if found.sequence == number and found.client == self.client:
                             reply = answered((STATUSES[found.status], message.payload))
+                            if haste.trying:
+                                haste.took(hurry, time.monotonic() - begun)
                             return reply if reply.status is Status.OK else self._understood(reply)
                     except DecodeError as exc:
                         self.malformed(exc)

@@ -31,9 +31,13 @@ NEWS = BELLS - 2
 """The folder that is watched has changed."""
 
 
+SOON = BELLS - 3
+"""Something is about to be written. All it does is to wake: who does not find it yet waits on."""
+
+
 def bell_of(number: int) -> int:
     """What is rung for the link of that number. Several may share one."""
-    return 1 + number % (BELLS - 3)
+    return 1 + number % (BELLS - 4)
 
 
 SLICE = 0.05
@@ -73,7 +77,7 @@ class Bell:
     def wait(self, seconds: float) -> Iterable[int]:
         """Wait until it rings, at most so long; what was rung since the last time, which may be nothing.
 
-        It is bytes if it rang once.
+        It is bytes if it rang once, but for `SOON`, or not at all.
         """
         found = self._poll(seconds * 1000)
         if not found:
@@ -85,7 +89,10 @@ class Bell:
 
     def rung(self, seconds: float) -> bool:
         """Wait likewise, but not longer than a slice; whether it rang."""
-        return bool(self._poll(_SLICE_MS if seconds >= SLICE else max(0.0, seconds * 1000)) and self._read())
+        if not self._poll(_SLICE_MS if seconds >= SLICE else max(0.0, seconds * 1000)):
+            return False
+        self._read()
+        return True
 
     def _read(self) -> Iterable[int]:
         end = self._end  # which stays open as long as we have it
@@ -93,9 +100,11 @@ class Bell:
             rung = os.read(end.fileno, _ROOM)
         except OSError:  # nothing; or it was closed meanwhile
             return ()
-        if len(rung) < 2:
-            return rung
-        return set(rung) if len(rung) < _ROOM else range(BELLS)
+        if len(rung) >= _ROOM:
+            return range(BELLS)
+        if rung[0] == SOON:
+            rung = rung.lstrip(_NUMBERS[SOON])
+        return rung if len(rung) < 2 else set(rung)
 
     def close(self) -> None:
         self._poll, self._end = _silence, _NOWHERE

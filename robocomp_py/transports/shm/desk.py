@@ -13,7 +13,7 @@ from ...wire.header import NO_DEADLINE, Flag, Request, pack_reply, reply_at, req
 from ..base import Reply, Status
 from ..crew import Job
 from ..sparing import Sparing
-from .mail import KNOCK, Mailbox, Post, packed, persist, unpacked
+from .mail import HURRY, KNOCK, Mailbox, Post, packed, persist, unpacked
 from .samples import HEAD_BYTES, Message, size_of
 
 if TYPE_CHECKING:
@@ -100,7 +100,13 @@ class Desk:
         link = self.serving.get(message.to)
         limited = request.remaining_ms != NO_DEADLINE
         expires = time.monotonic() + request.remaining_ms / 1000 if limited else float("inf")
-        answer = partial(self.reply, message.member, message.line, request, expires)
+        line = message.line
+        if line & HURRY:
+            line ^= HURRY
+            post = self._posts.get((message.member, line))
+            if post:
+                post.announce()
+        answer = partial(self.reply, message.member, line, request, expires)
         if link is None:
             return None if request.flags & Flag.ONEWAY else partial(answer, Reply(Status.REFUSED))
         if request.fingerprint != link.channel.type.fingerprint:

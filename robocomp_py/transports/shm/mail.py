@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 from ...errors import TransportError
 from ...wire.codec import Payload
-from .bells import MAIL, Bell, Rope, bell_path
+from .bells import MAIL, SOON, Bell, Rope, bell_path
 from .node import PORTS, Node
 from .samples import Reader, Writer
 
@@ -30,6 +30,9 @@ _LOANS = 16
 
 KNOCK = 0xFFFFFFFF
 """Whom a letter is for that wants nothing but an answer, which tells that all before it were taken."""
+
+HURRY = 1 << 31
+"""Added to the number of a line: to be rung already when the answer is about to be written."""
 
 LINGER = 1.5
 """Seconds for which closing waits for what was sent last to be taken."""
@@ -96,6 +99,10 @@ class Post:
             raise
         self._rope.ring(MAIL)
         return True
+
+    def announce(self) -> None:
+        """Wake who will read what is about to be sent."""
+        self._rope.ring(SOON)
 
     def close(self) -> None:
         self._closed = True
