@@ -8,10 +8,10 @@ way, and the others in the way that was quicker.
 
 from __future__ import annotations
 
-EVERY = 512
+EVERY = 1024
 """After so many calls it is tried again."""
 
-TRIES = 8
+TRIES = 16
 """Calls in each of the two ways."""
 
 _WORTH_IT = 0.95

@@ -33,6 +33,9 @@ _MORE, _LONG, _COMMAND = 1, 2, 4
 _SHORTEST_LONG = 256
 _HEAD, _LONG_HEAD = struct.Struct(">BB"), struct.Struct(">BQ")
 
+_DONTWAIT, _WAITALL = int(socket.MSG_DONTWAIT), int(socket.MSG_WAITALL)
+"""To combine enumerations takes longer than to receive a small message."""
+
 _GREETING = b"\xff\0\0\0\0\0\0\0\1\x7f\3\0NULL".ljust(64, b"\0")
 _TIMEOUT = struct.Struct("@ll").pack(0, SLICE_MS * 1000)
 _MOMENT = struct.Struct("@ll").pack(0, 5000)
@@ -63,7 +66,7 @@ class _Connection:
 
     _waits = False
     """Whether receiving waits: then who wanted a message is asked between two parts of it, however slowly they come."""
-    _how: int = socket.MSG_DONTWAIT
+    _how = _DONTWAIT
     """To receive by."""
 
     def __init__(self, kind: bytes) -> None:
@@ -166,7 +169,7 @@ class _Connection:
     def _fill(self, body: memoryview) -> None:
         while self._filled < len(body):
             try:
-                more = self._socket.recv_into(body[self._filled :], 0, socket.MSG_WAITALL | self._hurry)
+                more = self._socket.recv_into(body[self._filled :], 0, _WAITALL | self._hurry)
             except BlockingIOError:
                 self._hurry = self._how
                 raise
@@ -202,7 +205,7 @@ class _Connection:
         if name == b"PING":  # its time to live, in two octets, and what it wants to see again
             pong = b"\4PONG" + body[7:23]
             try:
-                self._socket.send(_head(_COMMAND, len(pong)) + pong, socket.MSG_DONTWAIT)
+                self._socket.send(_head(_COMMAND, len(pong)) + pong, _DONTWAIT)
             except BlockingIOError:
                 pass  # then it has other signs of life from us, or none
             except OSError as exc:
@@ -324,7 +327,7 @@ class Feed(_Connection):
     def _say(self, few: bytes) -> None:
         """So little that there is room for it in any new connection."""
         try:
-            sent = self._socket.send(few, socket.MSG_DONTWAIT)
+            sent = self._socket.send(few, _DONTWAIT)
         except OSError as exc:
             raise Gone(str(exc)) from exc
         if sent < len(few):
