@@ -6,6 +6,7 @@
   publish    a reliable topic: latency one way, and what gets through
   loans      latency of messages that are filled where they are sent from
   cpu        what components compute while nothing much happens
+  placement  small messages where both processes have one core, and where each has one of its own
   threads    handlers run by the thread that received their message, and by another one
   layers     where the time of a query goes; the codec of the cyclonedds package
   codecs     encoding and decoding by themselves, beside the cyclonedds package and plain msgpack
@@ -42,6 +43,7 @@ from . import (
     lsp,
     machine,
     memory,
+    placement,
     publish,
     query,
     start,
@@ -163,6 +165,11 @@ def _cpu(options: argparse.Namespace, effort: Effort) -> Found:
     return Found(rows, [cpu.table(rows)], cpu.findings(rows))
 
 
+def _placement(options: argparse.Namespace, effort: Effort) -> Found:
+    rows, failures = _each(placement.run, options.only, effort.halved)
+    return Found(rows, [placement.table(rows)], failures=failures)
+
+
 def _threads(options: argparse.Namespace, effort: Effort) -> Found:
     rows, failures = _each(threads.run, options.only, effort.halved)
     return Found(rows, [threads.table(rows)], failures=failures)
@@ -201,6 +208,7 @@ MEASUREMENTS: dict[str, Run] = {
     "publish": _publish,
     "loans": _loans,
     "cpu": _cpu,
+    "placement": _placement,
     "threads": _threads,
     "layers": _layers,
     "codecs": _codecs,

@@ -89,6 +89,11 @@ class Pair:
     ) -> None:
         self.close()
 
+    @property
+    def far_pid(self) -> int:
+        """The process of the far end."""
+        return self._process.pid if self._process else os.getpid()
+
     def close(self) -> None:
         """Idempotent, also before `with`."""
         self._undo.close()
@@ -117,6 +122,10 @@ class _Process:
         self._process = _spawn.Process(target=_live, args=(party.far, place, record.shared, theirs), name="far end")
         self._process.start()
         theirs.close()
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid or 0
 
     def wait(self) -> None:
         """Until it is ready."""

@@ -21,7 +21,7 @@ from .goals import Finding, failed
 from .pair import MOST, Pair
 from .parties import FAILURES, PATIENCE, Array, stamp
 from .query import Tell, both, some
-from .rounds import Effort, Times, by_turns, how_many, ratio, times
+from .rounds import Effort, Rounds, Times, by_turns, how_many, joined, ratio, times
 from .tables import Table, octets, times_as_much, us
 
 GOAL = 1.15
@@ -102,28 +102,49 @@ def run(middlewares: Iterable[str], sizes: Sequence[int], effort: Effort, tell: 
 
 
 def _rows(middleware: str, depth: int, sizes: list[int], effort: Effort, tell: Tell) -> list[Row]:
-    rows: list[Row] = []
+    found: dict[int, list[_Measured]] = {size: [] for size in sizes}
+    failure = ""
     try:
-        with both(middleware, depth) as pairs:
-            for size in sizes:
-                tell(f"publish · {middleware} · {octets(size)}")
-                rows.append(_row(middleware, size, pairs, effort))
+        for some_rounds in effort.starts:
+            with both(middleware, depth) as pairs:
+                for size in sizes:
+                    tell(f"publish · {middleware} · {octets(size)}")
+                    found[size].append(_measure(size, pairs, some_rounds))
     except FAILURES as exc:  # worth knowing, and no reason to keep the other figures from anybody
-        rows += [Row(middleware, size, failure=f"{exc}") for size in sizes[len(rows) :]]
-    return rows
+        failure = f"{exc}"
+    return [
+        _row(middleware, size, starts) if len(starts) == len(effort.starts) else Row(middleware, size, failure=failure)
+        for size, starts in found.items()
+    ]
 
 
-def _row(middleware: str, size: int, pairs: list[Pair], effort: Effort) -> Row:
+@dataclass(frozen=True)
+class _Measured:
+    """Of each party, from one start to its end."""
+
+    latencies: Rounds
+    rates: Rounds
+    lost: list[int]
+
+
+def _measure(size: int, pairs: list[Pair], effort: Effort) -> _Measured:
     data = some(size)
     measures = [latency_of(pair, pair.near.publish, data, effort.seconds) for pair in pairs]
     latencies = by_turns(measures, effort.rounds)
     floods = [_Flood(pair, data) for pair in pairs]
     for flood in floods:
         flood.choose(effort.seconds)
-    rates = by_turns([flood.rate for flood in floods], effort.rounds)
+    return _Measured(
+        latencies, by_turns([flood.rate for flood in floods], effort.rounds), [each.lost for each in floods]
+    )
+
+
+def _row(middleware: str, size: int, starts: list[_Measured]) -> Row:
+    latencies, rates = joined([each.latencies for each in starts]), joined([each.rates for each in starts])
+    lost = [sum(counts) for counts in zip(*(each.lost for each in starts), strict=True)]
     ours, *raw = (
-        Figures(times(latency), statistics.median(each[0] for each in rate), flood.lost)
-        for latency, rate, flood in zip(latencies, rates, floods, strict=True)
+        Figures(times(latency), statistics.median(each[0] for each in rate), count)
+        for latency, rate, count in zip(latencies, rates, lost, strict=True)
     )
     if not raw:
         return Row(middleware, size, ours)

@@ -18,8 +18,8 @@ from . import parties
 from .goals import Finding, failed
 from .ours import options
 from .pair import Pair, place
-from .parties import FAILURES, Array, Near
-from .rounds import Effort, Times, by_turns, difference, how_many, ratio, seconds_of, times
+from .parties import FAILURES, Array
+from .rounds import Effort, Rounds, Times, by_turns, difference, how_many, joined, ratio, seconds_of, times
 from .tables import Table, octets, times_as_much, us
 
 Tell = Callable[[str], None]
@@ -66,15 +66,19 @@ class Row:
 def run(middlewares: Iterable[str], sizes: Sequence[int], effort: Effort, tell: Tell) -> list[Row]:
     rows = []
     for middleware in middlewares:
-        found: list[Row] = []
+        found: dict[int, list[Rounds]] = {size: [] for size in sizes}
+        failure = ""
         try:
-            with both(middleware, 10) as pairs:
-                for size in sizes:
-                    tell(f"query · {middleware} · {octets(size)}")
-                    found.append(_row(middleware, size, [pair.near for pair in pairs], effort))
+            for some_rounds in effort.starts:
+                with both(middleware, 10) as pairs:
+                    for size in sizes:
+                        tell(f"query · {middleware} · {octets(size)}")
+                        found[size].append(round_trips(middleware, size, pairs, some_rounds))
         except FAILURES as exc:  # worth knowing, and no reason to keep the other figures from anybody
-            found += [Row(middleware, size, failure=f"{exc}") for size in sizes[len(found) :]]
-        rows += found
+            failure = f"{exc}"
+        for size, starts in found.items():
+            complete = len(starts) == len(effort.starts)
+            rows.append(_row(middleware, size, joined(starts)) if complete else Row(middleware, size, failure=failure))
     return rows
 
 
@@ -97,15 +101,20 @@ def some(size: int) -> Array:
     return np.random.default_rng(size).integers(0, 256, size, np.uint8)
 
 
-def _row(middleware: str, size: int, nears: list[Near], effort: Effort) -> Row:
+def round_trips(middleware: str, size: int, pairs: Iterable[Pair], effort: Effort) -> Rounds:
+    """Of each pair, in seconds."""
     data = some(size)
     measures = []
-    for near in nears:
-        if not np.array_equal(near.ask(data), data):
+    for pair in pairs:
+        if not np.array_equal(pair.near.ask(data), data):
             raise ValueError(f"{middleware}: the answer is not what was asked")
-        ask = partial(near.ask, data)
+        ask = partial(pair.near.ask, data)
         measures.append(partial(seconds_of, ask, how_many(ask, effort.seconds)))
-    ours, *raw = by_turns(measures, effort.rounds)
+    return by_turns(measures, effort.rounds)
+
+
+def _row(middleware: str, size: int, rounds: Rounds) -> Row:
+    ours, *raw = rounds
     if not raw:
         return Row(middleware, size, times(ours))
     return Row(middleware, size, times(ours), times(raw[0]), ratio(ours, raw[0]), difference(ours, raw[0]))

@@ -28,6 +28,13 @@ class Effort:
         return Effort((self.rounds + 1) // 2, self.seconds)
 
     @property
+    def starts(self) -> list[Effort]:
+        """The same, a few rounds at a time, for processes that are started anew each time: where their memory happens
+        to lie makes a tenth, for as long as they live."""
+        count = max(1, self.rounds // 3)
+        return [Effort(self.rounds * (n + 1) // count - self.rounds * n // count, self.seconds) for n in range(count)]
+
+    @property
     def watched(self) -> float:
         """Seconds for which processes are watched that do little."""
         return 100 * self.seconds
@@ -44,9 +51,18 @@ class Times:
     p99: float
 
 
-def by_turns(parties: Sequence[Callable[[], list[float]]], rounds: int) -> list[list[list[float]]]:
+Rounds = list[list[list[float]]]
+"""What was measured: of each party, in each round."""
+
+
+def joined(starts: Sequence[Rounds]) -> Rounds:
+    """The rounds of the same parties, started several times, as if it had been once."""
+    return [[each for rounds in of_party for each in rounds] for of_party in zip(*starts, strict=True)]
+
+
+def by_turns(parties: Sequence[Callable[[], list[float]]], rounds: int) -> Rounds:
     """What each party measured in each round. Whoever was last in a round is first in the next."""
-    found: list[list[list[float]]] = [[] for _ in parties]
+    found: Rounds = [[] for _ in parties]
     for number in range(rounds):
         turns = list(enumerate(parties))
         for index, measure in turns if number % 2 == 0 else reversed(turns):
