@@ -85,4 +85,5 @@ def table(rows: list[Row]) -> Table:
         )
         for row in rows
     ]
-    return Table("placement", "64 bytes, and where the processes are", head, cells, labels=3)
+    note = "" if rows else "it takes two cores, and two processes"
+    return Table("placement", "64 bytes, and where the processes are", head, cells, labels=3, note=note)

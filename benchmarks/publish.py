@@ -19,8 +19,8 @@ from functools import partial
 
 from .goals import Finding, failed
 from .pair import MOST, Pair
-from .parties import FAILURES, PATIENCE, Array, stamp
-from .query import Tell, both, some
+from .parties import PATIENCE, Array, stamp
+from .query import Tell, by_starts, some
 from .rounds import Effort, Rounds, Times, by_turns, how_many, joined, ratio, times
 from .tables import Table, octets, times_as_much, us
 
@@ -102,19 +102,13 @@ def run(middlewares: Iterable[str], sizes: Sequence[int], effort: Effort, tell: 
 
 
 def _rows(middleware: str, depth: int, sizes: list[int], effort: Effort, tell: Tell) -> list[Row]:
-    found: dict[int, list[_Measured]] = {size: [] for size in sizes}
-    failure = ""
-    try:
-        for some_rounds in effort.starts:
-            with both(middleware, depth) as pairs:
-                for size in sizes:
-                    tell(f"publish · {middleware} · {octets(size)}")
-                    found[size].append(_measure(size, pairs, some_rounds))
-    except FAILURES as exc:  # worth knowing, and no reason to keep the other figures from anybody
-        failure = f"{exc}"
+    def measure(size: int, pairs: list[Pair], some_rounds: Effort) -> _Measured:
+        tell(f"publish · {middleware} · {octets(size)}")
+        return _measure(size, pairs, some_rounds)
+
     return [
-        _row(middleware, size, starts) if len(starts) == len(effort.starts) else Row(middleware, size, failure=failure)
-        for size, starts in found.items()
+        Row(middleware, size, failure=failure) if failure else _row(middleware, size, starts)
+        for size, starts, failure in by_starts(middleware, depth, sizes, effort, measure)
     ]
 
 

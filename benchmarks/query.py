@@ -9,6 +9,7 @@ import contextlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,6 +22,8 @@ from .pair import Pair, place
 from .parties import FAILURES, Array
 from .rounds import Effort, Rounds, Times, by_turns, difference, how_many, joined, ratio, seconds_of, times
 from .tables import Table, octets, times_as_much, us
+
+M = TypeVar("M")
 
 Tell = Callable[[str], None]
 """Says how far it is."""
@@ -64,22 +67,39 @@ class Row:
 
 
 def run(middlewares: Iterable[str], sizes: Sequence[int], effort: Effort, tell: Tell) -> list[Row]:
-    rows = []
-    for middleware in middlewares:
-        found: dict[int, list[Rounds]] = {size: [] for size in sizes}
-        failure = ""
+    return [row for middleware in middlewares for row in _rows(middleware, sizes, effort, tell)]
+
+
+def _rows(middleware: str, sizes: Sequence[int], effort: Effort, tell: Tell) -> list[Row]:
+    def measure(size: int, pairs: list[Pair], some_rounds: Effort) -> Rounds:
+        tell(f"query · {middleware} · {octets(size)}")
+        return round_trips(middleware, size, pairs, some_rounds)
+
+    return [
+        Row(middleware, size, failure=failure) if failure else _row(middleware, size, joined(starts))
+        for size, starts, failure in by_starts(middleware, 10, sizes, effort, measure)
+    ]
+
+
+def by_starts(
+    middleware: str, depth: int, sizes: Sequence[int], effort: Effort, measure: Callable[[int, list[Pair], Effort], M]
+) -> list[tuple[int, list[M], str]]:
+    """Of each size what was measured in each start of the pairs; or why there is nothing. What fails at one size does
+    not keep the figures of smaller ones from anybody."""
+    found: dict[int, list[M]] = {size: [] for size in sizes}
+    failed: dict[int, str] = {}
+    for some_rounds in effort.starts:
+        left = [size for size in sizes if size not in failed]
+        if not left:
+            break
         try:
-            for some_rounds in effort.starts:
-                with both(middleware, 10) as pairs:
-                    for size in sizes:
-                        tell(f"query · {middleware} · {octets(size)}")
-                        found[size].append(round_trips(middleware, size, pairs, some_rounds))
-        except FAILURES as exc:  # worth knowing, and no reason to keep the other figures from anybody
-            failure = f"{exc}"
-        for size, starts in found.items():
-            complete = len(starts) == len(effort.starts)
-            rows.append(_row(middleware, size, joined(starts)) if complete else Row(middleware, size, failure=failure))
-    return rows
+            with both(middleware, depth) as pairs:
+                while left:
+                    found[left[0]].append(measure(left[0], pairs, some_rounds))
+                    del left[0]
+        except FAILURES as exc:
+            failed |= dict.fromkeys(left, f"{exc}" or type(exc).__name__)
+    return [(size, found[size], failed.get(size, "")) for size in sizes]
 
 
 @contextlib.contextmanager

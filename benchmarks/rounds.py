@@ -29,10 +29,10 @@ class Effort:
 
     @property
     def starts(self) -> list[Effort]:
-        """The same, a few rounds at a time, for processes that are started anew each time: where their memory happens
+        """The same, four rounds at a time, for processes that are started anew each time: where their memory happens
         to lie makes a tenth, for as long as they live."""
-        count = max(1, self.rounds // 3)
-        return [Effort(self.rounds * (n + 1) // count - self.rounds * n // count, self.seconds) for n in range(count)]
+        fours, rest = divmod(self.rounds, 4)
+        return [Effort(4, self.seconds)] * fours + [Effort(rest, self.seconds)] * (rest > 0)
 
     @property
     def watched(self) -> float:
@@ -40,7 +40,7 @@ class Effort:
         return 100 * self.seconds
 
 
-FULL, QUICK = Effort(15, 0.1), Effort(3, 0.05)
+FULL, QUICK = Effort(16, 0.1), Effort(3, 0.05)
 
 
 @dataclass(frozen=True)

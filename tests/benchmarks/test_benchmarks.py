@@ -13,9 +13,10 @@ from typing import Any
 
 import pytest
 
-from benchmarks import goals, versus
+from benchmarks import goals, placement, query, versus
 from benchmarks.goals import Finding
 from benchmarks.guard import Probe, compare
+from benchmarks.pair import Pair
 from benchmarks.parties import MIDDLEWARES
 from benchmarks.query import Row
 from benchmarks.rounds import Effort, Times, by_turns, difference, ratio
@@ -64,6 +65,34 @@ def test_every_size_of_every_middleware_gets_its_row(tmp_path: Path) -> None:
         ]
         assert not any(row["failure"] for row in rows)
         assert all(row["ours"] and bool(row["raw"]) == (row["middleware"] != "inproc") for row in rows)
+
+
+@LONG
+def test_what_fails_at_one_size_does_not_keep_the_figures_of_smaller_ones_from_anybody() -> None:
+    starts: list[int] = []
+
+    def measure(size: int, pairs: list[Pair], effort: Effort) -> int:
+        if size == 64:
+            starts.append(effort.rounds)
+        if size == 1024 and len(starts) == 2:
+            raise TimeoutError("no answer")
+        return len(starts)
+
+    found = query.by_starts("inproc", 10, (64, 1024, 4096), Effort(10, 0.002), measure)
+    assert found == [(64, [1, 2, 3], ""), (1024, [1], "no answer"), (4096, [1], "no answer")]
+    assert starts == [4, 4, 2]
+
+
+@LONG
+def test_small_messages_are_measured_in_every_place_and_nobody_stays_tied(tmp_path: Path) -> None:
+    cores = os.sched_getaffinity(0)
+    rows = placement.run(["zeromq"], Effort(1, 0.002), lambda _: None)
+    assert os.sched_getaffinity(0) == cores
+    places = placement.PLACES if len(cores) > 1 else {}
+    assert [(row.what, row.where) for row in rows] == [
+        (what, where) for where in places for what in ("query", "publish")
+    ]
+    assert as_text(placement.table(rows))
 
 
 @LONG

@@ -452,6 +452,29 @@ def test_what_is_sent_right_before_closing_arrives(there: ShmTransport, size: in
         assert [len(news.get(timeout=SOON)), len(orders.get(timeout=SOON))] == [size, size]
 
 
+def test_messages_that_wait_for_their_handler_do_not_hold_up_their_publisher(
+    here: ShmTransport, there: ShmTransport, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    go_on, heard = threading.Event(), Inbox()
+    monkeypatch.setattr(there, "afterwards", lambda do: None)  # it does not need anything that waits for the handler
+
+    def handle(payload: Any) -> None:
+        assert go_on.wait(SOON)
+        heard.put(bytes(1))
+
+    channel = topic(NAME, QoS(Reliability.RELIABLE, depth=10))
+    there.inlet(channel, handle)
+    outlet = here.outlet(channel)
+    assert outlet.wait_peer(SOON)
+    payload = blob(here, bytes(2_500_000))
+    for _ in range(6):  # more than may be ahead of who reads
+        outlet.send(payload, SOON)
+    assert heard.empty()
+    outlet.close()
+    go_on.set()
+    wait_until(lambda: heard.qsize() == 6)
+
+
 # Nothing stays, and nobody else sees it.
 
 

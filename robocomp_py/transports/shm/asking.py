@@ -207,9 +207,8 @@ class Caller(AskingLink):
 
     def _ask(self, peer: Peer, to: int, payload: Payload, end: float, deadline: float, number: int) -> Reply:
         line, haste, begun = peer.take(), self._haste, time.monotonic()
-        at = line.number
-        hurry = haste.next()
         try:
+            at, hurry = line.number, haste.next()
             size = size_of(payload)
             if hurry:
                 at |= HURRY

@@ -77,7 +77,7 @@ class Bell:
     def wait(self, seconds: float) -> Iterable[int]:
         """Wait until it rings, at most so long; what was rung since the last time, which may be nothing.
 
-        It is bytes if it rang once, but for `SOON`, or not at all.
+        One number in bytes if it rang once, apart from `SOON`; else something to be looked through.
         """
         found = self._poll(seconds * 1000)
         if not found:

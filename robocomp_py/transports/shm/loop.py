@@ -90,7 +90,7 @@ class Loop:
         busy = self._mail or self._ready or self._jobs
         rung = self._bell.wait(0.0 if busy else max(0.0, self._next_tick - now))
         self._sleeping = False
-        if type(rung) is bytes and rung and not busy and (jobs := self._one(rung[0])) is not None:
+        if type(rung) is bytes and rung and rung[0] != MAIL and not busy and (jobs := self._one(rung[0])) is not None:
             return jobs
         for number in rung:
             if number == MAIL:
@@ -117,7 +117,7 @@ class Loop:
         To look for more takes time, which can be spent `afterwards`. That is different with mail: who has an answer
         asks again, often before we would sleep.
         """
-        links = self._attending[number]
+        links = (*self._attending[number],)  # from which they may be removed at any time
         if len(links) != 1:
             return None
         try:

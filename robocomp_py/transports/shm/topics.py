@@ -346,20 +346,28 @@ class Subscriber(AnnouncedLink["ShmTransport"]):
                     break
             else:
                 self.transport.attend(self)
-            if one and taken:
-                break
-        self.transport.afterwards(self._look_round)
+            if one:
+                if taken:
+                    break
+            else:
+                self._note(heard)
+        if one:
+            self.transport.afterwards(self._look_round)
         return (self._drain,) if taken else ()
 
     def _look_round(self) -> None:
-        """After messages were handed on: let publishers know how far we are, and see to it that nothing is left."""
+        """After one message was handed on: let its publisher know, and have the others read, if there are any."""
         for heard in (*self._heard.values(),):
-            if heard.last != heard.noted:
-                heard.noted = heard.last
-                if self._receipts and self._receipts.took(heard.source, heard.last):
-                    heard.call()
+            self._note(heard)
             if not self._paused and heard.reader.has_more():
                 self.transport.attend(self)
+
+    def _note(self, heard: _Heard) -> None:
+        """Let a publisher know how far we are."""
+        if self._receipts and heard.last != heard.noted:
+            heard.noted = heard.last
+            if self._receipts.took(heard.source, heard.last):
+                heard.call()
 
     def _begin(self, key: tuple[str, str], member: Member, channel: str) -> None:
         """Have a publisher heard. One that cannot be heard now is tried again, as long as it is there."""
