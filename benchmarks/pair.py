@@ -125,7 +125,9 @@ class _Process:
 
     @property
     def pid(self) -> int:
-        return self._process.pid or 0
+        pid = self._process.pid
+        assert pid  # it was started when this was made
+        return pid
 
     def wait(self) -> None:
         """Until it is ready."""

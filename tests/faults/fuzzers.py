@@ -7,6 +7,7 @@ import random
 import socket
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 from robocomp_py.errors import TransportError
@@ -64,10 +65,10 @@ def _zeromq(
     name = channel.name.encode() + b"\0"
     for number, frame in enumerate(damaged(seed, count, [name + each for each in _good(transport, channel)])):
         if number % 1000 == 500:
-            yield lambda frame=frame: _knock(address, frame)  # type: ignore[misc]
+            yield partial(_knock, address, frame)
         else:
             parts = [frame, *(chance.randbytes(9) for _ in range(number % 3))]
-            yield lambda parts=parts: dealer.send_multipart(parts)  # type: ignore[misc]
+            yield partial(dealer.send_multipart, parts)
         if number % 5000 == 0:
             time.sleep(0.01)
 
@@ -94,15 +95,9 @@ def _zenoh(
     for number, frame in enumerate(damaged(seed, count, _good(transport, channel))):
         key, at = chance.choice(keys), chance.choice((30, 34, 26, 33, len(frame)))
         if number % 100 == 50:
-            yield lambda key=key, frame=frame: transport.session.get(  # type: ignore[misc]
-                key, payload=frame, attachment=frame, timeout=0.1
-            )
+            yield partial(transport.session.get, key, payload=frame, attachment=frame, timeout=0.1)
         else:
-            yield (
-                lambda key=key, at=at, frame=frame: transport.session.put(  # type: ignore[misc]
-                    key, frame[at:], attachment=frame[:at], congestion_control=block
-                )
-            )
+            yield partial(transport.session.put, key, frame[at:], attachment=frame[:at], congestion_control=block)
 
 
 def _dds(
@@ -117,6 +112,8 @@ def _dds(
             raise TransportError(f"{channel.name}: nobody is there")
         return outlet
 
+    outlet = opened()
+
     def write(sample: bytes) -> None:
         nonlocal outlet
         _, line = outlet.server(time.monotonic() + 10.0)
@@ -128,7 +125,6 @@ def _dds(
         outlet.close()  # packets reach ourselves, too, and may have upset what keeps count for this writer
         outlet = opened()
 
-    outlet = opened()
     good = [bytes(4) + each for each in _good(transport, channel)]
     udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     undo.callback(udp.close)
@@ -137,11 +133,10 @@ def _dds(
     ports = [7400 + 250 * domain + offset for domain in range(3) for offset in range(10, 30)]
     for number, frame in enumerate(damaged(seed, count, good)):
         if number % 4 == 0:
-            port = ports[number // 4 % len(ports)]
-            yield lambda port=port: _sent(udp, next(packets), port)  # type: ignore[misc]
+            yield partial(_sent, udp, next(packets), ports[number // 4 % len(ports)])
         else:
             sample = b"\0\1\0\0" + frame[4:] if number % 4 != 3 else frame
-            yield lambda sample=sample: write(sample)  # type: ignore[misc]
+            yield partial(write, sample)
 
 
 def _sent(udp: socket.socket, packet: bytes, port: int) -> None:
@@ -164,7 +159,7 @@ def _shm(
         to = chance.choice((int(entry.address), int(entry.address), 0, 77, 0xFFFFFFFF))
         line, at = chance.choice((0, 0, 1, 5000)), chance.choice((0, 26, 30, 34, 36))
         head, body = frame[: min(at, 36)], frame[at:]
-        yield lambda line=line, to=to, head=head, body=body: _posted(post, line, to, head, body)  # type: ignore[misc]
+        yield partial(_posted, post, line, to, head, body)
 
 
 def _posted(post: Any, line: int, to: int, head: bytes, body: bytes) -> None:
@@ -207,7 +202,7 @@ def _ice(
             told[RC_MAX] = chance.choice(("", "-1", "0", "9" * 30, "\N{SUPERSCRIPT TWO}", "100"))
         mode = chance.choice((Ice.OperationMode.Normal, Ice.OperationMode.Idempotent, Ice.OperationMode.Nonmutating))
         way = proxy if number % 3 else proxy.ice_oneway()
-        yield lambda way=way, told=told, mode=mode, body=frame[at:]: _invoked(way, operation, mode, body, told)  # type: ignore[misc]
+        yield partial(_invoked, way, operation, mode, frame[at:], told)
 
 
 def _invoked(proxy: Any, operation: str, mode: Any, body: bytes, told: dict[str, str]) -> None:

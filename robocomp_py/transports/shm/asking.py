@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _COMMAND = Flag.ONEWAY | Flag.SENT
 
 _QUICK = 64 * 1024
-"""Octets up to which a request is written in less time than it takes to be woken."""
+"""Octets from which on writing a request takes longer than being woken: its server would wait once more."""
 
 
 class Peer:

@@ -117,7 +117,7 @@ class Loop:
         To look for more takes time, which can be spent `afterwards`. That is different with mail: who has an answer
         asks again, often before we would sleep.
         """
-        links = (*self._attending[number],)  # from which they may be removed at any time
+        links = tuple(self._attending[number])  # from which they may be removed at any time
         if len(links) != 1:
             return None
         try:

@@ -331,7 +331,7 @@ class Subscriber(AnnouncedLink["ShmTransport"]):
 
     def on_input(self, *, one: bool = False) -> tuple[Job, ...]:
         taken = 0
-        for heard in (*self._heard.values(),):
+        for heard in tuple(self._heard.values()):
             for _ in range(min(BATCH, self._depth)):
                 self._paused = True  # before looking: whoever makes room later sees this, and has us go on
                 self._paused = self._lane.full
@@ -346,18 +346,17 @@ class Subscriber(AnnouncedLink["ShmTransport"]):
                     break
             else:
                 self.transport.attend(self)
-            if one:
-                if taken:
-                    break
-            else:
+            if not one:
                 self._note(heard)
+            elif taken:
+                break
         if one:
             self.transport.afterwards(self._look_round)
         return (self._drain,) if taken else ()
 
     def _look_round(self) -> None:
         """After one message was handed on: let its publisher know, and have the others read, if there are any."""
-        for heard in (*self._heard.values(),):
+        for heard in tuple(self._heard.values()):
             self._note(heard)
             if not self._paused and heard.reader.has_more():
                 self.transport.attend(self)
