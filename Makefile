@@ -5,7 +5,7 @@ MIDDLEWARE ?= auto
 WORKERS ?= 2
 BIN = .venv/bin
 
-.PHONY: help demo test check format lint types fix golden test-tools vscode bench bench-check bench-peers fuzz faults faults-ci clean
+.PHONY: help demo test check format lint types fix golden docs test-tools vscode bench bench-check bench-peers fuzz faults faults-ci clean
 
 help:  ## this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/	/' | expand -t 14
@@ -17,7 +17,7 @@ help:  ## this list
 	@touch $@
 
 demo: .venv/ready  ## run the example network, and show its story (MIDDLEWARE=…)
-	$(BIN)/python components/demo.py --middleware $(MIDDLEWARE)
+	$(BIN)/python components/demo.py --middleware "$(MIDDLEWARE)"
 
 test: .venv/ready  ## every test that needs nothing but pip
 	$(BIN)/pytest -m "not tool" --numprocesses $(WORKERS) --dist loadfile $(ARGS)
@@ -44,6 +44,10 @@ golden: .venv/ready  ## rewrite what is expected of the generator, and what the 
 	$(BIN)/python -m tests.codegen.golden
 	$(BIN)/python -m tests.docs.diagnostics
 
+docs: .venv/ready  ## build the documentation as a site: open site/index.html; its links are checked
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	$(BIN)/sphinx-build -q -W --keep-going -b html docs site
+
 test-tools: .venv/ready  ## tests that need programs which .ci/run installs
 	$(BIN)/python tests/interop/ice/expose.py .venv
 	$(BIN)/pytest -m tool $(ARGS)
@@ -55,7 +59,7 @@ fuzz: .venv/ready  ## damaged texts for the parsers (TEXTS=… for each test), a
 	ROBOCOMP_FUZZ=$(or $(TEXTS),5000) $(BIN)/pytest tests/dsl/test_fuzz.py $(ARGS)
 	$(BIN)/python -m tests.faults --only malformed --frames $(or $(FRAMES),1000000)
 
-faults: .venv/ready  ## the fault matrix, and docs/reliability.md; hours, needs root (ARGS="--only kill", --help)
+faults: .venv/ready  ## the fault matrix, and docs/explanation/fault-matrix.md; hours, needs root (ARGS="--only kill", --help)
 	$(BIN)/python -m tests.faults --write $(ARGS)
 
 faults-ci: .venv/ready  ## a few rounds of every row; no times are judged
@@ -73,5 +77,5 @@ bench-peers: .venv/ready  ## the frameworks that `make bench` compares with, as 
 	  echo 'for rospy, on Debian: apt-get install python3-rospy python3-rosmaster python3-std-msgs python3-numpy'
 
 clean:  ## remove what make made
-	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .hypothesis dist build
+	rm -rf .venv site .mypy_cache .pytest_cache .ruff_cache .hypothesis dist build
 	cd editors/vscode && rm -rf node_modules dist out LICENSE *.vsix

@@ -11,6 +11,7 @@
   layers     where the time of a query goes; the codec of the cyclonedds package
   codecs     encoding and decoding by themselves, beside the cyclonedds package and plain msgpack
   memory     queries with large arrays, when glibc keeps freed memory
+  shared     memory in /dev/shm for messages of several sizes, and what is in use of it
   languages  files read and checked; `rc lint` and `rcgen` as processes
   lsp        from a change in an editor to its diagnostics
 
@@ -46,6 +47,8 @@ from . import (
     placement,
     publish,
     query,
+    results,
+    shared,
     start,
     threads,
     versus,
@@ -54,7 +57,7 @@ from .goals import Finding
 from .options import some_of, tell
 from .parties import BY_NAME, FAILURES, MIDDLEWARES
 from .rounds import FULL, QUICK, Effort
-from .tables import Table, as_markdown, as_text, fill, octets
+from .tables import Table, as_markdown, as_text, octets
 
 MOST = 600.0
 """Seconds for one measurement, or more if more is demanded; the longest takes three minutes."""
@@ -81,9 +84,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     base = QUICK if options.quick else FULL
     effort = Effort(options.rounds or base.rounds, options.seconds or base.seconds)
     tables, found, failures = [machine.describe()], dict[str, Found](), []
-    if options.page:
-        page = Path(options.page)
-        fill(page.read_text(encoding="utf-8"), tables)  # now: who named a wrong page should not wait to hear
+    if options.stored:
+        for table in results.tables(results.load()):
+            _print(table, options)
+        return 0
+    if options.draw:
+        results.publish()
+        return 0
+    if options.write and set(options.what) != set(MEASUREMENTS):
+        print("--write stores a whole run: leave --what out", file=sys.stderr)
+        return 2
     _print(tables[0], options)
     begun = time.monotonic()
     try:
@@ -106,16 +116,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 130
     tables += [table for one in found.values() for table in one.tables]
     findings = [each for one in found.values() for each in one.findings]
-    if set(options.what) == set(MEASUREMENTS):
-        tables.append(goals.table(findings))  # a page shows all of one run, or what it showed
     if findings:
         _print(goals.table(findings), options)
     if options.json:
         about = {label: value for label, value in tables[0].rows}
         rows = {what: [asdict(row) for row in one.rows] for what, one in found.items()}
         Path(options.json).write_text(json.dumps({"machine": about, **rows}, indent=1), encoding="utf-8")
-    if options.page:
-        page.write_text(fill(page.read_text(encoding="utf-8"), tables), encoding="utf-8")
+    if options.write and not failures:
+        results.store(tables, findings, {what: one.rows for what, one in found.items()})
+        results.publish()
     minutes, seconds = divmod(round(time.monotonic() - begun), 60)
     print(f"\n{minutes} min {seconds} s", *failures, sep="\n", file=sys.stderr)
     return 1 if failures else 0
@@ -191,6 +200,11 @@ def _memory(options: argparse.Namespace, effort: Effort) -> Found:
     return Found(rows, [memory.table(rows)], failures=failures)
 
 
+def _shared(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = shared.run(effort.halved, tell) if "shm" in options.only else []
+    return Found(rows, [shared.table(rows)], shared.findings(rows))
+
+
 def _languages(options: argparse.Namespace, effort: Effort) -> Found:
     rows = languages.run(effort.halved, tell)
     return Found(rows, [languages.table(rows)])
@@ -213,6 +227,7 @@ MEASUREMENTS: dict[str, Run] = {
     "layers": _layers,
     "codecs": _codecs,
     "memory": _memory,
+    "shared": _shared,
     "languages": _languages,
     "lsp": _lsp,
 }
@@ -229,7 +244,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog="examples:\n"
         "  python -m benchmarks --quick                              everything, roughly, in a minute or two\n"
         "  python -m benchmarks --what query --only dds,zenoh\n"
-        "  python -m benchmarks --page docs/performance.md           everything, and into that page",
+        "  python -m benchmarks --write                              everything; store it, update page and figures",
     )
     parser.add_argument(
         "--only",
@@ -272,7 +287,11 @@ def _parser() -> argparse.ArgumentParser:
         "--seconds", type=float, metavar="S", help=f"per round and party, about (default: {FULL.seconds:g})"
     )
     parser.add_argument("--markdown", action="store_true", help="print Markdown")
-    parser.add_argument("--page", metavar="FILE", help="write the tables into this page, between its marks")
+    parser.add_argument(
+        "--write", action="store_true", help="store the results of a whole run, and update the page and its figures"
+    )
+    parser.add_argument("--draw", action="store_true", help="measure nothing: update page and figures as stored")
+    parser.add_argument("--stored", action="store_true", help="measure nothing: print the stored tables")
     parser.add_argument(
         "--json", metavar="FILE", help="write all figures there, times in µs (of `start`, `languages` and `lsp`: in s)"
     )

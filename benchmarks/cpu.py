@@ -169,12 +169,12 @@ def table(rows: list[Row]) -> Table:
 
 
 def findings(rows: list[Row]) -> list[Finding]:
-    found = [Finding("idle", row.middleware, "", _percent(row.idle), row.idle <= IDLE) for row in rows]
+    found = [Finding("idle", row.middleware, "", _percent(row.idle), row.idle <= IDLE, value=row.idle) for row in rows]
     for row in rows:
         if row.failure:
             found.append(failed("busy", row.middleware))
         elif row.both is not None:
-            found.append(Finding("busy", row.middleware, "", _percent(row.both), row.both <= BUSY))
+            found.append(Finding("busy", row.middleware, "", _percent(row.both), row.both <= BUSY, value=row.both))
     return found
 
 

@@ -5,7 +5,8 @@ A measurement makes findings, each for one goal. The guard compares their ratios
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from .tables import Table
@@ -30,6 +31,7 @@ GOALS = {
     "idle": Goal("CPU of an idle component", "≤ 0.3 % of a core"),
     "busy": Goal("CPU of a publisher and a subscriber, 1 KB at 100 Hz, both together", "≤ 6 % of a core"),
     "memory": Goal("memory of a component with one interface", "≤ 60 MB"),
+    "shared": Goal("shm, memory for messages of several sizes", "≤ 1.5 × in use + 4 MB; 4 MB afterwards"),
     "start": Goal("start of a component, to `ready`", "≤ 0.3 s; dds ≤ 0.5 s"),
 }
 """In the order of the table."""
@@ -39,7 +41,8 @@ GOALS = {
 class Finding:
     """For one goal, of one `subject`; `case` tells several of a subject apart.
 
-    `ratio` is what the guard compares, if anything: the greater, the worse.
+    `ratio` is what the guard compares, if anything. `value` orders the findings of a goal; the ratio does if it is
+    absent. The greater either is, the worse.
     """
 
     goal: str
@@ -48,11 +51,16 @@ class Finding:
     shown: str
     met: bool
     ratio: float | None = None
+    value: float | None = None
 
     @property
     def name(self) -> str:
         """What this is called among the others."""
         return " · ".join(filter(None, (self.goal, self.subject, self.case)))
+
+    @property
+    def badness(self) -> float:
+        return self.value if self.value is not None else self.ratio if self.ratio is not None else math.inf
 
 
 def failed(goal: str, subject: str, case: str = "") -> Finding:
@@ -61,19 +69,21 @@ def failed(goal: str, subject: str, case: str = "") -> Finding:
 
 
 def table(findings: Sequence[Finding]) -> Table:
-    cells = []
-    for name, goal in GOALS.items():
-        found = [each for each in findings if each.goal == name]
-        missed = _by_subject([(each.subject, each.case) for each in found if not each.met], ", ")
-        verdict = "not measured" if not found else f"missed: {missed}" if missed else "met"
-        cells.append(
-            (goal.what, goal.demand, verdict, _by_subject([(each.subject, each.shown) for each in found], " · "))
-        )
-    return Table("summary", "what was aimed at", ("what", "goal", "", "found"), cells, labels=4)
+    """One row for each goal: the best and the worst of its figures, and how many meet it."""
+    cells = [
+        (goal.what, goal.demand, *_summary([each for each in findings if each.goal == name]))
+        for name, goal in GOALS.items()
+    ]
+    return Table("summary", "goals and results", ("what", "goal", "best", "worst", "met"), cells, labels=5)
 
 
-def _by_subject(pairs: Iterable[tuple[str, str]], separator: str) -> str:
-    subjects: dict[str, list[str]] = {}
-    for subject, said in pairs:
-        subjects.setdefault(subject, []).append(said)
-    return "; ".join(f"{subject} {separator.join(said)}".strip() for subject, said in subjects.items())
+def _summary(found: list[Finding]) -> tuple[str, str, str]:
+    if not found:
+        return "", "", "not measured"
+    ranked = sorted(found, key=lambda each: each.badness)
+    met = sum(each.met for each in found)
+    return _shown(ranked[0]), _shown(ranked[-1]), "yes" if met == len(found) else f"{met} of {len(found)}"
+
+
+def _shown(finding: Finding) -> str:
+    return f"{finding.shown} ({' '.join(filter(None, (finding.subject, finding.case)))})"

@@ -171,4 +171,12 @@ def _finding(row: Row) -> Finding:
     if row.ours is None:
         return failed(row.goal, row.middleware, octets(row.size))
     shown = us(row.ours.p50) if row.ratio is None else times_as_much(row.ratio)
-    return Finding(row.goal, row.middleware, octets(row.size), shown, row.met, row.ratio)
+    return Finding(
+        row.goal,
+        row.middleware,
+        octets(row.size),
+        shown,
+        row.met,
+        row.ratio,
+        row.ours.p50 if row.ratio is None else row.ratio,
+    )

@@ -45,10 +45,15 @@ FULL, QUICK = Effort(16, 0.1), Effort(3, 0.05)
 
 @dataclass(frozen=True)
 class Times:
-    """In µs: the median over rounds of their medians, and the 99th percentile of all there is."""
+    """In µs: the median over rounds of their medians, the 99th percentile of all values, and others of all values."""
 
     p50: float
     p99: float
+    percentiles: tuple[tuple[float, float], ...] = ()
+    """Pairs of a percentage, one of `PERCENTAGES`, and the time."""
+
+
+PERCENTAGES = (5, 25, 75, 90, 95, 99.9)
 
 
 Rounds = list[list[list[float]]]
@@ -92,7 +97,12 @@ def how_many(call: Callable[[], object], seconds: float) -> int:
 def times(rounds: list[list[float]]) -> Times:
     """Of what was measured in seconds."""
     everything = sorted(value for each in rounds for value in each)
-    return Times(statistics.median(map(statistics.median, rounds)) * 1e6, everything[int(len(everything) * 0.99)] * 1e6)
+
+    def percentile(percentage: float) -> float:
+        return everything[int(len(everything) * percentage / 100)] * 1e6
+
+    median = statistics.median(map(statistics.median, rounds)) * 1e6
+    return Times(median, percentile(99), tuple((each, percentile(each)) for each in PERCENTAGES))
 
 
 def ratio(ours: list[list[float]], raw: list[list[float]]) -> float:

@@ -117,9 +117,20 @@ def table(rows: list[Row]) -> Table:
 
 def findings(rows: list[Row]) -> list[Finding]:
     """The guard compares a start with that of a bare program."""
-    memory = [Finding("memory", row.middleware, "", f"{row.share:.0f} MB", row.share <= MEGABYTES) for row in rows]
+    memory = [
+        Finding("memory", row.middleware, "", f"{row.share:.0f} MB", row.share <= MEGABYTES, value=row.share)
+        for row in rows
+    ]
     return memory + [
-        Finding("start", row.middleware, "", _s(row.ready), row.ready <= row.allowed, row.ready / row.library)
+        Finding(
+            "start",
+            row.middleware,
+            "",
+            _s(row.ready),
+            row.ready <= row.allowed,
+            row.ready / row.library,
+            value=row.ready,
+        )
         for row in rows
     ]
 

@@ -283,7 +283,7 @@ def findings(rows: list[Row]) -> list[Finding]:
     if rows[0].failure:
         return [failed("peers", rows[0].name)]
     return [
-        Finding("peers", row.name, octets(size), f"{each:.1f} ×", each > 1)
+        Finding("peers", row.name, octets(size), f"{each:.1f} ×", each > 1, value=-each)
         for row in rows[1:]
         for size, each in row.ratios.items()
     ]

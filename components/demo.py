@@ -1,22 +1,38 @@
-"""Generates the rescue network, runs it until its mission is over, and has it drawn.
+"""Runs the rescue network to the end of its mission, and shows what carried messages.
 
 python components/demo.py                        about a minute
 python components/demo.py --fast                 the same story in ten seconds or so
-python components/demo.py --middleware zeromq    over that middleware and no other
+python components/demo.py --middleware zeromq    generated for that one, and no other
+
+Everything happens in a copy of the folder, in which the components are generated anew:
+the checkout stays as it is. In the end the SHA-256 of the files that users write tells
+whether another middleware has changed any of them. The story is drawn, too.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
+import json
+import os
+import shutil
 import sys
-from collections.abc import Sequence
+import tempfile
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from robocomp_py.cli import rcdeploy, rcgen
+from robocomp_py.contract.middleware import AUTO, carrier
+from robocomp_py.deploy.auto import usable
+from robocomp_py.deploy.plan import Plan
+from robocomp_py.deploy.planner import make_plan
 from robocomp_py.deploy.routes import stays_inside, unfit, unshared
-from robocomp_py.runtime.settings import carrier, is_auto
+from robocomp_py.dsl.workspace import Workspace
+from robocomp_py.runtime.tally import FOLDER
 
-NETWORK = Path(__file__).with_name("rescue.ddsl")
+HERE = Path(__file__).resolve().parent
+NETWORK = "rescue.ddsl"
 FAST = (
     "*.component.period=0.02",
     "world.component.period=0.01",
@@ -31,25 +47,95 @@ on for seconds: its battery lasts, and is low long before somebody can be met.""
 def main(arguments: Sequence[str] | None = None) -> int:
     """The exit code of rcdeploy: 0 if somebody was found and help was called."""
     options = _parser().parse_args(arguments)
-    picture = options.picture.resolve()
-    carried = carrier(options.middleware, "zeromq")
+    middleware = options.middleware or AUTO
+    carried = carrier(middleware, AUTO)
     wrong = unfit(carried) or (
         unshared(carried, "world") if stays_inside(carried) else None
     )
     if wrong:  # before anything is generated for it
         print(f"demo.py: --middleware: {wrong}", file=sys.stderr)
         return 2
-    over = ["--middleware", options.middleware] if options.middleware else []
-    code = rcgen.main([str(NETWORK), *([] if is_auto(options.middleware) else over)])
-    if code:
-        return code
+    before = written_by_users(HERE)
+    with tempfile.TemporaryDirectory(prefix="robocomp-demo-") as folder:
+        copy, tally = Path(folder, "components"), Path(folder, "tally")
+        shutil.copytree(HERE, copy, ignore=shutil.ignore_patterns(*_NOT_COPIED))
+        tally.mkdir()
+        code = rcgen.main([str(copy / NETWORK), "--middleware", middleware])
+        if code:
+            return code
+        plan = make_plan(copy / NETWORK, Workspace(), usable=usable)
+        assert plan, "the network is right, as tests show"
+        code = _run(copy / NETWORK, tally, options)
+        print(
+            "\nWhat carried each link, and how many messages, as components counted:\n"
+        )
+        print("\n".join(carried_lines(plan, tally)))
+        print(f"\n{proof(before, written_by_users(copy), middleware)}")
+        same = before == written_by_users(copy)
+    if code == 0:
+        print(
+            f"The story is drawn in {options.picture.resolve()}: open it in a browser."
+        )
+    return code or int(not same)
+
+
+def _run(network: Path, tally: Path, options: argparse.Namespace) -> int:
+    picture = options.picture.resolve()
     given = ["--until", "rescue", "--set", f"world.params.picture={picture}"]
     if options.fast:
         given += [word for each in FAST for word in ("--set", each)]
-    code = rcdeploy.main([str(NETWORK), *over, *given])
-    if code == 0:
-        print(f"The story is drawn in {picture}: open it in a browser.")
-    return code
+    os.environ[FOLDER] = str(tally)
+    try:
+        return rcdeploy.main([str(network), *given])
+    finally:
+        del os.environ[FOLDER]
+
+
+_NOT_COPIED = ("__pycache__", ".*", "*.svg")
+
+
+def written_by_users(folder: Path) -> dict[str, str]:
+    """The SHA-256 of everything that is not generated, by path."""
+    files = (path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
+    return {
+        str(path): hashlib.sha256((folder / path).read_bytes()).hexdigest()
+        for path in sorted(files)
+        if "generic" not in path.parts
+        and not any(
+            Path(part).match(each) for part in path.parts for each in _NOT_COPIED
+        )
+    }
+
+
+def proof(before: dict[str, str], after: dict[str, str], middleware: str) -> str:
+    """Whether the files of users are those that were there before, in words."""
+    names = before.keys() | after.keys()
+    changed = sorted(name for name in names if before.get(name) != after.get(name))
+    if changed:
+        return f"These files of users have changed: {', '.join(changed)}"
+    whole = hashlib.sha256(json.dumps(before, sort_keys=True).encode()).hexdigest()
+    return (
+        f"The {len(before)} files that users write are the same before and after, "
+        f"generated for {middleware}.\nSHA-256 of them all: {whole}"
+    )
+
+
+def carried_lines(plan: Plan, tally: Path) -> Iterator[str]:
+    """A line for each link: who uses what of whom, over what, and how many messages."""
+    counted: Counter[tuple[str, str, str]] = Counter()
+    for file in sorted(tally.glob("*.json")):
+        for row in json.loads(file.read_text(encoding="utf-8")):
+            link = row["instance"], row["port"], row["middleware"]
+            counted[link] += row["messages"]
+    rows = [("component", "uses", "of", "over", "messages")]
+    for (client, port, middleware), number in counted.items():
+        ways = [way for way in plan.ways if (way.client, way.port) == (client, port)]
+        providers = ", ".join(dict.fromkeys(way.provider for way in ways))
+        rows.append((client, port, providers, middleware, str(number)))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for *texts, messages in rows:
+        cells = [f"{text:<{width}}" for text, width in zip(texts, widths, strict=False)]
+        yield "  ".join((*cells, f"{messages:>{widths[-1]}}"))
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -10,14 +10,14 @@
         EncodeError            ... when sending
         DecodeError            ... when receiving
       TransportError           the way to the other side
-        Unreachable            nobody serves this channel
+        Unreachable            no server serves this channel, or its server is stopping
         Timeout                somebody may, but did not answer in time (a `TimeoutError`, too)
         Closed                 the link or its transport was closed
         ContractMismatch       both sides use the name, but mean different things by it
         UnsupportedQoS         asked for what this transport does not offer
         AlreadyServed          another process serves this channel
         Busy                   the other side has too much to do to take this call
-        Refused                the other side does not take this call
+        Refused                our keys do not allow it, or a foreign program has no such operation
       DeclaredError            base of the exceptions that an IDSL operation `throws`
       RemoteFailure            the other side raised something it had not declared
 
@@ -65,7 +65,7 @@ class TransportError(RobocompError):
 
 
 class Unreachable(TransportError):
-    """Nobody serves this channel now."""
+    """This channel has no server now, or its server is stopping."""
 
 
 class Timeout(TransportError, TimeoutError):
@@ -93,7 +93,7 @@ class Busy(TransportError):
 
 
 class Refused(TransportError):
-    """The other side does not serve this operation; it did not execute it."""
+    """The keys of this process do not allow the call, or a foreign program does not serve it. It was not executed."""
 
 
 class DeclaredError(RobocompError):

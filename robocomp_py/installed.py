@@ -5,15 +5,31 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, field
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
+TRANSPORTS, DEPLOYMENTS = "robocomp_py.transports", "robocomp_py.deployments"
 
-@dataclass
+
 class _Known:
-    entries: Mapping[str, EntryPoint]
-    loaded: dict[str, Any] = field(default_factory=dict)
+    def __init__(self) -> None:
+        self.entries: dict[str, Mapping[str, EntryPoint]] = {}
+        """By group."""
+        self.loaded: dict[tuple[str, str], Any] = {}
+        self._every: Any = None
+        """All that is installed, of all groups: to look through it takes long."""
+
+    def of(self, group: str) -> Mapping[str, EntryPoint]:
+        if group not in self.entries:
+            self._every = self._every or entry_points()
+            found = self._every.select(group=group)
+            self.entries[group] = {entry.name: entry for entry in sorted(found, key=lambda entry: entry.name)}
+        return self.entries[group]
+
+    def load(self, group: str, name: str) -> Any:
+        if (group, name) not in self.loaded:
+            self.loaded[group, name] = self.of(group)[name].load()
+        return self.loaded[group, name]
 
 
 _known: ContextVar[_Known | None] = ContextVar("known", default=None)
@@ -21,31 +37,36 @@ _known: ContextVar[_Known | None] = ContextVar("known", default=None)
 
 def transports() -> Mapping[str, EntryPoint]:
     """Every transport there is, by the name of its middleware; none is imported."""
-    known = _known.get()
-    return known.entries if known else _look_up()
+    return entries(TRANSPORTS)
 
 
 def transport(name: str) -> Any:
     """What the entry of one of them names, imported. Raises ImportError."""
-    known = _known.get() or _Known(_look_up())
-    if name not in known.loaded:
-        known.loaded[name] = known.entries[name].load()
-    return known.loaded[name]
+    return load(TRANSPORTS, name)
+
+
+def entries(group: str) -> Mapping[str, EntryPoint]:
+    """The entry points of a group by their names; none is imported."""
+    return _now().of(group)
+
+
+def load(group: str, name: str) -> Any:
+    """What an entry point names, imported. Raises ImportError."""
+    return _now().load(group, name)
 
 
 @contextmanager
 def asked_once() -> Iterator[None]:
-    """For who asks often: while this is entered, `transports` are those there were at its beginning.
+    """While this is entered, the entry points are those that there were when they were first asked for.
 
     Otherwise all that is installed is looked through each time, and something new is found at once.
     """
-    token = _known.set(_known.get() or _Known(_look_up()))
+    token = _known.set(_now())
     try:
         yield
     finally:
         _known.reset(token)
 
 
-def _look_up() -> dict[str, EntryPoint]:
-    entries = entry_points(group="robocomp_py.transports")
-    return {entry.name: entry for entry in sorted(entries, key=lambda entry: entry.name)}
+def _now() -> _Known:
+    return _known.get() or _Known()

@@ -5,14 +5,33 @@ from __future__ import annotations
 import os
 import signal
 import tempfile
+import tomllib
 from collections.abc import Iterator
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
+
+# How long an example takes is decided by what else runs on the machine.
+settings.register_profile("patient", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("patient")
 
 for each in (signal.SIGINT, signal.SIGHUP):  # `pytest &` and nohup ignore them, and so would all that tests start
     if signal.getsignal(each) is signal.SIG_IGN:
         signal.signal(each, signal.default_int_handler if each is signal.SIGINT else signal.SIG_DFL)
+
+
+def pytest_configure() -> None:
+    """Fail at once if entry points were added since this package was installed: nothing would find them."""
+    project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    for group, named in project["entry-points"].items():
+        if lacking := set(named) - entry_points(group=group).names:
+            found = ", ".join(sorted(lacking))
+            raise pytest.UsageError(
+                f"pyproject.toml has entry points of {group} that are not installed ({found}); "
+                "run: .venv/bin/pip install --no-deps --editable ."
+            )
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -26,6 +26,8 @@ NASTY = (
     "# ]]",
     "]\n[params]\nowned = true",
     "<!-- --> ]]> </text><script>owned()</script><style>",
+    "]]><script>owned()<style>",
+    "'><a href='javascript:owned()' onclick='owned()'>",
     "&lt;&#60;&amp;",
     "--help",
     "-rf",

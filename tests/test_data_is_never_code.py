@@ -50,8 +50,8 @@ ALLOWED = {
     "robocomp_py/wire/program.py": {"exec": 1, "compile": 1},  # codecs, of texts that hold no word of anybody's
     # files of a component in the folder that is run, as an import statement of theirs finds them
     "robocomp_py/cli/common.py": {"exec": 1},  # of nothing
-    "robocomp_py/compat/imports.py": {"exec": 1, "compile": 1, "__import__": 1},
-    "robocomp_py/compat/qt/core.py": {"exec": 1},  # a method of Qt's, by its two names
+    "robocomp_py/classic/workers/imports.py": {"exec": 1, "compile": 1, "__import__": 1},
+    "robocomp_py/classic/workers/qt/core.py": {"exec": 1},  # a method of Qt's, by its two names
     "robocomp_py/testing/parts.py": {"multiprocessing": 1},  # victims of tests, which they start themselves
     "robocomp_py/testing/faults.py": {"multiprocessing": 2},
     "benchmarks/pair.py": {"multiprocessing": 2},  # the two ends of a measurement, likewise

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import ast
 import subprocess
 import sys
+from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
+from importlib.util import resolve_name
+from pathlib import Path
 
 import pytest
+
+import robocomp_py
 
 BUILD = {"lark", "jinja2", "rich", "robocomp_py.dsl", "robocomp_py.codegen", "robocomp_py.deploy", "robocomp_py.cli"}
 MIDDLEWARES = {"zmq", "cyclonedds", "zenoh", "iceoryx2"}
@@ -21,24 +28,37 @@ FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py.wire.messagepack": BUILD | MIDDLEWARES | {"robocomp_py.transports", "robocomp_py.runtime"},
     "robocomp_py.transports.base": BUILD | MIDDLEWARES | {"robocomp_py.runtime", "msgpack"},
     "robocomp_py.transports.inproc": BUILD | MIDDLEWARES | {"robocomp_py.runtime", "msgpack"},
-    "robocomp_py.transports.zeromq": BUILD | (MIDDLEWARES - {"zmq"}) | {"robocomp_py.runtime"},
-    "robocomp_py.transports.dds": BUILD | (MIDDLEWARES - {"cyclonedds"}) | {"robocomp_py.runtime", "msgpack"},
+    "robocomp_py.transports.zeromq.transport": BUILD | (MIDDLEWARES - {"zmq"}) | {"robocomp_py.runtime"},
+    "robocomp_py.transports.dds.transport": BUILD | (MIDDLEWARES - {"cyclonedds"}) | {"robocomp_py.runtime", "msgpack"},
     "robocomp_py.transports.exclusive": BUILD | MIDDLEWARES | {"robocomp_py.runtime", "msgpack", "numpy"},
-    "robocomp_py.transports.zenoh": BUILD | (MIDDLEWARES - {"zenoh"}) | {"robocomp_py.runtime", "msgpack"},
-    "robocomp_py.transports.shm": BUILD | (MIDDLEWARES - {"iceoryx2"}) | {"robocomp_py.runtime", "msgpack"},
+    "robocomp_py.transports.zenoh.transport": BUILD | (MIDDLEWARES - {"zenoh"}) | {"robocomp_py.runtime", "msgpack"},
+    "robocomp_py.transports.shm.transport": BUILD | (MIDDLEWARES - {"iceoryx2"}) | {"robocomp_py.runtime", "msgpack"},
+    **{
+        f"robocomp_py.transports.{name}.deployment": BUILD | MIDDLEWARES | {"Ice", "numpy", "robocomp_py.runtime"}
+        for name in ("zeromq", "dds", "zenoh", "shm", "ice")
+    },
     "robocomp_py.transports.iceoptions": BUILD | MIDDLEWARES | {"Ice", "robocomp_py.runtime", "msgpack"},
-    "robocomp_py.runtime.iceports": BUILD | MIDDLEWARES | {"Ice", "msgpack", "robocomp_py.runtime.classic"},
+    "robocomp_py.transports.ice.ports": BUILD
+    | MIDDLEWARES
+    | {"Ice", "msgpack", "robocomp_py.runtime", "robocomp_py.classic"},
     "robocomp_py.runtime.statechart": BUILD | MIDDLEWARES | {"numpy", "robocomp_py.wire", "robocomp_py.transports"},
     "robocomp_py.graph.statemachine": BUILD | MIDDLEWARES | {"numpy", "xml", "robocomp_py.wire", "robocomp_py.runtime"},
     "robocomp_py.graph.netsvg": BUILD | MIDDLEWARES | {"numpy", "xml", "robocomp_py.wire", "robocomp_py.runtime"},
     "robocomp_py.runtime.api": BUILD | MIDDLEWARES | {"xml", "pyexpat", "msgpack", "argparse"},
-    "robocomp_py.runtime.run": BUILD | MIDDLEWARES | {"msgpack", "robocomp_py.runtime.classic"},
-    "robocomp_py.compat.qt": BUILD | MIDDLEWARES | {"PySide6", "robocomp_py.runtime.run", "robocomp_py.compat.qt.real"},
-    "robocomp_py.runtime.load": BUILD | MIDDLEWARES | {"robocomp_py.compat", "lib2to3"},
-    "robocomp_py.compat.existing": BUILD | MIDDLEWARES | {"PySide6", "Ice", "msgpack", "lib2to3"},
-    "robocomp_py.compat.python2": BUILD | MIDDLEWARES | {"numpy", "robocomp_py.runtime", "lib2to3"},
+    "robocomp_py.runtime.run": BUILD | MIDDLEWARES | {"msgpack", "robocomp_py.classic"},
+    "robocomp_py.runtime.load": BUILD | MIDDLEWARES | {"robocomp_py.classic", "lib2to3"},
     "robocomp_py.cli.rc": MIDDLEWARES
-    | {"pygls", "lark", "jinja2", "rich", "robocomp_py.codegen", "robocomp_py.deploy"},
+    | {
+        "pygls",
+        "lark",
+        "libcst",
+        "jinja2",
+        "rich",
+        "robocomp_py.codegen",
+        "robocomp_py.deploy",
+        "robocomp_py.usercode",
+    },
+    "robocomp_py.usercode.check": MIDDLEWARES | {"libcst", "jinja2", "robocomp_py.codegen", "robocomp_py.runtime"},
     "robocomp_py.dsl.workspace": MIDDLEWARES | {"jinja2", "robocomp_py.codegen", "robocomp_py.runtime", "msgpack"},
     "robocomp_py.codegen.generate": MIDDLEWARES | {"lark", "robocomp_py.dsl", "robocomp_py.runtime", "msgpack"},
     "robocomp_py.lsp.rename": MIDDLEWARES
@@ -46,7 +66,7 @@ FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py.lsp.fixes": MIDDLEWARES
     | {"pygls", "lsprotocol", "jinja2", "robocomp_py.codegen", "robocomp_py.deploy"},
     "robocomp_py.lsp.complete": MIDDLEWARES | {"pygls", "lsprotocol", "jinja2", "robocomp_py.codegen"},
-    "robocomp_py.lsp.server": MIDDLEWARES | {"jinja2", "robocomp_py.codegen", "robocomp_py.deploy"},
+    "robocomp_py.lsp.server": MIDDLEWARES | {"libcst", "jinja2", "robocomp_py.codegen", "robocomp_py.deploy"},
     "robocomp_py.deploy.agent": MIDDLEWARES
     | {"lark", "jinja2", "rich", "numpy", "asyncssh", "robocomp_py.dsl", "robocomp_py.codegen", "robocomp_py.cli"},
     "robocomp_py.deploy.client": MIDDLEWARES | {"asyncio", "lark", "rich", "numpy", "robocomp_py.dsl"},
@@ -59,6 +79,70 @@ FORBIDDEN: dict[str, set[str]] = {
 
 @pytest.mark.parametrize("module", FORBIDDEN)
 def test_imports_stay_within_their_layer(module: str) -> None:
+    assert FORBIDDEN[module] & loaded_with(module) == set()
+
+
+def loaded_with(module: str) -> set[str]:
+    """All modules that are there once this one is imported."""
     code = f"import sys, {module}; print(*sys.modules)"
-    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    assert FORBIDDEN[module] & set(loaded) == set()
+    return set(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split())
+
+
+PACKAGE = Path(robocomp_py.__file__).parent
+CORE = [path for path in sorted(PACKAGE.rglob("*.py")) if path.relative_to(PACKAGE).parts[0] != "classic"]
+
+
+def named(path: Path) -> Iterator[str]:
+    """The modules that a file imports, wherever in it, and all texts in it that may name one."""
+    package = ".".join(("robocomp_py", *path.relative_to(PACKAGE).parts[:-1]))
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        match node:
+            case ast.Import(names=names):
+                yield from (each.name for each in names)
+            case ast.ImportFrom(module=module, names=names, level=level):
+                origin = resolve_name("." * level + (module or ""), package)
+                yield from (f"{origin}.{each.name}" for each in names)
+            case ast.Constant(value=str(text)):
+                yield text
+            case _:
+                pass
+
+
+@pytest.mark.parametrize("path", CORE, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_the_core_names_nothing_of_classic(path: Path) -> None:
+    """Not in a function, not under TYPE_CHECKING, not as a text: it reaches plug-ins by their entry points only."""
+    parts = ("robocomp_py.classic", ".classic", "classic/", "classic.")
+    assert [name for name in named(path) if name == "classic" or name.startswith(parts)] == []
+
+
+def test_no_file_imports_itself_by_way_of_others() -> None:
+    """Imports inside of functions count. Those for types alone do not: nothing is loaded for them."""
+    known = {module_of(path): path for path in PACKAGE.rglob("*.py")}
+    graph = {name: set(imported(path, known)) - {name} for name, path in known.items()}
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as exc:
+        pytest.fail(" <- ".join(exc.args[1]))
+
+
+def module_of(path: Path) -> str:
+    parts = ("robocomp_py", *path.relative_to(PACKAGE).with_suffix("").parts)
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imported(path: Path, known: dict[str, Path]) -> Iterator[str]:
+    """The modules of ours that running a file may load by an import in it."""
+    package = ".".join(("robocomp_py", *path.relative_to(PACKAGE).parts[:-1]))
+    waiting: list[ast.AST] = [ast.parse(path.read_text(encoding="utf-8"))]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            waiting += node.orelse
+            continue
+        waiting += ast.iter_child_nodes(node)
+        if isinstance(node, ast.Import):
+            yield from (each.name for each in node.names if each.name in known)
+        elif isinstance(node, ast.ImportFrom):
+            origin = resolve_name("." * node.level + (node.module or ""), package)
+            names = [f"{origin}.{each.name}" for each in node.names]
+            yield from (each if each in known else origin for each in names if each in known or origin in known)

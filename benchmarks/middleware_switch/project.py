@@ -16,6 +16,7 @@ from pathlib import Path
 from .. import process
 
 START = Path(__file__).parent / "start"
+INTERFACES = Path(__file__).parent / "interfaces"
 COMPONENTS = "speaker", "listener"
 PATIENCE = 120.0
 """Seconds in which a run has ended."""
@@ -31,7 +32,7 @@ def copy(root: Path) -> None:
 def generate(root: Path, middleware: str) -> Files:
     """`rcgen` for both components; the files that there are then."""
     for name in COMPONENTS:
-        command = _command("rcgen", f"{name}/{name}.cdsl", "--middleware", middleware)
+        command = _command("rcgen", f"{name}/{name}.cdsl", "--middleware", middleware, "-I", str(INTERFACES))
         done = subprocess.run(command, cwd=root, capture_output=True, text=True)
         if done.returncode:
             raise RuntimeError(f"rcgen {name} --middleware {middleware}:\n{done.stdout}{done.stderr}")

@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 from .generic import RoboCompBatteryStatus, RoboCompCameraSimple, RoboCompGenericBase
 from .generic.genericworker import GenericWorker
-from .generic.RoboCompSpeech import dataenableSynchronization, datasayin
 from .vision import NOTHING, find_red, pixels_of
 
 
@@ -28,7 +27,6 @@ class SpecificWorker(GenericWorker):
         self.percent = 0.0
         self.place = ""
         self.step: Callable[[], None] = self.get_ready
-        self.speech_proxy.enableSynchronization(dataenableSynchronization(True))
 
     def compute(self) -> None:
         """Go on with the present step."""
@@ -74,13 +72,13 @@ class SpecificWorker(GenericWorker):
         self.gotopoint_proxy.stop()
         self.differentialrobot_proxy.stopBase()
         text = f"Somebody needs help near {self.place}"
-        if self.speech_proxy.say(datasayin(text, overwrite=True)).ok:
+        if self.speech_proxy.say(text, overwrite=True):
             self.log.info("found somebody near %s: calling for help", self.place)
             self.step = self.wait_until_said
 
     def wait_until_said(self) -> None:
         """The mission ends when everybody has heard it."""
-        if not self.speech_proxy.isBusy().busy:
+        if not self.speech_proxy.isBusy():
             self.log.info("help was called: the mission is over")
             self.stop()
 

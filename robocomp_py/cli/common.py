@@ -18,6 +18,7 @@ from types import FrameType
 from typing import NoReturn, Protocol, TextIO
 
 from .. import __version__
+from ..arguments import Parser
 from ..dsl.diagnostics import Diagnostic, ordered
 
 FINE, WRONG, USAGE, UNREACHABLE, INTERRUPTED = 0, 1, 2, 3, 130
@@ -162,7 +163,7 @@ def _is_somewhere() -> bool:
 
 
 def parser(name: str, description: str, epilog: str = "") -> argparse.ArgumentParser:
-    made = argparse.ArgumentParser(
+    made = Parser(
         prog=name, description=description, epilog=epilog, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     add_version(made, name)
@@ -190,17 +191,20 @@ def add_include(to: argparse.ArgumentParser) -> None:
     )
 
 
-def files_of(paths: Iterable[Path], *, linked: bool) -> tuple[list[Path], list[str]]:
+def files_of(
+    paths: Iterable[Path], *, linked: bool, also: Callable[[Path], bool] = lambda _: False
+) -> tuple[list[Path], list[str]]:
     """The files that paths mean, each once, and what is wrong with the folders among them.
 
-    A folder means all in it and below that are written in one of the languages, but for what is hidden; with
-    `linked`, also the files that are only linked there. Folders that are linked there are not entered.
+    A folder means all in it and below that are written in one of the languages, or for which `also` is true, but for
+    what is hidden; with `linked`, also the files that are only linked there. Folders that are linked there are not
+    entered.
     """
     found: dict[str, Path] = {}
     problems: list[str] = []
     for path in paths:
         wrong: list[str] = []
-        inside = list(_below(path, linked, wrong)) if path.is_dir() else [path]
+        inside = list(_below(path, linked, wrong, also)) if path.is_dir() else [path]
         if not inside and not wrong:
             wrong.append(f"{path}: no file of the languages is in this folder")
         problems += wrong
@@ -209,7 +213,7 @@ def files_of(paths: Iterable[Path], *, linked: bool) -> tuple[list[Path], list[s
     return list(found.values()), problems
 
 
-def _below(folder: Path, linked: bool, wrong: list[str]) -> Iterator[Path]:
+def _below(folder: Path, linked: bool, wrong: list[str], also: Callable[[Path], bool]) -> Iterator[Path]:
     from ..dsl.workspace import ENDINGS
 
     def note(exc: OSError) -> None:
@@ -218,7 +222,8 @@ def _below(folder: Path, linked: bool, wrong: list[str]) -> Iterator[Path]:
     for here, folders, names in os.walk(folder, onerror=note):
         folders[:] = sorted(name for name in folders if not name.startswith("."))
         for path in (Path(here, name) for name in sorted(names) if not name.startswith(".")):
-            if path.suffix.lower() in ENDINGS and (linked if path.is_symlink() else path.is_file()):
+            is_meant = path.suffix.lower() in ENDINGS or also(path)
+            if is_meant and (linked if path.is_symlink() else path.is_file()):
                 yield path
 
 

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import difflib
-import errno
-import os
-import stat
 import sys
-import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
 
 from .common import FINE, WRONG, complain, files_of, show
+from .replacing import replace_file
 
 NAME = "fmt"
 HELP = "format files of any of the languages"
@@ -100,7 +96,7 @@ def _format_file(path: Path, options: argparse.Namespace) -> int:
     if options.check or options.diff:
         return found.told(options)
     try:
-        _replace(path, found.after)
+        replace_file(path, found.after)
     except OSError as exc:
         return complain(f"rc fmt: {path}: {exc.strerror}; the file is as it was")
     print(f"formatted: {path}")
@@ -153,25 +149,3 @@ def _formatted(path: Path, language: str, read: Callable[[Path], bytes]) -> _For
     # What is not UTF-8 was read as Latin-1, and is written so, too: every byte of its comments stays what it is.
     encoding = "latin-1" if any(each.code == "not-utf8" for each in told.diagnostics) else "utf-8"
     return _Formatted(path, held[path], text.encode(encoding), encoding)
-
-
-def _replace(path: Path, data: bytes) -> None:
-    """Give a file that content, all of it or none. A link stays one: what it leads to is replaced."""
-    path = Path(os.path.realpath(path))
-    if not os.access(path, os.W_OK):  # or a file that is protected would be replaced by one that is not
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-    was = path.stat()
-    descriptor, name = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
-    new = Path(name)
-    try:
-        with open(descriptor, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(descriptor)
-        with contextlib.suppress(PermissionError):  # somebody else's file becomes ours, as with any editor
-            os.chown(new, was.st_uid, was.st_gid)
-        new.chmod(stat.S_IMODE(was.st_mode))
-        new.replace(path)
-    except BaseException:
-        new.unlink(missing_ok=True)
-        raise

@@ -75,6 +75,7 @@ def _machine(path: Path) -> str | int:
 
 def _network(options: argparse.Namespace, ending: str) -> str | int:
     from ..deploy.auto import usable
+    from ..deploy.hosts.addresses import is_own
     from ..deploy.planner import make_plan
     from ..dsl.workspace import Workspace
     from ..graph import netsvg, nettext
@@ -86,7 +87,7 @@ def _network(options: argparse.Namespace, ending: str) -> str | int:
         print(f"rc graph: {exc}", file=sys.stderr)
         return USAGE
     workspace = Workspace(options.include)
-    plan = make_plan(options.file, workspace, overrides, usable)
+    plan = make_plan(options.file, workspace, overrides, usable, is_here=is_own)
     show(workspace.report.diagnostics)
     if plan is None:
         return WRONG

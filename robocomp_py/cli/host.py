@@ -40,14 +40,19 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    from .. import installed
     from ..errors import ConfigurationError, TransportError
     from ..runtime import settings
     from ..runtime.document import Document
     from ..runtime.notify import notify
     from ..runtime.signals import Signals
+    from ..spelling import unknown
     from ..transports.base import TransportConfig, hosting
 
     middleware = options.middleware
+    if middleware not in installed.transports():
+        print(f"rc host: {unknown('middleware', middleware, installed.transports())}", file=sys.stderr)
+        return USAGE
     document = Document()
     try:
         for assignment in options.set:

@@ -47,6 +47,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     from ..deploy.auto import usable
+    from ..deploy.hosts.addresses import is_own
     from ..deploy.planner import make_plan
     from ..dsl.workspace import Workspace
 
@@ -56,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
         print(f"rc links: {exc}", file=sys.stderr)
         return USAGE
     workspace = Workspace(options.include)
-    plan = make_plan(options.network, workspace, overrides, usable)
+    plan = make_plan(options.network, workspace, overrides, usable, is_here=is_own)
     show(workspace.report.diagnostics, as_json=options.json and plan is None)
     if plan is None:
         return WRONG

@@ -24,7 +24,7 @@ Say what is wrong with files, and with what they import: each mistake with its p
 """
 _EXAMPLES = """\
 examples:
-  rc lint .                         all files of the languages in this folder and below
+  rc lint .                         all files of the languages in this folder and below, and their etc/*.toml
   rc lint net.ddsl                  a network, with everything that it deploys
   rc lint --explain unknown-type    what a code means, with a wrong and a right example
   rc lint etc/config.toml           a configuration, by the component in whose folder it is
@@ -61,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
         return _explain(options.explain)
     if not options.files:
         options.usage_error("give it files, as in: rc lint interfaces/*.idsl")
-    files, problems = files_of(options.files, linked=True)
+    files, problems = files_of(options.files, linked=True, also=_configures)
     for problem in problems:
         complain(f"rc lint: {problem}")
     found = check(files, options.include, options.against)
@@ -76,6 +76,13 @@ def run(options: argparse.Namespace) -> int:
     return WRONG if problems or any(each.severity == "error" for each in found) else FINE
 
 
+def _configures(path: Path) -> bool:
+    """Whether this is a configuration of a component, in the folder where components have theirs."""
+    from ..deploy.configuration import model_beside
+
+    return path.suffix.lower() == ".toml" and path.parent.name == "etc" and model_beside(path) is not None
+
+
 def check(files: Sequence[Path], include: Sequence[Path] = (), against: Path | None = None) -> list[Diagnostic]:
     """What is wrong with files and with what they import, in order.
 
@@ -84,6 +91,7 @@ def check(files: Sequence[Path], include: Sequence[Path] = (), against: Path | N
     from ..deploy.configuration import check_configuration, is_configuration
     from ..dsl.diagnostics import ordered
     from ..dsl.workspace import ENDINGS, Workspace
+    from ..usercode.check import check_component
 
     workspace = Workspace(include)
     for path in files:
@@ -93,14 +101,19 @@ def check(files: Sequence[Path], include: Sequence[Path] = (), against: Path | N
             check_configuration(path, workspace, against)
         else:
             workspace.check(path)
+            if path.suffix.lower() == ".cdsl":
+                check_component(path, workspace)
     return ordered(dict.fromkeys(workspace.report.diagnostics))
 
 
 def _check_network(path: Path, workspace: Workspace) -> None:
     """Check a network as the deployer would, except for what only a start needs."""
+    from ..deploy.hosts.addresses import is_own
     from ..deploy.planner import make_plan
+    from ..usercode.check import check_network
 
-    make_plan(path, workspace)
+    make_plan(path, workspace, is_here=is_own)
+    check_network(path, workspace)
     report = workspace.report
     report.diagnostics = [each for each in report.diagnostics if each.code != "not-generated"]
 

@@ -11,11 +11,13 @@ from typing import BinaryIO
 from .common import FINE, USAGE, WRONG, insist
 
 NAME = "lsp"
-HELP = "the language server, which editors start; see docs/editors.md"
+HELP = "the language server, which editors start; see docs/guides/editors.md"
 
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
-    to.description = "The language server for all the languages. Editors start it: docs/editors.md says how, for each."
+    to.description = (
+        "The language server for all the languages. Editors start it: docs/guides/editors.md says how, for each."
+    )
     to.add_argument("--stdio", action="store_true", help="talk over stdin and stdout, as it does anyway")
 
 
@@ -28,7 +30,7 @@ def run(options: argparse.Namespace) -> int:
         print("rc lsp: the language server needs pygls; run: pip install 'robocomp-py[lsp]'", file=sys.stderr)
         return WRONG
     if sys.stdin.isatty():
-        print("rc lsp: editors start this, and talk to it; see docs/editors.md", file=sys.stderr)
+        print("rc lsp: editors start this, and talk to it; see docs/guides/editors.md", file=sys.stderr)
         return USAGE
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_DFL)  # there is nothing to clean up, and a thread that reads stdin to wait for

@@ -54,6 +54,13 @@ def overrides_of(options: argparse.Namespace) -> Overrides:
     return Overrides(options.middleware, tuple(map(_assignment, options.set)))
 
 
+def override_words(options: argparse.Namespace) -> list[str]:
+    """The options that change the network, as they were given: another command needs them to read the same network."""
+    words = ["--middleware", options.middleware] if options.middleware else []
+    words += [word for each in options.set for word in ("--set", each)]
+    return [*words, *(word for each in options.include for word in ("-I", str(each)))]
+
+
 def tell_notes(plan: Plan) -> None:
     """Say why something does not go the fastest way. That nobody can read it is no reason not to go on."""
     try:
@@ -67,8 +74,8 @@ def tell_notes(plan: Plan) -> None:
 
 def _check_middleware(name: str | None) -> None:
     """Whether a middleware can carry a network: if not, the option is wrong, and not a file."""
+    from ..contract.middleware import carrier
     from ..deploy.routes import unfit
-    from ..runtime.settings import carrier
 
     carried = carrier(name, "")
     fault = unfit(carried) if carried else None

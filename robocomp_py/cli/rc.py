@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from typing import Protocol
 
-from . import fmt, graph, host, links, lint, lsp, run
+from . import fmt, graph, host, links, lint, lsp, rename, run
 from .common import add_version, command, parser
 
 
@@ -24,7 +24,7 @@ class Command(Described, Protocol):
     def run(self, options: argparse.Namespace) -> int: ...
 
 
-_COMMANDS: tuple[Command, ...] = (lint, fmt, lsp, graph, links, host)
+_COMMANDS: tuple[Command, ...] = (lint, fmt, rename, lsp, graph, links, host)
 """All but `run`, which passes on what only the component understands."""
 
 _EXAMPLES = """\
@@ -32,6 +32,7 @@ examples:
   rc lint interfaces/*.idsl           check files of any of the languages
   rc lint --json net.ddsl             ... one diagnostic a line, for machines
   rc fmt .                            format all files of the languages here and below
+  rc rename Vault.idsl Vault.size count   rename something in models and in the code that uses it
   rc graph net.ddsl -o net.svg        draw a network, or a state machine
   rc links net.ddsl                   what carries the messages between its instances
   rc host zenoh                       the router that components share, if nobody else runs it

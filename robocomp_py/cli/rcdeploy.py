@@ -33,7 +33,7 @@ examples:
   rcdeploy status net.ddsl                       ... how it is; see logs, restart and down, too
   rcdeploy plan --help                           how to use that command
   rcdeploy ./plan                                start a network whose file is called like a command
-  rcdeploy --import deployment.xml -o net.ddsl   make a network of rcmanager's XML, or of a sub.toml
+  rcdeploy --import deployment.xml -o net.ddsl   make a network of rcmanager's XML
 
 The whole network is checked first; nothing is started while anything is wrong.
 Exit status: 0 fine, 1 wrong input or something failed, 2 usage, 3 a host cannot be reached,
@@ -91,7 +91,7 @@ def _parser() -> argparse.ArgumentParser:
         dest="imported",
         type=Path,
         metavar="FILE",
-        help="write a network of rcmanager's (.xml) or of sub.toml as DDSL",
+        help="write the network of another tool as DDSL",
     )
     made.add_argument("-o", dest="output", type=Path, metavar="NET.ddsl", help="with --import: where (default: stdout)")
     add_overrides(made)

@@ -4,29 +4,17 @@ from __future__ import annotations
 
 import argparse
 import json
+import keyword
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from .. import installed
-from ..codegen import porting
-from ..codegen.existing import (
-    WORKER,
-    Finding,
-    Verdict,
-    beside,
-    in_configuration,
-    in_model,
-    in_worker,
-    is_existing,
-    listed,
-)
+from .. import installed, plugins
 from ..codegen.exporting import Files
-from ..codegen.formats import FORMATS, export
+from ..codegen.formats import export
 from ..codegen.generate import (
-    DEFAULT_MIDDLEWARE,
     Artifact,
     GenerationError,
     Model,
@@ -35,40 +23,43 @@ from ..codegen.generate import (
     starter,
     starter_specifics,
 )
-from ..codegen.stubs import find_stubs
-from ..codegen.write import compare, remove_stale, write
-from ..contract.component import Component
-from ..contract.parameters import ParameterSet
-from ..dsl.cdsl.parser import parse as parse_cdsl
-from ..dsl.diagnostics import Report
+from ..codegen.stubs import find_stubs, with_stubs
+from ..codegen.write import Changes, compare, remove_stale, write
+from ..contract.middleware import AUTO, carrier
+from ..deploy.routes import generated_for
+from ..dsl.diagnostics import Diagnostic, Severity
 from ..dsl.format import format_text
-from ..dsl.workspace import Workspace, read_file
+from ..dsl.workspace import LinkedComponent, Workspace, read_file
 from ..errors import ConfigurationError
 from ..runtime import settings
 from ..spelling import unknown
-from .common import FINE, WRONG, add_include, command, complain, parser, show
+from ..transports.deployment import deployments
+from ..usercode.check import as_warnings, complaints, stubs_command
+from ..usercode.reading import FILE
+from .common import FINE, USAGE, WRONG, add_include, command, complain, parser, show
+from .replacing import replace_file
 
 _EXAMPLES = """\
 examples:
   rcgen camera.cdsl                       generate camera's Python beside its model
   rcgen camera.cdsl --middleware zeromq   ... and choose what carries its messages
   rcgen net.ddsl                          generate every component of a network
+  rcgen --stubs camera.cdsl               ... and append the methods that specificworker.py lacks
   rcgen --check camera.cdsl               exit 1 if something is out of date (for CI)
   rcgen --new Hello                       write a starter component into hello/
   rcgen Laser.idsl --to slice -o ice/     write the interfaces in another language
-  rcgen components/laser                  a component made by RoboComp: only generic/ is added; of one
-                                          in C++, a skeleton and a list of what is to be written
+  rcgen components/laser                  a component made by RoboComp: only generic/ is added
 
 The folder generic/ is rewritten on every run. specificworker.py, etc/config.toml, README.md
-and tests/ are written once and then yours. Imports are looked for beside the importing file,
-in -I folders, $ROBOCOMP_INTERFACES, $ROBOCOMP/interfaces/IDSLs, ~/robocomp/interfaces/IDSLs,
-/opt/robocomp/interfaces/IDSLs and among the interfaces shipped with robocomp_py.
+and tests/ are written once and then yours; --stubs only appends to specificworker.py. Imports
+are looked for beside the importing file, in -I folders, $ROBOCOMP_INTERFACES,
+$ROBOCOMP/interfaces/IDSLs, ~/robocomp/interfaces/IDSLs, /opt/robocomp/interfaces/IDSLs and
+among the interfaces shipped with robocomp_py.
 
 exit status: 0 fine, 1 wrong input or (with --check) out of date, 2 usage
 """
 
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*\Z")
-_MIDDLEWARE = re.compile(r'^    middleware = "(\w+)"$', re.MULTILINE)
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*\Z")
 
 
 @dataclass(frozen=True)
@@ -78,18 +69,27 @@ class _Job:
     model: Model
     root: Path
     artifacts: tuple[Artifact, ...]
-    findings: tuple[Finding, ...] | None = None
-    """What became of a component that RoboComp's generator made; None of one that is ours."""
-    porting: porting.Porting | None = None
-    """What is to be written in Python of a component in C++; None of others."""
+    is_as_before: bool
+    """Whether its middleware is one that was chosen when it was generated before."""
+    linked: LinkedComponent
+    adopted: plugins.Adopted | None = None
+    """What is understood of a component for another framework; None of one that is ours."""
+
+    @property
+    def complaints(self) -> list[Diagnostic]:
+        """The mistakes in its specific part, as the file is now."""
+        return complaints(self.linked, Workspace(), self.root)
+
+    @property
+    def command(self) -> str:
+        """What appends the stubs that it lacks."""
+        return stubs_command(self.linked.path, self.root)
 
 
 @command
 def main(arguments: Sequence[str] | None = None) -> int:
     made = _parser()
     options = made.parse_args(arguments)
-    if options.underscore and options.to != "slice":
-        made.error("--underscore is for --to slice")
     if options.to:
         if options.new or options.middleware or not options.models:
             made.error("--to is for interfaces: give it .idsl files, and neither --new nor --middleware")
@@ -99,8 +99,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         made.error("--json is for generating components")
     if options.new and options.check:
         made.error("--check is for components that are there")
-    if options.middleware and options.middleware not in installed.transports():
-        return complain(f"rcgen: {unknown('middleware', options.middleware, installed.transports())}")
+    if options.stubs and (options.new or options.to or options.check):
+        made.error("--stubs is for generating components that are there")
+    if wrong := _unknown(options.middleware):
+        print(f"rcgen: --middleware {options.middleware}: {wrong}", file=sys.stderr)
+        return USAGE
     try:
         if options.to:
             return _export(options)
@@ -114,8 +117,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 print(f"rcgen: warning: {library}; rename it", file=sys.stderr)
         if options.check:
             return _check(jobs)
-        return _write_as_json(jobs) if options.json else _write(jobs)
-    except GenerationError as exc:
+        amended = _amended(jobs) if options.stubs else {}
+        changes = write(*((job.root, job.artifacts) for job in jobs))
+        for path, text in amended.items():
+            _amend(path, text)
+        return _tell_as_json(jobs, changes) if options.json else _tell(jobs, changes, amended)
+    except (GenerationError, ConfigurationError) as exc:
         return complain(f"rcgen: {exc}")
 
 
@@ -128,21 +135,29 @@ def _parser() -> argparse.ArgumentParser:
         metavar="FILE",
         help="component (.cdsl, or its folder), network (.ddsl), or with --to interface (.idsl)",
     )
-    made.add_argument("--middleware", metavar="NAME", help="what carries the messages (default: as before, or zeromq)")
+    made.add_argument("--middleware", metavar="NAME", help=_MIDDLEWARE)
     made.add_argument(
         "-o", dest="output", type=Path, metavar="DIR", help="folder of the component (default: the model's)"
     )
     add_include(made)
     made.add_argument("--check", action="store_true", help="write nothing; exit 1 and list what is out of date")
+    made.add_argument("--stubs", action="store_true", help="append what specificworker.py lacks to its class")
     made.add_argument("--json", action="store_true", help="what was written and found, one component a line")
     made.add_argument("--new", metavar="NAME", help="write a commented starter component")
-    made.add_argument("--to", choices=FORMATS, metavar="FORMAT", help=_TO)
-    made.add_argument("--underscore", action="store_true", help="with --to slice: names may have underscores")
+    languages = plugins.exporters()
+    made.add_argument(
+        "--to",
+        choices=languages,
+        metavar="FORMAT",
+        help=f"write .idsl files, and what they import, in another language: {plugins.listed(languages)} (-o: where; "
+        "default: here)",
+    )
     return made
 
 
-_TO = (
-    f"write .idsl files, and what they import, as {', '.join(FORMATS[:-1])} or {FORMATS[-1]} (-o: where; default: here)"
+_MIDDLEWARE = (
+    "what carries the messages, unless the deployment or its command line says otherwise; auto: the fastest for each "
+    "link (default: as before, or auto)"
 )
 
 
@@ -154,7 +169,7 @@ def _export(options: argparse.Namespace) -> int:
     workspace = Workspace(options.include)
     files = Files(tuple({each: None for path in options.models for each in workspace.interface_files(path)}))
     report = workspace.report
-    artifacts = () if report.errors else export(files, options.to, report, underscore=options.underscore)
+    artifacts = () if report.errors else export(files, options.to, report)
     show(report.diagnostics)
     if report.errors:
         return WRONG
@@ -177,55 +192,37 @@ def _jobs(models: list[Path], include: list[Path], output: Path | None, middlewa
         return None
     jobs: dict[Path, _Job] = {}
     for path, linked in found:
+        assert linked is not None, "there was no error"
         root = output or path.parent
         if root.resolve() in jobs:
             other = jobs[root.resolve()].model.cdsl
             raise GenerationError(f"{other} and {path.name} would share {root}/; nothing was written")
-        assert linked is not None, "there was no error"
-        chosen = middleware or _middleware_before(root) or DEFAULT_MIDDLEWARE
+        before = generated_for(root)
+        if not middleware and (wrong := _unknown(before)):
+            worker = root / "generic" / "genericworker.py"
+            raise GenerationError(f"{worker}: {wrong}; choose one: rcgen {path} --middleware NAME")
+        chosen = middleware or before or AUTO
         model = Model(linked.component, linked.modules, path.name, linked.params, chosen, linked.statemachine)
-        if is_existing(root):
-            findings = tuple(_findings(path, root, linked.component, workspace, chosen))
-            jobs[root.resolve()] = _Job(model, root, beside(generate(model), root), findings)
-        elif porting.is_cpp(path.parent):
-            artifacts = porting.beside(generate(model), root)
-            jobs[root.resolve()] = _Job(model, root, artifacts, porting=_to_port(path.parent, root, model))
-        else:
-            jobs[root.resolve()] = _Job(model, root, generate(model))
+        as_before = not middleware and chosen != AUTO
+        artifacts, adopted = _not_configured_yet(generate(model), root), None
+        if loader := plugins.worker_loader(root):
+            adopted = loader.adopted(linked, root, workspace, chosen)
+            artifacts = tuple(each for each in artifacts if _serves_adopted(each))
+        jobs[root.resolve()] = _Job(model, root, artifacts, as_before, linked, adopted)
     return list(jobs.values())
 
 
-def _to_port(folder: Path, root: Path, model: Model) -> porting.Porting:
-    """What a component in C++ has that is to be written in Python."""
-    source, ours = folder / porting.WORKER.parent, root / "specificworker.py"
-    try:
-        names = porting.sources([path.name for path in source.iterdir() if path.is_file()])
-        texts = {f"{source.name}/{name}": read_file(source / name).decode(errors="replace") for name in names}
-        written = read_file(ours).decode(errors="replace") if ours.exists() else ""
-    except OSError as exc:
-        raise GenerationError(f"{exc.filename} cannot be read: {exc.strerror}") from exc
-    return porting.porting(texts, written, model)
+def _not_configured_yet(artifacts: tuple[Artifact, ...], root: Path) -> tuple[Artifact, ...]:
+    """The artifacts without a configuration, if the folder has one in another form, which goes on to count."""
+    ours = root / "etc" / "config.toml"
+    if settings.find(root) in (None, ours):
+        return artifacts
+    return tuple(each for each in artifacts if root / each.path != ours)
 
 
-def _findings(cdsl: Path, root: Path, component: Component, workspace: Workspace, middleware: str) -> Iterator[Finding]:
-    """The report of a component that RoboComp's generator made."""
-    source = workspace.source(cdsl)
-    parsed = parse_cdsl(source, Report()) if source else None
-    if parsed:
-        yield from in_model(parsed, workspace.report.diagnostics)
-    yield from in_worker(read_file(root / WORKER).decode(errors="replace"), component)
-    configuration = settings.find(root)
-    if configuration is None:
-        return
-    file = str(configuration.relative_to(root))
-    try:
-        params = component.params or ParameterSet("")
-        document = settings.read_for(configuration, component)
-        settings.settle(document, component, middleware)
-    except ConfigurationError as exc:
-        yield Finding(file, 1, "the file", Verdict.NOT_UNDERSTOOD, str(exc))
-    else:
-        yield from in_configuration(file, document.notes, params)
+def _serves_adopted(artifact: Artifact) -> bool:
+    """Whether an artifact is written for a component that has its own specific part."""
+    return artifact.owner is Owner.GENERATOR or artifact.path == PurePosixPath("etc/config.toml")
 
 
 def _components(models: list[Path], workspace: Workspace) -> list[Path]:
@@ -261,31 +258,31 @@ def _no_component(path: Path) -> str:
     return f"{path} is no component: give rcgen a .cdsl or .ddsl that uses it{hint}"
 
 
-def _middleware_before(root: Path) -> str | None:
-    """What an existing generic part was generated for."""
-    try:
-        text = read_file(root / "generic" / "genericworker.py").decode(errors="replace")
-    except OSError:
-        return None
-    found = _MIDDLEWARE.search(text)
-    return found[1] if found else None
+def _unknown(middleware: str | None) -> str:
+    """What is wrong with the choice of a middleware; "" if nothing is."""
+    name, known = carrier(middleware, ""), installed.transports()
+    return unknown("middleware", name, known) if name and name not in known else ""
 
 
-_NEEDED = ("jinja2", "lark", "msgpack", "numpy", "pytest", "rich", "robocomp_py", "zmq")
-"""What components, their tests and their generator import, beside the standard library."""
+_NEEDED = ("jinja2", "lark", "msgpack", "numpy", "pytest", "rich", "robocomp_py")
+"""What components, their tests and their generator import, beside the standard library and their middleware."""
 
 
 def _library(root: Path) -> str:
     """What is wrong with the name of a component's folder, if it is that of something that is imported by name."""
     name = root.resolve().name
-    if name not in (*_NEEDED, *sys.stdlib_module_names):
+    needed = {*_NEEDED, *(module for each in deployments().values() for module, _ in each.modules)}
+    if name not in needed | sys.stdlib_module_names:
         return ""
-    whose = "a library that components need" if name in _NEEDED else "a module of Python"
+    whose = "a library that components need" if name in needed else "a module of Python"
     return f"{root} is called like {whose}: what is started beside it would import this folder instead"
 
 
 def _check(jobs: list[_Job]) -> int:
-    return _say([line for job in jobs for line in compare(job.artifacts, job.root).lines(job.root)])
+    code = _say([line for job in jobs for line in compare(job.artifacts, job.root).lines(job.root)])
+    found = [each for job in jobs for each in job.complaints]
+    show(found)
+    return WRONG if any(each.severity is Severity.ERROR for each in found) else code
 
 
 def _say(lines: list[str]) -> int:
@@ -295,35 +292,51 @@ def _say(lines: list[str]) -> int:
     return WRONG if lines else FINE
 
 
-def _write(jobs: list[_Job]) -> int:
-    for job, changes in zip(jobs, write(*((job.root, job.artifacts) for job in jobs)), strict=True):
+def _amended(jobs: list[_Job]) -> dict[Path, bytes]:
+    """The specific parts that lack methods, with stubs for these methods."""
+    found = {}
+    for job in jobs:
+        stubs = find_stubs(job.root, job.model, read_file)
+        if stubs.missing:
+            found[job.root / FILE] = with_stubs(job.root, stubs, read_file)
+    return found
+
+
+def _amend(path: Path, text: bytes) -> None:
+    try:
+        replace_file(path, text)
+    except OSError as exc:
+        raise GenerationError(f"{path}: {exc.strerror}; it is as it was, and all else is generated") from exc
+
+
+def _tell(jobs: list[_Job], changed: list[Changes], amended: Collection[Path]) -> int:
+    for job, changes in zip(jobs, changed, strict=True):
         done = [f"{len(changes.written)} written"] if changes.written else []
         done += [f"{len(changes.removed)} removed"] if changes.removed else []
-        print(f"{job.model.component.name}: {', '.join(done) or 'up to date'} in {job.root}/ ({job.model.middleware})")
-        if job.findings is None:
+        chosen = f"{job.model.middleware}{', as before' if job.is_as_before else ''}"
+        print(f"{job.model.component.name}: {', '.join(done) or 'up to date'} in {job.root}/ ({chosen})")
+        if job.root / FILE in amended:
+            print(f"{job.root / FILE}: stubs of what it lacked are at the end of its class")
+        if job.adopted is None:
+            sys.stdout.flush()
+            show(as_warnings(job.complaints))
             _announce_stubs(job)
-            if job.porting:
-                print("\nIt is a component in C++, whose files stay as they are.")
-                print("\n".join(porting.listed(job.porting, job.root)))
         else:
-            print(
-                f"\nIt was made by RoboComp's generator, its files stay as they are, and `rc run {job.root}` runs it."
-            )
-            print(f"What is in {job.root}/:\n")
-            print("\n".join(listed(job.findings)))
+            print()
+            print("\n".join(job.adopted.lines()))
     return FINE
 
 
-def _write_as_json(jobs: list[_Job]) -> int:
-    for job, changes in zip(jobs, write(*((job.root, job.artifacts) for job in jobs)), strict=True):
+def _tell_as_json(jobs: list[_Job], changed: list[Changes]) -> int:
+    for job, changes in zip(jobs, changed, strict=True):
         found = {
             "component": job.model.component.name,
             "folder": str(job.root),
             "written": changes.written,
             "removed": changes.removed,
-            "existing": job.findings is not None,
-            "report": [each.to_json() for each in job.findings or ()],
-            "porting": job.porting.to_json() if job.porting else None,
+            "existing": job.adopted is not None,
+            "report": job.adopted.to_json() if job.adopted else [],
+            "diagnostics": [each.to_json() for each in as_warnings(job.complaints)],
         }
         print(json.dumps(found))
     return FINE
@@ -332,9 +345,9 @@ def _write_as_json(jobs: list[_Job]) -> int:
 def _announce_stubs(job: _Job) -> None:
     """Say which methods the specific part has to add or change, and how they begin."""
     path = job.root / "specificworker.py"
-    stubs = find_stubs(read_file(path).decode(errors="replace"), job.model)
+    stubs = find_stubs(job.root, job.model, read_file)
     if stubs.missing:
-        print(f"\n{path} lacks {', '.join(stubs.missing)}; add to SpecificWorker:\n")
+        print(f"\n{path} lacks {', '.join(stubs.missing)}; run `{job.command}`, or add to SpecificWorker:\n")
         if stubs.imports:
             print(stubs.imports)
         print("\n".join(stubs.missing.values()))
@@ -349,20 +362,22 @@ def _announce_stubs(job: _Job) -> None:
 
 def _new(name: str, root: Path, middleware: str | None) -> int:
     if not _NAME.match(name):
-        return complain(f"rcgen: {name!r} is no name for a component: letters and digits, a letter first")
+        return complain(f"rcgen: {name!r} is no name for a component: letters, digits and single `_`, a letter first")
+    if keyword.iskeyword(name.lower()):
+        return complain(f"rcgen: {name.lower()!r} is a word of Python; choose another name")
     library = _library(root)
     if library:
         return complain(f"rcgen: {library}; choose another name, or another folder by -o DIR")
-    name = name[:1].upper() + name[1:]
+    lower, name = name.lower(), "".join(word[:1].upper() + word[1:] for word in name.split("_"))
     remove_stale(root)
     if root.exists() and (not root.is_dir() or any(root.iterdir())):
         return complain(f"rcgen: {root} exists and is no empty folder; nothing was written")
-    models = {root / file: format_text(text, file.rpartition(".")[2]) for file, text in starter(name).items()}
-    cdsl = f"{name.lower()}.cdsl"
+    models = {root / file: format_text(text, file.rpartition(".")[2]) for file, text in starter(name, lower).items()}
+    cdsl = f"{lower}.cdsl"
     workspace = Workspace(read=lambda path: models[path].encode() if path in models else read_file(path))
     found = workspace.component(root / cdsl)
     assert found is not None, "the starter is right, as tests show"
-    model = Model(found.component, found.modules, cdsl, found.params, middleware or DEFAULT_MIDDLEWARE)
+    model = Model(found.component, found.modules, cdsl, found.params, middleware or AUTO)
     instead = starter_specifics(model, name)
     artifacts = [Artifact(PurePosixPath(path.name), text, Owner.USER) for path, text in models.items()]
     artifacts += [Artifact(a.path, instead.get(a.path, a.text), a.owner) for a in generate(model)]

@@ -32,6 +32,7 @@ _COMPONENT_OPTIONS = (
     ("--middleware", "NAME", "what carries its messages"),
     ("--set", "KEY=VALUE", "set one key of the configuration; may be repeated"),
     ("--keys", "FOLDER", "its keys for what crosses hosts"),
+    ("--grace", "SECONDS", "what it has to stop by itself, once told to (default: 5)"),
 )
 """What a component takes that is followed by a value, which would be taken for DIR otherwise."""
 
@@ -92,7 +93,7 @@ def run_plain(arguments: Sequence[str]) -> int | None:
     from ..runtime.run import read_plain
 
     folder, *rest = arguments or ["-"]
-    options = None if folder.startswith("-") else read_plain(rest)
+    options = None if folder.startswith("-") or not folder.strip() else read_plain(rest)
     if options is None:
         return None
     try:

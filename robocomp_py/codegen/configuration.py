@@ -156,18 +156,6 @@ def _toml_lines(params: ParameterSet, path: str, mark: str = "") -> list[str]:
     return lines
 
 
-def demanded(params: ParameterSet) -> list[str]:
-    """What a configuration has to give at least, as entries of a dict by dotted key."""
-    given = [f'"params.{each.name}": {quoted(each.default)}' for each in params.parameters if each.mandatory]
-    return given + [f'"params.{each.name}": {_demanded(each)}' for each in params.lists if each.minimum]
-
-
-def _demanded(each: ParameterList) -> str:
-    items = [f'"{inner.name}": {quoted(inner.default)}' for inner in each.items.parameters if inner.mandatory]
-    items += [f'"{inner.name}": {_demanded(inner)}' for inner in each.items.lists if inner.minimum]
-    return f"[{{{', '.join(items)}}}] * {each.minimum}"
-
-
 def beside(text: str, comment: str) -> str:
     """A line of TOML with a comment, aligned with the others."""
     return f"{text:<{_ROOM}} # {' '.join(printable(comment).split())}"

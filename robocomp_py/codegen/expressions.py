@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Iterator, Sequence
+from keyword import iskeyword
 from typing import Any
 
 from ..contract import types as t
@@ -38,7 +39,7 @@ def hint(kind: t.Type, here: str) -> str:
     """The annotation of a value."""
     match kind:
         case t.Primitive():
-            return _SCALARS[kind]
+            return kind.python.__name__
         case t.Struct(name=name) | t.Enumeration(name=name):
             return reference(name, here)
         case t.Sequence(name=name) | t.Dictionary(name=name) if name:
@@ -89,7 +90,7 @@ def zero(kind: t.Type, here: str, default: Any = None) -> str:
     """An expression for the value of something not set."""
     match kind:
         case t.Primitive():
-            return quoted(default) if default is not None else _ZEROS[kind]
+            return quoted(default) if default is not None else quoted(kind.zero)
         case t.Enumeration(name=name, members=members):
             return f"{reference(name, here)}.{member_name(default or members[0][0])}"
         case t.Struct(name=name):
@@ -222,6 +223,36 @@ def proxy_shadows(port: Port, here: str) -> Shadows:
         if can_lend(operation, pattern):
             lent = f"int tuple float AbstractContextManager {loan_message(operation, here)}"
             shadows.member(loan(operation, port.interface), lent)
+    return shadows
+
+
+def fakes_class(port: Port) -> str:
+    """`Laser1Fakes`."""
+    return f"{class_name(port.label)}Fakes"
+
+
+def is_keyword(port: Port) -> bool:
+    """Whether no class can have a member of this name."""
+    return iskeyword(port.name)
+
+
+def nameable(port: Port) -> list[Operation[Any]]:
+    """The operations that can be members of a class: all but those whose names are keywords of Python."""
+    return [each for each, _ in port.interface.under(port.verb) if not iskeyword(each.name)]
+
+
+def fake_line(operation: Operation[Any], shadows: Shadows) -> str:
+    """`getLaserData: Fake[RoboCompLaser.TLaserData]`."""
+    returned = shadows.avoid(returns(operation, ""))
+    line = f"{operation.name}: {shadows.avoid('Fake')}[{returned}]"
+    return line if len(line) + 4 <= WIDTH else f"{line[: -len(returned) - 1]}\n        {returned}\n    ]"
+
+
+def fake_shadows(port: Port) -> Shadows:
+    """What the operations of an interface hide from those behind them."""
+    shadows = Shadows()
+    for operation in nameable(port):
+        shadows.member(operation.name, f"{returns(operation, '')} Fake")
     return shadows
 
 
@@ -380,19 +411,3 @@ def struct_doc(name: str, doc: str, parts: Sequence[str] = ()) -> str:
 
 def _sentence(text: str) -> str:
     return text if text[-1:] in ".!?:" else f"{text}."
-
-
-_SCALARS = {
-    t.BOOL: "bool",
-    t.STRING: "str",
-    t.TIME: "int",
-    **dict.fromkeys(t.INTEGERS, "int"),
-    **dict.fromkeys(t.FLOATS, "float"),
-}
-_ZEROS = {
-    t.BOOL: "False",
-    t.STRING: '""',
-    t.TIME: "0",
-    **dict.fromkeys(t.INTEGERS, "0"),
-    **dict.fromkeys(t.FLOATS, "0.0"),
-}

@@ -1,31 +1,21 @@
-"""The languages of others that interfaces can be written in."""
+"""Interfaces in the languages of others, each written by a plug-in."""
 
 from __future__ import annotations
 
+from .. import plugins
 from ..dsl.diagnostics import Report
 from .exporting import Files
 from .generate import Artifact, GenerationError
-from .omgexport import to_omgidl
-from .rosmsg import to_rosmsg
-from .slice import to_slice
-
-FORMATS = ("slice", "omgidl", "rosmsg")
 
 
-def export(files: Files, to: str, report: Report, *, underscore: bool = False) -> tuple[Artifact, ...]:
+def export(files: Files, to: str, report: Report) -> tuple[Artifact, ...]:
     """The files of that format; what it cannot hold is reported, and then they are not to be used.
 
-    Raises GenerationError if the files do not fit together.
+    Raises GenerationError if the files do not fit together, ConfigurationError if nothing writes the format.
     """
     if files.clash:
         raise GenerationError(f"{files.clash}; give them to rcgen one by one")
-    match to:
-        case "slice":
-            artifacts = to_slice(files, report, underscore=underscore)
-        case "omgidl":
-            artifacts = to_omgidl(files, report)
-        case _:
-            artifacts = to_rosmsg(files, report)
+    artifacts = plugins.exporter(to)(files, report)
     paths = [each.path for each in artifacts]
     twice = next((path for path in paths if paths.count(path) > 1), None)
     if twice and not report.errors:

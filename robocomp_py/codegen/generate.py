@@ -16,16 +16,16 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from .. import __version__
 from ..contract import types as t
 from ..contract.component import Component, Port
-from ..contract.interface import Interface, Operation
+from ..contract.interface import Interface
+from ..contract.middleware import AUTO, carrier
 from ..contract.module import Constant, Module
 from ..errors import RobocompError
 from . import configuration, expressions, layout, machine, names
 from .imports import bound_names, complete
 from .layout import on_one_line
+from .linting import excused_file
 from .native import native
 from .shadows import Shadows
-
-DEFAULT_MIDDLEWARE = "zeromq"
 
 
 class GenerationError(RobocompError):
@@ -54,7 +54,7 @@ class Model:
     modules: tuple[Module, ...]
     cdsl: str
     pdsl: str = ""
-    middleware: str = DEFAULT_MIDDLEWARE
+    middleware: str = AUTO
     statemachine: str = ""
 
 
@@ -78,12 +78,11 @@ def generate_module(module: Module, ports: Sequence[Port] = (), siblings: Sequen
     if twice:
         files = ", ".join(module.files)
         raise GenerationError(f"{files}: two things would be called `{twice[0]}` in Python; give one another name")
-    return text
+    return excused_file(text, names.module_name(module.name))
 
 
-def starter(name: str) -> dict[str, str]:
-    """The models of a new component, by file name."""
-    lower = name.lower()
+def starter(name: str, lower: str) -> dict[str, str]:
+    """The models of a new component, by file name: `name` is that of its interface, `lower` its own."""
     kinds = {f"{lower}.cdsl": "starter.cdsl.j2", f"{name}.idsl": "starter.idsl.j2", f"{lower}.pdsl": "starter.pdsl.j2"}
     return {file: _render(template, name=name, lower=lower) for file, template in kinds.items()}
 
@@ -94,12 +93,6 @@ def starter_specifics(model: Model, name: str) -> dict[PurePosixPath, str]:
     return {PurePosixPath(path): _render(kind, component=model.component, name=name) for path, kind in kinds.items()}
 
 
-def handlers(component: Component) -> list[tuple[Port, Operation[Any]]]:
-    """The operations that call a component."""
-    ports = [port for port in component.ports if not port.verb.has_proxy]
-    return [(port, operation) for port in ports for operation, _ in port.interface.under(port.verb)]
-
-
 def _generic(model: Model) -> dict[str, str]:
     component = model.component
     siblings = [names.module_name(module.name) for module in model.modules]
@@ -108,25 +101,28 @@ def _generic(model: Model) -> dict[str, str]:
         text = generate_module(module, component.ports, siblings)
         texts[f"generic/{names.module_name(module.name)}.py"] = text
     texts["generic/genericworker.py"] = complete(_render("genericworker.py.j2", **_common(model)), siblings)
+    common = _common(model)
+    if common["proxies"]:
+        text = _render("fakes.py.j2", **common, aliases=_Aliases())
+        texts["generic/fakes.py"] = excused_file(complete(text, siblings), "fakes")
     if component.params:
         scopes = configuration.scopes_of(component.params)
         text = _render("params.py.j2", component=component, scopes=scopes, pdsl=model.pdsl, aliases=_Aliases())
-        texts["generic/params.py"] = complete(text, [])
+        texts["generic/params.py"] = excused_file(complete(text, []), "params")
     about = f"Generated from {on_one_line(model.cdsl)} by rcgen {__version__}: edits are lost."
-    return texts | native(component, model.middleware, about)
+    return texts | native(component, carrier(None, model.middleware), about)
 
 
 def _specific(model: Model) -> dict[str, str]:
     component = model.component
     siblings = [names.module_name(module.name) for module in model.modules]
-    demanded = configuration.demanded(component.params) if component.params else []
     return {
         "__init__.py": _render("init.py.j2", component=component),
         "__main__.py": _render("main.py.j2", component=component),
         "specificworker.py": complete(_render("specificworker.py.j2", **_common(model)), siblings, ".generic"),
         "etc/config.toml": _render("config.toml.j2", **_common(model)),
         "README.md": _render("readme.md.j2", **_common(model), pdsl=model.pdsl, statemachine=model.statemachine),
-        _test(component): _render("test_component.py.j2", component=component, demanded=demanded),
+        _test(component): _render("test_component.py.j2", component=component),
     }
 
 
@@ -140,7 +136,7 @@ def _common(model: Model) -> dict[str, Any]:
         "component": component,
         "cdsl": model.cdsl,
         "middleware": model.middleware,
-        "handlers": handlers(component),
+        "handlers": component.handlers(),
         "proxies": [port for port in component.ports if port.verb.has_proxy],
         "states": machine.states_of(component),
     }

@@ -6,7 +6,9 @@ import ast
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
+from ..contract.types import Primitive
 from .layout import WIDTH
+from .linting import excused
 
 MARK = "# imports\n"
 """Stands in a template where its imports go."""
@@ -16,13 +18,13 @@ STANDARD = {
     "contextlib": ("AbstractContextManager",),
     "dataclasses": ("dataclass", "field"),
     "enum": ("IntEnum",),
-    "typing": ("ClassVar", "Literal", "TypeAlias"),
+    "typing": ("ClassVar", "Literal", "TypeAlias", "TypedDict"),
 }
 NUMPY = {"numpy.typing": ("ArrayLike", "NDArray")}
 TYPES = (
-    *("BOOL", "FLOAT32", "FLOAT64", "INT8", "INT16", "INT32", "INT64", "STRING", "TIME"),
-    *("UINT8", "UINT16", "UINT32", "UINT64", "DeclaredError", "Dictionary", "Enumeration", "ExceptionType", "Field"),
-    *("Future", "Interface", "Operation", "Pattern", "Proxy", "Sequence", "Struct"),
+    *(kind.name for kind in Primitive),
+    *("DeclaredError", "Dictionary", "Enumeration", "ExceptionType", "Field", "Future", "Interface", "Operation"),
+    *("Pattern", "Proxy", "Sequence", "Struct"),
 )
 """What the modules of types use of the run time's front door."""
 
@@ -41,29 +43,6 @@ def complete(text: str, siblings: Collection[str], package: str = ".") -> str:
     return excused(text).replace(MARK, import_statements(used, siblings, package), 1)
 
 
-def excused(text: str) -> str:
-    """The text with a word to linters where its models leave no other choice: a name `l`, a line too long to split."""
-    lines = text.splitlines()
-    reasons: dict[int, list[str]] = {}
-    for node in ast.walk(ast.parse(text)):
-        match node:
-            case ast.arg(arg=name) | ast.AnnAssign(target=ast.Name(id=name)) | ast.Assign(targets=[ast.Name(id=name)]):
-                rule = "E741"
-            case ast.ClassDef(name=name):
-                rule = "E742"
-            case ast.FunctionDef(name=name):
-                rule = "E743"
-            case ast.Constant(value=str(), lineno=line, end_lineno=end) if line == end:
-                name, rule = ("l", "E501") if len(lines[line - 1]) > WIDTH else ("", "")
-            case _:
-                continue
-        if name in ("l", "O", "I"):
-            reasons.setdefault(node.lineno, []).append(rule)
-    for number, rules in reasons.items():
-        lines[number - 1] += f"  # noqa: {', '.join(sorted(set(rules)))}"
-    return "\n".join(lines) + "\n"
-
-
 def import_statements(used: Collection[str], siblings: Collection[str], package: str) -> str:
     """The imports of these names, in the order and the form that formatters want."""
     standard = [import_from(source, names) for source, names in _using(STANDARD, used)]
@@ -71,6 +50,9 @@ def import_statements(used: Collection[str], siblings: Collection[str], package:
     libraries = ["import numpy as np"] if "np" in used else []
     libraries += [import_from(source, names) for source, names in _using(NUMPY, used)]
     libraries += [import_from(source, names) for source, names in _using({"robocomp_py.runtime.api": API}, used)]
+    libraries += [
+        import_from(source, names) for source, names in _using({"robocomp_py.testing.fakes": ("Fake",)}, used)
+    ]
     own = [import_from(package, names) for _, names in _using({package: tuple(siblings)}, used)]
     own += ["from .generic.genericworker import GenericWorker"] if "GenericWorker" in used else []
     own += [import_from(".params", names) for _, names in _using({"": ("PARAMS", "Params")}, used)]

@@ -46,7 +46,7 @@ def signature(name: str, arguments: Sequence[str], returned: str, indent: int = 
 def spread(annotation: str, indent: int, before: int, after: int) -> str:
     """An annotation on several lines, if it would be too long for one, with so much around it."""
     head, bracket, rest = annotation.partition("[")
-    if not bracket or indent + before + len(annotation) + after <= WIDTH:
+    if not bracket or annotation.startswith('"') or indent + before + len(annotation) + after <= WIDTH:
         return annotation
     items = _top_level(rest[:-1])
     margin, comma = " " * indent, "," if len(items) > 1 else ""
@@ -69,9 +69,7 @@ def docstring(text: str, indent: int) -> str:
     safe = printable(text).replace("\\", "\\\\").replace(quote, "'''").strip()
     safe = f" {safe}" if safe.startswith('"') else safe
     safe = f"{safe} " if safe.endswith('"') else safe
-    lines: list[str] = []
-    for line in (quote + safe).splitlines():
-        lines += _wrap(line, WIDTH - indent) or [""]
+    lines = _wrap_prose((quote + safe).splitlines(), WIDTH - indent)
     lines[0] = lines[0].removeprefix(quote)
     margin = " " * indent
     if len(lines) == 1 and indent + len(lines[0]) + 6 <= WIDTH:
@@ -138,6 +136,20 @@ def capital(text: str, *names: str) -> str:
     """The text as the beginning of a sentence; a name that it begins with stays as it is."""
     found = re.match(r"\w+", text)
     return text if found and found[0] in names else text[:1].upper() + text[1:]
+
+
+def _wrap_prose(given: Sequence[str], width: int) -> list[str]:
+    """Lines that fit. A line that is too long continues on the next, unless that is an item of a list, say."""
+    lines, rest = list[str](), ""
+    for line, following in zip(given, [*given[1:], ""], strict=True):
+        wrapped = _wrap(f"{rest} {line}".strip(), width) or [""]
+        rest = wrapped.pop() if len(wrapped) > 1 and following and not _ITEM.match(following) else ""
+        lines += wrapped
+    return lines
+
+
+_ITEM = re.compile(r"\s|[-+*•@\\]|\w+\s*[:=]|\(?\w{1,2}\)|\d+\.|(Returns?|Param)\b")
+"""How a line begins that does not continue the sentence of the line above it."""
 
 
 def _wrap(text: str, width: int) -> list[str]:

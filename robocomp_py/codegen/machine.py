@@ -10,8 +10,11 @@ from .layout import call, docstring, quoted, tuple_of
 
 
 def states_of(component: Component) -> list[State]:
-    """The states whose methods a component has to have."""
-    return list(component.machine.every_state()) if component.machine else []
+    """The states whose methods a component has to have; of those that share a method, the first."""
+    found: dict[str, State] = {}
+    for state in component.machine.every_state() if component.machine else ():
+        found.setdefault(state.method, state)
+    return list(found.values())
 
 
 def machine_expression(machine: StateMachine, indent: int) -> str:
@@ -41,11 +44,17 @@ def state_method(state: State, machine: StateMachine) -> str:
 def state_doc(state: State, machine: StateMachine) -> str:
     """When a state's method is called, and what leads on from there."""
     leaving = [f"self.{trigger}()" for trigger in machine.leaving(state.name)]
-    said = f"Called when `{state.name}` is entered"
+    said = f"Called when `{state.label}` is entered"
     if state.final:
-        around = next((each.name for each in machine.every_state() if state in each.states), "")
-        return f"{said}, which ends {f'`{around}`' if around else 'the state machine'}."
+        return f"{said}, which ends {' or '.join(_ended_by(state.method, machine))}."
     return f"{said}. From here: {', '.join(leaving)}." if leaving else f"{said}."
+
+
+def _ended_by(method: str, machine: StateMachine) -> list[str]:
+    """What the end states of a method end."""
+    whole = ["the state machine"] if any(each.method == method for each in machine.states) else []
+    around = [each for each in machine.every_state() if any(inner.method == method for inner in each.states)]
+    return [*whole, *(f"`{each.name}`" for each in around)]
 
 
 def _state(state: State, indent: int) -> str:

@@ -37,7 +37,7 @@ _MODULES = {
     *_CLASSES,
     *API,
     *("GenericWorker", "PARAMS", "Params", "SpecificWorker", "abstractmethod", "component", "genericworker"),
-    *("middleware", "params"),
+    *("Fake", "Fakes", "TypedDict", "fakes", "middleware", "params"),
 }
 """What is in the generic part beside the modules of types, and what it uses for itself."""
 
@@ -93,14 +93,13 @@ def method(operation: Operation[Any]) -> str:
 
 def twin(operation: Operation[Any], interface: Interface) -> str:
     """An operation of a proxy that does not wait."""
-    return _free(f"{operation.name}Async", {other.name for other in interface.operations})
+    return _unlike(f"{operation.name}Async", {other.name for other in interface.operations})
 
 
 def loan(operation: Operation[Any], interface: Interface) -> str:
     """The method of a proxy that gives a message to fill: `loanPushImage`."""
-    return _free(
-        f"loan{operation.name[:1].upper()}{operation.name[1:]}", {other.name for other in interface.operations}
-    )
+    name = f"loan{operation.name[:1].upper()}{operation.name[1:]}"
+    return _unlike(name, {other.name for other in interface.operations})
 
 
 def loan_arguments(operation: Operation[Any]) -> list[str]:
@@ -157,3 +156,10 @@ def _free(name: str, taken: Collection[str]) -> str:
     """
     bare = name.rstrip("_")
     return f"{name}_" if keyword.iskeyword(bare) or bare in taken else name
+
+
+def _unlike(name: str, others: Collection[str]) -> str:
+    """The name, with underscores appended until it differs from all others."""
+    while name in others:
+        name += "_"
+    return name

@@ -1,8 +1,11 @@
 """What programs need that know nothing of us, to talk to a component: `generic/<middleware>/`.
 
-    channels.json   every channel of the component, and what travels on it (docs/native.md)
+    channels.json   every channel of the component, and what travels on it (docs/guides/native.md)
     *.idl           the types of what travels, where they are in CDR; MessagePack's are in channels.json
-    *.ice           the interfaces, for programs of Ice
+
+A transport may have a third entry point for this, of the group `robocomp_py.natives`: a function of the uses of a
+component and of the line that says where the files come from. It returns texts by name, and the content of
+`channels.json`.
 
 The names are those of a component that runs as generated, without a deployment.
 """
@@ -14,19 +17,21 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from .. import installed
 from ..contract import types as t
 from ..contract.component import Component, Port
 from ..contract.interface import Operation, Pattern
-from ..transports import iceoptions
+from ..contract.qos import TIMES
 from ..wire import names
 from . import omgidl
-from .slicenative import slices
+
+NATIVES = "robocomp_py.natives"
 
 Json = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class _Use:
+class Use:
     """An operation of a port, and the channel it has."""
 
     port: Port
@@ -47,20 +52,25 @@ class _Use:
                 return (("request", called), ("reply", not called))
 
 
+Native = Callable[[list[Use], str], tuple[dict[str, str], Json]]
+"""What an entry point names."""
+
+
 def native(component: Component, middleware: str, about: str) -> dict[str, str]:
     """Texts by path, for each middleware of the component; `about` says where they come from."""
     texts: dict[str, str] = {}
     for name in dict.fromkeys((middleware, *filter(None, (port.middleware for port in component.ports)))):
         uses = [use for use in _uses(component) if (use.port.middleware or middleware) == name]
-        if uses and name in _KINDS:
+        if uses and name in installed.entries(NATIVES):
             list_of = {"about": about, "component": component.name, "middleware": name}
-            files, more = _KINDS[name](uses, about)
+            write: Native = installed.load(NATIVES, name)
+            files, more = write(uses, about)
             files["channels.json"] = written(list_of | more) + "\n"
             texts |= {f"generic/{name}/{file}": text for file, text in files.items()}
     return texts
 
 
-def _uses(component: Component) -> Iterator[_Use]:
+def _uses(component: Component) -> Iterator[Use]:
     """Every channel once, in the order of the ports."""
     seen = set()
     for port in component.ports:
@@ -70,14 +80,14 @@ def _uses(component: Component) -> Iterator[_Use]:
             channel = names.channel("", instance, segment, operation.name)
             if (port.verb, channel, port.middleware) not in seen:
                 seen.add((port.verb, channel, port.middleware))
-                yield _Use(port, operation, pattern, channel)
+                yield Use(port, operation, pattern, channel)
 
 
-def _channels(uses: Iterable[_Use], address: Callable[[_Use, str], Json]) -> list[Json]:
+def channels(uses: Iterable[Use], address: Callable[[Use, str], Json]) -> list[Json]:
     return [_described(use, address) for use in uses]
 
 
-def _described(use: _Use, address: Callable[[_Use, str], Json]) -> Json:
+def _described(use: Use, address: Callable[[Use, str], Json]) -> Json:
     operation = use.operation
     found: Json = {
         "channel": use.channel,
@@ -95,14 +105,13 @@ def _described(use: _Use, address: Callable[[_Use, str], Json]) -> Json:
     if use.pattern is Pattern.PUBLISH:
         qos = use.port.qos
         found["qos"] = {"reliability": qos.reliability.value, "durability": qos.durability.value, "depth": qos.depth}
-        times = {"deadline": qos.deadline, "lifespan": qos.lifespan, "lease": qos.lease}
-        found["qos"] |= {name: seconds for name, seconds in times.items() if seconds is not None}
+        found["qos"] |= {name: seconds for name in TIMES if (seconds := getattr(qos, name)) is not None}
         if qos.lease is not None:
             found["qos"]["liveliness"] = qos.liveliness.value
     return found
 
 
-def _type(use: _Use, kind: str) -> str:
+def _type(use: Use, kind: str) -> str:
     match kind:
         case "publication":
             return omgidl.publication_name(use.operation)
@@ -112,53 +121,18 @@ def _type(use: _Use, kind: str) -> str:
             return use.operation.response.name
 
 
-def _structs(uses: Iterable[_Use], *, headed: bool) -> list[t.Struct]:
+def structs(uses: Iterable[Use], *, headed: bool) -> list[t.Struct]:
     """The types of all messages."""
     make = {"publication": omgidl.publication, "request": omgidl.request, "reply": omgidl.response}
     return [make[kind](use.operation, headed=headed) for use in uses for kind, _ in use.messages]
 
 
-def _exceptions(uses: Iterable[_Use]) -> list[t.Struct]:
+def exceptions(uses: Iterable[Use]) -> list[t.Struct]:
     kinds = {kind.name: kind for use in uses for kind in use.operation.raises}
     return [omgidl.exception(kind) for kind in kinds.values()]
 
 
-# -- the middlewares -------------------------------------------------------------------
-
-
-def _dds(uses: list[_Use], about: str) -> tuple[dict[str, str], Json]:
-    parts = (omgidl.REQUEST_HEADER, omgidl.REPLY_HEADER, omgidl.PUBLICATION_HEADER, omgidl.TIME, omgidl.FAILURE)
-    files = omgidl.idl([omgidl.CREDIT, *_structs(uses, headed=True)], [*parts, *_exceptions(uses)], about)
-    suffix = {"publication": "", "request": "Request", "reply": "Reply"}
-    channels = _channels(uses, lambda use, kind: {"topic": f"rc/{use.channel}{suffix[kind]}"})
-    return files, {"domain": 0, "idl": sorted(files), "channels": channels}
-
-
-def _zenoh(uses: list[_Use], about: str) -> tuple[dict[str, str], Json]:
-    files = omgidl.idl([omgidl.FAILURE, *_structs(uses, headed=False), *_exceptions(uses)], [omgidl.TIME], about)
-    channels = _channels(uses, lambda use, kind: {"key": f"rc/0/{use.channel}"})
-    return files, {"domain": 0, "idl": sorted(files), "attachments": _headers(uses), "channels": channels}
-
-
-def _zeromq(uses: list[_Use], about: str) -> tuple[dict[str, str], Json]:
-    frames = {
-        "publication": ["channel", "NUL", "header", "payload"],
-        "request": ["channel", "NUL", "header", "payload"],
-        "reply": ["header", "payload"],
-    }
-    kinds = [*_structs(uses, headed=False), *_exceptions(uses), omgidl.FAILURE]
-    more: Json = {
-        "first_frame": {kind: frames[kind] for kind in _headers(uses)},
-        "headers": _headers(uses),
-        "channels": _channels(uses, lambda use, kind: {}),
-        "types": {kind.name: _layout(kind) for kind in t.walk(*kinds)},
-    }
-    if twice := omgidl.ambiguous(kinds):
-        more["ambiguous"] = sorted(twice)
-    return {}, more
-
-
-def _layout(kind: t.Struct | t.Enumeration) -> Json:
+def layout(kind: t.Struct | t.Enumeration) -> Json:
     if isinstance(kind, t.Enumeration):
         return {"enumeration": dict(kind.members)}
     return {"struct": [[field.name, t.spell(field.type)] for field in kind.fields]}
@@ -172,24 +146,9 @@ _HEADERS = {
 """`wire/header.py` in other words: little-endian, unpadded."""
 
 
-def _headers(uses: Iterable[_Use]) -> Json:
+def headers(uses: Iterable[Use]) -> Json:
     there = {kind for use in uses for kind, _ in use.messages}
     return {kind: [each.split() for each in text.split(", ")] for kind, text in _HEADERS.items() if kind in there}
-
-
-def _ice(uses: list[_Use], about: str) -> tuple[dict[str, str], Json]:
-    files = slices((use.port.interface for use in uses), about)
-    return files, {"slice": sorted(files), "channels": _channels(uses, _in_ice)}
-
-
-def _in_ice(use: _Use, kind: str) -> Json:
-    if kind == "publication":
-        return {"topic": iceoptions.IceOptions().topic_of(use.channel), "operation": use.operation.name}
-    mode = "idempotent" if use.operation.idempotent else "normal"
-    return {"identity": iceoptions.identity_of(use.channel), "operation": use.operation.name, "mode": mode}
-
-
-_KINDS = {"dds": _dds, "zenoh": _zenoh, "zeromq": _zeromq, "ice": _ice}
 
 
 # -- JSON ------------------------------------------------------------------------------

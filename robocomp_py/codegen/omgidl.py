@@ -20,6 +20,7 @@ from typing import Any
 from ..contract import types as t
 from ..contract.interface import Operation
 from ..contract.module import Constant
+from .basictypes import SPELLED
 from .layout import printable
 from .names import module_of, short
 
@@ -308,14 +309,11 @@ def _struct(kind: t.Struct, names: set[str], nested: bool) -> Iterator[str]:
     yield "};"
 
 
-_SPELLED = {t.BOOL: "boolean", t.FLOAT32: "float", t.FLOAT64: "double"}
-
-
 def _spelled(kind: t.Type, module: str, members: set[str], names: set[str]) -> str:
     """A type, as a member of a struct with these members in a module with these names."""
     match kind:
         case t.Primitive():
-            return _SPELLED.get(kind, kind.value)
+            return SPELLED[kind].omg
         case t.Enumeration():
             return "int32"
         case t.Sequence(item):

@@ -30,6 +30,7 @@ from ..contract.module import Constant, Module
 from ..dsl.diagnostics import Report
 from ..dsl.idsl import model as m
 from ..dsl.source import Name, Span
+from .basictypes import SPELLED
 from .exporting import Files, heading
 from .generate import Artifact
 from .layout import printable
@@ -236,10 +237,10 @@ class _Package:
     def _spelled(self, kind: t.Type, at: Name) -> str:
         match kind:
             case t.Primitive():
-                if kind is t.TIME:
-                    self.uses.add("builtin_interfaces")
-                    return "builtin_interfaces/Time"
-                return kind.value
+                spelled = SPELLED[kind].ros
+                if "/" in spelled:
+                    self.uses.add(spelled.partition("/")[0])
+                return spelled
             case t.Enumeration():
                 return "int32"
             case t.Struct(name=name):

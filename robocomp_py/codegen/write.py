@@ -94,7 +94,7 @@ def _generated(generic: Path) -> list[Path]:
     return [path for path in files if _is_file(path) and origin(path)]
 
 
-_SUFFIXES = {".py", ".idl", ".json"}
+_SUFFIXES = {".py", ".idl", ".ice", ".json"}
 
 
 def _add(changes: Changes, artifact: Artifact, root: Path) -> None:

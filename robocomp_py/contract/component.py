@@ -8,13 +8,21 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from .interface import Interface, Verb
+from .interface import Interface, Operation, Verb
 from .parameters import ParameterSet
 from .qos import DEFAULT_QOS, QoS
 from .statemachine import StateMachine
 
 MAX_SECONDS = 1e6
 """No period and no deadline is longer: clocks and locks do not take every number."""
+
+TAKEN = frozenset(
+    {
+        *("on_deadline_missed", "on_liveliness_lost"),
+        *("_abc_impl", "_in_front", "_is_protocol", "_set_period", "_takes_any_params"),
+    }
+)
+"""What every worker has, of the names that a handler could have: interface, underscore, operation."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +77,20 @@ class Component:
     def topics(self) -> list[str]:
         """What its ports of publications are called by people."""
         return [port.label for port in self.ports if port.verb.is_topic]
+
+    def handlers(self) -> list[tuple[Port, Operation[Any]]]:
+        """The operations that call the component, each with the port by which it comes."""
+        ports = [port for port in self.ports if not port.verb.has_proxy]
+        return [(port, operation) for port in ports for operation, _ in port.interface.under(port.verb)]
+
+    def fingerprints(self) -> dict[str, str]:
+        """What it provides and uses: by qualified operation (`RoboCompLaser::Laser.getLaserData`), its fingerprint as
+        16 hexadecimal digits."""
+        return {
+            f"{operation.interface}.{operation.name}": f"{operation.fingerprint:016x}"
+            for port in self.ports
+            for operation, _ in port.interface.under(port.verb)
+        }
 
     def segment(self, port: Port) -> str:
         """How a port that provides something appears in the names of channels: `Laser`, `Laser1`, ...

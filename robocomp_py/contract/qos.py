@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from enum import StrEnum
+from typing import Any
 
 
 class Reliability(StrEnum):
@@ -64,6 +65,15 @@ class QoS:
 
 DEFAULT_QOS = QoS()
 """Best effort, the newest ten."""
+
+WORDS = {each.name: type(each.default) for each in fields(QoS) if isinstance(each.default, StrEnum)}
+"""The settings that are one of a few words, with these."""
+
+TIMES = tuple(each.name for each in fields(QoS) if each.default is None)
+"""The settings that are times."""
+
+DEPTHS = range(1, 1_000_001)
+"""The depths that are allowed."""
 
 _RELIABLE = QoS(Reliability.RELIABLE)
 PRESETS: dict[str, QoS] = {
@@ -127,7 +137,7 @@ def traits(qos: QoS) -> str:
     """What a publisher tells subscribers of its QoS, as letters and numbers that fit into any name; never empty."""
     flags = {"r": qos.reliable, "l": qos.latched, "m": qos.liveliness is Liveliness.MANUAL_BY_TOPIC}
     written = "".join(letter for letter, flag in flags.items() if flag)
-    for letter, name in _TIMES.items():
+    for letter, name in _LETTERS.items():
         seconds = getattr(qos, name)
         if seconds is not None:
             written += f"{letter}{max(1, round(seconds * 1e9))}"
@@ -137,16 +147,14 @@ def traits(qos: QoS) -> str:
 def from_traits(text: str) -> QoS:
     """The QoS of which these are the traits; letters of another version mean nothing."""
     values = {letter: int(number or 0) for letter, number in re.findall(r"([a-z])([0-9]{0,18})", text, re.ASCII)}
-    times = {name: values[letter] / 1e9 for letter, name in _TIMES.items() if values.get(letter)}
+    times: dict[str, Any] = {name: values[letter] / 1e9 for letter, name in _LETTERS.items() if values.get(letter)}
     return QoS(
         Reliability.RELIABLE if "r" in values else Reliability.BEST_EFFORT,
         Durability.TRANSIENT_LOCAL if "l" in values else Durability.VOLATILE,
-        deadline=times.get("deadline"),
-        lifespan=times.get("lifespan"),
         liveliness=Liveliness.MANUAL_BY_TOPIC if "m" in values else Liveliness.AUTOMATIC,
-        lease=times.get("lease"),
+        **times,
     )
 
 
-_TIMES = {"d": "deadline", "s": "lifespan", "e": "lease"}
-"""By letter; in nanoseconds."""
+_LETTERS = {"d": "deadline", "s": "lifespan", "e": "lease"}
+"""How `traits` writes each of the times, in nanoseconds."""

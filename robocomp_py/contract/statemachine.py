@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class State:
-    """One state, and what is in it. Names are unique in a machine."""
+    """One state, and what is in it. Names are unique in a machine: an end state whose label others have has the name
+    `<parent>.<label>`."""
 
     name: str
     states: tuple[State, ...] = ()
@@ -23,9 +24,14 @@ class State:
     final: bool = False
 
     @property
+    def label(self) -> str:
+        """What its file calls it."""
+        return label(self.name)
+
+    @property
     def method(self) -> str:
-        """What is called when it is entered: `sm_<state>`."""
-        return f"sm_{self.name}"
+        """What is called when it is entered: `sm_<label>`."""
+        return f"sm_{self.label}"
 
 
 @dataclass(frozen=True)
@@ -38,8 +44,8 @@ class Transition:
 
     @property
     def trigger(self) -> str:
-        """What fires it: `t_<source>_to_<target>`."""
-        return f"t_{self.source}_to_{self.target}"
+        """What fires it: `t_<source>_to_<target>`, by their labels."""
+        return f"t_{self.source}_to_{label(self.target)}"
 
 
 @dataclass(frozen=True)
@@ -55,6 +61,10 @@ class StateMachine:
         """All states, each before those in it."""
         return _within(self.states)
 
+    def methods(self) -> list[str]:
+        """What is called when states are entered, each once."""
+        return list(dict.fromkeys(state.method for state in self.every_state()))
+
     def triggers(self) -> dict[str, Transition]:
         """What can be fired, by name. Transitions that differ only in their events share one."""
         found: dict[str, Transition] = {}
@@ -65,6 +75,11 @@ class StateMachine:
     def leaving(self, state: str) -> list[str]:
         """The names of what fires the transitions out of a state."""
         return list(dict.fromkeys(each.trigger for each in self.transitions if each.source == state))
+
+
+def label(name: str) -> str:
+    """What a file calls the state of a name."""
+    return name.rpartition(".")[2]
 
 
 def _within(states: Iterable[State]) -> Iterator[State]:

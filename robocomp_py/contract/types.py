@@ -8,11 +8,12 @@ a message, whose Python form is the tuple of its fields.
 from __future__ import annotations
 
 import keyword
+import struct
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -21,21 +22,40 @@ MAX_DEPTH = 32
 
 
 class Primitive(StrEnum):
-    """Types with a fixed meaning. `TIME` is an instant: int nanoseconds since the Unix epoch."""
+    """The basic types, each with all that is the same on every wire and in every language.
 
-    BOOL = "bool"
-    INT8 = "int8"
-    UINT8 = "uint8"
-    INT16 = "int16"
-    UINT16 = "uint16"
-    INT32 = "int32"
-    UINT32 = "uint32"
-    INT64 = "int64"
-    UINT64 = "uint64"
-    FLOAT32 = "float32"
-    FLOAT64 = "float64"
-    STRING = "string"
-    TIME = "time"
+    `python` is the class of its values. `letter` is how `struct` packs it, empty if its size varies. Sequences of
+    those with `in_arrays` are numpy arrays. `TIME` is an instant: int nanoseconds since the Unix epoch.
+    """
+
+    python: type[Any]
+    letter: str
+    in_arrays: bool
+
+    def __new__(cls, name: str, python: type[Any], letter: str, in_arrays: bool = True) -> Self:
+        made = str.__new__(cls, name)
+        made._value_ = name
+        made.python, made.letter, made.in_arrays = python, letter, in_arrays
+        return made
+
+    BOOL = "bool", bool, "?"
+    INT8 = "int8", int, "b"
+    UINT8 = "uint8", int, "B"
+    INT16 = "int16", int, "h"
+    UINT16 = "uint16", int, "H"
+    INT32 = "int32", int, "i"
+    UINT32 = "uint32", int, "I"
+    INT64 = "int64", int, "q"
+    UINT64 = "uint64", int, "Q"
+    FLOAT32 = "float32", float, "f"
+    FLOAT64 = "float64", float, "d"
+    STRING = "string", str, "", False
+    TIME = "time", int, "q", False
+
+    @property
+    def zero(self) -> Any:
+        """The value of something not set."""
+        return self.python()
 
 
 BOOL, STRING, TIME = Primitive.BOOL, Primitive.STRING, Primitive.TIME
@@ -43,14 +63,12 @@ INT8, INT16, INT32, INT64 = Primitive.INT8, Primitive.INT16, Primitive.INT32, Pr
 UINT8, UINT16, UINT32, UINT64 = Primitive.UINT8, Primitive.UINT16, Primitive.UINT32, Primitive.UINT64
 FLOAT32, FLOAT64 = Primitive.FLOAT32, Primitive.FLOAT64
 
-SIGNED = frozenset({INT8, INT16, INT32, INT64})
-UNSIGNED = frozenset({UINT8, UINT16, UINT32, UINT64})
-INTEGERS = SIGNED | UNSIGNED
-FLOATS = frozenset({FLOAT32, FLOAT64})
+INTEGERS = frozenset(kind for kind in Primitive if kind.python is int and kind.in_arrays)
+FLOATS = frozenset(kind for kind in Primitive if kind.python is float)
 FLOAT32_MAX = float(np.finfo(np.float32).max)
 
 DTYPES: dict[Primitive, np.dtype[Any]] = {
-    kind: np.dtype(np.dtype(kind.value).newbyteorder("<").str) for kind in (BOOL, *sorted(INTEGERS), *sorted(FLOATS))
+    kind: np.dtype(np.dtype(kind.letter).newbyteorder("<").str) for kind in Primitive if kind.in_arrays
 }
 """The little-endian numpy dtype of each primitive whose sequences are arrays: where that is the byte order of the host,
 the very object that numpy's own arrays have, so that `is` tells most of those that fit."""
@@ -60,8 +78,8 @@ def integer_range(kind: Primitive) -> tuple[int, int]:
     """Smallest and largest value of an integer type; of TIME, what ROS 2 can carry: int32 seconds around 1970."""
     if kind is TIME:
         return -(2**31) * 10**9, 2**31 * 10**9 - 1
-    info = np.iinfo(DTYPES[kind])
-    return int(info.min), int(info.max)
+    bits = 8 * struct.calcsize(f"<{kind.letter}")
+    return (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) if kind.letter.islower() else (0, 2**bits - 1)
 
 
 @dataclass(frozen=True)

@@ -19,18 +19,19 @@ import socket
 import sys
 import time
 from collections import deque
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from ..errors import ConfigurationError, DeploymentError, TransportError
 from .agents import Abandoned, Listener
-from .hosts.lines import BEAT, SILENCE, VERSION, Lines, Message, packed, process_of, usage_told
+from .beside import beside
+from .hosts.lines import BEAT, LONGEST, SILENCE, VERSION, Lines, Message, packed, process_of, usage_told
 from .launcher.local import Launcher
 from .place import AlreadyRuns, Place, made_in
 from .process import Process
-from .sockets import address, listening
+from .sockets import connected, listening
 
 GRACE = 4.0
 """Seconds that a process has to end by itself when nobody is there any more, if the network does not say."""
@@ -52,7 +53,7 @@ class Session:
     """Whoever tells us what to do, or their messenger."""
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        self._reader, self._writer, self._lines = reader, writer, Lines()
+        self._reader, self._writer, self._lines = reader, writer, Lines(LONGEST)
         self.heard_at = time.monotonic()
         self.controller = ""
         self._dropped = 0
@@ -105,6 +106,7 @@ class _Kept:
     ready: bool = False
     status: str = ""
     left: list[str] = field(default_factory=list)
+    contracts: dict[str, Mapping[str, str]] = field(default_factory=dict)
     wanted: bool = True
     """Whether who is there knows of it: not one of an earlier controller's that is not to run any more."""
     ended: asyncio.Event = field(default_factory=asyncio.Event)
@@ -225,7 +227,7 @@ class Agent(Listener):
             if launcher:
                 await launcher.close()
         finally:
-            await asyncio.to_thread(self._hosted.close)
+            await beside(self._hosted.close)
             session, self._session = self._session, None
             if session:
                 session.send(tell="closed")
@@ -317,7 +319,7 @@ class Agent(Listener):
                 await asyncio.sleep(BEAT / 4)  # the agent of a controller that was lost a moment ago
         self._launcher = launcher
         try:
-            await asyncio.to_thread(self._host, message["hosted"], f"rcdeploy {message['network']}")
+            await beside(self._host, message["hosted"], f"rcdeploy {message['network']}")
         except (TransportError, ConfigurationError) as exc:
             raise DeploymentError(str(exc)) from exc
 
@@ -374,6 +376,8 @@ class Agent(Listener):
             session.send(tell="status", name=process.name, text=known.status)
         for instance in known.left:
             session.send(tell="left", name=process.name, instance=instance)
+        for instance, operations in known.contracts.items():
+            session.send(tell="contract", name=process.name, instance=instance, operations=operations)
 
     # What the launcher tells.
 
@@ -397,6 +401,11 @@ class Agent(Listener):
         if name in self._kept:
             self._kept[name].left.append(instance)
         self._tell("left", name=name, instance=instance)
+
+    def contract(self, name: str, instance: str, operations: Mapping[str, str]) -> None:
+        if name in self._kept:
+            self._kept[name].contracts[instance] = operations
+        self._tell("contract", name=name, instance=instance, operations=dict(operations))
 
     def hung(self, name: str) -> None:
         self._tell("hung", name=name)
@@ -447,17 +456,25 @@ async def _all_ended(there: list[_Kept], seconds: float) -> bool:
 async def _main(name: str, into: int, out: int) -> int:
     reader, writer = await _pipes(into, out)
     agent = Agent(name)
-    try:
-        with address(agent.socket) as path:
-            there = await asyncio.open_unix_connection(path)
-    except OSError:
+    if there := _connected_to(agent.socket):
+        await _carry((reader, writer), await asyncio.open_unix_connection(sock=there))
+    else:
         found_at = made_in(agent.socket.parent, lambda: listening(agent.socket))
         _say_into(agent.socket.with_name("agent.log"))
         await agent.run(Session(reader, writer), found_at)
         _tidy(agent.socket)
-    else:
-        await _carry((reader, writer), there)
     return 0
+
+
+def _connected_to(path: Path) -> socket.socket | None:
+    """A connection to the agent that is there already; None if nothing listens.
+
+    Raises TimeoutError if it is only busy: a second agent must not take its socket away.
+    """
+    try:
+        return connected(path, SILENCE)
+    except (FileNotFoundError, ConnectionRefusedError):
+        return None
 
 
 async def _pipes(into: int, out: int) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
@@ -515,7 +532,7 @@ def main(arguments: list[str]) -> int:
     os.dup2(2, 1)
     try:
         return asyncio.run(_main(arguments[0], into, out))
-    except DeploymentError as exc:
+    except (DeploymentError, TimeoutError) as exc:
         print(f"rcdeploy's agent: {exc}", file=sys.stderr)
         return 1
 

@@ -8,7 +8,7 @@ at a time under a name; until `exited` was told of it, the name is taken.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from ..errors import DeploymentError
@@ -17,6 +17,22 @@ from .process import Process
 
 class Abandoned(DeploymentError):
     """A process was to end before its start had come to anything; there is none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Life:
+    """How a component is, as its process tells it."""
+
+    state: str
+    """Of its life cycle: `compute`, `emergency`, …"""
+    overruns: int
+    """Periods that it left out, since what it did took longer than one."""
+    missed: int
+    """Deadlines of the QoS of its topics that were missed."""
+    lost: int
+    """How often a publisher that it hears was lost, by the lease of the QoS."""
+    version: str
+    """Of robocomp_py."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +50,8 @@ class Usage:
     """How long the slowest of those took, of the last interval."""
     at: float = 0.0
     """When processor time and memory were looked at, in seconds of its host's clock; 0 if they were not yet."""
+    lives: Mapping[str, Life] = field(default_factory=dict)
+    """How its components are, by their names; of those that tell."""
 
 
 class Listener(Protocol):
@@ -50,6 +68,9 @@ class Listener(Protocol):
 
     def left(self, name: str, instance: str) -> None:
         """One of several components in a process has ended well; the process goes on."""
+
+    def contract(self, name: str, instance: str, operations: Mapping[str, str]) -> None:
+        """A component in it has started with this contract: its operations, and their fingerprints."""
 
     def hung(self, name: str) -> None:
         """It did not feed its watchdog. It has been sent SIGABRT, has a little time to say where it was, and is killed

@@ -1,8 +1,7 @@
 """The best way for each link of a network, by where its two ends are.
 
-    in one process      `inproc`: objects, no bytes
-    on one host         `shm`: shared memory
-    else                the middleware that the provider is always reached by, also from outside of the network
+    in one process, on one host    the transport that is made for it (`transports.deployment.Near`)
+    else                           the middleware that the provider is always reached by, also from elsewhere
 
 This holds for ends that leave the choice open (nobody named a middleware for them, or `auto`). An
 end that names one decides for the other, too. What is chosen becomes settings of the instances: a
@@ -13,41 +12,27 @@ each provider.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from itertools import chain
+from typing import Protocol
 
 from ..contract.component import Port
 from ..contract.interface import Pattern, Verb
 from ..errors import ConfigurationError, TransportError
 from ..runtime.effective import toml
 from ..transports.base import TransportConfig, find_transport
+from ..transports.deployment import Near, deployment_of, deployments
+from ..transports.network import Way as Way
 from ..wire import names
 from .qos import lacking, unsupported_over
 from .routes import Aim, Configured, Everybody, Fault, met, unfit
 
-INPROC, SHM = "inproc", "shm"
 
-Usable = Callable[[str], str]
-"""Why a middleware cannot be used on this host; "" if it can."""
-
-
-@dataclass(frozen=True)
-class Way:
-    """What carries one operation between two instances."""
-
-    client: str
-    port: str
-    """As the CDSL of the client has it."""
-    provider: str
-    verb: Verb
-    interface: str
-    operation: str
-    middleware: str
-    why: str
-    channel: str = ""
-    """Its name on the wire."""
+class Usable(Protocol):
+    def __call__(self, middleware: str, connections: int = 0, /) -> str:
+        """Why a middleware cannot be used on this host by this many pairs of a client and a provider; "" if it can."""
 
 
 @dataclass(frozen=True)
@@ -70,17 +55,23 @@ class Choice:
         return {name: frozenset(middlewares) for name, middlewares in found.items()}
 
 
-def installed_here(middleware: str) -> str:
+def installed_here(middleware: str, connections: int = 0) -> str:
     """Whether a middleware can be used, as far as can be told without opening it."""
     fault = unfit(middleware)
     return fault.message if fault else ""
 
 
+def usable(middleware: str, connections: int = 0) -> str:
+    """Whether a middleware can be used: it is opened, once, and closed again; and says what else it needs."""
+    reason = can_be_opened(middleware)
+    return deployment_of(middleware).crowded(connections) if connections and not reason else reason
+
+
 @cache
-def usable(middleware: str) -> str:
-    """Whether a middleware can be used: it is opened, once, and closed again."""
+def can_be_opened(middleware: str) -> str:
+    """Why a middleware cannot be opened; "" if it can."""
     reason = installed_here(middleware)
-    if reason or middleware == INPROC:
+    if reason:
         return reason
     try:
         find_transport(middleware)(TransportConfig(owner="rcdeploy")).close()
@@ -91,12 +82,31 @@ def usable(middleware: str) -> str:
 
 def choose(configured: Sequence[Configured], usable: Usable = installed_here) -> Choice:
     """The best ways between instances. What is wrong with their wiring is not our business: see `check_routes`."""
-    chooser = _Chooser(usable)
-    for link in _links(configured):
-        chooser.link(link)
+    links = list(_links(configured))
+    chooser = _chosen(links, usable)
+    for middleware in _nearest(Near.HOST):
+        if (met := chooser.connections(middleware)) and (reason := usable(middleware, met)):
+            usable = _without(middleware, reason, usable)
+            chooser = _chosen(links, usable)
     settings = {each.name: tuple(chooser.settings(each)) for each in configured if not each.is_program}
-    ways = tuple(each.way for each in chooser.links)
+    ways = tuple(replace(each.way, looked_up=chooser.looked_up(each)) for each in chooser.links)
     return Choice(ways, {name: assignments for name, assignments in settings.items() if assignments}, chooser.notes())
+
+
+def _chosen(links: Sequence[_Link], usable: Usable) -> _Chooser:
+    chooser = _Chooser(usable)
+    for link in links:
+        chooser.link(link)
+    return chooser
+
+
+def _nearest(near: Near) -> list[str]:
+    """The transports that are made for instances that are so close to each other."""
+    return [name for name, each in deployments().items() if each.near is near]
+
+
+def _without(middleware: str, reason: str, usable: Usable) -> Usable:
+    return lambda name, connections=0: reason if name == middleware else usable(name, connections)
 
 
 def unsupported_by_others(configured: Sequence[Configured]) -> Iterator[Fault]:
@@ -186,27 +196,22 @@ class _Chooser:
         """How many links go by something else than the middleware that is named first, and why."""
 
     def link(self, link: _Link) -> None:
-        middleware, why = self._best(link)
+        middleware, origin = link.named()
+        middleware, why = (middleware, f"named ({origin})") if middleware else self._best(link)
         names = link.client.name, link.port.label, link.server.name, link.port.verb, link.port.interface.short
-        chosen = _Chosen(link, Way(*names, link.operation, middleware, why, link.channel))
+        chosen = _Chosen(link, Way(*names, link.operation, middleware, why, link.channel, origin=origin))
         self.links.append(chosen)
         for end in (_end(link.client, link.port, link.operation), _end(link.server, link.theirs, link.operation)):
             self._by_end.setdefault(end, []).append(chosen)
 
     def _best(self, link: _Link) -> tuple[str, str]:
-        middleware, origin = link.named()
-        if middleware:
-            return middleware, f"named ({origin})"
         if spoken := link.spoken():
             return spoken, "a program of your own"
         network = link.server.middleware(link.theirs, link.operation)
         hindered: list[tuple[str, str]] = []
-        for better, here, why in (
-            (INPROC, link.client.is_with(link.server), "one process"),
-            (SHM, link.client.host == link.server.host, "one host"),
-        ):
-            if not here:
-                continue
+        ends = link.client, link.server
+        here = {Near.PROCESS: ends[0].is_with(ends[1]), Near.HOST: ends[0].host == ends[1].host}
+        for better, why in ((name, str(near)) for near in Near if here[near] for name in _nearest(near)):
             hindrance = self._hindrance(better, link)
             if not hindrance:
                 self._instead.update((which, reason, better) for which, reason in hindered)
@@ -221,6 +226,11 @@ class _Chooser:
             return reason.removeprefix(f"{middleware}: ")
         missing = link.lacks(middleware)
         return f"it does not offer {missing}" if missing else ""
+
+    def connections(self, middleware: str) -> int:
+        """Pairs of a client and a provider of this host that a middleware was chosen for, by us or by the network."""
+        ways = (each.way for each in self.links if not each.link.client.host)
+        return len({(way.client, way.provider) for way in ways if way.middleware == middleware})
 
     def notes(self) -> tuple[str, ...]:
         return tuple(
@@ -249,13 +259,15 @@ class _Chooser:
 
     def _offered(self, server: Configured, port: Port, operation: str) -> tuple[str, ...]:
         """What a provider needs beside what it offers anyway."""
+        chosen = self._by_end.get(_end(server, port, operation), ())
         if server.named(port, operation):
-            return ()
+            chosen = [each for each in chosen if each.link.aim.is_link]
         always, *own = server.settings.middlewares(port, operation, server.generated_for)
-        used = {each.way.middleware for each in self._by_end.get(_end(server, port, operation), ())}
+        used = {each.way.middleware for each in chosen}
         if used <= {always, *own, ""}:
             return ()
-        also = sorted({*own, *used} - {always, ""}, key=lambda name: (name != INPROC, name != SHM, name))
+        nearest = [each for near in Near for each in _nearest(near)]
+        also = sorted({*own, *used} - {always, ""}, key=lambda name: (*(name != each for each in nearest), name))
         return (f"also={toml(also)}",)
 
     def _used(self, client: Configured, port: Port, operation: str) -> tuple[str, ...]:
@@ -280,11 +292,27 @@ class _Chooser:
         """One aim of a client as `from` and middleware; several if its providers are reached in several ways."""
         links = [each for each in self._by_end.get(_end(client, port, operation), ()) if each.link.aim == aim]
         used = {each.way.middleware for each in links}
-        if aim.middleware or not used:
-            yield aim.source, carrier
-        elif len(used) == 1:
-            yield aim.source, used.pop()
-        elif port.verb is Verb.REQUIRES:
-            yield aim.source, carrier  # of several providers nobody knows which is meant
-        else:
+        if self._goes_apart(links):
             yield from ((each.link.source, each.way.middleware) for each in links)
+        elif aim.middleware or len(used) != 1:
+            yield aim.source, carrier  # with several servers it is unknown which is meant
+        else:
+            yield aim.source, used.pop()
+
+    @staticmethod
+    def _goes_apart(links: Sequence[_Chosen]) -> bool:
+        """Whether a subscription is made once for each publisher, as their messages come in different ways."""
+        several = len({each.way.middleware for each in links}) > 1
+        return several and not any(each.link.aim.middleware or each.way.verb is Verb.REQUIRES for each in links)
+
+    def looked_up(self, chosen: _Chosen) -> str:
+        """The channel's name as the client looks for it, by the settings of `_apart`."""
+        link = chosen.link
+        beside = [
+            each
+            for each in self._by_end[_end(link.client, link.port, link.operation)]
+            if each.link.aim == link.aim and each.link.client is link.client
+        ]
+        if self._goes_apart(beside):
+            return link.channel
+        return names.channel(*link.client.source(link.port, link.aim), link.operation)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ..errors import DeploymentError
+from ..transports.permissions import LONGEST_NAME
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
@@ -19,9 +20,6 @@ if TYPE_CHECKING:
 CA_DAYS = 3650
 _BACKDATED = datetime.timedelta(minutes=5)
 """Clocks of hosts may differ by so much."""
-
-LONGEST_NAME = 64
-"""Octets of a common name that certificates have room for."""
 
 
 @dataclass(frozen=True)

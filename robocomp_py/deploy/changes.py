@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import StrEnum
 from typing import Any
+
+from .contracts import Contracts
+from .process import Process
 
 Json = Mapping[str, Any]
 
@@ -28,10 +31,11 @@ class Change:
     added: tuple[str, ...] = ()
 
 
-def changes(running: Json, wanted: Json) -> list[Change]:
+def changes(running: Json, wanted: Json, contracts: Contracts | None = None) -> list[Change]:
     """What would be different after a network was stopped and started again as it is wanted now.
 
-    Plans of another version of this package lack what that did not know, which counts as nothing.
+    `contracts` are those that its instances run, which may have been started again since; by default, those of its
+    plan. What a plan of an older version of this package lacks counts as empty.
     """
     before, after = _by_name(running, "processes"), _by_name(wanted, "processes")
     found = [
@@ -49,10 +53,29 @@ def changes(running: Json, wanted: Json) -> list[Change]:
             found.append(Change(Kind.ADDED, name, added=(_kind(process),)))
         else:
             found += _changed(name, before[name], process)
+            found += _older(process["instances"], _contracts(running) | dict(contracts or {}), _contracts(wanted))
     return found
 
 
-_FIELDS = ("component", "instances", "host", "cwd", "env", "after", "notifies", "restart", "grace")
+def _older(instances: Sequence[str], before: Contracts, after: Contracts) -> list[Change]:
+    """The operations whose contracts differ from those that instances run."""
+    return [
+        Change(Kind.CHANGED, name, "contract, of which it runs an older one", _told(old, new), _told(new, old))
+        for name in instances
+        if (old := before.get(name)) != (new := after.get(name)) and old is not None and new is not None
+    ]
+
+
+def _told(operations: Mapping[str, str], others: Mapping[str, str]) -> tuple[str, ...]:
+    return tuple(f"{name} {operations[name]}" for name in operations if operations[name] != others.get(name))
+
+
+def _contracts(plan: Json) -> dict[str, Mapping[str, str]]:
+    return {name: each["operations"] for name, each in plan.get("ours", {}).items()}
+
+
+_NOT_SHOWN = {"name", "command", "is_program", "members", "ready_after", "stops_before", "system", "files"}
+_FIELDS = ("instances", *(each.name for each in fields(Process) if each.name not in _NOT_SHOWN))
 
 
 def _changed(name: str, before: Json, after: Json) -> list[Change]:

@@ -16,9 +16,11 @@ from typing import Any, Self
 
 from ..errors import DeploymentError, HostUnreachable
 from ..transports.directory import runtime_dir
+from .agents import Life
 from .naming import meant
 from .place import Place
 from .policy import State
+from .ring import Line
 from .snapshot import HostStatus, ProcessStatus, Snapshot
 from .sockets import connected
 
@@ -68,7 +70,7 @@ def network_of(text: str) -> str:
 
 def networks() -> list[str]:
     """The names of those that run on this machine, of this user."""
-    folder = runtime_dir() / "deploy"
+    folder = runtime_dir("deploy")
     return [each.name for each in sorted(folder.glob("*")) if each.is_dir() and Place(each.name).runner()]
 
 
@@ -84,8 +86,16 @@ def running_plan(network: str) -> dict[str, Any] | None:
     return found if isinstance(found, dict) else {}
 
 
+class NoSocket(Stuck):
+    """A network runs and has no control socket: it is starting or ending."""
+
+
 class Connection:
-    """To who runs a network; to be closed. Raises NotRunning if nobody does, Stuck if there is no answer."""
+    """A connection to the rcdeploy that runs a network; to be closed.
+
+    Raises NotRunning if the network does not run, NoSocket or Stuck if it runs and does not answer. Nothing is
+    concluded from a lost connection alone: whether the network runs is told by the lock that its rcdeploy holds.
+    """
 
     def __init__(self, network: str) -> None:
         self.network = network
@@ -101,22 +111,68 @@ class Connection:
         self._socket.close()
 
     def ask(self, do: str, **more: Any) -> dict[str, Any]:
-        """Have something done. Raises DeploymentError, with the reason, if it is refused."""
-        self.tell(do, **more)
-        answer = self.answer(PATIENCE_S)
-        if answer is None:
-            raise NotRunning(f"network `{self.network}` has just ended")
-        return answer
+        """Have something done. Raises DeploymentError, with the reason, if it is refused.
+
+        A connection that is lost before the answer is made again: other clients may have taken its place. A request
+        that rcdeploy has read is always answered, so none is carried out twice.
+        """
+        end = time.monotonic() + PATIENCE_S
+        while True:
+            if self._told(do, **more) and (answer := self.answer(PATIENCE_S)) is not None:
+                return answer
+            if time.monotonic() > end:
+                self._insist_running()
+                raise Stuck(self.crowded())
+            time.sleep(LOOK_S)
+            self._connect_again(_COMING_S)
 
     def tell(self, do: str, **more: Any) -> None:
+        """Send a request. Raises the same errors as making a connection."""
+        end = time.monotonic() + PATIENCE_S
+        while not self._told(do, **more):
+            if time.monotonic() > end:
+                self._insist_running()
+                raise Stuck(self.crowded())
+            time.sleep(LOOK_S)
+            self._connect_again(_COMING_S)
+
+    def _told(self, do: str, **more: Any) -> bool:
+        """Send a request. Returns whether the connection still existed."""
         request = json.dumps({"do": do, **more}).encode() + b"\n"
         try:
             self._socket.settimeout(PATIENCE_S)
             self._socket.sendall(request)
         except TimeoutError as exc:
             raise Stuck(self._stuck()) from exc
-        except OSError as exc:
+        except OSError:
+            return False
+        return True
+
+    def _connect_again(self, coming_s: float) -> None:
+        self._socket.close()
+        self._rest = b""
+        try:
+            self._socket = _connect(Place(self.network), coming_s)
+        except NotRunning as exc:
             raise NotRunning(f"network `{self.network}` has just ended") from exc
+
+    def goes_on(self) -> bool:
+        """After the other side has closed the connection: whether the network goes on. Then there is a new one."""
+        try:
+            self._connect_again(0.0)
+        except (NotRunning, NoSocket):
+            return False
+        return True
+
+    def _insist_running(self) -> None:
+        if Place(self.network).runner() is None:
+            raise NotRunning(f"network `{self.network}` has just ended")
+
+    def crowded(self) -> str:
+        return (
+            f"network `{self.network}` runs{self._process()}, but it closed the connection to serve other clients: "
+            f"too many programs connect to {Place(self.network).control}; end them, and try again"
+        )
 
     def answer(self, patience_s: float | None) -> dict[str, Any] | None:
         """The next answer; None if the other side has gone. Without patience: however long that takes."""
@@ -147,13 +203,17 @@ class Connection:
         return _snapshot(self.ask("status")["status"])
 
     def _stuck(self) -> str:
+        return (
+            f"who runs network `{self.network}`{self._process()} does not answer: it is stopped, or has too much to do"
+        )
+
+    def _process(self) -> str:
         runner = Place(self.network).runner()
-        whose = f" (process {runner.pid})" if runner and runner.pid else ""
-        return f"who runs network `{self.network}`{whose} does not answer: it is stopped, or has too much to do"
+        return f" (process {runner.pid})" if runner and runner.pid else ""
 
 
-def _connect(place: Place) -> socket.socket:
-    end = time.monotonic() + _COMING_S
+def _connect(place: Place, coming_s: float = _COMING_S) -> socket.socket:
+    end = time.monotonic() + coming_s
     while True:
         try:
             return connected(place.control, PATIENCE_S)
@@ -163,7 +223,7 @@ def _connect(place: Place) -> socket.socket:
             if place.runner() is None:
                 raise NotRunning(f"network `{place.network}` is not running on this machine") from exc
             if time.monotonic() > end:
-                raise Stuck(f"network `{place.network}` is just being started, or is ending; try again") from exc
+                raise NoSocket(f"network `{place.network}` is just being started, or is ending; try again") from exc
         time.sleep(LOOK_S)
 
 
@@ -172,7 +232,8 @@ def _snapshot(found: Any) -> Snapshot:
         processes = tuple(
             ProcessStatus(
                 **each | {"instances": tuple(each["instances"]), "ended": tuple(each["ended"]),
-                          "state": State(each["state"])}
+                          "state": State(each["state"]),
+                          "lives": {name: Life(**life) for name, life in each["lives"].items()}}
             )
             for each in found["processes"]
         )  # fmt: skip
@@ -180,7 +241,11 @@ def _snapshot(found: Any) -> Snapshot:
             **found | {"processes": processes, "hosts": tuple(HostStatus(**host) for host in found["hosts"])}
         )
     except (TypeError, KeyError, ValueError) as exc:
-        raise DeploymentError("the network is run by another version of rcdeploy, which says other things") from exc
+        raise _another_version() from exc
+
+
+def _another_version() -> DeploymentError:
+    return DeploymentError("the network is run by another version of rcdeploy, which says other things")
 
 
 # What takes its time.
@@ -237,7 +302,7 @@ def down(connection: Connection, grace_s: float | None, tell: Callable[[int, int
         try:
             processes = connection.status().processes
             there = sum(not each.state.gone for each in processes)
-        except NotRunning:
+        except (NotRunning, NoSocket):
             there, processes = 0, ()  # it only cleans up
         if there != last:
             last, end = there, time.monotonic() + patience_s
@@ -257,17 +322,29 @@ def _longest_grace(network: str) -> float:
     return max((float(each.get("grace") or 0.0) for each in processes), default=0.0)
 
 
-def lines(connection: Connection, names: Collection[str], count: int, *, follow: bool) -> Iterator[tuple[str, str]]:
-    """What processes printed, with their names: the newest lines, and then what they print until the network ends.
+def lines(connection: Connection, names: Collection[str], count: int, *, follow: bool) -> Iterator[Line]:
+    """What processes printed: the newest lines, and then what they print until the network ends.
 
-    A line of nobody says how many were lost on the way.
+    A line without a name says how many were lost on the way.
     """
+    end, heard = time.monotonic() + PATIENCE_S, False
     connection.tell("logs", names=list(names), count=count, follow=follow)
     while True:
         answer = connection.answer(None if follow else PATIENCE_S)
-        if answer is None or "end" in answer:
+        if answer is None:
+            if not connection.goes_on():
+                return
+            if heard or time.monotonic() > end:
+                raise Stuck(connection.crowded())
+            time.sleep(LOOK_S)
+            connection.tell("logs", names=list(names), count=count, follow=follow)
+            continue
+        heard = True
+        if "end" in answer:
             return
         if "dropped" in answer:
-            yield "", f"({answer['dropped']} lines were lost: they came faster than they were read)"
+            yield Line(time.time(), "", f"({answer['dropped']} lines were lost: they came faster than they were read)")
+        elif "time" not in answer:
+            raise _another_version()
         else:
-            yield answer["name"], answer["line"]
+            yield Line(answer["time"], answer["name"], answer["line"])

@@ -15,6 +15,7 @@ from ..contract.parameters import Complaint
 from ..dsl.diagnostics import Diagnostic
 from ..dsl.source import Source, Span
 from ..dsl.workspace import ENDINGS, Workspace
+from ..errors import ConfigurationError
 from ..runtime import settings
 from ..runtime.document import Document, NotToml
 from ..runtime.settings import Settings
@@ -24,9 +25,10 @@ from .routes import generated_for
 
 
 def is_configuration(path: Path) -> bool:
-    """Whether a file is a configuration, by its name: `config.toml`, `config`, `config.debug`, `configRobot`."""
+    """Whether a file is a configuration, by its name or folder: `config.toml`, `config.debug`, `etc/generic_config`."""
     is_ours = path.suffix.lower() in (*ENDINGS, ".scxml")
-    return path.suffix.lower() == ".toml" or (path.name.lower().startswith("config") and not is_ours)
+    is_config = path.name.lower().startswith("config") or (path.parent.name == "etc" and "config" in path.name.lower())
+    return path.suffix.lower() == ".toml" or (is_config and not is_ours)
 
 
 def check_configuration(path: Path, workspace: Workspace, against: Path | None = None) -> None:
@@ -35,7 +37,7 @@ def check_configuration(path: Path, workspace: Workspace, against: Path | None =
     Without them, it is for the component beside it, or beside the folder it is in.
     """
     source = workspace.source(path)
-    model = against or _beside(path)
+    model = against or model_beside(path)
     if source is None:
         return
     if model is None:
@@ -48,7 +50,7 @@ def check_configuration(path: Path, workspace: Workspace, against: Path | None =
         check_text(source, component, workspace, ports=known, middleware=generated_for(model.parent) if known else "")
 
 
-def _beside(path: Path) -> Path | None:
+def model_beside(path: Path) -> Path | None:
     """The only component in the folder of a configuration, or in the one around that."""
     for folder in (path.absolute().parent, path.absolute().parent.parent):
         found = list(folder.glob("*.cdsl"))
@@ -82,6 +84,9 @@ def check_text(
         if mended.is_wrong or mended.lacks_header:
             return
         document = settings.from_text(mended.text, source.path, *about)
+    except ConfigurationError as exc:  # another form, which no installed package reads
+        report.error("config-syntax", str(exc).removeprefix(f"{source.path}: "), source.span(0, 0))
+        return
     settings.settle(document, component, middleware)
     checked, complaints = settings.examine(component, document)
     complaints = [each for each in complaints if not _may_be_left_out(each, mended)]
@@ -114,7 +119,8 @@ def _not_toml(source: Source, error: NotToml) -> Diagnostic:
     """A text that is no TOML, told at the word or the mark where it stops being one, or at its last character."""
     start = max(0, min(error.offset, len(source.text) - 1))
     word = _WORD.match(source.text, start)
-    return Diagnostic("config-syntax", error.reason, source.span(start, word.end() if word else start + 1))
+    span = source.span(start, word.end() if word else start + 1)
+    return Diagnostic("config-syntax", error.reason, span, hint=error.hint)
 
 
 _WORD = re.compile(r"\w+")

@@ -5,12 +5,18 @@ A request is a JSON object on a line, and so is each answer; who asks may ask ag
     {"do": "status"}                                          {"status": {a Snapshot}}
     {"do": "restart", "names": ["laser"]}                     {"accepted": true}
     {"do": "down", "grace": 0}                                {"accepted": true}; ends when the network has
-    {"do": "logs", "names": [], "count": 20, "follow": true}  {"name": "laser", "line": "…"} for each, then
-                                                              {"dropped": 3} where some were lost, {"end": true}
+    {"do": "logs", "names": [], "count": 20, "follow": true}  {"time": 1.5, "name": "laser", "line": "…"} for each,
+                                                              then {"dropped": 3} where some were lost, {"end": true}
     anything wrong                                            {"error": "a sentence for people"}
 
-Nobody who asks can hurt the network: lines are bounded, so is the number of those who are connected (who has been
-silent for longest goes), and who does not read what was asked for is disconnected.
+Clients cannot hurt the network, or each other for long:
+
+- Requests and the number of connections are bounded. Further clients wait in the kernel's queue.
+- A new connection has SILENT_S to send its first request.
+- When all connections are taken, one that waits for a request makes room: at first one that has never sent any, then
+  the one that has been silent for longest. Each connection has TURN_S to send a request before that. A request that
+  is being answered is always answered.
+- A client that does not read its answers is disconnected.
 """
 
 from __future__ import annotations
@@ -18,6 +24,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import logging
+import socket
 import sys
 from collections import deque
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -28,14 +36,26 @@ from typing import Any, Protocol
 from ..errors import DeploymentError
 from .naming import DEPLOYER, meant
 from .policy import RestartRequested, StopRequested
+from .ring import Line
 from .snapshot import Network
 from .sockets import listening
+
+log = logging.getLogger("robocomp.deploy")
 
 LINE = 65536
 """Bytes that a request may have."""
 
 CLIENTS = 32
 """How many may be connected at a time."""
+
+SILENT_S = 5.0
+"""Seconds that a new connection has for its first request."""
+
+TURN_S = 0.05
+"""Seconds for which a connection may be silent before it makes room for another one."""
+
+_SCARCE_S = 0.5
+"""Seconds between attempts to accept a connection while that fails: there is no file descriptor, mostly."""
 
 SLOW_S = 5.0
 """Seconds after which who has not taken an answer is disconnected."""
@@ -53,11 +73,11 @@ _TOGETHER = 200
 class Lines(Protocol):
     """What the processes of a network have printed. To be used on the event loop only."""
 
-    def last(self, names: Collection[str], count: int) -> Sequence[tuple[str, str]]:
-        """The newest lines of these processes (of all, if none is named), with their names, the oldest first."""
+    def last(self, names: Collection[str], count: int) -> Sequence[Line]:
+        """The newest lines of these processes (of all, if none is named), the oldest first."""
 
-    def follow(self, sink: Callable[[str, str], None]) -> Callable[[], None]:
-        """Have each line told from now on, with its name. Returns what ends that."""
+    def follow(self, sink: Callable[[Line], None]) -> Callable[[], None]:
+        """Have each line told from now on. Returns what ends that."""
 
 
 class Control:
@@ -66,30 +86,62 @@ class Control:
     def __init__(self, network: Network, lines: Lines) -> None:
         self._network, self._lines = network, lines
         self._clients: list[_Client] = []
-        self._server: asyncio.Server | None = None
+        self._listener: socket.socket | None = None
+        self._accepting: asyncio.Task[None] | None = None
+        self._left = asyncio.Event()
+        """A client has left, or waits for a request now."""
 
     async def open(self, path: Path) -> None:
         """Raises OSError if there can be no socket of this path."""
-        self._server = await asyncio.start_unix_server(self._connected, sock=listening(path), limit=LINE)
+        self._listener = listening(path)
+        self._accepting = asyncio.create_task(self._accept(self._listener), name="control socket")
 
     async def close(self) -> None:
-        """Disconnect everybody. Idempotent."""
-        if self._server:
-            self._server.close()
-            self._server = None
+        """Disconnect all clients. Idempotent."""
+        if self._accepting:
+            self._accepting.cancel()
+            await asyncio.gather(self._accepting, return_exceptions=True)
+            self._accepting = None
+        if self._listener:  # before clients are disconnected: one that finds no socket knows that the network ends
+            self._listener.close()
+            self._listener = None
         tasks = [client.leave() for client in self._clients]
         await asyncio.gather(*tasks, return_exceptions=True)
 
-    def _connected(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """A task of our own, for asyncio complains of one of its that is cancelled."""
-        if not self._server:  # it was just on its way when we closed
-            writer.transport.abort()
-            return
-        client = _Client(reader, writer)
-        client.task = asyncio.create_task(self._attend(client), name="control client")
-        if len(self._clients) >= CLIENTS:
-            self._clients.pop(0).leave()
-        self._clients.append(client)
+    async def _accept(self, listener: socket.socket) -> None:
+        loop, complained = asyncio.get_running_loop(), False
+        while True:
+            await self._room()
+            try:
+                accepted, _ = await loop.sock_accept(listener)
+                reader, writer = await asyncio.open_unix_connection(sock=accepted, limit=LINE)
+            except OSError as exc:
+                if not complained:
+                    log.warning("rcdeploy cannot be asked now: %s; trying again", exc.strerror)
+                complained = True
+                await asyncio.sleep(_SCARCE_S)
+                continue
+            complained = False
+            client = _Client(reader, writer, loop.time())
+            client.task = asyncio.create_task(self._attend(client), name="control client")
+            self._clients.append(client)
+
+    async def _room(self) -> None:
+        """Wait until there is room for one more client, and make it if need be."""
+        while len(self._clients) >= CLIENTS:
+            self._left.clear()
+            waiting = [client for client in self._clients if client.waits]
+            wait_s = None
+            if waiting:
+                first = min(waiting, key=lambda client: (client.has_asked, client.heard))
+                wait_s = first.heard + TURN_S - asyncio.get_running_loop().time()
+                if wait_s <= 0:
+                    self._clients.remove(first)
+                    first.leave()
+                    continue
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(wait_s):
+                    await self._left.wait()
 
     async def _attend(self, client: _Client) -> None:
         try:
@@ -99,24 +151,30 @@ class Control:
         finally:
             if client in self._clients:
                 self._clients.remove(client)
+            self._left.set()
             client.writer.transport.abort()  # what was sent has left the process: `send` waits for that
 
     async def _serve(self, client: _Client) -> None:
         while True:
             try:
-                line = await client.reader.readuntil()
+                async with asyncio.timeout(None if client.has_asked else SILENT_S):
+                    line = await client.reader.readuntil()
             except asyncio.IncompleteReadError:
                 return
             except asyncio.LimitOverrunError:
                 await client.send({"error": f"a request has at most {LINE} bytes"})
                 return
-            if client in self._clients:  # to where those are who were heard last
-                self._clients.remove(client)
-                self._clients.append(client)
+            client.has_asked, client.waits = True, False
             try:
                 await self._answer(read_request(line), client)
             except DeploymentError as exc:
                 await client.send({"error": str(exc)})
+            self._rest(client)
+
+    def _rest(self, client: _Client) -> None:
+        """Nothing is being answered to it, so it may make room."""
+        client.heard, client.waits = asyncio.get_running_loop().time(), True
+        self._left.set()
 
     async def _answer(self, request: Request, client: _Client) -> None:
         match request.do:
@@ -141,7 +199,7 @@ class Control:
             followed = _Followed(names)
             if request.follow:
                 following.callback(self._lines.follow(followed.take))
-            await client.send(*map(_line, self._lines.last(names, request.count) if request.count else ()))
+            await client.send(*map(_told, self._lines.last(names, request.count) if request.count else ()))
             if request.follow:
                 await self._follow(followed, client)
         await client.send({"end": True})
@@ -150,11 +208,13 @@ class Control:
         gone = asyncio.create_task(client.reader.read(1))  # who follows says nothing more until it has heard enough
         try:
             while not gone.done():
+                self._rest(client)
                 news = asyncio.create_task(followed.news.wait())
                 try:
                     await asyncio.wait((gone, news), return_when=asyncio.FIRST_COMPLETED)
                 finally:
                     news.cancel()
+                client.waits = False
                 await client.send(*followed.taken())
         finally:
             gone.cancel()
@@ -164,6 +224,11 @@ class Control:
 class _Client:
     reader: asyncio.StreamReader
     writer: asyncio.StreamWriter
+    heard: float
+    """When it connected, or was sent its newest answer, by the clock of the loop."""
+    waits: bool = True
+    """Nothing is being answered, so it may make room; also true between two lines that it follows."""
+    has_asked: bool = False
     task: asyncio.Task[None] | None = None
 
     def leave(self) -> asyncio.Task[None]:
@@ -190,30 +255,30 @@ class _Followed:
 
     def __init__(self, names: Collection[str]) -> None:
         self._names = names
-        self._waiting: deque[tuple[str, str]] = deque()
+        self._waiting: deque[Line] = deque()
         self._dropped = 0
         self.news = asyncio.Event()
 
-    def take(self, name: str, text: str) -> None:
-        if self._names and name not in self._names:
+    def take(self, line: Line) -> None:
+        if self._names and line.name not in self._names:
             return
         if len(self._waiting) < BEHIND:
-            self._waiting.append((name, text))
+            self._waiting.append(line)
         else:
             self._dropped += 1
         self.news.set()
 
     def taken(self) -> list[Mapping[str, Any]]:
         """Answers for all there is."""
-        lines, dropped = list(map(_line, self._waiting)), self._dropped
+        lines, dropped = list(map(_told, self._waiting)), self._dropped
         self._waiting.clear()
         self._dropped = 0
         self.news.clear()
         return [*lines, {"dropped": dropped}] if dropped else lines
 
 
-def _line(line: tuple[str, str]) -> Mapping[str, Any]:
-    return {"name": line[0], "line": line[1]}
+def _told(line: Line) -> Mapping[str, Any]:
+    return {"time": line.at, "name": line.name, "line": line.text}
 
 
 @dataclass(frozen=True)

@@ -19,15 +19,16 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ..contract.interface import Pattern, Verb
-from ..runtime.document import OfIceKind
 from ..runtime.effective import toml
 from ..transports import iceoptions
+from ..transports.ice.deployment import storm as icestorm
 from ..transports.iceoptions import IceOptions
+from ..transports.network import Helper
 from ..wire import names
 from .auto import Way
 from .routes import Configured, Fault
 
-ICE, ZEROMQ = "ice", "zeromq"
+ICE = "ice"
 
 LOOPBACK = "127.0.0.1"
 
@@ -52,23 +53,23 @@ class Places:
     taken: dict[str, int] = field(default_factory=dict)
     """By instance, how many numbers from its `port` on are those of its interfaces over Ice."""
     faults: list[Fault] = field(default_factory=list)
-    storms: list[str] = field(default_factory=list)
-    """The TopicManagers whose topics the network uses."""
+    helpers: list[Helper] = field(default_factory=list)
+    """An IceStorm for each TopicManager whose topics the network uses."""
 
 
 def find(
     everyone: Sequence[Configured],
     ways: Sequence[Way],
     where: Mapping[str, Place],
-    first_port: int = 0,
+    free: Sequence[int] = (),
     here: str = LOOPBACK,
 ) -> Places:
     """How the ways over Ice are found.
 
-    `first_port` is the first of those that the network may give itself, `here` the address at which other hosts reach
+    `free` are the ports that the network may give itself, `here` the address at which other hosts reach
     the one that launches it.
     """
-    return _Finder(everyone, [way for way in ways if way.middleware == ICE], where, first_port, here).found()
+    return _Finder(everyone, [way for way in ways if way.middleware == ICE], where, free, here).found()
 
 
 @dataclass(frozen=True)
@@ -85,13 +86,13 @@ class _Finder:
         everyone: Sequence[Configured],
         ways: Sequence[Way],
         where: Mapping[str, Place],
-        first_port: int,
+        free: Sequence[int],
         here: str,
     ) -> None:
         self._everyone = {each.name: each for each in everyone}
         self._calls = [way for way in ways if not way.verb.is_topic]
         self._topics = [way for way in ways if way.verb.is_topic]
-        self._where, self._first_port, self._here = where, first_port, here
+        self._where, self._free, self._here = where, iter(free), here
         self._options = {each.name: _options(each) for each in everyone}
         self._at: dict[_Object, tuple[str, int]] = {}
         """Host, "" if it is that of the instance, and port of what is known to be somewhere."""
@@ -104,9 +105,8 @@ class _Finder:
             self._place(each)
         for way in self._calls:
             self._place_as_expected(way)
-        for number, served in enumerate(dict.fromkeys(map(_object, filter(self._crosses, self._calls)))):
-            if served not in self._at and not self._everyone[served.instance].is_program:
-                self._serve(served, self._first_port + number)
+        for way in {_object(way): way for way in self._calls if self._crosses(way)}.values():
+            self._place_anywhere(way)
         self._check_ports()
         self._listen()
         told: dict[str, dict[str, str]] = {}
@@ -169,6 +169,17 @@ class _Finder:
             message = f"`{way.client}` is to find `{way.interface}` of `{way.provider}`, and nothing says at which port"
             self._fault(way, message, f"give `{way.provider}` the port that the program asks: port 10003;")
 
+    def _place_anywhere(self, way: Way) -> None:
+        """Serve what another host uses at a port of the network's, if nothing says where it is."""
+        port, served = next(self._free, 0), _object(way)
+        if served in self._at or self._everyone[served.instance].is_program:
+            return
+        if port:
+            self._serve(served, port)
+        else:
+            message = f"`{way.provider}` needs a port for `{way.interface}` over Ice, and the network has no more"
+            self._fault(way, message, f"give `{way.provider}` one of its own: port 10003;")
+
     def _serve(self, served: _Object, port: int) -> None:
         self._at[served] = "", port
         self._set(served.instance, f"endpoints.{served.segment}", f"tcp -p {port}")
@@ -222,7 +233,8 @@ class _Finder:
         own = [name for name in users if not self._everyone[name].is_program]
         abroad = any(self._where[name].host for name in users)
         storms = {name: self._storm_of(name, abroad=abroad) for name in own}
-        self._result.storms += dict.fromkeys(storms.values())
+        for number, storm in enumerate(dict.fromkeys(storms.values())):
+            self._result.helpers.append(icestorm(storm, number, "" if LOOPBACK in storm else None))
         self._name_topics()
         said = {name: self._options[name].storm for name in users if name not in storms}
         known = storms | {name: storm for name, storm in said.items() if storm != iceoptions.STORM}
@@ -321,9 +333,8 @@ def _has_topics(each: Configured) -> bool:
 
 
 def _old_proxy(client: Configured, port: str) -> str:
-    """Where a file of RoboComp's own says that an instance finds what a port uses; "" if it does not."""
-    lines = (line for line in client.document.of_ice if line.kind is OfIceKind.PROXY)
-    found = next((line.value for line in lines if line.name.lower() == port.lower()), "")
+    """Where a file in another form says that an instance finds what a port uses; "" if it does not."""
+    found = client.document.peers.get(port.lower(), "")
     with contextlib.suppress(ValueError):
         return found if found and iceoptions.parse_proxy(found) else ""
     return ""

@@ -9,7 +9,7 @@
         curve.key  curve.key_secret
         admitted/CLIENT.key       public keys of those who use it, with the channels that they use
         peers/PROVIDER.key        those of the instances that it uses, likewise
-      router@HOST/                for each host with a Zenoh router (`router@` on the machine that launches)
+      router@HOST/                for each host with a helper (`router@` on the machine that launches)
         ca.pem  certificate.pem  key.pem
 
 A process has one identity, since its instances share what they open. Made again is what is missing, has expired or soon
@@ -23,16 +23,17 @@ import datetime
 import hashlib
 import json
 import os
-import re
 import shutil
 import stat
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..contract.interface import Verb
 from ..errors import DeploymentError
+from ..transports.deployment import deployments
+from ..transports.keyfiles import read_public
+from ..transports.permissions import Edge, Graph, Principal, common_name, file_name, router_name
 from . import certificates
 from .certificates import Certificate, Issued
 
@@ -47,53 +48,7 @@ SOON = datetime.timedelta(days=30)
 
 _OF_EACH = "ca.pem", "certificate.pem", "key.pem"
 _OF_PROCESS = *_OF_EACH, "curve.key", "curve.key_secret", "identity.json"
-_ROUTER = "router@"
 _NUMBERS = 0x10000
-
-
-@dataclass(frozen=True)
-class Principal:
-    """A process, as those who check keys know it."""
-
-    name: str
-    instances: tuple[str, ...]
-    host: str
-    channels: tuple[str, ...] = ()
-    """What the channels begin with that it provides."""
-
-    @property
-    def folder(self) -> str:
-        return _file_name(self.name)
-
-
-@dataclass(frozen=True)
-class Edge:
-    """What one process may use of another one."""
-
-    client: str
-    provider: str
-    instance: str
-    """Of the provider."""
-    channel: str
-    verb: Verb
-    """Of the client."""
-
-
-@dataclass(frozen=True)
-class Graph:
-    """Who takes part, and who uses what of whom."""
-
-    name: str
-    principals: tuple[Principal, ...]
-    edges: tuple[Edge, ...]
-    routers: Mapping[str, frozenset[str]] = field(default_factory=dict)
-    """By host with a Zenoh router, the addresses at which it is reached."""
-
-    def uses(self, client: str) -> tuple[Edge, ...]:
-        return tuple(edge for edge in self.edges if edge.client == client)
-
-    def used_by(self, provider: str) -> tuple[Edge, ...]:
-        return tuple(edge for edge in self.edges if edge.provider == provider)
 
 
 @dataclass(frozen=True)
@@ -108,18 +63,27 @@ class Made:
 def graph_of(plan: Plan) -> Graph:
     """Who may talk to whom: what the processes of a network are wired to, and nothing else."""
     process_of = {instance: process.name for process in plan.processes for instance in process.instances}
-    edges = dict.fromkeys(
-        Edge(process_of[way.client], process_of[way.provider], way.provider, way.channel, way.verb)
+    found = dict.fromkeys(
+        Edge(
+            process_of.get(way.client, ""),
+            process_of.get(way.provider, ""),
+            way.provider,
+            way.channel,
+            way.verb,
+            way.looked_up,
+        )
         for way in plan.ways
-        if process_of.get(way.client, "") != process_of.get(way.provider, "")
     )
+    edges = tuple(edge for edge in found if edge.client != edge.provider)
+    inner = tuple(edge for edge in found if edge.client == edge.provider)
     prefixes: dict[str, dict[str, None]] = {}
     for way in plan.ways:
         prefixes.setdefault(process_of[way.provider], {})[way.channel.rpartition("/")[0].rpartition("/")[0]] = None
     principals = tuple(
         Principal(each.name, each.instances, each.host, tuple(prefixes.get(each.name, ()))) for each in plan.processes
     )
-    return Graph(plan.name, principals, tuple(edges), {host: _tls_hosts(o) for host, o in plan.routers.items()})
+    routers = {each.host or "": frozenset(each.addresses) for each in plan.helpers if each.addresses}
+    return Graph(plan.name, principals, edges, routers, inner)
 
 
 def make_keys(
@@ -141,6 +105,7 @@ def troubles(
 ) -> tuple[list[str], list[str]]:
     """Why a network cannot be started with the keys in a folder, and what is to be told all the same.
 
+    `network` is the file as the command line names it, with all options that change what is planned.
     Raises DeploymentError.
     """
     graph = graph_of(plan)
@@ -152,7 +117,7 @@ def troubles(
     if stat.S_IMODE(folder.stat().st_mode) & 0o077:
         errors.append(f"{folder} is open to other users; chmod 700 {folder}")
     owners = [(each.folder, each.name) for each in graph.principals]
-    owners += [(_router_folder(host), _router_folder(host)) for host in graph.routers]
+    owners += [(router_name(host), router_name(host)) for host in graph.routers]
     for name, what in owners:
         found = _certificate(folder / name / "certificate.pem")
         if found and not _is_signed(folder, name):
@@ -164,7 +129,7 @@ def troubles(
         elif found.expires - now <= _soon(found):
             warnings.append(f"the certificate of `{what}` expires on {_date(found.expires)}; {again} --renew")
     for host, addresses in graph.routers.items():
-        found = _certificate(router_folder(folder, host) / "certificate.pem")
+        found = _certificate(folder / router_name(host) / "certificate.pem")
         if found and not addresses <= found.addresses:
             where = ", ".join(sorted(addresses - found.addresses))
             errors.append(f"the certificate of the router on {host or 'this machine'} is not for {where}; {again}")
@@ -175,24 +140,19 @@ def troubles(
 
 def folder_of(folder: Path, process: str) -> Path:
     """All that a process gets: its `keys`."""
-    return folder / _file_name(process)
-
-
-def router_folder(folder: Path, host: str) -> Path:
-    """All that the Zenoh router of a host gets."""
-    return folder / _router_folder(host)
+    return folder / file_name(process)
 
 
 def files_of(plan: Plan, host: str, folder: Path) -> tuple[Path, ...]:
     """The folders that a host gets: those of its processes, and that of its router. Never the authority's key."""
     found = [folder_of(folder, each.name) for each in plan.processes if each.host == host]
-    return (*found, *([router_folder(folder, host)] if host in plan.routers else []))
+    return (*found, *([folder / router_name(host)] if host in graph_of(plan).routers else []))
 
 
 def contents(graph: Graph) -> dict[str, tuple[str, ...]]:
     """What there is in the folder of each process and router once their keys are made, as paths in it, by its name."""
     nobody = {each.name: b"" for each in graph.principals}
-    found: dict[str, tuple[str, ...]] = {_router_folder(host): _OF_EACH for host in graph.routers}
+    found: dict[str, tuple[str, ...]] = {router_name(host): _OF_EACH for host in graph.routers}
     found |= {each.folder: _OF_PROCESS for each in graph.principals}
     for folder, files in permissions(graph, nobody).items():
         owner, _, below = folder.partition("/")
@@ -200,129 +160,13 @@ def contents(graph: Graph) -> dict[str, tuple[str, ...]]:
     return found
 
 
-def router_settings(plan: Plan, host: str, folder: Path) -> dict[str, Any]:
-    """What Zenoh's router on a host needs: its keys, and who may do what there.
-
-    Raises DeploymentError if there are no keys.
-    """
-    own = str(router_folder(folder, host))
+def numbers(plan: Plan, folder: Path) -> dict[str, int]:
+    """The number of each process. Raises DeploymentError if there are no keys."""
     graph = graph_of(plan)
-    numbers = {each.name: _identity(folder / each.folder).get("number", -1) for each in graph.principals}
-    if -1 in numbers.values():
+    found = {each.name: _identity(folder / each.folder).get("number", -1) for each in graph.principals}
+    if -1 in found.values():
         raise DeploymentError(f"there are no keys of {graph.name} in {folder}")
-    tls = {
-        "root_ca_certificate": f"{own}/ca.pem",
-        "listen_certificate": f"{own}/certificate.pem",
-        "listen_private_key": f"{own}/key.pem",
-        "connect_certificate": f"{own}/certificate.pem",
-        "connect_private_key": f"{own}/key.pem",
-        "enable_mtls": True,
-        "verify_name_on_connect": True,
-        "close_link_on_expiration": True,
-    }
-    return {
-        **{f"transport/link/tls/{key}": value for key, value in tls.items()},
-        "transport/link/protocols": ["tls", "unixsock-stream"],
-        "access_control": access_control(graph, host, numbers),
-    }
-
-
-def access_control(graph: Graph, host: str, numbers: Mapping[str, int]) -> dict[str, Any]:
-    """Zenoh's rules for the router of a host: each may do what its edges need, and nothing else.
-
-    Its own processes are known by their certificates; those of another host come through that host's router, and may
-    do there what they may do here.
-    """
-    rules, policies, subjects = [], [], []
-    named = {each.name: each for each in graph.principals}
-    speakers: dict[str, tuple[str, ...]] = {each.name: (each.name,) for each in graph.principals if each.host == host}
-    for other in graph.routers:
-        if other != host:
-            speakers[_router_folder(other)] = tuple(each.name for each in graph.principals if each.host == other)
-    for number, (speaker, members) in enumerate(speakers.items()):
-        keys: dict[str, set[str]] = {}
-        for member in members:
-            for act, key in _needs(graph, named[member], numbers):
-                keys.setdefault(key, set()).add(act)
-        by_acts: dict[tuple[str, ...], list[str]] = {}
-        for key, acts in keys.items():
-            by_acts.setdefault(tuple(sorted(acts)), []).append(key)
-        ids = []
-        for index, (messages, expressions) in enumerate(sorted(by_acts.items())):
-            ids.append(f"{number}-{index}")
-            rules.append(_rule(ids[-1], messages, "ingress", sorted(expressions)))
-        if ids:
-            subjects.append({"id": str(number), "cert_common_names": [_common_name(speaker)]})
-            policies.append({"rules": ids, "subjects": [str(number)]})
-    rules.append(_rule("out", _ALL, "egress", ["**"]))
-    known = [_common_name(speaker) for speaker in speakers]
-    if known:
-        subjects.append({"id": "known", "cert_common_names": known})
-        policies.append({"rules": ["out"], "subjects": ["known"]})
-    return {
-        "enabled": True,
-        "default_permission": "deny",
-        "rules": rules,
-        "subjects": subjects,
-        "policies": policies,
-    }
-
-
-_ALL = (
-    "declare_liveliness_subscriber",
-    "declare_queryable",
-    "declare_subscriber",
-    "delete",
-    "liveliness_query",
-    "liveliness_token",
-    "put",
-    "query",
-    "reply",
-)
-_WATCH = "declare_liveliness_subscriber", "liveliness_query"
-_HEAR, _ANSWER, _SEND, _ASK = ("declare_subscriber",), ("declare_queryable", "reply"), ("put",), ("query",)
-_BE_SEEN = ("liveliness_token",)
-_PROVIDING, _USING = ("serves", "receives", "publishes"), ("calls", "commands", "subscribes")
-"""The roles in liveliness tokens."""
-
-
-def _needs(graph: Graph, principal: Principal, numbers: Mapping[str, int]) -> Iterator[tuple[str, str]]:
-    """What a process does on Zenoh, and where. See docs/protocol-zenoh.md for the keys."""
-
-    def on(acts: Iterable[str], *keys: str) -> Iterator[tuple[str, str]]:
-        return ((act, key) for act in acts for key in keys)
-
-    mine, own = _links_of(numbers[principal.name]), principal.channels
-    yield from on(_WATCH, "rc_lv/*/**")
-    yield from on(_HEAR, f"rc_ack/*/{mine}/*", f"rc_to/*/{mine}/*/**")
-    yield from on(_ANSWER, f"rc_ask/*/{mine}/*/*/**")
-    for prefix in own:  # what it provides, it provides under its own name
-        yield from on((*_HEAR, *_ANSWER, *_SEND), f"rc/*/{prefix}/**")
-        yield from on(_BE_SEEN, *(f"rc_lv/*/{role}/*/*/*/{mine}/{prefix}/**" for role in _PROVIDING))
-    for edge in graph.uses(principal.name):
-        theirs = _links_of(numbers[edge.provider])
-        yield from on(_ASK, f"rc_ask/*/{theirs}/*/text")
-        yield from on(_BE_SEEN, *(f"rc_lv/*/{role}/*/*/*/{mine}/{edge.channel}" for role in _USING))
-        if edge.verb is Verb.SUBSCRIBES:
-            yield from on(_HEAR, f"rc/*/{edge.channel}")
-            yield from on(_ASK, f"rc_ask/*/{theirs}/*/history/{edge.channel}")
-            yield from on(_SEND, f"rc_ack/*/{theirs}/*")
-        else:
-            yield from on((*_ASK, *_SEND), f"rc/*/{edge.channel}")
-            yield from on(_SEND, f"rc_to/*/{theirs}/*/{edge.channel}")
-    for edge in graph.used_by(principal.name):
-        theirs = _links_of(numbers[edge.client])
-        yield from on(_ASK, f"rc_ask/*/{theirs}/*/text")
-        yield from on(_SEND, f"rc_to/*/{theirs}/*", f"rc_ack/*/{theirs}/*")
-
-
-def _links_of(number: int) -> str:
-    """The links of a process, in a key: their ids begin with its number."""
-    return f"{number:04x}$*"
-
-
-def _rule(name: str, messages: Sequence[str], flow: str, keys: Sequence[str]) -> dict[str, Any]:
-    return {"id": name, "permission": "allow", "flows": [flow], "messages": list(messages), "key_exprs": list(keys)}
+    return found
 
 
 class _Maker:
@@ -341,7 +185,7 @@ class _Maker:
         for principal in self._graph.principals:
             yield from self._principal(principal, authority, taken)
         for host, addresses in self._graph.routers.items():
-            yield self._certificate(_router_folder(host), _router_folder(host), authority, addresses)
+            yield self._certificate(router_name(host), router_name(host), authority, addresses)
         self._permissions()
         yield from self._remove_others()
 
@@ -352,8 +196,10 @@ class _Maker:
             raise DeploymentError(f"keys: {self._folder} has other files in it; name a folder for the keys alone")
 
     def _check_names(self) -> None:
-        names = [each.folder for each in self._graph.principals]
-        clash = next((name for name in names if names.count(name) > 1 or name == "ca" or name[:1] in ("", ".")), None)
+        folders = [each.folder for each in self._graph.principals]
+        clash = next(
+            (name for name in folders if folders.count(name) > 1 or name == "ca" or name[:1] in ("", ".")), None
+        )
         if clash:
             raise DeploymentError(f"keys: `{clash}` is no name for a process with keys of its own; call it otherwise")
 
@@ -390,25 +236,23 @@ class _Maker:
             found
             and not self._renew
             and (folder / "key.pem").is_file()
-            and found.name == _common_name(name)
+            and found.name == common_name(name)
             and found.addresses == frozenset(addresses)
             and found.expires - self._now > _soon(found)
             and _is_signed(self._folder, folder_name)
         ):
             return Made(what, False, found.expires)
-        issued = certificates.issue(authority, _common_name(name), addresses, self._now, self._days, serves=serves)
+        issued = certificates.issue(authority, common_name(name), addresses, self._now, self._days, serves=serves)
         _write(folder / "key.pem", issued.key)
         _write(pem, issued.certificate)
         _write(folder / "ca.pem", authority.certificate)
         return Made(what, True, certificates.read(issued.certificate).expires)
 
     def _curve(self, folder: Path, name: str) -> Made:
-        import zmq
-
         what, secret = f"CURVE keys of {name}", folder / "curve.key_secret"
         if secret.is_file() and (folder / "curve.key").is_file() and not self._renew:
             return Made(what, False, None)
-        public, private = zmq.curve_keypair()
+        public, private = next(filter(all, (each.key_pair() for each in deployments().values())))
         _write(secret, _curve_file(name, public, private))
         _write(folder / "curve.key", _curve_file(name, public))
         return Made(what, True, None)
@@ -428,7 +272,7 @@ class _Maker:
 
     def _remove_others(self) -> Iterator[Made]:
         """What belonged to processes that are no part of the network any more."""
-        wanted = {"ca", *(each.folder for each in self._graph.principals), *map(_router_folder, self._graph.routers)}
+        wanted = {"ca", *(each.folder for each in self._graph.principals), *map(router_name, self._graph.routers)}
         for folder in sorted(self._folder.iterdir()):
             is_ours = (folder / "certificate.pem").is_file() and (folder / "key.pem").is_file()
             if folder.name not in wanted and folder.is_dir() and not folder.is_symlink() and is_ours:
@@ -447,11 +291,11 @@ def permissions(graph: Graph, public_keys: Mapping[str, bytes]) -> dict[str, dic
         for edge in graph.uses(principal.name):
             providers.setdefault((edge.instance, edge.provider), set()).add(edge.channel)
         found[f"{principal.folder}/admitted"] = {
-            f"{_file_name(name)}.key": _curve_file(name, public_keys[name], channels=channels)
+            f"{file_name(name)}.key": _curve_file(name, public_keys[name], channels=channels)
             for name, channels in clients.items()
         }
         found[f"{principal.folder}/peers"] = {
-            f"{_file_name(instance)}.key": _curve_file(instance, public_keys[name], channels=channels)
+            f"{file_name(instance)}.key": _curve_file(instance, public_keys[name], channels=channels)
             for (instance, name), channels in providers.items()
         }
     return found
@@ -481,21 +325,6 @@ def _is_signed(folder: Path, name: str) -> bool:
 
 
 # Files.
-
-
-def _file_name(name: str) -> str:
-    return re.sub(r"[^A-Za-z0-9_-]", ".", name)
-
-
-def _router_folder(host: str) -> str:
-    return _ROUTER + re.sub(r"[^A-Za-z0-9_-]", ".", host)
-
-
-def _common_name(name: str) -> str:
-    """What certificates call somebody: they have room for 64 octets."""
-    if len(name.encode()) <= certificates.LONGEST_NAME:
-        return name
-    return f"{name[:40]}-{hashlib.sha256(name.encode()).hexdigest()[:16]}"
 
 
 def _candidates(name: str) -> Iterator[int]:
@@ -545,17 +374,7 @@ def _curve_file(name: str, public: bytes, secret: bytes = b"", channels: Collect
 
 
 def _public_key(folder: Path) -> bytes:
-    from ..transports.zeromq.curve import read_public
-
     return read_public(folder / "curve.key")[0]
-
-
-def _tls_hosts(options: Mapping[str, Any]) -> frozenset[str]:
-    """The addresses at which a router listens."""
-    router = options.get("router", {})
-    listening = [*router.get("listen/endpoints", ()), str(options.get("connect", ""))]
-    found = [re.fullmatch(r"tls/(?:\[([^\]]+)\]|([^:\[\]]+)):\d+.*", each) for each in listening]
-    return frozenset(each[1] or each[2] for each in found if each) | {"127.0.0.1"}
 
 
 def _soon(found: Certificate) -> datetime.timedelta:

@@ -4,24 +4,31 @@
     2026-03-01T12:00:00.123456+00:00 WARNING: too close      as text
     {"time": "…", "name": "laser", "level": "warning", "text": "too close"}    as JSON, a line each
 
-A disk that is full stops nobody: what cannot be written is counted, and that is written when there is room again.
+A full disk stops no network. It is reported once, the lines that are lost are counted, and their number is written when
+there is room again.
 """
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
+import logging
 import os
 import re
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import StrEnum
 from pathlib import Path
 
 from ..errors import DeploymentError
+from .harmless import plain
 from .place import file_name
+from .ring import Line
+
+log = logging.getLogger("robocomp.deploy")
 
 KEPT = 2
 """Files of each that are kept beside the newest."""
@@ -57,7 +64,6 @@ class Logs:
         folder: Path,
         number: int = 1,
         form: Form = Form.TEXT,
-        clock: Callable[[], float] = time.time,
         altogether: int = _ALTOGETHER,
     ) -> None:
         """`number` is how many processes there are, about. Raises DeploymentError if there can be no such folder."""
@@ -66,28 +72,33 @@ class Logs:
         except OSError as exc:
             raise DeploymentError(f"logs in {folder}: {exc.strerror}") from exc
         self.folder = folder
-        self._form, self._clock = form, clock
+        self.began = time.time()
+        self._form = form
         self._limit = min(_LARGEST, max(_SMALLEST, altogether // (max(1, number) * (KEPT + 1))))
         self._files: dict[str, _File] = {}
+        self._told = False
+        """Whether it was reported that lines are lost."""
 
-    def write(self, name: str, text: str) -> None:
+    def write(self, line: Line) -> None:
         """Keep a line of a process."""
-        file = self._files.get(name)
+        file = self._files.get(line.name)
         if file is None:
-            file = self._files[name] = _File(self.folder / f"{file_name(name)}.log")
+            file = self._files[line.name] = _File(self.folder / f"{file_name(line.name)}.log")
         try:
             if file.descriptor < 0:
                 self._open(file)
             if file.lost:
-                self._append(
-                    file, self._line(name, f"WARNING: {file.lost} lines were lost here: they could not be written")
-                )
+                told = f"WARNING: {file.lost} lines were lost here: they could not be written"
+                self._append(file, self._written(line._replace(text=told)))
                 file.lost = 0
-            self._append(file, self._line(name, text))
+            self._append(file, self._written(line))
             if file.size >= self._limit:
                 self._turn_over(file)
-        except OSError:
+        except OSError as exc:
             file.lost += 1
+            if not self._told:
+                self._told = True
+                log.warning("lines are missing in the logs in %s from here on: %s", self.folder, exc.strerror)
 
     @property
     def lost(self) -> dict[str, int]:
@@ -101,8 +112,10 @@ class Logs:
                 os.close(file.descriptor)
         self._files.clear()
 
-    def _line(self, name: str, text: str) -> bytes:
-        when = datetime.fromtimestamp(self._clock(), UTC).isoformat(timespec="microseconds")
+    def _written(self, line: Line) -> bytes:
+        at, name, text = line
+        text = plain(text)
+        when = datetime.fromtimestamp(at, UTC).isoformat(timespec="microseconds")
         if self._form is Form.TEXT:
             return f"{when} {text}\n".encode(errors="replace")
         found = _LEVEL.match(text)
@@ -120,7 +133,7 @@ class Logs:
         written = os.write(file.descriptor, line)
         if written < len(line):  # the disk is full now
             os.ftruncate(file.descriptor, file.size)
-            raise OSError("written in part")
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         file.size += written
 
     def _turn_over(self, file: _File) -> None:
@@ -132,30 +145,39 @@ class Logs:
                 older.replace(_numbered(file.path, number))
 
 
-def recalled(folder: Path, names: Collection[str], count: int) -> list[tuple[str, str]]:
+def recalled(folder: Path, names: Collection[str], count: int, since: float = 0.0) -> list[Line]:
     """The newest lines that files of these processes (all, if none is named) have, in the order in which they came.
 
-    Each with the name of its process, and without the time: as they were printed.
+    Lines that came before `since`, of an earlier run, are left out.
     """
+    found = [_read(name, text) for name in writers(folder, names) for text in _tail(folder / f"{name}.log", count)]
+    found = [line for line in found if line.at >= since]
+    found.sort(key=lambda line: line.at)
+    return found[-count:] if count else []
+
+
+def writers(folder: Path, names: Collection[str] = ()) -> list[str]:
+    """The names of these processes and systems (all, if none is named) that have files, as the files call them."""
     chosen = {file_name(name) for name in names}
-    found = [
-        (*_parts(line), path.stem)
-        for path in sorted(folder.glob("*.log"))
-        if not chosen or path.stem in chosen
-        for line in _tail(path, count)
-    ]
-    found.sort(key=lambda each: each[0])
-    return [(name, text) for _, text, name in found[-count:]] if count else []
+    there = sorted(path.stem for path in folder.glob("*.log"))
+    return [stem for stem in there if not chosen or any(f"{stem}.".startswith(f"{name}.") for name in chosen)]
 
 
-def _parts(line: str) -> tuple[str, str]:
-    """The time, and what was printed then."""
-    if line.startswith("{"):
+def _read(name: str, written: str) -> Line:
+    """A line of a file. One that something else has written there has no time: it counts as the oldest."""
+    if written.startswith("{"):
         with contextlib.suppress(ValueError, KeyError, TypeError):
-            told = json.loads(line)
-            return str(told["time"]), (f"{told['level'].upper()}: " if told["level"] else "") + str(told["text"])
-    when, _, text = line.partition(" ")
-    return when, text
+            told = json.loads(written)
+            text = (f"{told['level'].upper()}: " if told["level"] else "") + str(told["text"])
+            return Line(_seconds(str(told["time"])), name, text)
+    when, _, text = written.partition(" ")
+    with contextlib.suppress(ValueError):
+        return Line(_seconds(when), name, text)
+    return Line(0.0, name, written)
+
+
+def _seconds(when: str) -> float:
+    return datetime.fromisoformat(when).timestamp()
 
 
 def _tail(path: Path, count: int) -> list[str]:

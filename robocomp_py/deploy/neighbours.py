@@ -2,38 +2,40 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Mapping
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
-from .place import Place
+from ..transports.deployment import deployments
+from ..transports.network import PORTS, ports_of
+from .place import Place, running
 from .plan import Plan
-from .wiring import BLOCK, FIRST_PORT, block_of
 
 
 def warnings(plan: Plan) -> list[str]:
     """What is to be told of them before this one starts. Raises DeploymentError if there is no run-time folder."""
-    if not _crosses(plan.to_json()):
+    mine = _ports(plan.to_json())
+    if not mine:
         return []
-    first = FIRST_PORT + block_of(plan.name) * BLOCK
-    return [
-        f"{other} runs here, and its name gives it the same ports between hosts as {plan.name}: {first} to "
-        f"{first + BLOCK - 1}; if one of them cannot listen there, call the network otherwise"
-        for other in _running(Place(plan.name).folder.parent)
-        if other != plan.name and block_of(other) == block_of(plan.name)
-    ]
+    found = []
+    for other, theirs in running(Place(plan.name).folder.parent, _ports):
+        same = [each for each in theirs if each in mine]
+        if other != plan.name and same:
+            which = " and ".join(f"{each[0]} to {each[-1]}" for each in same)
+            found.append(
+                f"{other} runs here, and its name gives it the same ports between hosts as {plan.name}: {which}; "
+                "if one of them cannot listen there, call the network otherwise"
+            )
+    return found
 
 
-def _running(deployments: Path) -> Iterator[str]:
-    for path in sorted(deployments.glob("*/plan.json")):
-        try:
-            told = json.loads(path.read_text(encoding="utf-8"))
-            name = str(told["name"])
-            if _crosses(told) and Place(name, deployments).runner():
-                yield name
-        except (OSError, ValueError, KeyError, TypeError):
-            continue  # it ends just now, or is of another version
+def _ports(told: Mapping[str, Any]) -> tuple[range, ...]:
+    """The ports that a network may give to its instances, and to interfaces with one of their own."""
+    if not _crosses(told):
+        return ()
+    own = {name for name, each in deployments().items() if each.ports_of_interfaces}
+    further = {(way["provider"], way["interface"]) for way in told["ways"] if way["middleware"] in own}
+    count = 1 + sum(len(process["instances"]) for process in told["processes"]) + len(further)
+    return ports_of(str(told["name"]), min(count, PORTS))
 
 
 def _crosses(told: Mapping[str, Any]) -> bool:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 from ..runtime.notify import BETWEEN
 from .changes import Change, Kind
@@ -16,7 +18,7 @@ _GAP = "  "
 
 def overview(plan: Plan) -> list[Line]:
     """What would run."""
-    return [_title(plan), *map(_host, plan.hosts), *map(_storm, plan.storms), [], *_columns(_rows(plan))]
+    return [_title(plan), *map(_host, plan.hosts), *_helpers(plan), [], *_columns(_rows(plan))]
 
 
 def difference(changes: Sequence[Change]) -> list[Line]:
@@ -33,6 +35,20 @@ def difference(changes: Sequence[Change]) -> list[Line]:
                 lines += [[(f"    - {text}", "red")] for text in each.removed]
                 lines += [[(f"    + {text}", "green")] for text in each.added]
     return lines
+
+
+def command_line(process: Process, folder: Path) -> str:
+    """A shell command that starts a process by hand, from `folder`, as the network starts it: with its environment.
+
+    Of a process on another host it shows the paths of this one.
+    """
+    words = list(process.command)
+    if process.env:
+        words = ["env", *(f"{name}={value}" for name, value in process.env.items()), *words]
+    there = process.is_program and not process.host and process.cwd != folder
+    change = f"cd {shlex.quote(str(process.cwd))} && " if there else ""
+    where = f" (on {process.host})" if process.host else ""
+    return f"{process.name}{where}: {change}{shlex.join(words)}"
 
 
 def _title(plan: Plan) -> Line:
@@ -56,8 +72,8 @@ def _host(host: Host) -> Line:
     return [(f"host {host.name}", "bold"), (f": {user}{host.address}{port}, {host.python}{where}{keep}", "")]
 
 
-def _storm(proxy: str) -> Line:
-    return [("IceStorm", "bold"), (f": {proxy}, run with the network if that is here and none answers there", "")]
+def _helpers(plan: Plan) -> list[Line]:
+    return [[(each.title, "bold"), (f": {each.note}", "")] for each in plan.helpers if each.note]
 
 
 def _rows(plan: Plan) -> list[list[list[Span]]]:
@@ -75,7 +91,7 @@ def _rows(plan: Plan) -> list[list[list[Span]]]:
                     [(member.component, "")],
                     [(process.name if process.members else "", "")] if shared else [],
                     [(process.host or HERE, "")] if plan.hosts else [],
-                    [(", ".join(process.after), "")],
+                    [(", ".join(dict.fromkeys((*process.after, *process.ready_after))), "")],
                     [(_restart(process.restart), "")],
                     [(text, "") for text in _addresses(process)],
                     [(text, "") for text in _uses(plan, member.name)],
@@ -90,7 +106,9 @@ def orders_of(processes: Iterable[Process]) -> dict[str, int]:
     """Who starts first (1), who after them (2), and so on: those of one number start at the same time."""
     found: dict[str, int] = {}
     for process in processes:
-        found[process.name] = 1 + max((found.get(other, 0) for other in process.after), default=0)
+        found[process.name] = 1 + max(
+            (found.get(other, 0) for other in (*process.after, *process.ready_after)), default=0
+        )
     return found
 
 
@@ -122,7 +140,7 @@ def _uses(plan: Plan, instance: str) -> list[str]:
 
 def _over(plan: Plan, link: Link) -> str:
     ways = [
-        way.middleware
+        way.middleware + (f" ({way.origin})" if way.origin else "")
         for way in plan.ways
         if (way.client, way.provider, way.verb) == (link.client, link.provider, link.verb)
         and way.interface.rpartition(".")[2] == link.interface

@@ -5,7 +5,8 @@
                                        plan.json      what runs
                                        leftovers      what was started, for whoever cleans up behind a killed launcher
                                        notify/        sockets at which processes say how they are
-                                       logs/          their output
+                                       logs/          their output, unless the run keeps it elsewhere; and the
+                                                      file `newest`: where the newest run keeps it
                                        rcdeploy.err   what Python has to say when it goes wrong without a terminal
 
 The run-time folder is that of `transports/directory.py`.
@@ -20,10 +21,10 @@ import os
 import re
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from ..errors import ConfigurationError, DeploymentError
 from .launcher import traces
@@ -58,6 +59,15 @@ class Runner:
         return trace is not None and trace.state != "Z"
 
 
+@dataclass(frozen=True, slots=True)
+class Run:
+    """Where a run of a network keeps what its components print."""
+
+    logs: Path
+    began: float
+    """Seconds since the Unix epoch; older lines in the same files are of earlier runs."""
+
+
 def file_name(instance: str) -> str:
     """By what the files of an instance begin: `left.arm` for `left/arm`. Never a path, whatever it is called."""
     return re.sub(r"[^A-Za-z0-9_.-]", "_", instance.replace("/", ".")).lstrip(".") or "_"
@@ -83,7 +93,7 @@ class Place:
     def __init__(self, network: str, folder: Path | None = None) -> None:
         """Raises DeploymentError if there can be no run-time folder."""
         self.network = network
-        self.folder = (folder or _deployments()) / file_name(network)
+        self.folder = folder / file_name(network) if folder else _deployment(file_name(network))
         self._held = -1
 
     @property
@@ -105,6 +115,10 @@ class Place:
     @property
     def logs(self) -> Path:
         return self.folder / "logs"
+
+    @property
+    def newest(self) -> Path:
+        return self.logs / "newest"
 
     @property
     def complaints(self) -> Path:
@@ -142,14 +156,20 @@ class Place:
 
     def leave_plan(self, text: str) -> None:
         """Have others read what runs; they see all of it, or nothing. Raises OSError."""
-        draft = self.plan.with_suffix(".new")
+        _replace(self.plan, text)
+
+    def leave_run(self, run: Run) -> None:
+        """Note where this run keeps its output. The note stays when the run has ended. Raises OSError."""
+        self.logs.mkdir(mode=0o700, exist_ok=True)
+        _replace(self.newest, json.dumps({"logs": str(run.logs.absolute()), "began": run.began}))
+
+    def last_run(self) -> Run | None:
+        """The newest run, whether it has ended or not; None if it is unknown."""
         try:
-            draft.write_text(text, encoding="utf-8")
-            draft.replace(self.plan)
-        except OSError:  # on a full disk
-            with contextlib.suppress(OSError):
-                draft.unlink()
-            raise
+            found = json.loads(self.newest.read_text(encoding="utf-8"))
+            return Run(Path(found["logs"]), float(found["began"]))
+        except (OSError, ValueError, TypeError, KeyError):
+            return None
 
     def release(self) -> None:
         """Let others run it. What is of no use any more is removed; logs and complaints stay. May be called twice."""
@@ -201,6 +221,30 @@ class Place:
         return f"{self.network} runs already: {who}{how}; to end it: {end}"
 
 
+def running(deployments: Path, look: Callable[[Mapping[str, Any]], M]) -> Iterator[tuple[str, M]]:
+    """The networks that run here, by name, each with what `look` makes of its plan, which is JSON."""
+    for path in sorted(deployments.glob("*/plan.json")):
+        try:
+            told = json.loads(path.read_text(encoding="utf-8"))
+            name, found = str(told["name"]), look(told)
+            if Place(name, deployments).runner():
+                yield name, found
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            continue  # it ends just now, or is of another version
+
+
+def _replace(path: Path, text: str) -> None:
+    """Write a file that readers see whole, or as it was before. Raises OSError."""
+    draft = path.with_suffix(".new")
+    try:
+        draft.write_text(text, encoding="utf-8")
+        draft.replace(path)
+    except OSError:  # on a full disk
+        with contextlib.suppress(OSError):
+            draft.unlink()
+        raise
+
+
 def _lock(held: int, path: Path) -> bool:
     """Whether the file is ours now, and still the one of that name: who released it has removed it."""
     try:
@@ -210,11 +254,11 @@ def _lock(held: int, path: Path) -> bool:
         return False
 
 
-def _deployments() -> Path:
+def _deployment(name: str) -> Path:
     from ..transports.directory import runtime_dir  # the keeper is told where, and starts sooner without
 
     try:
-        return runtime_dir() / "deploy"
+        return runtime_dir("deploy", name)
     except ConfigurationError as exc:
         raise DeploymentError(str(exc)) from exc
 

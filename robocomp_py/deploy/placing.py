@@ -8,8 +8,10 @@ from __future__ import annotations
 import os
 import shlex
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from ..dsl.ddsl.model import Deployment, Instance
 from ..dsl.ddsl.model import Host as Block
@@ -29,6 +31,22 @@ def host_name(model: Deployment, instance: Instance) -> str:
     if said is instance.ip:
         return next((each.name.text for each in model.hosts if _is_at(each, said.text)), said.text)
     return said.text
+
+
+def on_this_machine(model: Deployment, is_here: Callable[[str], bool]) -> Deployment:
+    """The same network, with `localhost` in place of each `ip` that is this machine's.
+
+    An `ip` that is the address of a `host` means that host, which may be reached over SSH as another user.
+    """
+
+    def placed(instance: Instance) -> Instance:
+        ip = instance.ip
+        if ip is None or ip.text in HERE or any(_is_at(host, ip.text) for host in model.hosts) or not is_here(ip.text):
+            return instance
+        return replace(instance, ip=replace(ip, text=HERE[0]))
+
+    instances = tuple(map(placed, model.instances))
+    return model if instances == model.instances else replace(model, instances=instances)
 
 
 def _is_at(host: Block, address: str) -> bool:
@@ -55,9 +73,14 @@ def _host(block: Block) -> Host:
     )
 
 
-def restart(model: Deployment, instance: Instance) -> Restart:
-    """Whether and how often it is started again."""
-    said = restart_of(model, instance)
+def clauses(model: Deployment, together: Sequence[Instance]) -> dict[str, Any]:
+    """What the clauses of the instances in a process say of it, by the fields of `Process`."""
+    return {name: read(model, together) for name, read in _CLAUSES.items()}
+
+
+def _restart(model: Deployment, together: Sequence[Instance]) -> Restart:
+    """Whether and how often it is started again: the same is said for all in it."""
+    said = restart_of(model, together[-1])
     if said is None:
         return Restart()
     given = read_restart(said, Report())
@@ -79,11 +102,33 @@ def escalations(model: Deployment) -> dict[tuple[str, ...], Escalation]:
     return {path: Escalation(name.text) for path, name in said.items()}
 
 
-def grace(together: Sequence[Instance]) -> float | None:
-    """Seconds that a process has to end: for each in it the longest that one of them is given; None if none is."""
+def _grace(model: Deployment, together: Sequence[Instance]) -> float | None:
+    """Seconds that it has to end: for each in it the longest that one of them is given; None if none is."""
     said = [each.grace.seconds if each.grace.unit else each.grace.number for each in together if each.grace]
     known = [seconds for seconds in said if seconds is not None]
     return max(known) * len(together) if known else None
+
+
+def _notifies(model: Deployment, together: Sequence[Instance]) -> bool:
+    """Whether it says when it is ready, as all components do."""
+    return together[-1].program is None or together[-1].notifies is not None
+
+
+def environment(model: Deployment, together: Sequence[Instance]) -> dict[str, str]:
+    return {variable.name.text: variable.value.text for each in together for variable in each.env}
+
+
+def _system(model: Deployment, together: Sequence[Instance]) -> tuple[str, ...]:
+    return together[-1].system
+
+
+_CLAUSES: Mapping[str, Callable[[Deployment, Sequence[Instance]], Any]] = {
+    "env": environment,
+    "grace": _grace,
+    "notifies": _notifies,
+    "restart": _restart,
+    "system": _system,
+}
 
 
 def security(model: Deployment) -> Security:

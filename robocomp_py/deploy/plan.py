@@ -6,12 +6,14 @@ Values only; `planner.py` makes them out of a DDSL file.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from enum import StrEnum
+from pathlib import Path
 from typing import Any
 
 from ..contract.interface import Verb
-from .auto import Way
+from ..transports.network import Helper, Way
+from .asjson import to_json
 from .policy import Escalation
 from .process import Member as Member
 from .process import Process as Process
@@ -52,6 +54,19 @@ class Host:
     """Whether processes there go on when whoever launched them is gone."""
 
 
+@dataclass(frozen=True)
+class Ours:
+    """An instance of a component that rcgen generated."""
+
+    folder: Path
+    operations: Mapping[str, str]
+    """Those of its interfaces, with their fingerprints."""
+    channels: str
+    """What the names of its channels begin with."""
+    over: tuple[str, ...]
+    """The middlewares that it opens, each with its domain if it is told one."""
+
+
 class Security(StrEnum):
     """Who may take part in a network."""
 
@@ -82,10 +97,10 @@ class Plan:
     escalations: Mapping[tuple[str, ...], Escalation] = field(default_factory=dict)
     """By system; that of the whole network by the empty one."""
     security: Security = Security.LOCAL
-    routers: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    """By host that needs one, the settings of its Zenoh router; "" is the one that launches the network."""
-    storms: tuple[str, ...] = ()
-    """The TopicManagers of IceStorm whose topics it uses, as proxies."""
+    helpers: tuple[Helper, ...] = ()
+    """What its transports need on its hosts besides its processes."""
+    ours: Mapping[str, Ours] = field(default_factory=dict)
+    """Of the instances that are no programs of somebody's own, by name."""
 
     @property
     def carriers(self) -> tuple[str, ...]:
@@ -95,42 +110,9 @@ class Plan:
         )
 
     def to_json(self) -> dict[str, Any]:
-        return {
-            "name": self.name,
-            "middleware": self.middleware,
-            "security": str(self.security),
-            "hosts": [asdict(each) for each in self.hosts],
-            "escalations": {"/".join(path): str(each) for path, each in self.escalations.items()},
-            "processes": [_process_to_json(each) for each in self.processes],
-            "links": [
-                {"interface": each.interface, "provider": each.provider, "client": each.client, "verb": str(each.verb)}
-                for each in self.links
-            ],
-            "transports": [asdict(each) for each in self.transports],
-            "ways": [asdict(each) for each in self.ways],
-            "routers": {host: dict(settings) for host, settings in self.routers.items()},
-            "storms": list(self.storms),
-            "notes": list(self.notes),
-        }
-
-
-def _process_to_json(process: Process) -> dict[str, Any]:
-    return {
-        "name": process.name,
-        "component": process.component,
-        "instances": list(process.instances),
-        "command": list(process.command),
-        "cwd": str(process.cwd),
-        "env": dict(process.env),
-        "after": list(process.after),
-        "notifies": process.notifies,
-        "is_program": process.is_program,
-        "host": process.host,
-        "restart": {**asdict(process.restart), "when": str(process.restart.when)},
-        "grace": process.grace,
-        "system": list(process.system),
-        "files": [str(path) for path in process.files],
-    }
+        processes = [to_json(each) | {"instances": list(each.instances)} for each in self.processes]
+        whole: dict[str, Any] = to_json(self)
+        return whole | {"processes": processes}
 
 
 @dataclass(frozen=True)
@@ -143,3 +125,8 @@ class Overrides:
     def of(self, instance: str) -> list[str]:
         """The assignments for one instance; `*` is for all."""
         return [assignment for name, assignment in self.settings if name in (instance, "*")]
+
+    def named(self, instance: str, assignment: str) -> str:
+        """An assignment as it was given, with the instance that it is for."""
+        whom = instance if (instance, assignment) in self.settings else "*"
+        return f"{whom}.{assignment}"

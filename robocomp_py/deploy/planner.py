@@ -7,15 +7,19 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import re
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 
 from .. import installed
-from ..contract.component import Port
+from ..contract.component import Component, Port
 from ..contract.interface import Verb
-from ..contract.parameters import Complaint
+from ..contract.middleware import AUTO, carrier
+from ..contract.parameters import Complaint, ParameterSet
 from ..dsl.cdsl.qos import read_qos as qos_of
+from ..dsl.ddsl.hosts import check_ports
 from ..dsl.ddsl.model import Deployment, Instance
 from ..dsl.ddsl.order import process_dependences, processes_of, start_order
 from ..dsl.diagnostics import Diagnostic, Report, did_you_mean, mistyped
@@ -27,11 +31,14 @@ from ..runtime.document import Document, NotToml
 from ..runtime.effective import toml
 from ..runtime.notify import BETWEEN
 from ..spelling import unknown
+from ..transports.deployment import deployments
+from ..transports.network import Network, Site, free_ports
 from . import iceplaces, placing, security
 from .auto import Choice, Usable, choose, installed_here, unsupported_by_others
 from .configuration import check_text, span_of
 from .iceplaces import ICE, Place, Places
-from .plan import Link, OpenedTransport, Overrides, Plan, Security
+from .ordering import Edge, Order, ordered
+from .plan import Link, OpenedTransport, Ours, Overrides, Plan, Security
 from .process import Member, Process
 from .qos import unsupported
 from .routes import (
@@ -48,8 +55,11 @@ from .routes import (
 )
 from .uses import Node, node_of, read_qos, wire
 from .waiting import Requirement, endless
-from .wiring import DDS, ZENOH, ZEROMQ, Network, Site, Wiring, first_free_port, with_crowds
+from .wiring import Wiring
 from .wiring import wire as wire_hosts
+
+_MOST_CIRCLES = 3
+"""Circles of requirements that are told one by one."""
 
 Addresses = Callable[[Mapping[str, str]], Mapping[str, str]]
 """Of hosts and their addresses as they are written, the number at which the others reach each; "" is this host."""
@@ -60,21 +70,30 @@ def as_written(hosts: Mapping[str, str]) -> Mapping[str, str]:
     return {"": "127.0.0.1", **hosts}
 
 
+def nowhere(address: str) -> bool:
+    """The same without looking up addresses: as `ip`, only `localhost` is this machine's."""
+    return False
+
+
 def make_plan(
     path: Path,
     workspace: Workspace,
     overrides: Overrides | None = None,
     usable: Usable = installed_here,
     addresses: Addresses = as_written,
+    is_here: Callable[[str], bool] = nowhere,
 ) -> Plan | None:
     """The plan of a DDSL file; None if anything is wrong, which the workspace's report then says.
 
     `usable` tells which middlewares may be chosen where the network leaves that open; `addresses`, which may raise
-    OSError, where hosts are.
+    OSError, where hosts are; `is_here`, whether an `ip` is this machine's.
     """
-    model = workspace.deployment(path)
-    if model is None:
+    written = workspace.deployment(path)
+    if written is None:
         return None
+    model = placing.on_this_machine(written, is_here)
+    if model is not written and not workspace.report.errors:
+        check_ports(model, workspace.report)  # two instances that are on one machine now may have the same port
     with installed.asked_once():
         plan = _Planner(model, workspace, overrides or Overrides(), usable, addresses).plan()
     return None if workspace.report.errors else plan
@@ -92,16 +111,23 @@ class _Planner:
         self._environ = dict(os.environ)  # which is slow to read again for each instance
         self._together, self._dependences = processes_of(model), process_dependences(model)
         self._links: list[Link] = []
+        self._imported: list[Component] = []
+        """Those of which it may have instances."""
         self._configured: list[Configured] = []
         self._programs: list[Configured] = []
         self._choice, self._wiring, self._places = Choice(), Wiring(), Places()
+        self._between = ordered((), {}, {})
+        self._inside: dict[str, Order] = {}
+        self._blamed: dict[tuple[str, str, str, str], list[str]] = {}
+        """By what is wrong outside of all files (its name, a code, message and hint), the instances concerned."""
         self._unfit: set[str] = set()
         """Middlewares that were complained about where the network names them."""
 
     def plan(self) -> Plan:
         self._check_network()
         nodes = self._nodes()
-        self._links = wire(nodes, self._model, self._report, self._is_outside)
+        self._check_overrides(nodes)
+        self._links = wire(nodes, self._model, self._report, self._is_outside, self._imported)
         for node in nodes:
             read_qos(node, self._report)
         ordered = self._in_order(nodes)
@@ -116,25 +142,32 @@ class _Planner:
         if addresses := self._host_addresses(ordered):
             self._find_over_ice(ordered, addresses)
             self._wire_hosts(ordered, addresses)
-        settled = [each.name for each in self._configured if "many" in each.settings.transports.get(DDS, {})]
-        self._wiring = with_crowds(self._wiring, self._choice.ways, settled)
         self._check_security(nodes)
+        self._tell_blamed()
         processes = [self._process(name, together) for name, together in ordered.items()]
         named = self._overrides.middleware or (self._model.middleware.text if self._model.middleware else "")
         return Plan(
             self._model.name.text,
-            named or settings.AUTO,
+            named or AUTO,
             tuple(each for each in processes if each),
             tuple(self._links),
             tuple(self._transports()),
             self._choice.ways,
-            (*self._choice.notes, *dict.fromkeys(self._outside())),
+            (*self._choice.notes, *dict.fromkeys(self._outside()), *self._circles()),
             placing.hosts_of(self._model, self._model.instances),
             placing.escalations(self._model),
             placing.security(self._model),
-            self._wiring.routers,
-            tuple(self._places.storms),
+            (*self._wiring.helpers, *self._places.helpers),
+            {each.name: self._ours(each, nodes) for each in self._configured},
         )
+
+    def _ours(self, each: Configured, nodes: Sequence[Node]) -> Ours:
+        folder = next(node.linked.path.parent.resolve() for node in nodes if node.name == each.name)
+        over = {
+            f"{name} {each.settings.transports.get(name, {}).get('domain', '')}".strip()
+            for name in (each.middlewares() | self._choice.carriers.get(each.name, frozenset())) - {""}
+        }
+        return Ours(folder, each.component.fingerprints(), each.channels, tuple(sorted(over)))
 
     # The network as a whole.
 
@@ -146,25 +179,34 @@ class _Planner:
             self._check_middleware(Name(self._overrides.middleware, model.name.span), model.instances, override=True)
         for instance in model.instances:
             self._check_instance(instance)
-        own_programs = {each.name.text: each.program for each in model.instances if each.program}
-        for name, _ in self._overrides.settings:
-            if name != "*" and name not in self._instances:
-                message = f"--set {name}.…: {unknown('instance', name, self._instances)}"
-                self._error("unknown-instance", message, model.name)
-            elif name in own_programs:
-                message = f"--set {name}.…: `{name}` is a program of your own, which is not configured from here"
-                self._error("configuration", message, own_programs[name], "give it `args` or `env`")
         if not model.instances and not self._report.errors:
             self._report.warning("empty-deployment", "there is nothing to run", model.name.span)
 
+    def _check_overrides(self, nodes: Sequence[Node]) -> None:
+        own_programs = {each.name.text: each.program for each in self._model.instances if each.program}
+        for name, assignment in self._overrides.settings:
+            origin = Source(Path(f"--set {name}.{assignment}"), "", has_places=False).span(0, 0)
+            if name in own_programs:
+                message = f"`{name}` is a program of your own, which is not configured from here"
+                place = ("it is this one", own_programs[name].span)
+                self._report.error("configuration", message, origin, "give it `args` or `env`", place)
+            elif name != "*" and name not in self._instances:
+                whole = _with_instance(name, assignment.partition("=")[0], nodes)
+                message = f"unknown instance `{name}`" if whole else unknown("instance", name, self._instances)
+                hint = f"write the instance first, as in {whole}" if whole else ""
+                self._report.error("unknown-instance", message, origin, hint)
+
     def _check_instance(self, instance: Instance) -> None:
-        self._check_middleware(instance.middleware, [instance])
+        for name in (instance.middleware, *(wiring.middleware for wiring in instance.wirings)):
+            self._check_middleware(name, [instance])
         for name in (instance.path, instance.config):
             file = self._folder / name.text if name else None
             if name is None or file is None or (name is instance.path and self._is_elsewhere(instance)):
                 continue
             if not file.is_file():
-                self._error("missing-file", f"there is no file {file}", name, nearby(file, name.text))
+                configs = {each.config.text for each in self._model.instances if each.config}
+                hint = nearby(file, name.text, configs if name is instance.config else (), instance.local)
+                self._error("missing-file", f"there is no file {file}", name, hint or "write it, or correct the name")
             elif name is instance.path and not os.access(file, os.X_OK):
                 self._error("not-executable", f"{file} is not executable", name)
         for argument in instance.args if not instance.program else ():
@@ -189,7 +231,7 @@ class _Planner:
 
     def _check_middleware(self, name: Name | None, users: Iterable[Instance], *, override: bool = False) -> None:
         """Whether a middleware can carry what those send for whom the network names it."""
-        carried = settings.carrier(name.text, "") if name else ""
+        carried = carrier(name.text, "") if name else ""
         if name is None or not carried:
             return
         fault = unfit(carried)
@@ -215,6 +257,7 @@ class _Planner:
             linked = self._workspace.component(path)
             if linked:
                 known[linked.component.name.lower()] = linked
+                self._imported.append(linked.component)
             complete = complete and linked is not None
         read = {linked.path.stem for linked in known.values()}
         unread = {PurePosixPath(name.text).stem for name in self._model.imports} - read
@@ -231,7 +274,7 @@ class _Planner:
         return nodes
 
     def _is_outside(self, node: Node, port: Port) -> bool:
-        """Whether all that a port uses is found over Ice outside of the network, as its configuration says."""
+        """Whether all that a port uses is found outside of the network, as its configuration says."""
         if node.instance.program:
             return False
         try:
@@ -246,37 +289,78 @@ class _Planner:
     # In which order, and how.
 
     def _in_order(self, nodes: Sequence[Node]) -> dict[str, list[Node]]:
-        """Processes, and who is in them: those others depend on first; else as written."""
-        first, _ = start_order({node.name: node.instance.dependences for node in nodes})
+        """Processes and their instances: those that others depend on or require come first; otherwise as written."""
+        self._order_by_needs(nodes)
+        earlier = {
+            node.name: (*node.instance.dependences, *self._names(node, self._inside[node.instance.runs_in.text]))
+            for node in nodes
+        }
+        first, _ = start_order(earlier)
         by_name = {node.name: node for node in nodes}
         together: dict[str, list[Node]] = {}
         for node in map(by_name.__getitem__, first):
             together.setdefault(node.instance.runs_in.text, []).append(node)
-        order, _ = start_order(self._dependences)
+        name = self._model.name
+        order, _ = start_order(
+            {
+                each: (*others, *(Name(other, name.span) for other in self._between.ready_after.get(each, ())))
+                for each, others in self._dependences.items()
+            }
+        )
         return {name: together[name] for name in order if name in together}
+
+    def _names(self, node: Node, order: Order) -> Iterator[Name]:
+        return (Name(other, node.instance.name.span) for other in order.stops_before.get(node.name, ()))
+
+    def _order_by_needs(self, nodes: Sequence[Node]) -> None:
+        """Find the order that `requires` makes, between processes and inside each of them."""
+        by_name = {node.name: node for node in nodes}
+        between: Counter[Edge] = Counter()
+        inside: dict[str, Counter[Edge]] = {node.instance.runs_in.text: Counter() for node in nodes}
+        for link in self._links:
+            if link.verb is Verb.REQUIRES and link.client != link.provider:
+                client, provider = by_name[link.client], by_name[link.provider]
+                ends = client.instance.runs_in.text, provider.instance.runs_in.text
+                apart = ends[0] != ends[1]
+                edges, edge = (between, ends) if apart else (inside[ends[0]], (link.client, link.provider))
+                edges[edge] += _operations(client, link.interface)
+        fixed = {name: [other.text for other in self._dependences[name] if other.text in inside] for name in inside}
+        self._between = ordered(inside, fixed, between)
+        for name, needs in inside.items():
+            members = {node.name: node.instance.dependences for node in nodes if node.instance.runs_in.text == name}
+            own = {each: [other.text for other in others if other.text in members] for each, others in members.items()}
+            self._inside[name] = ordered(members, own, needs)
+
+    def _circles(self) -> Iterator[str]:
+        """One line about instances that require each other."""
+        orders = (self._between, *self._inside.values())
+        circles = [circle for order in orders for circle in order.circles]
+        broken = [f"{provider} before {client}" for order in orders for client, provider in order.broken]
+        if circles:
+            told = "; ".join(", ".join(circle) for circle in circles[:_MOST_CIRCLES])
+            more = f"; and {len(circles) - _MOST_CIRCLES} more circles" if len(circles) > _MOST_CIRCLES else ""
+            order = ", ".join(broken[:_MOST_CIRCLES]) + (", ..." if len(broken) > _MOST_CIRCLES else "")
+            yield f"these require each other and start at the same time: {told}{more}; when the network stops: {order}"
 
     def _process(self, name: str, together: Sequence[Node]) -> Process | None:
         commands = [command for node in together if (command := self._command(node))]
         if len(commands) < len(together):
             return None
         *_, only = together
-        instances = [node.instance for node in together]
         own = only.instance.program is not None
         return Process(
             name,
             ", ".join(node.component.name for node in together),
             tuple(_joined(commands)),
             self._folder.resolve() if own else Path.cwd(),
-            self._variables(only),
-            tuple(dict.fromkeys(other.text for other in self._dependences[name])),
-            notifies=not own or only.instance.notifies is not None,
+            after=tuple(dict.fromkeys(other.text for other in self._dependences[name])),
+            ready_after=self._between.ready_after.get(name, ()),
+            stops_before=self._between.stops_before.get(name, ()),
             is_program=own,
             members=tuple(Member(node.name, node.component.name) for node in together) if only.instance.process else (),
             host=only.host,
-            restart=placing.restart(self._model, only.instance),
-            grace=placing.grace(instances),
-            system=only.instance.system,
             files=tuple(dict.fromkeys(path for node in together for path in self._files(node))),
+            **placing.clauses(self._model, [node.instance for node in together]),
         )
 
     def _files(self, node: Node) -> Iterator[Path]:
@@ -291,8 +375,7 @@ class _Planner:
 
     def _variables(self, node: Node) -> dict[str, str]:
         """The environment that the network gives to the process of an instance."""
-        together = self._together[node.instance.runs_in.text]
-        return {variable.name.text: variable.value.text for each in together for variable in each.env}
+        return placing.environment(self._model, self._together[node.instance.runs_in.text])
 
     def _command(self, node: Node) -> list[str] | None:
         """What starts an instance that has a process of its own."""
@@ -316,6 +399,9 @@ class _Planner:
         command += ["--config", str(config.resolve())] if node.instance.config and config else []
         here = {each.name.text: each.local for each in self._together[node.instance.runs_in.text]}
         before = [here[name.text] for name in node.instance.dependences if name.text in here]
+        if not any(node.instance.runs_in.text in circle for circle in self._between.circles):  # else it may never start
+            needed = self._inside[node.instance.runs_in.text].ready_after.get(node.name, ())
+            before += [here[name] for name in needed if here[name] not in before]
         command += [part for name in before for part in ("--after", name)]
         return [*command, *(part for each in assignments for part in ("--set", each)), *arguments]
 
@@ -343,16 +429,23 @@ class _Planner:
         elif named:
             yield f"middleware={named}", network
         if port := placing.port(node.instance):
-            yield f"transports.zeromq.bind=tcp://127.0.0.1:{port}", network
+            yield from ((assignment, network) for assignment in _at_port(port))
         for used, (source, *others) in node.wires.items():
             yield f"ports.{used}.from={source}", network
             if others:
                 yield f"ports.{used}.also={toml([{'from': each} for each in others])}", network
+        for used, middleware in self._carriers(node).items():
+            line, _ = self._model.source.position(middleware.span.start)
+            yield f"ports.{used}.middleware={middleware}", f"{network}:{line}"
         for told, quality in node.qos.items():
             line, _ = self._model.source.position(quality.span.start)
             yield f"ports.{told}.qos={toml(qos_of(quality.settings, Report()))}", f"{network}:{line}"
         for assignment in self._overrides.of(node.name) if not node.instance.program else ():
-            yield assignment, f"--set {assignment}"
+            yield assignment, f"--set {self._overrides.named(node.name, assignment)}"
+
+    def _carriers(self, node: Node) -> Mapping[str, Name]:
+        """The middlewares of single links, by the port that uses; the command line counts more than they do."""
+        return {} if self._overrides.middleware else node.carriers
 
     def _note_program(self, node: Node) -> None:
         """What is known of a program of somebody's own: what the network says of it, and its configuration of Ice."""
@@ -381,6 +474,8 @@ class _Planner:
     def _configure(self, node: Node) -> None:
         at = node.place()
         config = self._config(node)
+        if node.instance.config and not config:
+            return  # which has been reported
         try:
             document = self._document(node, config)
         except NotToml:
@@ -389,18 +484,37 @@ class _Planner:
                 check_text(source, node.component, self._workspace, middleware=generated_for(node.linked.path.parent))
             return
         except ConfigurationError as exc:
-            self._error("configuration", f"`{node.name}` is configured wrongly: {exc}", at)
+            origin, _, message = str(exc).partition(": ")
+            if not self._blames(origin, "configuration", message, "", node):
+                self._error("configuration", f"`{node.name}` is configured wrongly: {exc}", at)
             return
         checked, complaints = settings.examine(node.component, document, node.instance.local)
         for each in complaints:
-            self._report.extend([_complaint(node, config, document, each)])
+            origin = document.overridden(each.key) if each.key else ""
+            if not self._blames(origin, each.code, each.message, "", node):
+                self._report.extend([_complaint(node, config, document, each)])
         if complaints:
             return
         middleware = generated_for(node.linked.path.parent)
         shared = self._shared(node.instance)
+        carriers = {port: name.text for port, name in self._carriers(node).items()}
         self._configured.append(
-            Configured(node.name, node.component, checked, document, middleware, shared, host=node.host)
+            Configured(node.name, node.component, checked, document, middleware, shared, False, node.host, carriers)
         )
+
+    def _blames(self, origin: str, code: str, message: str, hint: str, node: Node) -> bool:
+        """Whether an environment variable or an option is to blame; that is reported once for all instances."""
+        variable = origin.removeprefix(settings.VARIABLE)
+        is_variable = variable != origin and variable not in self._variables(node)
+        if is_variable or origin.startswith("--"):
+            self._blamed.setdefault((origin, code, message, hint), []).append(node.name)
+        return is_variable or origin.startswith("--")
+
+    def _tell_blamed(self) -> None:
+        for (origin, code, message, hint), instances in self._blamed.items():
+            span = Source(Path(origin), "", has_places=False).span(0, 0)
+            names = ", ".join(f"`{name}`" for name in dict.fromkeys(instances))
+            self._report.error(code, f"{message} (for {names})", span, hint)
 
     def _document(self, node: Node, config: Path | None) -> Document:
         """Everything that is set for an instance; raises ConfigurationError."""
@@ -429,7 +543,8 @@ class _Planner:
                 for aim in each.aims(port, name):
                     proxy = each.outside(port, name, aim)
                     if proxy and not any(offers for _, offers in providers(each, port, aim, everybody)):
-                        yield f"`{each.name}` finds `{port.label}` over ice outside of the network: {proxy}"
+                        over = aim.middleware or each.middleware(port, name)
+                        yield f"`{each.name}` finds `{port.label}` over {over} outside of the network: {proxy}"
 
     def _check_routes(self, nodes: Sequence[Node]) -> None:
         named = {node.name: node for node in nodes}
@@ -439,8 +554,9 @@ class _Planner:
         unkept = (*unsupported(self._configured), *unsupported_by_others(self._configured))
         for fault in (*faults, *worth_telling(unkept)):
             blame = [("the publisher", named[fault.other].instance.name)] if fault.other else []
-            at = named[fault.instance].place(fault.port)
-            self._error(fault.code, fault.message, at, fault.hint, *blame)
+            node = named[fault.instance]
+            if not self._blames(fault.origin, fault.code, fault.reason, fault.hint, node):
+                self._error(fault.code, fault.message, node.place(fault.port), fault.hint, *blame)
 
     def _host_addresses(self, ordered: Mapping[str, Sequence[Node]]) -> Mapping[str, str]:
         """At which number each host is reached, "" being this one; nothing if that is not known."""
@@ -456,16 +572,24 @@ class _Planner:
             return {}
 
     def _wire_hosts(self, ordered: Mapping[str, Sequence[Node]], addresses: Mapping[str, str]) -> None:
-        """How those on several hosts reach each other, beside what is found over Ice."""
+        """How instances reach each other, beside what is found over Ice."""
         named = {node.name: node for together in ordered.values() for node in together}
+        configured = {each.name: each.settings.transports for each in self._configured}
         sites = [
-            Site(node.name, process, node.host, self._zeromq_port(node), node.instance.program is not None)
+            Site(
+                node.name,
+                process,
+                node.host,
+                self._port(node),
+                node.instance.program is not None,
+                configured.get(node.name, {}),
+            )
             for process, together in ordered.items()
             for node in together
         ]
         encrypted = placing.security(self._model) is Security.LAN
         network = Network(self._model.name.text, addresses, sites, self._choice.ways, encrypted)
-        wiring = wire_hosts(network) if len(addresses) > 1 else Wiring()
+        wiring = wire_hosts(network)
         once = {(fault.code, fault.instance, fault.other): fault for fault in reversed(wiring.faults)}
         for fault in reversed(once.values()):
             self._fault(fault, named)
@@ -481,18 +605,18 @@ class _Planner:
             node.name: Place(node.host, addresses[node.host], placing.port(node.instance)) for node in named.values()
         }
         everyone = [*self._configured, *self._programs]
-        free = first_free_port(self._model.name.text, len(places))
-        self._places = iceplaces.find(everyone, self._choice.ways, places, free, addresses.get("", iceplaces.LOOPBACK))
+        free = free_ports(self._model.name.text, len(places))
+        here = addresses.get("", iceplaces.LOOPBACK)
+        self._places = iceplaces.find(everyone, self._choice.ways, places, free, here)
         for fault in worth_telling(self._places.faults):
             self._fault(fault, named)
         for each in self._configured:
             if each.name in self._places.taken:
-                port = self._zeromq_port(named[each.name])
-                bind = f"tcp://{iceplaces.LOOPBACK}:{port}" if _provides_over(ZEROMQ, each) else ""
-                self._places.settings.setdefault(each.name, []).append(f"transports.zeromq.bind={toml(bind)}")
+                found = self._places.settings.setdefault(each.name, [])
+                found += _at_port(self._port(named[each.name]), each)
 
-    def _zeromq_port(self, node: Node) -> int:
-        """The one it has for ZeroMQ: behind those of its interfaces over Ice."""
+    def _port(self, node: Node) -> int:
+        """The one it has for other transports: behind those of its interfaces over Ice."""
         first = placing.port(node.instance)
         return first + self._places.taken.get(node.name, 0) if first else 0
 
@@ -512,10 +636,10 @@ class _Planner:
         openings = list(security.openings_of(self._configured, self._choice.carriers, wired.settings))
         hosts = {node.name: node.host for node in nodes}
         for way in ways:
-            between = {hosts[way.client], hosts[way.provider]} if way.middleware == ZENOH else set()
-            for router in (wired.routers.get(host, {}).get("router", {}) for host in between if len(between) > 1):
-                reached = router.get("listen/endpoints", ())
-                openings += [security.Opening(way.client, ZENOH, {"connect": each}) for each in reached]
+            between = {hosts[way.client], hosts[way.provider]}
+            used = [each for each in wired.helpers if each.middleware == way.middleware and each.host in between]
+            if len(between) > 1:
+                openings += [security.Opening(way.client, way.middleware, each.options) for each in used]
         faults = worth_telling(security.faults(allowed, openings, ways))
         named = {node.name: node for node in nodes}
         for fault in faults[:1] if allowed is Security.LOCAL else faults:  # there is one way out for all of them
@@ -543,6 +667,35 @@ class _Planner:
 
     def _error(self, code: str, message: str, at: Name, hint: str = "", *related: tuple[str, Name]) -> None:
         self._report.error(code, message, at.span, hint, *((text, name.span) for text, name in related))
+
+
+def _with_instance(part: str, rest: str, nodes: Sequence[Node]) -> str:
+    """The key that is meant by one without an instance, for one that has such a parameter; "" if it is no key."""
+    if part not in settings.KEYS:
+        return ""
+    name = re.split(r"[.\[]", rest)[0]
+    having = [each.name for each in nodes if part == "params" and _has(each.component.params, name)]
+    return next((f"`{each}.{part}.{rest}`" for each in (*having, *(node.name for node in nodes))), "")
+
+
+def _has(params: ParameterSet | None, name: str) -> bool:
+    return params is not None and name in [
+        *(each.name for each in params.parameters),
+        *(each.name for each in params.lists),
+    ]
+
+
+def _operations(client: Node, interface: str) -> int:
+    """How many operations of an interface an instance may call."""
+    wanted = (port for port in client.component.ports if port.verb is Verb.REQUIRES)
+    return max((len(port.interface.operations) for port in wanted if port.interface.short == interface), default=1)
+
+
+def _at_port(port: int, provider: Configured | None = None) -> Iterator[str]:
+    """What a port that its network gives to an instance means; if the provider is known, for what it provides."""
+    for name, each in deployments().items():
+        wanted = port if provider is None or _provides_over(name, provider) else 0
+        yield from (f"transports.{name}.{key}={toml(value)}" for key, value in each.at_port(wanted).items())
 
 
 def _provides_over(middleware: str, each: Configured) -> bool:

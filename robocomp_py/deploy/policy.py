@@ -7,8 +7,9 @@
 Before everything was ready, a process that is given up stops the network, which cannot come up any more; so does one
 that ends, however well, while another that needs it is still on its way. Whoever is given up later is reported, and
 its system's escalation says who ends with it; all others go on. Whoever starts, for the first time or again, starts
-when those it depends on are ready. Stopping goes backwards: a process is told to stop when those that depend on it
-are gone, and killed if it does not within its grace. Nothing starts once the network stops.
+when those it depends on are ready. It also waits for those that it requires something of, unless they are gone for
+good. Stopping goes backwards: a process is told to stop when those that depend on it, or require something of it, are
+gone, and killed if it does not within its grace. Nothing starts once the network stops.
 
 Several instances may run in one process, which goes on when one of them ends well.
 """
@@ -72,6 +73,10 @@ class Child:
     """The instances of others without which it does not become ready."""
     is_kept: bool = False
     """Whether it goes on while its host is out of reach, and is found there again."""
+    ready_after: tuple[str, ...] = ()
+    """Those that it requires something of: it is started when they are ready, or gone for good."""
+    stops_before: tuple[str, ...] = ()
+    """Those that it requires something of, and that are stopped after it."""
 
 
 # What happens.
@@ -310,6 +315,11 @@ class Supervisor:
         for each in self.progress.values():
             for name in each.child.after:
                 self._dependents[name].append(each)
+        self._clients: dict[str, list[Progress]] = {name: list(those) for name, those in self._dependents.items()}
+        """Those that are stopped before each."""
+        for each in self.progress.values():
+            for name in each.child.stops_before:
+                self._clients[name].append(each)
         self._lost_hosts: set[str] = set()
         self._now, self._chance = 0.0, 0.5
         self._notices: list[Action] = []
@@ -341,6 +351,10 @@ class Supervisor:
             for each in self.progress.values()
             if name == each.child.name or name in each.instances or each.child.system[: len(path)] == path
         ]
+
+    def awaited(self, name: str) -> list[str]:
+        """The processes that a process requires, and that are going to be ready."""
+        return [other for other in self.progress[name].child.ready_after if self._is_due(self.progress[other])]
 
     def grace(self, name: str) -> float:
         """The seconds that a process has to end by itself."""
@@ -617,6 +631,8 @@ class Supervisor:
             return []
         if not all(self._has_been_ready(self.progress[name]) for name in each.child.after):
             return []
+        if self.awaited(each.child.name):
+            return []
         each.starts, each.started_at = each.starts + 1, self._now
         each.ready_at = None
         each.is_done = each.is_killed = each.is_put_off = False
@@ -645,7 +661,7 @@ class Supervisor:
         """Whether somebody depends on it who has to be stopped first."""
         if self._impatient:
             return False
-        return any(other.leaving and not other.state.gone for other in self._dependents[each.child.name])
+        return any(other.leaving and not other.state.gone for other in self._clients[each.child.name])
 
     # Small steps.
 
@@ -700,6 +716,12 @@ class Supervisor:
         if each.ready_at is None and not each.is_killed and code == FAILED:
             return True  # what it needed to become ready was stopped with it
         return code in _STOPPED_BY_US or (self._impatient and code == -signal.SIGKILL)
+
+    def _is_due(self, each: Progress) -> bool:
+        """Whether it is not ready, and only its own start keeps it from that."""
+        if each.child.host in self._lost_hosts:
+            return False
+        return each.again or each.state in (State.WAITING, State.STARTING, State.RESTARTING)
 
     def _has_been_ready(self, each: Progress) -> bool:
         return each.state is State.READY or each.is_done

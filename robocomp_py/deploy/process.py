@@ -40,6 +40,10 @@ class Process:
     restart: Restart = field(default_factory=Restart)
     grace: float | None = None
     """Seconds it has to end by itself, if the network says so."""
+    ready_after: tuple[str, ...] = ()
+    """The processes of which it requires something, and which are to be ready first, unless they are gone for good."""
+    stops_before: tuple[str, ...] = ()
+    """The processes of which it requires something, and which go on until it has stopped."""
     system: tuple[str, ...] = ()
     """The systems around it, the outermost first."""
     files: tuple[Path, ...] = ()

@@ -7,17 +7,28 @@ import itertools
 from collections import deque
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 LINES, CHARACTERS = 1000, 65536
 """How much is kept of each."""
 
-Sink = Callable[[str, str], None]
+
+class Line(NamedTuple):
+    """A line that a process printed."""
+
+    at: float
+    """When it came, in seconds since the Unix epoch."""
+    name: str
+    text: str
+
+
+Sink = Callable[[Line], None]
 
 
 @dataclass
 class _Kept:
-    lines: deque[tuple[int, str, str]] = field(default_factory=deque)
-    """With the number of the line among all, and the name."""
+    lines: deque[tuple[int, Line]] = field(default_factory=deque)
+    """With the number of the line among all."""
     characters: int = 0
 
 
@@ -27,22 +38,22 @@ class Ring:
         self._numbers = itertools.count()
         self._sinks: list[Sink] = []
 
-    def write(self, name: str, text: str) -> None:
-        kept = self._kept.setdefault(name, _Kept())
-        kept.lines.append((next(self._numbers), name, text))
-        kept.characters += len(text)
+    def write(self, line: Line) -> None:
+        kept = self._kept.setdefault(line.name, _Kept())
+        kept.lines.append((next(self._numbers), line))
+        kept.characters += len(line.text)
         while len(kept.lines) > LINES or (kept.characters > CHARACTERS and len(kept.lines) > 1):
-            kept.characters -= len(kept.lines.popleft()[2])
+            kept.characters -= len(kept.lines.popleft()[1].text)
         for sink in self._sinks:
-            sink(name, text)
+            sink(line)
 
-    def last(self, names: Collection[str], count: int) -> list[tuple[str, str]]:
-        """The newest lines of these (of all, if none is named), with their names, the oldest first."""
+    def last(self, names: Collection[str], count: int) -> list[Line]:
+        """The newest lines of these processes (of all, if none is named), the oldest first."""
         chosen = [kept.lines for name, kept in self._kept.items() if not names or name in names]
         newest = heapq.nlargest(count, itertools.chain.from_iterable(chosen))
-        return [(name, text) for _, name, text in reversed(newest)]
+        return [line for _, line in reversed(newest)]
 
     def follow(self, sink: Sink) -> Callable[[], None]:
-        """Have each line told from now on, with its name. Returns what ends that."""
+        """Have each line told from now on. Returns what ends that."""
         self._sinks.append(sink)
         return lambda: self._sinks.remove(sink)

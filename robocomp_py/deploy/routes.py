@@ -8,23 +8,22 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
 from .. import installed
 from ..contract.component import Component, Port
 from ..contract.interface import Pattern, Verb
+from ..contract.middleware import AUTO, carrier, is_auto
 from ..contract.qos import QoS, shortfalls
 from ..dsl.diagnostics import did_you_mean
 from ..errors import ConfigurationError
-from ..runtime.settings import Document, Settings, Way, carrier, is_auto
+from ..runtime.settings import Document, Settings, Way
 from ..spelling import unknown
-from ..transports import iceoptions
 from ..transports.base import Capability, find_transport
+from ..transports.deployment import deployment_of
 from ..wire import names
-
-ICE = "ice"
 
 _MIDDLEWARE = re.compile(r'^    middleware = "([^"]+)"$', re.MULTILINE)
 
@@ -43,6 +42,10 @@ class Fault:
     """The instance at the other end, if it is to blame as well."""
     port: str = ""
     """Of the instance, if it is about one."""
+    origin: str = ""
+    """Who said what is wrong, if that is known."""
+    reason: str = ""
+    """The message without that."""
 
     def __str__(self) -> str:
         return f"{self.message}; {self.hint}" if self.hint else self.message
@@ -58,6 +61,8 @@ class Aim:
     """Over which it is to go; "" if that is left open."""
     said: str
     """The key of the port that says so."""
+    is_link: bool = False
+    """Whether the network names the middleware for this link; the provider then offers it too."""
 
 
 @dataclass(frozen=True)
@@ -69,13 +74,15 @@ class Configured:
     settings: Settings
     document: Document
     generated_for: str
-    """The middleware of its generic part."""
+    """The choice in its generic part: a middleware, or auto; "" if there is none."""
     process: str = ""
     """The one it shares with others; "" if it has one of its own."""
     is_program: bool = False
     """Whether it is a program of somebody's own, which is not configured from here."""
     host: str = ""
     """Which host it runs on; "" for the one that launches the network."""
+    carriers: Mapping[str, str] = field(default_factory=dict)
+    """The middlewares that the network names for single links, by the name of the port that uses."""
 
     @cached_property
     def instance(self) -> str:
@@ -93,12 +100,13 @@ class Configured:
 
     def named(self, port: Port, operation: str) -> str:
         """What is to carry an operation, and nothing else; "" if that is left open."""
-        return _named(self.settings.port(port, operation).middleware)
+        return _named(self.settings.port(port, operation).middleware or self.generated_for)
 
     def aims(self, port: Port, operation: str) -> list[Aim]:
         """To whom a port that uses an interface goes."""
         chosen = self.settings.port(port, operation)
-        own = Aim(chosen.source or "", self.named(port, operation), "from")
+        named = self.named(port, operation)
+        own = Aim(chosen.source or "", named, "from", bool(named) and named == self.carriers.get(port.name))
         return [own, *(_further(own, way) for way in chosen.also or ())]
 
     def middlewares(self) -> set[str]:
@@ -140,11 +148,10 @@ class Configured:
         return self.document.place(("ports", port.name, "also")) if aim.said == "also" else self.origin(port, operation)
 
     def outside(self, port: Port, operation: str, aim: Aim) -> str:
-        """The proxy of what a port finds over Ice outside of the network; "" if it finds nothing there."""
-        options = self.settings.transports.get(ICE)
-        if not options or (aim.middleware or self.middleware(port, operation)) != ICE:
-            return ""
-        return iceoptions.read(options).proxy_of(names.channel(*self.source(port, aim), operation)) or ""
+        """Where a port finds something outside of the network, as its options say; "" if it finds nothing there."""
+        middleware = aim.middleware or self.middleware(port, operation)
+        channel = names.channel(*self.source(port, aim), operation)
+        return deployment_of(middleware).outside(self.settings.transports.get(middleware, {}), channel)
 
     def operations(self, *, providing: bool) -> Iterator[tuple[Port, str]]:
         yield from ((port, operation) for port, operation, _ in self.patterns(providing=providing))
@@ -162,17 +169,17 @@ class Configured:
         return [port for port in ports if segment in (None, self.component.segment(port))]
 
 
-def _named(middleware: str | None) -> str:
-    return "" if is_auto(middleware) else middleware or ""
+def _named(middleware: str) -> str:
+    return "" if is_auto(middleware) else middleware
 
 
 def _further(own: Aim, way: Way) -> Aim:
     source = own.source if way.source is None else way.source
-    return Aim(source, own.middleware if way.middleware is None else _named(way.middleware), "also")
+    return Aim(source, own.middleware if way.middleware is None else _named(way.middleware or AUTO), "also")
 
 
 def generated_for(folder: Path) -> str:
-    """The middleware that a component's generic part was generated for; "" if there is none."""
+    """The choice in a component's generic part: a middleware, or auto; "" if there is none."""
     try:
         text = (folder / "generic" / "genericworker.py").read_text(encoding="utf-8", errors="replace")
     except OSError:
@@ -273,6 +280,8 @@ def met(client: Configured, port: Port, operation: str, everybody: Everybody) ->
 
 def _suits(aim: Aim, server: Configured, theirs: Port, operation: str) -> bool:
     """Whether a provider offers an operation over what an aim names, or leaves that open."""
+    if aim.is_link and not server.is_program:
+        return True
     offered = server.settings.middlewares(theirs, operation, server.generated_for)
     return not aim.middleware or not server.named(theirs, operation) or aim.middleware in offered
 
@@ -282,7 +291,8 @@ def _unfit_choices(each: Configured, told: Collection[str]) -> Iterator[Fault]:
     for name, origin in dict.fromkeys((each.middleware(*at), each.origin(*at)) for at in ports):
         if name and name not in told and _is_unfit(each, name):
             fault = unfit(name) or unshared(name, each.name)
-            yield Fault(fault.code, f"`{each.name}` ({origin}): {fault.message}", fault.hint, each.name)
+            message = f"`{each.name}` ({origin}): {fault.message}"
+            yield Fault(fault.code, message, fault.hint, each.name, origin=origin, reason=fault.message)
     further = [(way.middleware or "", port) for port, at in ports for way in each.settings.port(port, at).also or ()]
     for name, port in further:
         if _named(name) and (absent := unfit(name)):

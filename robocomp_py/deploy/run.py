@@ -20,8 +20,8 @@ from ..contract.interface import Verb
 from ..errors import DeploymentError, HostUnreachable
 from ..runtime.notify import notify
 from ..transports.base import TransportConfig, hosting
+from ..transports.deployment import deployment_of
 from .agents import Agent, Listener, Usage
-from .iceplaces import ICE
 from .lane import ABREAST, Lane
 from .plan import Plan
 from .policy import (
@@ -140,6 +140,8 @@ class _Run(Listener, Network):
         self._lanes: dict[str, Lane] = {}
         self._unreachable: dict[str, str] = {}
         """Why a host is out of reach."""
+        self._contracts: dict[str, Mapping[str, str]] = {name: each.operations for name, each in plan.ours.items()}
+        """By instance; that of the plan until it has started and told its own."""
         self._meter = Meter()
         self._began = clock()
         self._was_up = False
@@ -296,7 +298,7 @@ class _Run(Listener, Network):
                 self._later("duration", self._options.duration, self._is_over)
 
     def _is_over(self) -> None:
-        self._events.put_nowait(StopRequested(why="time is over"))
+        self._events.put_nowait(StopRequested(why="time limit reached"))
 
     def _later(self, what: str, seconds: float, deed: Callable[[], None]) -> None:
         self._timers[what] = asyncio.get_running_loop().call_later(seconds, deed)
@@ -360,6 +362,11 @@ class _Run(Listener, Network):
             left.append(instance)
             self._events.put_nowait(Left(instance))
 
+    def contract(self, name: str, instance: str, operations: Mapping[str, str]) -> None:
+        process = self._processes[name]
+        if process.whole(instance) in process.instances:
+            self._contracts[process.whole(instance)] = operations
+
     def hung(self, name: str) -> None:
         self._events.put_nowait(Hung(name))
 
@@ -405,6 +412,7 @@ class _Run(Listener, Network):
         process, progress = self._processes[name], self._supervisor.progress[name]
         there = not progress.state.gone
         usage = used.get(name) if there else None
+        lives = {process.whole(each): life for each, life in usage.lives.items()} if usage else {}
         return ProcessStatus(
             name=name,
             component=process.component,
@@ -424,6 +432,8 @@ class _Run(Listener, Network):
             calls=usage.calls_per_s if usage else None,
             worst=usage.worst_ms / 1000 if usage else None,
             status=self._teller.statuses.get(name, "") if there else "",
+            lives={each: lives[each] for each in process.instances if each in lives},
+            contracts={each: self._contracts[each] for each in process.instances if there and each in self._contracts},
         )
 
 
@@ -448,6 +458,8 @@ def children(plan: Plan, grace: float) -> list[Child]:
             each.instances,
             frozenset(needs.get(each.name, ())),
             each.host in keeping,
+            ready_after=each.ready_after,
+            stops_before=each.stops_before,
         )
         for each in plan.processes
     ]
@@ -472,12 +484,10 @@ def run(plan: Plan, options: Options, display: Display, services: Sequence[Servi
     with contextlib.ExitStack() as end, contextlib.ExitStack() as hosted, contextlib.suppress(asyncio.CancelledError):
         owner = f"rcdeploy {plan.name}"
         for opened in plan.transports:
-            if opened.middleware != ICE:  # of which only topics need something
+            if deployment_of(opened.middleware).shares:
                 hosted.enter_context(hosting(opened.middleware, TransportConfig(opened.options, owner)))
-        for storm in plan.storms:
-            hosted.enter_context(hosting(ICE, TransportConfig({"storm": storm}, owner)))
-        if "" in plan.routers:
-            hosted.enter_context(hosting("zenoh", TransportConfig(plan.routers[""], owner)))
+        for helper in (each for each in plan.helpers if not each.host):
+            hosted.enter_context(hosting(helper.middleware, TransportConfig(helper.options, owner)))
         try:
             return asyncio.run(run_plan(plan, options, display, services))
         finally:

@@ -1,43 +1,36 @@
 """What the security of a network allows: pure, from how its instances will be configured.
 
 local    nothing that another machine could reach: loopback, sockets and shared memory of the run-time folder
-lan      beyond that only what authenticates and encrypts: ZeroMQ with CURVE, Zenoh with TLS; never DDS or Ice
+lan      beyond that only what authenticates and encrypts, as the deployment side of its transport declares
 open     everything, once `--insecure` says that this is meant
 """
 
 from __future__ import annotations
 
 import dataclasses
-import ipaddress
-import re
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from .. import installed
+from ..contract.middleware import DEFAULT
+from ..errors import ConfigurationError
 from ..runtime import settings
 from ..runtime.document import Document
 from ..runtime.notify import BETWEEN
-from ..transports import iceoptions
-from ..transports.iceoptions import IceEndpoint, IceOptions
+from ..transports.base import Capability, find_transport
+from ..transports.deployment import deployment_of, deployments, is_loopback
+from ..transports.network import Helper
+from ..transports.permissions import router_name
 from . import keys
 from .auto import Way
 from .plan import Plan, Security
 from .process import Process
 from .routes import Configured, Fault
 
-ZEROMQ, ZENOH, DDS, ICE = "zeromq", "zenoh", "dds", "ice"
-
-_UNPROTECTED = {
-    DDS: "DDS as pip installs it has neither authentication nor encryption",
-    ICE: "Ice as RoboComp's programs speak it has neither authentication nor encryption",
-}
-"""What no key of ours helps, and why."""
-
+_SAY_OPEN = "write `security open;`"
 _SAY = "write `security lan;` and make keys by `rcdeploy keys`, or `security open;` if everybody may take part"
-_SAY_UNPROTECTED = (
-    f"stay on this machine, or use {ZEROMQ} or {ZENOH}, or write `security open;` if everybody may take part"
-)
 
 
 @dataclass(frozen=True)
@@ -68,30 +61,58 @@ def openings_of(
 def faults(security: Security, openings: Sequence[Opening], ways: Sequence[Way]) -> Iterator[Fault]:
     """What the security of a network does not allow of it."""
     for opening in openings:
-        for what, address in _reached(opening):
-            if is_loopback(address):
+        deployment = deployment_of(opening.middleware)
+        for reached in deployment.reached(opening.options):
+            where = f"`{opening.instance}` {reached.what} {reached.address}"
+            if is_loopback(reached.address):
                 continue
             if security is Security.LOCAL:
-                message = f"`{opening.instance}` {what} {address}, which `security local` does not allow: {_BEYOND}"
-                hint = _SAY_UNPROTECTED if opening.middleware in _UNPROTECTED else _SAY
-                yield Fault("insecure", message, hint, opening.instance)
-            elif security is Security.LAN and opening.middleware == ZENOH and not address.startswith("tls/"):
-                message = f"`{opening.instance}` {what} {address}, which is not encrypted"
-                hint = "write tls/ADDRESS:PORT, as `security lan` needs it, or leave it to rcdeploy"
-                yield Fault("insecure", message, hint, opening.instance)
-    if security is Security.LAN:
-        yield from _unprotected(openings, ways)
-
-
-def _unprotected(openings: Sequence[Opening], ways: Sequence[Way]) -> Iterator[Fault]:
-    for middleware, why in _UNPROTECTED.items():
-        users = [end for way in ways if way.middleware == middleware for end in (way.client, way.provider)]
-        told = [opening.instance for opening in openings if opening.middleware == middleware]
-        if instances := list(dict.fromkeys((*users, *told))):
+                message = f"{where}, which `security local` does not allow: {_BEYOND}"
+                instead = f"stay on this machine, or use {_protected()}, or {_SAY_OPEN} if everybody may take part"
+                yield Fault("insecure", message, instead if deployment.unprotected else _SAY, opening.instance)
+            elif security is Security.LAN and reached.unencrypted:
+                yield Fault("insecure", f"{where}, which is not encrypted", reached.unencrypted, opening.instance)
+    for middleware, instances in _users(openings, ways).items():
+        if why := _why_not(security, middleware):
             use = f"{_listed(instances)} {'uses' if len(instances) == 1 else 'use'} `{middleware}`"
-            message = f"{use}, which `security lan` does not allow: {why}"
-            hint = f"use {ZEROMQ} or {ZENOH}, or `security open;` on a network that you trust"
+            message = f"{use}, which `security {security}` does not allow: {why}"
+            hint = f"use {_protected()}, or `security open;` on a network that you trust"
             yield Fault("insecure", message, hint, instances[0])
+
+
+def _why_not(security: Security, middleware: str) -> str:
+    """Why a middleware is not allowed, wherever its instances are."""
+    if security is Security.LAN:
+        return deployment_of(middleware).unprotected
+    if security is Security.LOCAL and _reaches_out(middleware):
+        return "its transport declares that it reaches other machines (`Capability.CROSS_HOST`)"
+    return ""
+
+
+def _reaches_out(middleware: str) -> bool:
+    """Whether a transport always reaches other machines. Ours do so only if they are told to."""
+    try:
+        declared: Capability = getattr(find_transport(middleware), "capabilities", Capability.NONE)
+    except ConfigurationError:
+        return False
+    return Capability.CROSS_HOST in declared
+
+
+def _protected() -> str:
+    """The transports that cross hosts and keep strangers out, the default one first."""
+    names = [name for name, each in deployments().items() if each.crosses_hosts and not each.unprotected]
+    return " or ".join(sorted(names, key=lambda name: (name != DEFAULT, name)))
+
+
+def _users(openings: Sequence[Opening], ways: Sequence[Way]) -> dict[str, list[str]]:
+    """By middleware, the instances that use it. One that is not installed at all is another error."""
+    found: dict[str, list[str]] = {}
+    for way in ways:
+        found.setdefault(way.middleware, []).extend((way.client, way.provider))
+    for opening in openings:
+        found.setdefault(opening.middleware, []).append(opening.instance)
+    known = installed.transports()
+    return {name: list(dict.fromkeys(users)) for name, users in found.items() if name in known}
 
 
 _LISTED = 5
@@ -106,60 +127,6 @@ def _listed(instances: Sequence[str]) -> str:
 
 
 _BEYOND = "other machines reach it, and it would know nobody"
-
-
-def _reached(opening: Opening) -> Iterator[tuple[str, str]]:
-    """Where an instance listens or connects, in whatever the transport calls that."""
-    options = opening.options
-    match opening.middleware:
-        case "zeromq":
-            if bind := options.get("bind"):
-                yield "listens at", str(bind)
-            connect = options.get("connect")
-            for address in connect.values() if isinstance(connect, Mapping) else ():
-                yield "connects to", str(address)
-        case "zenoh":
-            if connect := options.get("connect"):
-                yield "connects to", str(connect)
-        case "dds":
-            interface = options.get("interface", "lo")
-            if interface != "lo":
-                yield "uses the network interface", str(interface) or "of DDS's own choice"
-        case "ice":
-            yield from _reached_by_ice(iceoptions.read(options))
-
-
-def _reached_by_ice(options: IceOptions) -> Iterator[tuple[str, str]]:
-    served = [each for text in options.endpoints.values() for each in iceoptions.parse_endpoints(text)]
-    for each in (IceEndpoint("tcp", options.host), *served):
-        yield "listens at", _address(each, options)
-    said = [] if options.storm == iceoptions.STORM else [options.storm]  # else it is wherever we are
-    for text in (*options.proxies.values(), *said):
-        for each in iceoptions.parse_proxy(text).endpoints:
-            yield "connects to", _address(each, options)
-
-
-def _address(endpoint: IceEndpoint, options: IceOptions) -> str:
-    host = endpoint.host or options.host
-    return f"tcp://{f'[{host}]' if ':' in host else host}:{endpoint.port or '*'}"
-
-
-def is_loopback(address: str) -> bool:
-    """Whether only this machine reaches what is at an address of a transport."""
-    kind, _, rest = address.partition("://") if "://" in address else address.partition("/")
-    if not rest:
-        rest = address
-    elif kind not in ("tcp", "tls", "udp", "quic", "ws"):
-        return kind in ("here", "ipc", "inproc", "unixsock-stream", "unixpipe")  # names of others are not known to us
-    host = re.sub(r"[?#].*", "", rest)
-    host = host.rpartition(":")[0] if re.search(r":(\d+|\*)$", host) else host
-    host = host.strip("[]")
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False  # a name, which may be anybody's, or `*`
 
 
 def why_not(plan: Plan, *, insecure: bool) -> str:
@@ -183,21 +150,22 @@ def warning(plan: Plan) -> str:
 
 
 def secured(plan: Plan, folder: Path) -> Plan:
-    """The same network, with each of its processes and routers given its own keys of that folder, if it needs any.
+    """The same network, with each of its processes and helpers given its own keys of that folder, if it needs any.
 
     Raises DeploymentError if there is not one for each.
     """
     if plan.security is not Security.LAN:
         return plan
     processes = tuple(_with_keys(each, keys.folder_of(folder, each.name).absolute()) for each in plan.processes)
-    routers = {
-        host: {
-            **options,
-            "router": {**options.get("router", {}), **keys.router_settings(plan, host, folder.absolute())},
-        }
-        for host, options in plan.routers.items()
-    }
-    return dataclasses.replace(plan, processes=processes, routers=routers)
+    helpers = tuple(_with_own(each, plan, folder.absolute()) if each.addresses else each for each in plan.helpers)
+    return dataclasses.replace(plan, processes=processes, helpers=helpers)
+
+
+def _with_own(helper: Helper, plan: Plan, folder: Path) -> Helper:
+    own = folder / router_name(helper.host or "")
+    numbers = keys.numbers(plan, folder)
+    options = deployment_of(helper.middleware).secured(helper, keys.graph_of(plan), own, numbers)
+    return dataclasses.replace(helper, options=options, keys=str(own))
 
 
 def _with_keys(process: Process, folder: Path) -> Process:

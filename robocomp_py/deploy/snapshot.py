@@ -7,10 +7,10 @@ of it can be written as JSON as it is.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
-from .agents import Usage
+from .agents import Life, Usage
 from .policy import RestartRequested, State, StopRequested
 
 
@@ -51,6 +51,10 @@ class ProcessStatus:
     """Seconds that the slowest of them took."""
     status: str
     """What it said last about itself."""
+    lives: Mapping[str, Life] = field(default_factory=dict)
+    """By instance in it that tells: in which state it is, and what it missed."""
+    contracts: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    """By instance in it, the operations of its interfaces with the fingerprints that it has started with."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,17 +5,17 @@ from __future__ import annotations
 import contextlib
 import os
 import socket
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 
-_LONGEST = 107
-"""Bytes of a path that the kernel takes for a socket."""
+from ..transports.directory import LONGEST_SOCKET
 
 
 @contextlib.contextmanager
 def address(path: Path) -> Iterator[str]:
     """How to call a socket of this path."""
-    if len(os.fsencode(path)) <= _LONGEST:
+    if len(os.fsencode(path)) <= LONGEST_SOCKET:
         yield str(path)
         return
     folder = os.open(path.parent, os.O_DIRECTORY | os.O_CLOEXEC)
@@ -32,7 +32,7 @@ def listening(path: Path) -> socket.socket:
     try:
         with address(path) as name:
             made.bind(name)
-        made.listen(16)
+        made.listen(128)  # at most this many clients wait for their turn
     except OSError:
         made.close()
         raise
@@ -40,12 +40,19 @@ def listening(path: Path) -> socket.socket:
 
 
 def connected(path: Path, patience_s: float) -> socket.socket:
-    """To who listens there. Raises OSError if nobody does."""
+    """A connection to the server there. Raises TimeoutError if its queue stays full, OSError if nothing listens."""
     made = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_CLOEXEC)
-    made.settimeout(patience_s)
     try:
+        # With a time-out of Python's, the socket does not block: the kernel would refuse a full queue at once, and
+        # blocking clients would take the place of one that tries again later. So the kernel does the waiting.
+        microseconds = max(int(patience_s * 1e6), 1)
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, struct.pack("ll", *divmod(microseconds, 1_000_000)))
         with address(path) as name:
             made.connect(name)
+        made.settimeout(patience_s)
+    except BlockingIOError as exc:
+        made.close()
+        raise TimeoutError(exc.errno, "too many clients wait there") from exc
     except OSError:
         made.close()
         raise

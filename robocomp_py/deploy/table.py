@@ -6,9 +6,12 @@ A line for each process, and below it, if it has several instances, one for each
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 
+from .. import __version__
+from .agents import Life
 from .policy import State
 from .snapshot import ProcessStatus, Snapshot
 
@@ -27,6 +30,11 @@ STYLES = {
     State.ENDED: "dim",
     State.FAILED: "bold red",
 }
+USUAL = "compute"
+"""The state of the life cycle in which a ready component usually is; others are shown."""
+
+_UNUSUAL = "bold red"
+
 HERE = "here"
 """What the machine of the controller is called in the column of hosts."""
 
@@ -53,6 +61,8 @@ def summary(snapshot: Snapshot) -> Line:
         counted[State.ENDED] += len(each.ended)
         counted[each.state] += len(each.instances) - len(each.ended)
     states = [(f"{number} {state}", STYLES[state]) for state, number in _in_order(counted)]
+    unusual = Counter(filter(None, (_unusual(each, name) for each in processes for name in each.instances)))
+    states += [(f"{number} in {state}", _UNUSUAL) for state, number in unusual.items()]
     lost = [host for host in snapshot.hosts if not host.reachable]
     line: Line = [(snapshot.network, "bold"), (f": {instances} {'component' if instances == 1 else 'components'}", "")]
     for said, style in states:
@@ -90,7 +100,7 @@ def table(
         _leave_out(columns, widths, note, width)
     lines = [_line([(column.title, column, "dim") for column in columns], widths)]
     for process in processes:
-        style = STYLES[process.state]
+        style = _UNUSUAL if _state(process) != str(process.state) else STYLES[process.state]
         name = (colours or {}).get(process.name, "")
         lines.append(
             _line([(column.value(process), column, _style(column, name, style)) for column in columns], widths)
@@ -99,6 +109,30 @@ def table(
     if others:
         lines.append([(_more(others), "dim")])
     return lines
+
+
+def ports(ways: Iterable[Mapping[str, str]]) -> list[Line]:
+    """The ports of a network's instances that are linked, with the instances at the other end.
+
+    `ways` are those of its plan, as JSON.
+    """
+    peers: dict[tuple[str, str, str, str], dict[str, None]] = {}
+    for way in ways:
+        client, provider, verb, over = way["client"], way["provider"], way["verb"], way["middleware"]
+        peers.setdefault((client, verb, way["port"], over), {})[provider] = None
+        peers.setdefault((provider, _OTHER_END[verb], way["interface"], over), {})[client] = None
+    heads = ("instance", "port", "peers", "over")
+    rows = [(instance, f"{verb} {port}", ", ".join(peers[key]), over)
+            for key in sorted(peers) for instance, verb, port, over in (key,)]  # fmt: skip
+    widths = [max(map(len, cells)) for cells in zip(heads, *rows, strict=True)]
+
+    def line(cells: Sequence[str], style: str) -> Line:
+        return [(_GAP.join(f"{cell:<{width}}" for cell, width in zip(cells, widths, strict=True)).rstrip(), style)]
+
+    return [line(heads, "dim"), *(line(row, "") for row in rows)] if rows else []
+
+
+_OTHER_END = {"requires": "implements", "subscribesTo": "publishes"}
 
 
 def text(line: Line) -> str:
@@ -119,6 +153,16 @@ def duration(seconds: float) -> str:
     if hours < 24:
         return f"{hours}:{minutes % 60:02}:{whole % 60:02}"
     return f"{hours // 24} d {hours % 24:02}:{minutes % 60:02}"
+
+
+def clock_time(at: float) -> str:
+    """`12:34:56.789`, of seconds since the Unix epoch, as clocks show it here."""
+    return f"{datetime.fromtimestamp(at):%H:%M:%S.%f}"[:-3]
+
+
+def full_time(at: float) -> str:
+    """`2026-03-01 12:34:56.789`."""
+    return f"{datetime.fromtimestamp(at):%Y-%m-%d %H:%M:%S.%f}"[:-3]
 
 
 def memory(size: int) -> str:
@@ -146,6 +190,27 @@ def _note(process: ProcessStatus) -> str:
     return process.how or process.status
 
 
+def _unusual(process: ProcessStatus, instance: str) -> str:
+    """The state of the life cycle of a ready component, if it is not the usual one: `emergency`."""
+    life = process.lives.get(instance) if process.state is State.READY and instance not in process.ended else None
+    return life.state if life and life.state != USUAL else ""
+
+
+def _state(process: ProcessStatus) -> str:
+    """Of a process with several components, theirs are shown below it."""
+    own = "" if _is_shared(process) else _unusual(process, process.instances[0])
+    return own or str(process.state)
+
+
+def _sum(process: ProcessStatus, of: Callable[[Life], int]) -> str:
+    return str(sum(map(of, process.lives.values())) or "")
+
+
+def _versions(process: ProcessStatus) -> str:
+    """The versions of robocomp_py that differ from our own."""
+    return ", ".join(sorted({life.version for life in process.lives.values()} - {__version__}))
+
+
 def _maybe(form: Callable[[float], str], value: float | None) -> str:
     return "" if value is None else form(value)
 
@@ -154,7 +219,7 @@ _NOTE = _Column("", _note, to_the_right=False)
 _COLUMNS = (
     _Column("instance", lambda each: each.name, to_the_right=False),
     _Column("host", lambda each: each.host or HERE, to_the_right=False, leaves=3),
-    _Column("state", lambda each: str(each.state), to_the_right=False),
+    _Column("state", lambda each: _state(each), to_the_right=False),
     _Column("pid", lambda each: str(each.pid or ""), leaves=6),
     _Column("uptime", lambda each: _maybe(duration, each.uptime), leaves=5),
     _Column("restarts", lambda each: str(each.restarts), leaves=2),
@@ -162,6 +227,10 @@ _COLUMNS = (
     _Column("memory", lambda each: memory(each.memory) if each.memory else "", leaves=4),
     _Column("calls/s", lambda each: rate(each.calls) if each.calls else "", leaves=7),
     _Column("worst", lambda each: milliseconds(each.worst) if each.worst else "", leaves=8),
+    _Column("overruns", lambda each: _sum(each, lambda life: life.overruns), leaves=9),
+    _Column("missed", lambda each: _sum(each, lambda life: life.missed), leaves=10),
+    _Column("lost", lambda each: _sum(each, lambda life: life.lost), leaves=11),
+    _Column("version", lambda each: _versions(each), to_the_right=False, leaves=12),
     _NOTE,
 )
 
@@ -190,9 +259,10 @@ _URGENT = (
 )  # fmt: skip
 
 
-def _urgency(process: ProcessStatus) -> tuple[int, float]:
+def _urgency(process: ProcessStatus) -> tuple[float, float]:
     """What is wrong first, then who has been restarted, then who uses most."""
-    return _URGENT.index(process.state), -process.restarts - (process.cpu or 0.0)
+    unusual = any(_unusual(process, name) for name in process.instances)
+    return _URGENT.index(process.state) - 0.5 * unusual, -process.restarts - (process.cpu or 0.0)
 
 
 def _height(process: ProcessStatus) -> int:
@@ -240,7 +310,9 @@ def _member(
 ) -> Line:
     """An instance that shares its process."""
     state = State.ENDED if name in process.ended else process.state
-    said = {"instance": (f"  {name}", style), "state": (str(state), STYLES[state])}
+    unusual = _unusual(process, name)
+    shown = (unusual, _UNUSUAL) if unusual else (str(state), STYLES[state])
+    said = {"instance": (f"  {name}", style), "state": shown}
     cells = [(*said.get(column.title, ("", "")), column) for column in columns]
     return _line([(cell, column, how) for cell, how, column in cells], widths)
 

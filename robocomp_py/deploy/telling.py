@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-from collections import deque
 from collections.abc import Collection, Mapping, Sequence
 from typing import Protocol
 
@@ -30,8 +29,6 @@ from .policy import (
     Tick,
 )
 
-LAST_LINES = 20
-
 
 class Display(Protocol):
     """Where people look."""
@@ -51,8 +48,8 @@ class Display(Protocol):
     def ended(self, name: str, how: str) -> None:
         """A component is gone, which is worth a word, but nothing is wrong with it."""
 
-    def failed(self, name: str, how: str, last: list[str]) -> None:
-        """A component failed, and what comes of that; its last lines."""
+    def failed(self, name: str, how: str) -> None:
+        """A component failed; say what follows from that. `line` has shown what it printed itself."""
 
     def tell(self, text: str) -> None:
         """What happens to the network otherwise."""
@@ -66,7 +63,6 @@ class Teller:
     def __init__(self, plan: Plan, until: str | None, supervisor: Supervisor, display: Display) -> None:
         self._plan, self._until, self._supervisor, self._display = plan, until, supervisor, display
         self._processes = {process.name: process for process in plan.processes}
-        self._lines: dict[str, deque[str]] = {name: deque(maxlen=LAST_LINES) for name in self._processes}
         self._killed: dict[str, str] = {}
         """Who was killed by us, and how to say so."""
         self.statuses: dict[str, str] = {}
@@ -77,7 +73,6 @@ class Teller:
         """How each ended last."""
 
     def line(self, name: str, text: str) -> None:
-        self._lines[name].append(text)
         self._display.line(name, text)
 
     def tell(self, event: Event, before: Mapping[str, State], was_stopping: bool, actions: Sequence[Action]) -> None:
@@ -126,8 +121,7 @@ class Teller:
     def _tell_action(self, action: Action, is_late: bool) -> None:
         match action:
             case Start(name):
-                for kept in (self._lines[name], self.left[name]):
-                    kept.clear()
+                self.left[name].clear()
                 for texts in (self._killed, self.statuses):
                     texts.pop(name, None)
             case Kill(name):
@@ -156,10 +150,8 @@ class Teller:
         how += "".join(map(_retried, actions))
         is_mission = self._until in (name, *self._processes[name].instances)
         is_tried_again = state in (State.WAITING, State.STARTING, State.RESTARTING)
-        if state is State.FAILED:
-            self._display.failed(name, how, list(self._lines[name]))
-        elif is_tried_again and (code or hung) and was is not State.STOPPING:
-            self._display.failed(name, how, [])  # which has been seen already, and may be seen some more times
+        if state is State.FAILED or (is_tried_again and (code or hung) and was is not State.STOPPING):
+            self._display.failed(name, how)
         elif killed or (was is not State.STOPPING and not is_mission):
             self._display.ended(name, how)
 
@@ -200,6 +192,7 @@ class Teller:
             for each in process.after
             if states[each] is not State.READY and not progress[each].is_done and each not in barred
         ]
+        after += [each for each in self._supervisor.awaited(name) if each not in after]
         return f"{name} (after {', '.join([*after, *(f'the end of {each}' for each in sorted(barred))])})"
 
 

@@ -12,6 +12,7 @@ import json
 import logging
 import os
 import sys
+import time
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any, TextIO, cast
@@ -24,13 +25,13 @@ from .control import Control
 from .harmless import harmless
 from .logs import Logs
 from .naming import DEPLOYER
-from .place import Place
+from .place import Place, Run
 from .plan import Plan, Process
 from .policy import State
-from .ring import Ring
+from .ring import Line, Ring
 from .run import Options, run
 from .snapshot import Network
-from .table import Span, summary, table
+from .table import Span, clock_time, summary, table
 from .telling import Display
 
 _COLOURS = ("cyan", "green", "yellow", "magenta", "blue", "bright_red", "bright_cyan", "bright_green")
@@ -112,8 +113,14 @@ def discard(stream: TextIO) -> None:
 class Terminal(Display):
     """Lines with coloured names; on a terminal, a table of all processes below them."""
 
-    def __init__(self, plan: Plan, console: Console, leave: Callable[[Path], object] | None = None) -> None:
-        self._plan, self._console, self._leave = plan, console, leave
+    def __init__(
+        self,
+        plan: Plan,
+        console: Console,
+        leave: Callable[[Path], object] | None = None,
+        clock: Callable[[], float] = time.time,
+    ) -> None:
+        self._plan, self._console, self._leave, self._clock = plan, console, leave, clock
         names = [process.name for process in plan.processes]
         self._width = max(map(len, names))
         self._called = {each.name: _called(each) for each in plan.processes}
@@ -124,6 +131,7 @@ class Terminal(Display):
         self._place = Place(plan.name)
         self._live: _Live | None = None
         self._shown = True
+        self._logs: Logs | None = None
 
     @contextlib.asynccontextmanager
     async def watching(self, network: Network) -> AsyncIterator[None]:
@@ -133,6 +141,8 @@ class Terminal(Display):
             self._place.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             await control.open(self._place.control)
             self._place.leave_plan(json.dumps(self._plan.to_json()))
+            if self._logs:
+                self._place.leave_run(Run(self._logs.folder, self._logs.began))
         except OSError as exc:
             self._say(f"nobody can ask how this network is: {self._place.folder}: {exc.strerror}", "yellow")
         if self._console.is_terminal:
@@ -146,6 +156,7 @@ class Terminal(Display):
 
     def keep(self, logs: Logs) -> None:
         """Have what is printed from now on kept in files, too."""
+        self._logs = logs
         self._ring.follow(logs.write)
 
     @contextlib.contextmanager
@@ -161,9 +172,8 @@ class Terminal(Display):
             log.removeHandler(handler)
 
     def line(self, name: str, text: str) -> None:
-        self._ring.write(name, text)
         style = "red" if text.startswith(("ERROR", "CRITICAL")) else "yellow" if text.startswith("WARNING") else ""
-        self._show((f"{name:>{self._width}} {self._bar} ", self._colours[name]), (text.removeprefix("INFO: "), style))
+        self._tell(Line(self._clock(), name, text), text.removeprefix("INFO: "), self._colours[name], style)
 
     def states(self, states: dict[str, State]) -> None:
         self._states = states
@@ -189,12 +199,8 @@ class Terminal(Display):
     def ended(self, name: str, how: str) -> None:
         self._say(f"{self._called.get(name, name)} {how}", "yellow")
 
-    def failed(self, name: str, how: str, last: list[str]) -> None:
+    def failed(self, name: str, how: str) -> None:
         self._say(f"{self._called[name]} {how}", "bold red")
-        if last:
-            self._say(f"the last lines of {name}:", "red")
-        for text in last:
-            self._show((f"    {text}", "red"))
 
     def tell(self, text: str) -> None:
         self._say(text, "")
@@ -203,12 +209,16 @@ class Terminal(Display):
         self._say(f"stopping: {why}", "bold")
 
     def _say(self, text: str, style: str) -> None:
-        self._ring.write(DEPLOYER, text)
-        self._show((f"{DEPLOYER:>{self._width}} {self._bar} {text}", style))
+        self._tell(Line(self._clock(), DEPLOYER, text), text, style, style)
+
+    def _tell(self, line: Line, shown: str, colour: str, style: str) -> None:
+        """Keep a line, and show it with its time."""
+        self._ring.write(line)
+        if self._shown:
+            head = f"{line.name:>{self._width}} {self._bar} "
+            self._show((f"{clock_time(line.at)} ", "dim"), (head, colour), (shown, style))
 
     def _show(self, *spans: Span) -> None:
-        if not self._shown:
-            return
         spans = tuple((harmless(text), style) for text, style in spans)
         if self._live:
             self._live.show(spans)

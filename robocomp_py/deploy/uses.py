@@ -16,6 +16,7 @@ from ..dsl.ddsl.scope import around
 from ..dsl.diagnostics import Report, did_you_mean
 from ..dsl.source import Name
 from ..dsl.workspace import LinkedComponent
+from ..plugins import as_run
 from ..wire import names
 from . import placing
 from .plan import Link
@@ -33,6 +34,8 @@ class Node:
     namespace: str
     wires: dict[str, tuple[str, ...]] = field(default_factory=dict)
     """Whom to use, as a `from` says it, by the name of the port that does."""
+    carriers: dict[str, Name] = field(default_factory=dict)
+    """The middlewares that the network names for single links, by the name of the port that uses."""
     qos: dict[str, Quality] = field(default_factory=dict)
     """What the network says, by the name of the port."""
     places: dict[str, Name] = field(default_factory=dict)
@@ -48,7 +51,9 @@ class Node:
 
     @property
     def component(self) -> Component:
-        return self.linked.component
+        if self.instance.existing:  # a program that does not run here: its CDSL says that it speaks Ice
+            return self.linked.component
+        return as_run(self.linked.component, self.linked.path.parent)
 
 
 def node_of(model: Deployment, instance: Instance, linked: LinkedComponent) -> Node:
@@ -56,11 +61,16 @@ def node_of(model: Deployment, instance: Instance, linked: LinkedComponent) -> N
 
 
 def wire(
-    nodes: Sequence[Node], model: Deployment, report: Report, is_outside: Callable[[Node, Port], bool] | None = None
+    nodes: Sequence[Node],
+    model: Deployment,
+    report: Report,
+    is_outside: Callable[[Node, Port], bool] | None,
+    imported: Sequence[Component],
 ) -> list[Link]:
     """Who uses whom; each node is told its own part of it. What is wrong goes into the report.
 
-    `is_outside` tells whether a port that nobody in the network offers anything to finds it elsewhere.
+    `is_outside` tells whether a port that nobody in the network offers anything to finds it elsewhere. `imported` are
+    the components that the network may have instances of.
     """
     named = {node.name: node for node in nodes}
     offers: dict[tuple[Verb, str], list[_Offer]] = {}
@@ -68,7 +78,9 @@ def wire(
         for port in node.component.ports:
             offers.setdefault(_offers(port), []).append((node, port))
     complete = len(nodes) == len(model.instances)
-    return [link for node in nodes for link in _Wirer(node, named, offers, complete, report, is_outside).links()]
+    return [
+        link for node in nodes for link in _Wirer(node, named, offers, complete, report, is_outside, imported).links()
+    ]
 
 
 _Offer = tuple[Node, Port]
@@ -87,6 +99,7 @@ class _Wirer:
     """Whether those are all instances of the network."""
     report: Report
     is_outside: Callable[[Node, Port], bool] | None
+    imported: Sequence[Component]
 
     def links(self) -> Iterator[Link]:
         node = self.node
@@ -98,6 +111,8 @@ class _Wirer:
             if port:
                 wirings[port.name] = wiring
                 node.places[port.name] = wiring.instance
+                if wiring.middleware:
+                    node.carriers[port.name] = wiring.middleware
             else:
                 astray.add(Verb(wiring.verb.text))
         for port in node.component.ports:
@@ -172,10 +187,16 @@ class _Wirer:
         node = self.node
         if port.verb is Verb.REQUIRES:
             message = f"`{node.name}` requires `{port.interface.short}`, which nobody implements"
-            self._error("nobody-provides", message, node.instance.name)
+            self._error("nobody-provides", message, node.instance.name, self._instance_to_add(port))
         else:
             message = f"`{node.name}` subscribes to `{port.interface.short}`, which nobody publishes"
-            self.report.warning("nobody-publishes", message, node.instance.name.span)
+            self.report.warning("nobody-publishes", message, node.instance.name.span, self._instance_to_add(port))
+
+    def _instance_to_add(self, port: Port) -> str:
+        """How to get an instance of an imported component that offers what a port uses; "" if there is none."""
+        others = [each for each in self.imported if each.name != self.node.component.name]
+        offering = [each.name for each in others if any(_offers(one) == _uses(port) for one in each.ports)]
+        return f"write {' or '.join(f'`Component {name} {{ }};`' for name in offering)}" if offering else ""
 
     def _check_match(self, port: Port, other: Node, theirs: Port, at: Name) -> None:
         offered = {operation.name: operation for operation, _ in theirs.interface.under(theirs.verb)}

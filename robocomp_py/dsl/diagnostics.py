@@ -133,6 +133,8 @@ class Proposals:
 
 
 def _place(span: Span) -> str:
+    if not span.source.has_places:
+        return str(span.source.path)
     line, column = span.source.position(span.start)
     return f"{span.source.path}:{line}:{column}"
 

@@ -23,6 +23,8 @@ END = "the end of the file"
 _STRAY = re.compile(r'"[^"\n]*"|[;{](?:\s*;)+')
 """A text, in which nothing is stray, or what ends or opens something, and the semicolons that follow it."""
 
+_ENDIF = re.compile(r"[ \t]*(#[ \t]*endif\b.*)")
+
 _CONFLICT = re.compile(r"^(<{7}|={7}|>{7})(?![<=>])[^\n]*", re.MULTILINE)
 """What git leaves in a text."""
 
@@ -48,23 +50,35 @@ class Mistake:
         return text[: self.start] + hole + text[self.end :]
 
 
-def find_stray(text: str) -> list[int]:
-    """Where the semicolons stand that end nothing, because there is another one or a `{` before them."""
+def find_stray(text: str) -> list[tuple[int, int]]:
+    """Where semicolons begin and end that end nothing, because there is another one or a `{` before them; and where an
+    `#endif` does that is the last line."""
     runs = (found for found in _STRAY.finditer(text) if found[0][0] != '"')
-    return [run.start() + at for run in runs for at, char in enumerate(run[0]) if at and char == ";"]
+    semicolons = [run.start() + at for run in runs for at, char in enumerate(run[0]) if at and char == ";"]
+    return [*((at, at + 1) for at in semicolons), *_last_endif(text)]
+
+
+def _last_endif(text: str) -> list[tuple[int, int]]:
+    end = len(text.rstrip())
+    begin = text.rfind("\n", 0, end) + 1
+    found = _ENDIF.fullmatch(text, begin, end)
+    return [found.span(1)] if found and text[:begin].rstrip().endswith(("}", ";")) else []
 
 
 def without_stray(text: str) -> str:
-    """The text with spaces for semicolons that end nothing: people write them, and every generator takes them."""
+    """The text with spaces in place of stray characters, which people write and every generator accepts."""
     done, parts = 0, list[str]()
-    for at in find_stray(text):
-        parts += [text[done:at], " "]
-        done = at + 1
+    for start, end in find_stray(text):
+        parts += [text[done:start], " " * (end - start)]
+        done = end
     return "".join([*parts, text[done:]])
 
 
-def explain_stray(source: Source, at: int) -> Diagnostic:
-    span = source.span(at, at + 1)
+def explain_stray(source: Source, start: int, end: int) -> Diagnostic:
+    span = source.span(start, end)
+    if span.text.startswith("#"):
+        hint = "remove the line"
+        return Diagnostic("stray-endif", "there is no preprocessor", span, Severity.WARNING, hint=hint)
     return Diagnostic("stray-semicolon", "a `;` too many", span, Severity.WARNING, hint="remove it")
 
 

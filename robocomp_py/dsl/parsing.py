@@ -1,124 +1,93 @@
-"""LALR parsing: lark reads a grammar and makes its tables; here they are followed, and trees built.
-
-A loop of our own, because most of lark's time would go to what nobody asks for: the lines and columns of every word and
-branch. And because the tables tell what can come next, after any number of words, without a tree being built or copied.
-"""
+"""LALR parsing by lark, and what can come next after any number of words."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any
+import re
+from collections.abc import Callable
+from importlib.resources import files
 
-from lark import Token, Tree
+from lark import Lark, Token, Tree, UnexpectedInput, UnexpectedToken
+from lark.lexer import PatternRE, TerminalDef
+from lark.parsers.lalr_interactive_parser import InteractiveParser
 
-from .lexer import Lexer, Word
-from .tables import Rule, read_tables
+STRANGE, END = "STRANGE", "$END"
+"""The kinds of a character that begins no word, and of what comes last."""
 
-
-class Node(Tree[Token]):
-    """A branch that knows its offsets: those of its first and last word, whether the grammar keeps these or not."""
-
-    _meta = None
-
-    def __init__(self, data: str, children: list[Any], start_pos: int, end_pos: int) -> None:
-        self.data, self.children, self.start_pos, self.end_pos = data, children, start_pos, end_pos
+State = InteractiveParser
+"""Where a parser stands behind some words."""
 
 
 class Unexpected(Exception):  # not an error of the tree in errors.py: it never leaves the languages
-    """A word that cannot come after what the stack stands for."""
+    """A word that cannot come where the parser stands."""
 
-    def __init__(self, word: Word, stack: Sequence[int]) -> None:
+    def __init__(self, word: Token, state: State) -> None:
         super().__init__(str(word))
-        self.word, self.stack = word, stack
+        self.word, self.state = word, state
 
 
 class Parser:
     """The parser of one language. `name` is the package that holds its grammar.lark."""
 
     def __init__(self, name: str) -> None:
-        tables = read_tables(name)
-        self.fixed: dict[str, str] = {each.name: each.value for each in tables.terminals if each.fixed}
+        package = files(__package__ or "")
+        self._values: dict[str, str] = {}
+        self._lark = Lark(
+            package.joinpath(name, "grammar.lark").read_text(encoding="utf-8"),
+            parser="lalr",
+            lexer="contextual",
+            maybe_placeholders=False,
+            propagate_positions=True,
+            import_paths=[str(package)],
+            edit_terminals=self._edit,
+        )
+        self.fixed = {each.name: self._values[each.name] for each in self._lark.terminals if each.name in self._values}
         """Keywords and marks, by their kinds."""
-        rules = [_Reduction(rule) for rule in tables.rules]
-        self._steps: dict[int, dict[str, int | _Reduction]] = {}
-        """By state and kind of word: the next state, or what is complete."""
-        self._after: dict[int, dict[str, int]] = {}
-        """By state and rule: the next state, once the rule is complete."""
-        origins = {rule.origin for rule in tables.rules}
-        for state, row in tables.states.items():
-            self._after[state] = {name: to for name, to in row.items() if name in origins}
-            self._steps[state] = {
-                kind: to if to >= 0 else rules[~to] for kind, to in row.items() if kind not in origins
-            }
-        self._start, self._end = tables.start, tables.end
-        self._lexer = Lexer(tables.terminals, self._steps)
+        marks = sorted((each for each in self.fixed.values() if not each[0].isalpha()), key=len, reverse=True)
+        patterns = {each.name: each.pattern.value for each in self._lark.terminals}
+        number = patterns.get("NUMBER") or patterns.get("INT") or "(?!)"
+        shared = (r"[A-Za-z_]\w*", r'"[^"\n]*"', number, "|".join(map(re.escape, marks)))
+        self._word = re.compile("|".join(f"(?:{each})" for each in shared), re.ASCII)
 
-    def parse(self, text: str, see: Callable[[Word], object] | None = None) -> Node:
+    def _edit(self, terminal: TerminalDef) -> TerminalDef:
+        """A keyword is a whole word, and comes before names; kinds of words that one language has come first."""
+        terminal.priority *= 2
+        if terminal.pattern.type == "str":
+            self._values[terminal.name] = terminal.pattern.value
+            if terminal.pattern.value[0].isalpha():
+                terminal.pattern = PatternRE(rf"{terminal.pattern.value}(?![A-Za-z0-9_])", terminal.pattern.flags)
+                terminal.priority = 1
+        return terminal
+
+    def parse(self, text: str, see: Callable[[Token], object] | None = None) -> Tree[Token]:
         """The tree of a text. Shows every word on the way; raises Unexpected at the first that fits nowhere."""
-        steps, after, end = self._steps, self._after, self._end
-        stack, values = self.after_nothing, list[Any]()
-        for word in self._lexer.words(text, stack):
-            kind = word.type
-            while True:
-                to = steps[stack[-1]].get(kind)
-                if isinstance(to, _Reduction):
-                    made = to.branch(values[-to.size :])
-                    del stack[-to.size :], values[-to.size :]
-                    values.append(made)
-                    stack.append(after[stack[-1]][to.origin])
-                    if stack[-1] == end:
-                        return made
-                elif to is None:
-                    raise Unexpected(word, stack)
-                else:
-                    stack.append(to)
-                    values.append(word)
-                    break
-            if see:
-                see(word)
-        raise AssertionError("a text ends with a word that is its end")
+        state, last = self._lark.parse_interactive(text), None
+        try:
+            for last in state.iter_parse():
+                if see:
+                    see(last)
+            tree: Tree[Token] = state.feed_token(Token(END, "", start_pos=len(text), end_pos=len(text)))
+        except UnexpectedInput as exc:
+            raise Unexpected(self._unexpected(text, exc, last), state) from exc
+        return tree
 
-    @property
-    def after_nothing(self) -> list[int]:
-        """The stack in front of a text."""
-        return [self._start]
+    def _unexpected(self, text: str, error: UnexpectedInput, last: Token | None) -> Token:
+        """The word at an error. One that could stand there as far as the lexer knew is what the lexer took it for."""
+        if isinstance(error, UnexpectedToken) and (error.token is last or error.token.type == END):
+            word: Token = error.token
+            return word
+        at = error.pos_in_stream or 0
+        found = self._word.match(text, at)
+        if found is None or not found[0]:
+            return Token(STRANGE, text[at : at + 1], start_pos=at, end_pos=at + 1)
+        return Token("WORD", found[0], start_pos=at, end_pos=found.end())
 
-    def accepted(self, stack: Sequence[int]) -> set[str]:
+    def accepted(self, state: State) -> set[str]:
         """The kinds of words that can come next."""
-        return {kind for kind in self._steps[stack[-1]] if self.after(stack, kind)}
+        kinds: set[str] = state.accepts()  # type: ignore[no-untyped-call]  # lark has types for few of its methods
+        return kinds
 
-    def after(self, stack: Sequence[int], kind: str) -> list[int]:
-        """The stack behind a word of a kind; empty if it cannot come."""
-        states = list(stack)
-        while True:
-            to = self._steps[states[-1]].get(kind)
-            if to is None:
-                return []
-            if isinstance(to, int):
-                return [*states, to]
-            del states[-to.size :]
-            states.append(self._after[states[-1]][to.origin])
-            if states[-1] == self._end:
-                return states
-
-
-class _Reduction:
-    """What becomes of the words and branches of a rule that has been read."""
-
-    __slots__ = ("_first", "_kept", "_name", "origin", "size")
-
-    def __init__(self, rule: Rule) -> None:
-        self.size, self.origin, self._name = rule.size, rule.origin, rule.name
-        dissolves = bool(rule.kept) and rule.kept[0][1]
-        self._first = rule.kept[0][0] if dissolves else None
-        """A branch whose children come first. Repetitions are such: the list grows, and is never copied."""
-        self._kept = rule.kept[1:] if dissolves else rule.kept
-
-    def branch(self, values: list[Any]) -> Node:
-        children = [] if self._first is None else values[self._first].children
-        for at, dissolved in self._kept:
-            if dissolved:
-                children += values[at].children
-            else:
-                children.append(values[at])
-        return Node(self._name, children, values[0].start_pos, values[-1].end_pos)
+    def after(self, state: State, kind: str) -> State:
+        """Where the parser stands behind a word of a kind that can come next."""
+        behind: State = state.copy(deepcopy_values=False)  # type: ignore[no-untyped-call]  # likewise
+        behind.feed_token(Token(kind, ""))
+        return behind

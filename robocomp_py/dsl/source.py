@@ -15,10 +15,16 @@ class Source:
 
     path: Path
     text: str = field(repr=False)
+    has_places: bool = True
+    """Not of a file that could not be read, nor of what is no file: then `path` alone says where something is wrong."""
 
     def position(self, offset: int) -> tuple[int, int]:
         line = bisect.bisect_right(self._starts, offset)
         return line, offset - self._starts[line - 1] + 1
+
+    def offset(self, line: int, column: int) -> int:
+        """Where a place is, given a line and the characters in front of it."""
+        return min(self._starts[line - 1] + column, len(self.text))
 
     def line(self, number: int) -> str:
         """The text of a line, without its end."""

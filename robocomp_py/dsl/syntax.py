@@ -15,7 +15,6 @@ from lark import Token, Tree
 
 from .comments import Comments, find_comments
 from .diagnostics import Diagnostic, Report
-from .lexer import STRANGE
 from .mistakes import (
     END,
     Mistake,
@@ -33,7 +32,7 @@ from .mistakes import (
     without_conflicts,
     without_stray,
 )
-from .parsing import Node, Parser, Unexpected
+from .parsing import STRANGE, Parser, State, Unexpected
 from .source import Name, Source, Span
 
 MAX_CHARACTERS = 4_000_000
@@ -101,7 +100,7 @@ class Grammar:
         bare = without_conflicts(comments.bare, conflicts)
         skipped = {word for each in conflicts for word in _WORD.findall(source.text, each.middle, each.end)}
         report.diagnostics += [explain_conflict(source, each) for each in conflicts[:MAX_SYNTAX_ERRORS]]
-        report.diagnostics += [explain_stray(source, at) for at in find_stray(bare)[:MAX_SYNTAX_ERRORS]]
+        report.diagnostics += [explain_stray(source, *at) for at in find_stray(bare)[:MAX_SYNTAX_ERRORS]]
         text, tree = without_stray(bare), None
         mistakes = [explain_endless(source, comments.endless)] if comments.endless else []
         for _ in range(max(1, min(MAX_SYNTAX_ERRORS, MAX_PARSED // max(1, len(text))))):
@@ -153,7 +152,7 @@ class Grammar:
                 break
             except Unexpected as error:
                 if error.word.type == "$END":
-                    accepted = self._parser.accepted(error.stack)
+                    accepted = self._parser.accepted(error.state)
                     return [
                         word
                         for kind, word in self.keywords.items()
@@ -165,7 +164,7 @@ class Grammar:
         return []
 
     def _explain(self, source: Source, text: str, error: Unexpected) -> Mistake:
-        expected = self._expected(error.stack)
+        expected = self._expected(error.state)
         match error.word.type:
             case "$END":
                 return explain_end(source, text, expected)
@@ -194,8 +193,8 @@ class Grammar:
             ";"
             if expected == ["`;`"]
             else self._missing(error, behind, marks) or self._missing(error, behind[:1], marks),
-            bool(meant) and self._fits(error.stack, self._kinds(meant) - {"NAME"}, behind[0]),
-            bool((behind[0] - {"NAME", "LANGUAGE"}) & self._parser.accepted(error.stack)),
+            bool(meant) and self._fits(error.state, self._kinds(meant) - {"NAME"}, behind[0]),
+            bool((behind[0] - {"NAME", "LANGUAGE"}) & self._parser.accepted(error.state)),
             self._parser.fixed.values(),
         )
 
@@ -210,25 +209,25 @@ class Grammar:
         own = self._kinds(str(error.word))
         for kinds in (own - {"NAME"}, own & {"NAME"}):  # a keyword is likely to be meant as one
             for marks in possible:
-                if self._fits(error.stack, *map(self._kinds, marks), kinds, *behind):
+                if self._fits(error.state, *map(self._kinds, marks), kinds, *behind):
                     return marks
         return ";" if self._begins_misspelt(error, behind) else ""
 
     def _begins_misspelt(self, error: Unexpected, behind: list[set[str]]) -> bool:
         """Whether a word seems to be the first one of a statement behind one that is not ended: two mistakes."""
-        if not self._fits(error.stack, self._kinds(";")):
+        if not self._fits(error.state, self._kinds(";")):
             return False
-        [ending] = self._kinds(";") & self._parser.accepted(error.stack)
-        meant = misspelt(str(error.word), self._expected(self._parser.after(error.stack, ending)))
-        return bool(meant) and self._fits(error.stack, {ending}, self._kinds(meant) - {"NAME"}, *behind)
+        [ending] = self._kinds(";") & self._parser.accepted(error.state)
+        meant = misspelt(str(error.word), self._expected(self._parser.after(error.state, ending)))
+        return bool(meant) and self._fits(error.state, {ending}, self._kinds(meant) - {"NAME"}, *behind)
 
-    def _fits(self, stack: Sequence[int], *words: set[str]) -> bool:
+    def _fits(self, state: State, *words: set[str]) -> bool:
         """Whether words, each of one of these kinds, can come one after the other."""
         for kinds in words:
-            accepted = kinds & self._parser.accepted(stack)
+            accepted = kinds & self._parser.accepted(state)
             if not accepted:
                 return False
-            stack = self._parser.after(stack, min(accepted))
+            state = self._parser.after(state, min(accepted))
         return True
 
     def _kinds(self, word: str) -> set[str]:
@@ -241,9 +240,9 @@ class Grammar:
             return {*found, "STRING"}
         return {*found, *({"INT", "NUMBER"} - set(fixed))} if word[-1].isdigit() else found  # `int` is PDSL's INT
 
-    def _expected(self, stack: Sequence[int]) -> list[str]:
+    def _expected(self, state: State) -> list[str]:
         """What could stand there, as people say it; keywords in back-quotes."""
-        said = {word for kind in self._parser.accepted(stack) for word in self._said(kind)}
+        said = {word for kind in self._parser.accepted(state) for word in self._said(kind)}
         return sorted(said, key=lambda text: (text.startswith("`"), text))
 
     def _said(self, kind: str) -> list[str]:
@@ -271,11 +270,10 @@ def name_of(source: Source, token: Token) -> Name:
 
 def tree_span(source: Source, tree: Tree[Token]) -> Span:
     """From the first to the last token of a tree; nothing at the start of the file if it has none."""
-    assert isinstance(tree, Node)
-    start, text = tree.start_pos, source.text
+    start, text = tree.meta.start_pos, source.text
     while text[start : start + 1].isspace():  # a mended keyword may begin there
         start += 1
-    return source.span(start, tree.end_pos)
+    return source.span(start, tree.meta.end_pos)
 
 
 def _beyond(source: Source) -> Diagnostic | None:

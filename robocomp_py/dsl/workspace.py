@@ -18,12 +18,12 @@ import gc
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path, PurePosixPath
 from typing import Generic, TypeVar
 
-from .. import installed
+from .. import installed, plugins
 from ..contract.component import Component
 from ..contract.interface import Interface
 from ..contract.module import Definition, Module
@@ -33,6 +33,7 @@ from .cdsl.check import Surroundings
 from .cdsl.check import check as check_cdsl
 from .cdsl.link import link as link_cdsl
 from .cdsl.model import Component as CdslComponent
+from .cdsl.model import Item
 from .cdsl.parser import parse as parse_cdsl
 from .ddsl.check import check as check_ddsl
 from .ddsl.model import Deployment
@@ -79,14 +80,35 @@ def read_file(path: Path) -> bytes:
         return file.read(MAX_BYTES + 1)
 
 
-def nearby(path: Path, written: str) -> str:
-    """`did you mean `explorer.pdsl`?` for a file that is not there, if one beside it has such a name and ending."""
+def nearby(path: Path, written: str, taken: Collection[str] = (), likely: str = "") -> str:
+    """`did you mean `explorer.pdsl`?` for a file that is not there, if one beside it has such a name and ending.
+
+    It is none of the `taken` files, as they are written, and preferably one with the name `likely`. If there is no such
+    folder either, it is a file of the same name in one beside it with such a name.
+    """
     try:
         names = [each.name for each in path.parent.iterdir() if each.suffix == path.suffix and each.is_file()]
-    except (OSError, ValueError):  # no folder either, or a name that cannot be one
+    except FileNotFoundError:
+        return _in_folder_beside(path, written)
+    except (OSError, ValueError):  # a file, or a name that cannot be one
         return ""
-    near = mistyped(path.name, names)
-    return f"did you mean `{PurePosixPath(written).with_name(near)}`?" if near else ""
+    folder = PurePosixPath(written).parent
+    names = [each for each in names if str(folder / each) not in taken]
+    near = f"{likely}{path.suffix}"
+    near = near if near in names else mistyped(path.name, names)
+    return f"did you mean `{folder / near}`?" if near else ""
+
+
+def _in_folder_beside(path: Path, written: str) -> str:
+    folder = PurePosixPath(written).parent
+    if folder.name in ("", ".."):
+        return ""
+    try:
+        names = [each.name for each in path.parent.parent.iterdir() if (each / path.name).is_file()]
+    except (OSError, ValueError):
+        return ""
+    near = mistyped(folder.name, names)
+    return f"did you mean `{folder.with_name(near) / path.name}`?" if near else ""
 
 
 @dataclass(frozen=True)
@@ -100,6 +122,8 @@ class LinkedComponent:
     """The name of its PDSL file, if it has one."""
     statemachine: str = ""
     """The name of the file of its state machine, if it has one."""
+    model: CdslComponent | None = field(default=None, compare=False, repr=False)
+    """What the CDSL file says, with its places."""
 
 
 F = TypeVar("F", IdslFile, PdslFile)
@@ -132,7 +156,7 @@ class Workspace:
     ) -> None:
         self.report = Report()
         self._include = [Path(folder) for folder in include]
-        self._read = read
+        self.read = read
         self._memory = memory or Memory()
         self._middlewares = list(installed.transports()) if middlewares is None else middlewares
         self._sources: dict[Path, Source | None] = {}
@@ -158,8 +182,10 @@ class Workspace:
                 self.deployment(path)
             case ".smdsl" | ".scxml":
                 self.statemachine(path)
+            case _ if not self._exists(path):
+                self.source(path)  # reports it
             case _:
-                at = Source(path, "").span(0, 0)
+                at = Source(path, "", has_places=False).span(0, 0)
                 message = f"no language has this ending; known: {', '.join(ENDINGS)}"
                 self.report.error("unknown-language", message, at, did_you_mean(path.suffix, ENDINGS))
 
@@ -249,8 +275,15 @@ class Workspace:
     def find(self, name: str, importing: Path, ending: str) -> Path | None:
         """The file an import means."""
         folders = self.search_path(importing)
-        candidates = (folder / form for form in _forms(name, ending) for folder in folders)
+        candidates = (self._tidy(folder / form) for form in _forms(name, ending) for folder in folders)
         return next(filter(self._exists, candidates), None)
+
+    def _tidy(self, path: Path) -> Path:
+        """A path as people would write it, `idsl/Arm.idsl` for `arm/../idsl/Arm.idsl`, if that is the same file."""
+        if ".." not in path.parts:
+            return path
+        short = Path(os.path.normpath(path))
+        return short if self._exists(short) and os.path.realpath(short) == os.path.realpath(path) else path
 
     def source(self, path: Path) -> Source | None:
         """A file's text, read once."""
@@ -260,11 +293,13 @@ class Workspace:
 
     def _decode(self, path: Path) -> Source | None:
         try:
-            data = self._read(path)
+            data = self.read(path)
         except (OSError, ValueError) as exc:
             reason = getattr(exc, "strerror", None) or exc
             hint = nearby(path, str(path)) if isinstance(exc, FileNotFoundError) else ""
-            self.report.error("unreadable", f"cannot be read: {reason}", Source(path, "").span(0, 0), hint)
+            self.report.error(
+                "unreadable", f"cannot be read: {reason}", Source(path, "", has_places=False).span(0, 0), hint
+            )
             return None
         return self._memory.recall(path, data, lambda report: _decoded(path, data, report), self.report)
 
@@ -273,9 +308,9 @@ class Workspace:
 
     def _exists(self, path: Path) -> bool:
         try:
-            if self._read is read_file:
+            if self.read is read_file:
                 return path.is_file()
-            self._read(path)
+            self.read(path)
         except (OSError, ValueError):  # a name that cannot be one, a folder that may not be entered
             return False
         return True
@@ -291,11 +326,13 @@ class Workspace:
             folders = self.search_path(importing.path)
             near = {file.stem for folder in folders for file in folder.glob(f"*{ending}")}
             meant, hint = mistyped(PurePosixPath(name.text).stem, near), "add its folder by -I or ROBOCOMP_INTERFACES"
+            proposal = nearby(importing.path.parent / name.text, name.text) if "/" in name.text else ""
+            proposal = proposal or (f"did you mean `{meant}`?" if meant else "")
             self.report.error(
                 "missing-import",
                 f"`{name}` was not found in {', '.join(map(str, folders))}",
                 name.span,
-                f"did you mean `{meant}`? else {hint}" if meant else hint,
+                f"{proposal} else {hint}" if proposal else hint,
             )
         return found
 
@@ -362,7 +399,7 @@ class Workspace:
     def _params_of(self, model: CdslComponent) -> ParameterSet | None:
         if model.params is None:
             return None
-        path = model.source.path.parent / model.params.text
+        path = self._tidy(model.source.path.parent / model.params.text)
         if not self._exists(path):
             hint = nearby(path, model.params.text)
             self.report.error("missing-file", f"there is no file {path}", model.params.span, hint)
@@ -391,7 +428,7 @@ class Workspace:
     def _machine_of(self, model: CdslComponent) -> StateMachine | None:
         if model.statemachine is None:
             return None
-        path = model.source.path.parent / model.statemachine.text
+        path = self._tidy(model.source.path.parent / model.statemachine.text)
         if path.suffix.lower() not in _MACHINES:
             message = f"`{model.statemachine}` is no state machine; those end in {' or '.join(_MACHINES)}"
             self.report.error("unknown-language", message, model.statemachine.span)
@@ -411,6 +448,7 @@ class Workspace:
             return None
         roots = self._load_imports(model.imports, source, ".idsl", self._load_idsl)
         complete = len(roots) == len(model.imports)
+        model = self._with_agent_ports(model, roots)
         roots += self._implied(model, roots)
         loaded = _closure([*roots, *self._common_behavior(roots)])
         complete = complete and all(each.module for each in loaded)
@@ -428,14 +466,27 @@ class Workspace:
         used = any(port.interface.module == COMMON_BEHAVIOR for port in component.ports)
         pdsl, smdsl = (PurePosixPath(name.text).name if name else "" for name in (model.params, model.statemachine))
         modules = _modules(loaded if used else _closure(roots))
-        return LinkedComponent(path, component, modules, pdsl, smdsl)
+        return LinkedComponent(path, component, modules, pdsl, smdsl, model)
+
+    def _with_agent_ports(self, model: CdslComponent, roots: Sequence[_Loaded[IdslFile]]) -> CdslComponent:
+        """The component with the ports that `options agmagent` adds, as far as their interfaces are found."""
+        option = model.agent
+        if option is None:
+            return model
+        known = {each.name.text for file in _closure(roots) for each in file.file.definitions}
+        added = tuple(
+            Item(verb, Name(interface, option.span), option.span)
+            for verb, interface in model.unnamed_agent_ports
+            if interface in known or self.find(f"{interface}.idsl", model.source.path, ".idsl")
+        )
+        return replace(model, implied=added)
 
     def _implied(self, model: CdslComponent, roots: Sequence[_Loaded[IdslFile]]) -> list[_Loaded[IdslFile]]:
         """What nobody imports, but the component uses all the same."""
         found: list[_Loaded[IdslFile]] = []
         for name in model.implied_imports:
             known = {each.name.text for file in _closure([*roots, *found]) for each in file.file.definitions}
-            wanted = {item.interface.text for item in model.items} - known
+            wanted = {item.interface.text for item in model.ports} - known
             path = self.find(name, model.source.path, ".idsl") if wanted else None
             loaded = self._load_idsl(path) if path else None
             if loaded and any(each.name.text in wanted for each in loaded.file.definitions):
@@ -459,16 +510,18 @@ class Workspace:
         """`suspects` are names that may be right but for an import that is not; None if all imports are right."""
         found = Report()
         importable: list[str] = []
-        if any(item.interface.text not in interfaces for item in model.items):
-            importable = [f.stem for each in self.search_path(model.source.path) for f in sorted(each.glob("*.idsl"))]
-        surroundings = Surroundings(interfaces, importable, self._middlewares, machine, self._has_window(model.source))
+        if any(item.interface.text not in interfaces for item in model.ports):
+            imported = {PurePosixPath(name.text).stem for name in model.imports}
+            files = (f for each in self.search_path(model.source.path) for f in sorted(each.glob("*.idsl")))
+            importable = [file.stem for file in files if file.stem not in imported]
+        surroundings = Surroundings(interfaces, importable, self._middlewares, machine, self._has_window(model))
         check_cdsl(model, surroundings, found)
         self.report.extend(e for e in found.diagnostics if suspects is None or not _is_follow_up(e, suspects))
 
-    def _has_window(self, source: Source) -> bool:
-        """Whether a `gui` has an effect: for components of RoboComp's own generators, whose files are in `src`."""
-        folder = source.path.parent
-        return self._exists(folder / "src" / "specificworker.py") and not self._exists(folder / "specificworker.py")
+    @staticmethod
+    def _has_window(model: CdslComponent) -> bool:
+        """Whether a `gui` has an effect: for components that a plug-in runs."""
+        return any(model.all("gui")) and plugins.worker_loader(model.source.path.parent) is not None
 
     def _errors_in(self, source: Source) -> bool:
         return any(each.span.source is source for each in self.report.errors)

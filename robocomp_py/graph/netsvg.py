@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from ..transports.deployment import deployment_of
 from .layers import Arrow, Box, Layout, Point, Route, layered, turned
 from .network import Around, Edge, Graph, Group, Node
 from .svg import curve, document, escaped, marker, moved
@@ -17,11 +18,6 @@ _LEGEND = 34.0
 _MOST = 5
 """Interfaces that stand at an arrow; how many more there are is said."""
 
-_COLOURS = {
-    **{"inproc": "#6b7280", "shm": "#0f8a5f", "zeromq": "#b3261e"},
-    **{"zenoh": "#7b3fb5", "dds": "#c06a00", "ice": "#0e7490"},
-}
-_OTHER = "#1f6fb2"
 _UNKNOWN = "#51657b"
 
 _STYLE = """\
@@ -308,7 +304,7 @@ def _said(edge: Edge) -> str:
 
 
 def _colour(middleware: str) -> str:
-    return _COLOURS.get(middleware, _OTHER) if middleware else _UNKNOWN
+    return deployment_of(middleware).colour if middleware else _UNKNOWN
 
 
 def _tip(colour: str) -> str:

@@ -104,7 +104,7 @@ class _Drawing:
         area.loop = [each for each in self._within.get(state.name, []) if each.source == each.target]
         title = _TITLE if state.name else 0.0
         padding = _PADDING if state.name else 0.0
-        least = max(64.0, len(state.name) * _LETTER + 24)
+        least = max(64.0, len(state.label) * _LETTER + 24)
         if not state.states:
             area.size = (least, _BOX)
             return area
@@ -164,7 +164,7 @@ class _Drawing:
             yield f'<rect{kind} x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}" rx="9"/>'
             title = ' class="title"' if state.states else ""
             down = 19 if state.states else 22
-            yield f'<text{title} x="{x + width / 2:.1f}" y="{y + down:.1f}">{escaped(state.name)}</text>'
+            yield f'<text{title} x="{x + width / 2:.1f}" y="{y + down:.1f}">{escaped(state.label)}</text>'
         if state.name and state.states:
             yield f'<path class="line" d="M{x:.1f} {y + _TITLE:.1f} h{width:.1f}"/>'
         if state.final:

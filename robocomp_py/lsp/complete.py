@@ -13,9 +13,10 @@ from pathlib import Path
 
 from .. import installed
 from ..contract.interface import Verb
-from ..contract.qos import PRESETS, Durability, History, Liveliness, Reliability
+from ..contract.qos import Liveliness
 from ..dsl.cdsl.check import OPTIONS
 from ..dsl.cdsl.model import SECONDS
+from ..dsl.cdsl.qos import KNOWN
 from ..dsl.comments import find_comments
 from ..dsl.ddsl.restarts import DEFAULTS
 from ..dsl.ddsl.scope import meanings
@@ -33,7 +34,6 @@ _MOST_FILES = 200
 """Files that are looked into for what could be imported."""
 
 _WORDS = re.compile(r'"[^"\n]*"?|\w+|::|\S')
-_QOS = (*PRESETS, *Reliability, *Durability, *History, "depth", "deadline", "lifespan", "lease", "liveliness")
 
 
 @dataclass(frozen=True)
@@ -261,7 +261,7 @@ def _open_call(words: list[str]) -> str:
 
 
 def _words_of_qos(last: str) -> Iterator[Candidate]:
-    return (Candidate(str(word), "word") for word in (Liveliness if last == "liveliness" else _QOS))
+    return (Candidate(str(word), "word") for word in (Liveliness if last == "liveliness" else KNOWN))
 
 
 def _interfaces(place: _Place) -> Iterator[Candidate]:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ..contract.qos import PRESETS
 from ..dsl.idsl.check import BUILTIN
+from ..transports.deployment import deployment_of
 from .index import Index
 from .outline import Kind, Symbol
 from .project import real
@@ -99,19 +100,11 @@ def _of_word(word: str, ending: str) -> str:
     if ending in (".cdsl", ".ddsl") and word in PRESETS:
         qos = PRESETS[word]
         return f"`{word}`: {qos.reliability}, {qos.durability}, {qos.history}, depth {qos.depth}"
-    if ending in (".cdsl", ".ddsl") and word.lower() in _MIDDLEWARES:
-        return f"`{word}`: {_MIDDLEWARES[word.lower()]}"
+    if ending in (".cdsl", ".ddsl") and (summary := deployment_of(word.lower()).summary):
+        return f"`{word}`: {summary}"
     return f"`{word}`: {_NETWORK_WORDS[word]}" if ending == ".ddsl" and word in _NETWORK_WORDS else ""
 
 
-_MIDDLEWARES = {
-    "zeromq": "bytes through sockets of ZeroMQ",
-    "dds": "what every tool of DDS sees",
-    "zenoh": "for hosts that are linked by thin or changing networks",
-    "shm": "memory that the processes of one host share",
-    "inproc": "objects, between components of one process",
-    "ice": "ZeroC Ice, as RoboComp's own programs speak it",
-}
 _NETWORK_WORDS = {
     "never": "it is not started again",
     "on_failure": "it is started again when it has failed",

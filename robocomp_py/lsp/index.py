@@ -103,6 +103,17 @@ class Index:
             done.setdefault(real(_COMMON), common)  # every component knows it
         return list(done.values())
 
+    def files_that_need(self, home: Path) -> list[Path]:
+        """The models of components of the project that need a file, however indirectly."""
+        found: dict[Path, None] = {}
+        for path in self.project.files():
+            made = self.outline(path) if path.suffix.lower() == ".cdsl" else None
+            for link in made.links if made else ():
+                target = self.target(link)
+                if target and any(real(each.source.path) == real(home) for each in self.closure(target)):
+                    found[path] = None
+        return list(found)
+
     def resolve(self, use: Use) -> list[Symbol]:
         """What a use may stand for; several only if the file is wrong."""
         seen = self._seen_from(use.name.span.source.path).get(use.name.text.lower(), [])

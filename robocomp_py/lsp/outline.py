@@ -17,6 +17,7 @@ from ..dsl.idsl import model as idsl
 from ..dsl.idsl.check import BUILTIN
 from ..dsl.pdsl import model as pdsl
 from ..dsl.smdsl import model as smdsl
+from ..dsl.smdsl.ends import shared
 from ..dsl.source import Name, Source, Span
 
 Model = idsl.File | Component | pdsl.File | Deployment | smdsl.File
@@ -376,13 +377,16 @@ def _without_number(port: Name) -> Name:
 
 
 def _of_machine(file: smdsl.File) -> Outline:
-    within = file.name.text
+    within, alike, known = file.name.text, shared(file), set[str]()
     states, uses, whole = list[Symbol](), dict[Span, Name](), file.name.span
     for block in file.blocks:
         inside = f"in {block.parent}" if block.parent else ""
         states += [Symbol(Kind.STATE, each.name, within, each.name.span, detail=inside) for each in block.states]
         ends = [end for each in block.transitions for end in (each.source, each.target)]
         uses |= {each.span: each for each in (block.parent, *ends) if each}  # one source may have several targets
+        # End states of one name share a method, so they are renamed together: the first is used by the others.
+        uses |= {each.name.span: each.name for each in block.states if each.name.text in known}
+        known |= {each.name.text for each in block.states if each.name.text in alike}
         whole = whole.to(block.span)
     return Outline(
         file.source,

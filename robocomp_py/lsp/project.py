@@ -17,6 +17,7 @@ from .. import installed
 from ..dsl.diagnostics import Diagnostic, Report, ordered
 from ..dsl.memory import Memory
 from ..dsl.workspace import ENDINGS, Workspace, read_file
+from ..usercode.check import check_component, check_network
 from .outline import Outline
 
 BOM = "\ufeff"
@@ -129,11 +130,7 @@ class Project:
             return self.read(asked)
 
         workspace = Workspace(self.include, read, self._middlewares, self._memory)
-        if path.suffix.lower() == ".ddsl":
-            report = _check_network(path, workspace)
-        else:
-            workspace.check(path)
-            report = workspace.report
+        report = _checked(path, workspace)
         if real(path) in self._buffers:
             self._used[real(path)] = used
         return ordered(report.diagnostics)
@@ -172,11 +169,38 @@ def without_mark(text: str) -> str:
     return text.removeprefix(BOM)
 
 
+def _checked(path: Path, workspace: Workspace) -> Report:
+    match path.suffix.lower():
+        case ".ddsl":
+            return _check_network(path, workspace)
+        case ".toml":
+            _check_configuration(path, workspace)
+        case ".cdsl":
+            workspace.check(path)
+            check_component(path, workspace)
+        case ending if ending in ENDINGS or ending == ".scxml":
+            workspace.check(path)
+        case _:  # no file of ours: some editors send every file of a folder
+            if path.name.lower().startswith("config"):
+                _check_configuration(path, workspace)
+    return workspace.report
+
+
 def _check_network(path: Path, workspace: Workspace) -> Report:
+    from ..deploy.hosts.addresses import is_own
     from ..deploy.planner import make_plan  # takes a while, and not everybody deploys
 
-    make_plan(path, workspace)
+    make_plan(path, workspace, is_here=is_own)
+    check_network(path, workspace)
     return Report([each for each in workspace.report.diagnostics if each.code != "not-generated"])
+
+
+def _check_configuration(path: Path, workspace: Workspace) -> None:
+    """Check a configuration. Nothing is said about one beside which there is no component, as `pyproject.toml`."""
+    from ..deploy.configuration import check_configuration, is_configuration, model_beside
+
+    if is_configuration(path) and model_beside(path):
+        check_configuration(path, workspace)
 
 
 def _scan(folders: Iterable[Path], *, deep: bool) -> Iterator[Path]:

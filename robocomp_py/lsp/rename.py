@@ -68,6 +68,10 @@ class Renaming:
     mentions: tuple[Mention, ...]
 
 
+def can_be_renamed(symbol: Symbol) -> bool:
+    return symbol.kind in _RENAMED
+
+
 def renamed_at(index: Index, path: Path, offset: int) -> Found | None:
     """What a rename at a place would be about; None if nothing there can be renamed."""
     found = index.at(path, offset)
@@ -186,15 +190,7 @@ def _in_python(symbol: Symbol) -> str:
 
 def _components_with(index: Index, symbol: Symbol) -> list[Path]:
     """The folders of the components that have to do with a symbol."""
-    home = real(symbol.name.span.source.path)
-    found: dict[Path, None] = {}
-    for path in index.project.files():
-        made = index.outline(path) if path.suffix.lower() == ".cdsl" else None
-        for link in made.links if made else ():
-            target = index.target(link)
-            if target and any(real(each.source.path) == home for each in index.closure(target)):
-                found[path.parent] = None
-    return list(found)
+    return list(dict.fromkeys(path.parent for path in index.files_that_need(symbol.name.span.source.path)))
 
 
 def _words_in(path: Path, pattern: str) -> Iterator[Mention]:

@@ -35,7 +35,7 @@ SOON = 0.05
 LATEST = 1.0
 """No check waits longer than these seconds."""
 
-_WATCHED = f"**/*{{{','.join((*ENDINGS, '.toml'))}}}"
+_WATCHED = f"**/*{{{','.join((*ENDINGS, '.toml', '.py'))}}}"
 
 
 class Server(LanguageServer):

@@ -1,15 +1,17 @@
 # Generated from CommonBehavior.idsl by rcgen 0.1.0: edits are lost.
+# ruff: noqa: N999, UP040, RUF100
 """Module RoboCompCommonBehavior: what travels, and how to send it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import ClassVar, TypeAlias
 
 from robocomp_py.runtime.api import (
     BOOL,
     INT32,
+    INT64,
     STRING,
     Dictionary,
     Enumeration,
@@ -65,6 +67,79 @@ ParameterList: TypeAlias = dict[str, Parameter]
 
 StateList: TypeAlias = list[str]
 
+PeerList: TypeAlias = list[str]
+
+
+@dataclass(slots=True)
+class PortStatus:
+    """One port of a component, and what it knows of the other end."""
+
+    name: str = ""  # as the CDSL has it
+    verb: str = ""  # requires, implements, publishes or subscribesTo
+    type: str = ""  # the interface
+    middleware: str = ""  # what carries its messages; several are separated by commas
+    # the instances that it calls or hears, as far as they are known
+    peers: PeerList = field(default_factory=list)
+    connected: bool = False  # whether another end of each operation is visible
+    missed: int = 0  # deadlines of the QoS that were missed
+    lost: int = 0  # how often a publisher was lost, by the lease of the QoS
+
+    __contract__: ClassVar[Struct]
+
+
+PortStatus.__contract__ = Struct(
+    "RoboCompCommonBehavior::PortStatus",
+    (
+        Field("name", STRING),
+        Field("verb", STRING),
+        Field("type", STRING),
+        Field("middleware", STRING),
+        Field("peers", Sequence(STRING)),
+        Field("connected", BOOL),
+        Field("missed", INT64),
+        Field("lost", INT64),
+    ),
+    PortStatus,
+)
+
+PortStatusList: TypeAlias = list[PortStatus]
+
+
+@dataclass(slots=True)
+class Status:
+    """How a component is."""
+
+    instance: str = ""
+    component: str = ""
+    version: str = ""  # of robocomp_py
+    # starting, initialize, compute, emergency, restore, finish or ended
+    state: str = ""
+    computes: int = 0  # how often compute was called
+    # periods that were left out, since what was done took longer than one
+    overruns: int = 0
+    missed: int = 0  # deadlines missed at all ports
+    lost: int = 0  # publishers lost at all ports
+    ports: PortStatusList = field(default_factory=list)
+
+    __contract__: ClassVar[Struct]
+
+
+Status.__contract__ = Struct(
+    "RoboCompCommonBehavior::Status",
+    (
+        Field("instance", STRING),
+        Field("component", STRING),
+        Field("version", STRING),
+        Field("state", STRING),
+        Field("computes", INT64),
+        Field("overruns", INT64),
+        Field("missed", INT64),
+        Field("lost", INT64),
+        Field("ports", Sequence(PortStatus.__contract__)),
+    ),
+    Status,
+)
+
 _CommonBehavior_getPeriod: Operation[int] = Operation(
     "RoboCompCommonBehavior::CommonBehavior",
     "getPeriod",
@@ -92,7 +167,7 @@ _CommonBehavior_getParameterList: Operation[ParameterList] = Operation(
     outputs=(
         Field(
             "ret",
-            Dictionary(STRING, Parameter.__contract__, "RoboCompCommonBehavior::ParameterList"),  # noqa: E501
+            Dictionary(STRING, Parameter.__contract__, "RoboCompCommonBehavior::ParameterList"),  # noqa: E501, RUF100
         ),
     ),
 )
@@ -102,7 +177,7 @@ _CommonBehavior_setParameterList: Operation[None] = Operation(
     inputs=(
         Field(
             "l",
-            Dictionary(STRING, Parameter.__contract__, "RoboCompCommonBehavior::ParameterList"),  # noqa: E501
+            Dictionary(STRING, Parameter.__contract__, "RoboCompCommonBehavior::ParameterList"),  # noqa: E501, RUF100
         ),
     ),
 )
@@ -121,6 +196,12 @@ _CommonBehavior_getActiveStates: Operation[StateList] = Operation(
     outputs=(Field("ret", Sequence(STRING)),),
     idempotent=True,
 )
+_CommonBehavior_getStatus: Operation[Status] = Operation(
+    "RoboCompCommonBehavior::CommonBehavior",
+    "getStatus",
+    outputs=(Field("ret", Status.__contract__),),
+    idempotent=True,
+)
 COMMONBEHAVIOR_INTERFACE = Interface(
     "RoboCompCommonBehavior::CommonBehavior",
     (
@@ -133,5 +214,6 @@ COMMONBEHAVIOR_INTERFACE = Interface(
         _CommonBehavior_reloadConfig,
         _CommonBehavior_getState,
         _CommonBehavior_getActiveStates,
+        _CommonBehavior_getStatus,
     ),
 )

@@ -19,9 +19,9 @@ from ..errors import (
     ContractMismatch,
     DeclaredError,
     EncodeError,
-    Refused,
     RemoteFailure,
     Timeout,
+    Unreachable,
 )
 from ..transports.base import Reply, Status, answered
 from ..transports.sparing import Repeats
@@ -34,6 +34,14 @@ R = TypeVar("R")
 
 _FAILURE = Struct("Failure", (Field("type", STRING), Field("message", STRING), Field("traceback", STRING)))
 _THROWN = thrown()
+
+
+class Outcome(Exception):
+    """Raised by a handler to end the call with this reply. Fakes use it, since they stand for the transport, too."""
+
+    def __init__(self, reply: Reply) -> None:
+        super().__init__(reply.status)
+        self.reply = reply
 
 
 class Call(Generic[R]):
@@ -70,7 +78,7 @@ class Call(Generic[R]):
             case Status.BUSY:
                 raise Busy(f"{name}: too many calls wait on the other side")
             case Status.REFUSED:
-                raise Refused(f"{name}: the other side does not serve it")
+                raise Unreachable(f"{name}: its server left")
             case Status.MISMATCH:
                 raise ContractMismatch(f"{name}: the other side has another definition of it")
             case Status.OK:
@@ -119,6 +127,8 @@ class Answering:
             value = self.method(*arguments)
         except self._declared as exc:
             return self._thrown(exc)
+        except Outcome as exc:
+            return exc.reply
         except Closed:
             return Reply(Status.REFUSED)  # the component ends, and what the handler wanted to use is closed already
         except (Exception, SystemExit) as exc:

@@ -13,7 +13,7 @@ from ..contract.interface import Verb
 from ..contract.parameters import ParameterSet, build, change, dotted, flat
 from ..errors import ConfigurationError
 from .lifecycle import State
-from .RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE, Parameter, ParameterList
+from .RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE, Parameter, ParameterList, Status
 from .RoboCompCommonBehavior import State as Told
 from .statemachine import Machine
 from .worker import Worker
@@ -33,9 +33,11 @@ class CommonBehavior:
         worker: Worker[Any],
         params: Mapping[str, Any],
         held: Callable[[], AbstractContextManager[None]],
+        status: Callable[[], Status],
         machine: Machine | None = None,
     ) -> None:
         self._worker, self._params, self._held, self._machine = worker, params, held, machine
+        self._status = status
         self._spec = worker.component.params
         self._born = time.monotonic()
         self._changes = threading.BoundedSemaphore(MOST_CHANGES)
@@ -104,6 +106,9 @@ class CommonBehavior:
 
     def CommonBehavior_getActiveStates(self) -> list[str]:
         return list(self._machine.active) if self._machine else []
+
+    def CommonBehavior_getStatus(self) -> Status:
+        return self._status()
 
 
 def port_of(component: Component) -> Port | None:

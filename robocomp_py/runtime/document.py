@@ -4,22 +4,16 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from ..contract.component import Component
 from ..contract.parameters import Complaint, Key, ParameterSet
 from ..errors import ConfigurationError
 from .toml_places import Spot, locate
-
-SECTIONS = ("Proxies", "Endpoints", "Period", "Ice", "Agent")
-"""Tables of which a TOML file of 2025 has at least one."""
-
-
-UNDECLARED = "the component has no parameters (params in its .cdsl)"
-"""Why a key of a file of RoboComp's sets nothing."""
 
 
 @dataclass
@@ -40,9 +34,11 @@ class Document:
     passed_on: bool = False
     """Whether the component's own code is given all that is in it, whatever that is."""
     notes: tuple[Note, ...] = ()
-    """What became of the lines of a file of RoboComp's own; a file in our form needs none."""
-    of_ice: tuple[OfIce, ...] = ()
-    """What such a file says for Ice, which has an effect on ports that go over it: see `iceports`."""
+    """What became of the lines of a file in another form; a file in our form needs none."""
+    complete: Callable[[Document, Component, str], None] | None = None
+    """Adds what such a file says of ports and can be told only when everything else is set: see `settings.settle`."""
+    peers: Mapping[str, str] = field(default_factory=dict)
+    """Where such a file says that the peer of a port is, by the name of the port in lower case."""
 
     def place(self, key: Key) -> str:
         """`etc/config.toml:12`, or the `--set` that gave it."""
@@ -79,7 +75,7 @@ class Document:
 
 @dataclass(frozen=True)
 class Note:
-    """What became of one line of a file that was written for RoboComp."""
+    """What became of one line of a file in another form."""
 
     key: str
     """As it is written there."""
@@ -91,27 +87,8 @@ class Note:
     understood: bool = True
     """Whether it is known what it means, which may be nothing here."""
     spot: Spot | None = None
-
-
-@dataclass(frozen=True)
-class OfIce:
-    """A line of a file that was written for RoboComp, which tells Ice something."""
-
-    kind: OfIceKind
-    name: str
-    """Whom it is about: an interface, or the name of a property without its `Ice.`."""
-    value: str
-    note: Note
-    """What is said of it as long as it has no effect."""
-
-
-class OfIceKind(StrEnum):
-    PROXY = "proxy"
-    ENDPOINTS = "endpoints"
-    TOPIC = "topic"
-    PREFIX = "prefix"
-    STORM = "storm"
-    PROPERTY = "property"
+    undeclared: bool = False
+    """Whether it sets none because the component declares no parameters: code that looks at everything is given it."""
 
 
 class NotToml(ConfigurationError):
@@ -122,7 +99,25 @@ class NotToml(ConfigurationError):
         line, column = place or (len(starts), 0)
         self.reason = f"{reason[:1].lower()}{reason[1:]}"
         self.offset = starts[line - 1] + column - 1 if place else len(text)
-        super().__init__(f"{path}:{line}{f':{column}' if place else ''}: {self.reason}")
+        self.hint = _quoted(text, self.offset) if self.reason == "invalid value" else ""
+        said = [f"{path}:{line}{f':{column}' if place else ''}: {self.reason}"]
+        shown = text[starts[line - 1] :].partition("\n")[0].rstrip().replace("\t", " ")
+        if place and shown.isprintable() and len(shown) <= _SHOWN:
+            said += [f"    {shown}", f"    {'^':>{column}}"]
+        super().__init__("\n".join([*said, f"    {self.hint}"] if self.hint else said))
+
+
+_SHOWN = 160
+"""Characters of a line that is shown."""
+
+
+def _quoted(text: str, offset: int) -> str:
+    """How to write a text that lacks its quotes; nothing if another value is meant."""
+    found = re.compile(r"[^\W\d][^\n\"'#,\]}\\]*|[/.~][^\n\"'#,\]}\\]*").match(text, offset)
+    word = found[0].strip() if found else ""
+    if word.lower() in ("true", "false"):
+        return f"did you mean `{word.lower()}`?"
+    return f'text needs quotes: "{word}"' if word and "=" not in word else ""
 
 
 def parsed(text: str, path: Path) -> dict[str, Any]:
@@ -133,19 +128,35 @@ def parsed(text: str, path: Path) -> dict[str, Any]:
         found = re.search(r"(.*) \(at (?:line (\d+), column (\d+)|end of document)\)", str(exc))
         message = found[1] if found else str(exc)
         place = (int(found[2]), int(found[3])) if found and found[2] else None
-        raise NotToml(path, text, message, place) from exc
+        raise NotToml(path, text, _plainly(message, text, place), place) from exc
     except RecursionError as exc:
         raise NotToml(path, text, "nested too deeply", None) from exc
     except ValueError as exc:  # Python reads no number of thousands of digits
         raise NotToml(path, text, str(exc).partition(":")[0], None) from exc
 
 
+def _plainly(message: str, text: str, place: tuple[int, int] | None) -> str:
+    """What tomllib says of a key that is set twice, with the name of the key."""
+    if message == "Cannot overwrite a value" and place:
+        key = text.split("\n")[place[0] - 1].partition("=")[0].strip()
+        return f"`{key}` has a value already"
+    twice = re.fullmatch(r"Cannot declare \((.*?),?\) twice", message)
+    return (
+        f"the table `{'.'.join(re.findall(chr(39) + r'(.*?)' + chr(39), twice[1]))}` is there already"
+        if twice
+        else message
+    )
+
+
 def has_sections(text: str) -> bool:
-    """Whether there are tables in a text, as in TOML; Ice's properties have none."""
+    """Whether there are tables in a text, as in TOML; lists of properties have none."""
     return re.search(r"^[ \t]*\[", text, re.MULTILINE) is not None
 
 
-def is_of_2025(data: Mapping[str, Any]) -> bool:
-    """Whether the tables of a TOML file are RoboComp's and not ours."""
-    ours = any(isinstance(data.get(name), dict) for name in ("component", "params", "ports", "transports"))
-    return not ours and any(isinstance(data.get(name), dict) for name in SECTIONS)
+def put(data: dict[str, Any], key: Key, value: Any) -> None:
+    """Set a key below tables that are made if they are missing; nothing, if something else stands in the way."""
+    table: Any = data
+    for part, _ in pairwise(key):
+        table = table.setdefault(part, {}) if isinstance(table, dict) else None
+    if isinstance(table, dict):
+        table[key[-1]] = value

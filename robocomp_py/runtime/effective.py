@@ -8,10 +8,11 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from ..contract.component import Component, Port
+from ..contract.middleware import carrier, is_auto
 from ..contract.parameters import Key, ParameterSet, dotted
 from ..contract.qos import PRESETS, QoS
 from .document import Document
-from .settings import PortSettings, Settings, Way, carrier
+from .settings import PortSettings, Settings, Way
 
 _ROOM = 40
 """Characters of a line before its comment."""
@@ -39,7 +40,7 @@ def effective(component: Component, settings: Settings, document: Document, midd
     look = _Look(document)
     found += [
         look.value(("namespace",), settings.namespace),
-        look.value(("middleware",), carrier(settings.middleware, middleware), "what it was generated for"),
+        look.value(("middleware",), carrier(settings.middleware, middleware), _generated(middleware)),
         Table(("component",)),
         look.value(("component", "period"), settings.period),
         look.value(("component", "log"), settings.log),
@@ -74,6 +75,11 @@ def as_json(found: list[Value | Table]) -> str:
     values = (each for each in found if isinstance(each, Value))
     rows = ({"key": dotted(each.key), "value": _plain(each.value), "from": each.origin} for each in values)
     return "".join(f"{json.dumps(row, default=str)}\n" for row in rows)
+
+
+def _generated(middleware: str) -> str:
+    """The source of a choice of middleware that no configuration makes."""
+    return "default" if is_auto(middleware) else "what it was generated for"
 
 
 class _Look:
@@ -111,7 +117,7 @@ def _port(look: _Look, port: Port, settings: Settings, middleware: str) -> Itera
     chosen = settings.port(port, "")
     at: Key = ("ports", port.name)
     yield Table(at)
-    general = "its .cdsl" if port.middleware else look.origin(("middleware",)) or "what it was generated for"
+    general = "its .cdsl" if port.middleware else look.origin(("middleware",)) or _generated(middleware)
     said = {f.name for f in fields(PortSettings) if getattr(above, f.name) is not None}
     yield look.value((*at, "middleware"), carrier(chosen.middleware, middleware), general)
     if chosen.also:

@@ -6,12 +6,15 @@ import importlib
 import importlib.machinery
 import importlib.util
 import inspect
+import os
 import re
 import sys
 from pathlib import Path
 from typing import Any
 
+from .. import plugins
 from ..errors import ComponentError
+from ..spelling import closest
 from .trace import user_trace
 from .worker import Worker
 
@@ -22,20 +25,22 @@ def load_worker(folder: Path, *, afresh: bool = False, alone: bool = False) -> t
     """The SpecificWorker of a generated component, wherever its folder lies and whatever it is called.
 
     Its package is imported under the folder's name, so that its files can import each other; `afresh`, even if it is
-    imported already, so that two instances share no variables of its modules. One that RoboComp's own generator made
-    has its files in `src`; `alone`, it runs in its folder. Raises ComponentError if there is no such class, or if
+    imported already, so that two instances share no variables of its modules. A component that is written for another
+    framework is loaded by a plug-in; `alone` is for that. Raises ComponentError if there is no such class, or if
     importing its files fails.
     """
+    if not os.path.exists(folder):  # which knows no name that is too long
+        raise ComponentError(_missing(folder))
     folder = folder.resolve()
-    existing = (folder / "src" / "specificworker.py").is_file() and not (folder / "specificworker.py").exists()
-    for file in ("generic/genericworker.py", "src/specificworker.py" if existing else "specificworker.py"):
-        if not (folder / file).is_file():
-            raise ComponentError(f"{folder} is no generated component: it has no {file}; run rcgen on its .cdsl")
+    loader = plugins.worker_loader(folder)
+    if not (folder / "generic" / "genericworker.py").is_file():
+        raise ComponentError(_not_generated(folder, "generic/genericworker.py"))
+    if not loader and not plugins.is_ours(folder):
+        why = "specificworker.py, and no installed package runs it without one"
+        raise ComponentError(_not_generated(folder, why))
     try:
-        if existing:
-            from ..compat.existing import existing_worker  # only who has such a component needs it
-
-            return existing_worker(folder, _import_package(folder, afresh), alone)
+        if loader:
+            return loader.load(folder, _import_package(folder, afresh), alone=alone)
         module = importlib.import_module(f"{_import_package(folder, afresh)}.specificworker")
     except ComponentError:
         raise
@@ -45,6 +50,16 @@ def load_worker(folder: Path, *, afresh: bool = False, alone: bool = False) -> t
     if not (inspect.isclass(worker) and issubclass(worker, Worker)):
         raise ComponentError(f"{folder / 'specificworker.py'} has no class SpecificWorker(GenericWorker)")
     return worker
+
+
+def _missing(folder: Path) -> str:
+    beside = [each.name for each in folder.parent.iterdir() if each.is_dir()] if os.path.isdir(folder.parent) else []
+    near = closest(folder.name, beside)
+    return f"there is no folder {folder}" + (f"; did you mean `{folder.with_name(near)}`?" if near else "")
+
+
+def _not_generated(folder: Path, lacking: str) -> str:
+    return f"{folder} is no generated component: it has no {lacking}; run rcgen on its .cdsl"
 
 
 def _is_taken(name: str, folder: Path) -> bool:

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..contract.types import Struct, arrays
 from ..errors import EncodeError, TransportError
-from ..transports.base import Loan, Outlet
+from ..transports.base import Loan, Outlet, SupportsLoan
 from ..wire.codec import Encoder, check_size
 from ..wire.placing import Plan, lay, plan
 from .calls import Call
@@ -44,7 +44,7 @@ class Loans:
         found = list(arrays(inputs))
         self._places = [[field.attribute for field in path[self._is_struct :]] for path, _ in found]
         self._dtypes = [dtype for _, dtype in found]
-        self._borrow: Callable[[int], Loan] | None = getattr(outlet, "loan", None)
+        self._borrow = outlet.loan if isinstance(outlet, SupportsLoan) else None
         in_pieces: Callable[[Struct], Encoder] | None = getattr(call.codec, "pieces", None)
         self._pieces = in_pieces(call.operation.request) if in_pieces and self._borrow else None
         self._plans: dict[_Sizes, Plan] = {}

@@ -4,7 +4,9 @@
     waiting    threads and jobs that want in, first come first served
     aside      threads that were inside and wait for an answer; they come back before the others
 
-Jobs that cannot run at once are run by a pool of our own. Until the monitor is opened, jobs wait.
+Jobs that cannot run at once are run by a pool of our own. Until the monitor is opened, jobs wait. If the system has no
+thread to spare, a job stays in the queue until a thread of the pool is free, and threads that wait go before it. If the
+pool has no thread at all, the job is turned away.
 """
 
 from __future__ import annotations
@@ -13,13 +15,13 @@ import logging
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import partial
 from typing import Any, NamedTuple
 
 from ..errors import Closed
-from ..transports.base import step_aside
+from ..threads import Pool, start_thread
+from ..transports.base import about_to_block
 
 log = logging.getLogger("robocomp.worker")
 
@@ -85,7 +87,8 @@ class Monitor:
     Where every call passes, the lock is acquired and released: `with` takes twice as long.
     """
 
-    def __init__(self, name: str = "worker") -> None:
+    def __init__(self, name: str = "worker", start: Callable[[threading.Thread], bool] = start_thread) -> None:
+        """`start` starts a thread, and returns False if the system has none to spare."""
         self.name = name
         self._state = threading.Lock()
         self._inside: int | None = None
@@ -97,8 +100,8 @@ class Monitor:
         self._turns = 0
         """So often somebody who was inside has left, or has let others in."""
         self.gauge = Gauge()
-        self._pool = ThreadPoolExecutor(MAX_ASIDE + 8, thread_name_prefix=name)
-        self._pool_beside = ThreadPoolExecutor(THREADS_BESIDE, thread_name_prefix=f"{name}-beside")
+        self._pool = Pool(name, MAX_ASIDE + 8, is_needed=lambda: bool(self._queue), freed=self._freed, start=start)
+        self._pool_beside = Pool(f"{name}-beside", THREADS_BESIDE, start=start)
 
     def open(self) -> None:
         """Let jobs in from now on."""
@@ -110,8 +113,8 @@ class Monitor:
     def close(self) -> None:
         """Forget who waits, and wait for the jobs that run."""
         self.turn_away()
-        self._pool_beside.shutdown()
-        self._pool.shutdown()  # cancelling what it has not begun would leave our place to one who never comes
+        self._pool_beside.close()
+        self._pool.close()
 
     def turn_away(self) -> None:
         """Let in nobody any more but who comes back from a wait, or is `early`; who waits is sent away."""
@@ -161,7 +164,7 @@ class Monitor:
             self._queue.append(ticket)
             if self._inside is None:
                 self._admit_next()  # before the opening, what waits in front of us may have to stay there
-        step_aside()
+        about_to_block()
         ticket.called.acquire()
         if ticket.refused:
             raise Closed("the component ends")
@@ -194,29 +197,43 @@ class Monitor:
             self._state.release()
 
     def submit(self, job: Job, then: Then | None = None, away: Away | None = None, *, limited: bool = True) -> bool:
-        """Run a job on the pool when it is its turn; False if too many wait already, unless not `limited`."""
+        """Run a job on the pool when it is its turn.
+
+        Returns False if too many jobs wait already, unless not `limited`, or if the pool cannot have a thread.
+        """
         with self._state:
             if self._closed or (limited and (self._aside >= MAX_ASIDE or len(self._queue) >= MAX_WAITING)):
                 return False
-            self._queue.append(_Waiting(job, then, away))
+            self._queue.append(_Waiting(job, then, away))  # first, because the pool keeps its threads while a job waits
+            if not self._pool.is_staffed():
+                self._queue.pop()
+                return False
             if self._inside is None and self._open:
                 self._admit_next()
             return True
 
     def submit_beside(self, job: Job, then: Then | None = None, away: Away | None = None) -> bool:
-        """Run a job on the pool without keeping anybody out; False if too many do already."""
+        """Run a job on the pool beside others; False if too many do already, or if the pool cannot have a thread."""
         with self._state:
             if self._closed or self._beside >= MAX_BESIDE:
                 return False
+            if not self._pool_beside.offer(partial(self._run_beside, job, then, away), may_wait=True):
+                return False
             self._beside += 1
-        self._pool_beside.submit(self._run_beside, job, then, away)
         return True
 
     def run(self, job: Job) -> None:
-        """Run a job here and now if nobody is inside, else by `submit`, without limit."""
+        """Run a job here and now if no thread is inside, else by `submit`, without limit.
+
+        If there is no thread for it, the calling thread waits for its turn.
+        """
         if not self.try_enter():
-            self.submit(job, limited=False)
-            return
+            if self.submit(job, limited=False):
+                return
+            try:
+                self.enter()
+            except Closed:
+                return  # the component ends: nothing of it is called any more
         try:
             job()
         finally:
@@ -236,7 +253,7 @@ class Monitor:
                 self._inside = None
         finally:
             self._state.release()
-        step_aside()
+        about_to_block()
         return True
 
     def step_in(self, stepped_out: bool) -> None:
@@ -267,24 +284,27 @@ class Monitor:
     def _admit_next(self) -> None:
         """Nobody is inside any more: let the next one in. Called with the state locked."""
         self._inside = None
-        if not self._queue:
+        may_start = self._open
+        for number, entry in enumerate(self._queue):
+            if isinstance(entry, _Ticket):
+                if not (self._open or entry.early):
+                    continue
+                self._inside = entry.thread
+                entry.called.release()
+            elif may_start and self._pool.offer(partial(self._run, entry.job, entry.then)):
+                self._inside = _POOL
+            else:
+                may_start = False  # no thread for this job: `_freed` tries again
+                continue
+            del self._queue[number]
             return
-        entry = self._next()
-        if isinstance(entry, _Ticket):
-            self._inside = entry.thread
-            entry.called.release()
-        elif entry is not None:
-            self._inside = _POOL
-            self._pool.submit(self._run, entry.job, entry.then)
 
-    def _next(self) -> _Ticket | _Waiting | None:
-        if self._open:
-            return self._queue.popleft() if self._queue else None
-        for entry in self._queue:
-            if isinstance(entry, _Ticket) and entry.early:
-                self._queue.remove(entry)
-                return entry
-        return None
+    def _freed(self) -> None:
+        """A thread of the pool is free: run a job for which there was none."""
+        if self._queue and self._inside is None:
+            with self._state:
+                if self._inside is None:
+                    self._admit_next()
 
     def _run(self, job: Job, then: Then | None) -> None:
         self._inside = threading.get_ident()

@@ -10,13 +10,27 @@ import math
 import os
 import socket
 import threading
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+
+from ..threads import start_thread
 
 BETWEEN = "+"
 """What stands between the components of one process on its command line."""
 
 ENDED = "X_ROBOCOMP_ENDED="
 """What a process says of a component of its own that has ended, while others go on."""
+
+
+CONTRACT = "X_ROBOCOMP_CONTRACT="
+"""A component, how many operations it has in all, and some of them as `name=fingerprint`."""
+
+_LONGEST = 4096
+"""Characters of a datagram. systemd reads none that are longer."""
+
+
+LIFE = "X_ROBOCOMP_LIFE="
+"""How a component of a process is, when that has changed: what `introspection.life` says."""
 
 
 CALLS = "X_ROBOCOMP_CALLS="
@@ -51,14 +65,51 @@ def notify(*lines: str) -> None:
     address = os.environ.get("NOTIFY_SOCKET")
     if not address or not hasattr(socket, "AF_UNIX"):
         return
-    if not _taken(address, told, _SOON) and "READY=1" in told.split("\n"):
-        # That is said only once. Nobody need wait for it in the end: of one who ends, it is no news any more.
-        threading.Thread(target=_taken, args=(address, told, _LATE), name="notifying", daemon=True).start()
+    left = _send(address, _datagrams(told.split("\n")), _SOON)
+    if any(each.startswith(_ONCE) for each in left):
+        # These are sent only once. At the end there is no need to wait for it: the process is ending anyway.
+        start_thread(threading.Thread(target=_send, args=(address, left, _LATE), name="notifying", daemon=True))
+
+
+_ONCE = ("READY=1", CONTRACT)
+
+
+def contract(instance: str, operations: Mapping[str, str]) -> Iterator[str]:
+    """What a component says of its contracts (`Component.fingerprints`): lines that have room in a datagram each."""
+    begin = line = f"{CONTRACT}{instance} {len(operations)}"
+    for name, fingerprint in operations.items():
+        told = f" {name}={fingerprint}"
+        if line != begin and len(line) + len(told) > _LONGEST:
+            yield line
+            line = begin
+        line += told
+    if operations:
+        yield line
+
+
+def _datagrams(lines: Iterable[str]) -> list[str]:
+    """Lines together, as far as a datagram has room for them."""
+    found: list[str] = []
+    for line in lines:
+        if found and len(found[-1]) + 1 + len(line) <= _LONGEST:
+            found[-1] += f"\n{line}"
+        else:
+            found.append(line)
+    return found
+
+
+def _send(address: str, datagrams: list[str], within: float) -> list[str]:
+    """Send each of them within some seconds. Returns those that were not taken in time, and all behind them."""
+    return next((datagrams[at:] for at, each in enumerate(datagrams) if not _taken(address, each, within)), [])
 
 
 def _taken(address: str, told: str, within: float) -> bool:
     """Whether this was taken, or nobody is there to take it; we end when we are told to."""
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as channel:
+    try:
+        channel = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    except OSError:  # no descriptor is free just now
+        return False
+    with channel:
         channel.settimeout(within)
         try:
             # Connected: else it could not be waited for until a launcher that is stopped takes it, only tried for.

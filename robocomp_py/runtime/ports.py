@@ -10,7 +10,7 @@ from concurrent.futures import Future
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar, cast
 
 from ..contract.component import MAX_SECONDS, Port
 from ..contract.interface import Interface, Operation, Pattern
@@ -24,11 +24,11 @@ from ..transports.base import (
     Reply,
     Statistics,
     Status,
+    SupportsHeard,
     Transport,
     TypeRef,
-    is_heard,
+    about_to_block,
     require,
-    step_aside,
 )
 from ..wire.codec import Payload
 from .calls import Answering, Call
@@ -41,6 +41,7 @@ log = logging.getLogger("robocomp.worker")
 
 R = TypeVar("R")
 M = TypeVar("M")
+W = TypeVar("W")
 
 _AT_LEAST = 0.001
 """Seconds that a way to send by has, whatever the others have taken."""
@@ -96,6 +97,13 @@ class Proxy:
         sent: Any = self._bound[operation.name]
         message: AbstractContextManager[M] = sent.loans.message(kind, shapes, partial(sent.send, deadline=deadline))
         return message
+
+
+def wrap(proxy: Proxy, wrapper: Callable[[Any], W]) -> dict[str, W]:
+    """Put something around every operation of a proxy; return what was put there, by operation."""
+    wrapped = {name: wrapper(each) for name, each in proxy._bound.items()}
+    proxy._bound = cast("Any", wrapped)
+    return wrapped
 
 
 class Answer(Future[R]):
@@ -254,10 +262,11 @@ class _Sent:
 
     def __init__(self, call: Call[Any], outlet: Outlet, deadline: float) -> None:
         self._call, self._encode, self._outlet, self._deadline = call, call.encode, outlet, deadline
+        self._tells = outlet if isinstance(outlet, SupportsHeard) else None
 
     @property
     def heard(self) -> bool:
-        return is_heard(self._outlet)
+        return self._tells is None or self._tells.heard
 
     @cached_property
     def loans(self) -> Loans:
@@ -380,7 +389,7 @@ class _Handling:
             self._take(arguments)
             return
         if not turn.acquire(blocking=False):
-            step_aside()
+            about_to_block()
             turn.acquire()
         try:
             self._take(arguments)
@@ -420,5 +429,5 @@ def close_all(links: list[Link]) -> None:
             links.pop().close()
         except Closed:
             continue
-        except (RobocompError, OSError):
+        except Exception:  # whatever one of them raises, the others are to be closed
             log.exception("closing a link")

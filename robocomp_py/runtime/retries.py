@@ -14,11 +14,12 @@ import random
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
+from concurrent.futures import CancelledError, Future
 from functools import partial
 
 from ..errors import Unreachable
-from ..transports.base import Caller, Question, Reply, Statistics, Status, step_aside
+from ..threads import Pool
+from ..transports.base import Caller, Question, Reply, Statistics, Status, SupportsQuestion, about_to_block
 from ..wire.codec import Payload
 
 ATTEMPTS = 3
@@ -69,8 +70,9 @@ class Retrying:
     ) -> None:
         """`ending` says whether no server is waited for any more."""
         self._caller, self._budget, self._ending = caller, budget or Budget(), ending
+        self._numbering = caller if isinstance(caller, SupportsQuestion) else None
         self.wait_peer = caller.wait_peer
-        self._aside: ThreadPoolExecutor | None = None
+        self._aside: Pool | None = None
         self._lock = threading.Lock()
         self._closed = threading.Event()
 
@@ -100,12 +102,17 @@ class Retrying:
         question, answer = self._question(payload), _Answer()
 
         def ask_again(why: _Failure) -> None:
-            again = partial(self._again, partial(_called, question, answer), why, end)
+            def ask() -> None:
+                try:
+                    answer.settle(partial(self._again, partial(_called, question, answer), why, end))
+                finally:
+                    question.close()
+
             with self._lock:
                 if not self._closed.is_set():
-                    self._aside = self._aside or ThreadPoolExecutor(_ASIDE, _THREADS)
-                    self._aside.submit(answer.settle, again).add_done_callback(lambda _: question.close())
-                    return
+                    self._aside = self._aside or Pool(_THREADS, _ASIDE)
+                    if self._aside.offer(ask, may_wait=True):
+                        return
             question.close()
             answer.settle(partial(_end, why))  # without the lock: callbacks may close us
 
@@ -137,11 +144,10 @@ class Retrying:
             aside, self._aside = self._aside, None
         if aside:
             mine = threading.current_thread().name.startswith(_THREADS)  # a callback closes us
-            aside.shutdown(wait=not mine)
+            aside.close(wait=not mine)
 
     def _question(self, payload: Payload) -> Question:
-        question: Callable[[Payload], Question] | None = getattr(self._caller, "question", None)
-        return question(payload) if question else _Anew(self._caller, payload)
+        return self._numbering.question(payload) if self._numbering else _Anew(self._caller, payload)
 
     def _again(self, ask: Callable[[float], Reply], why: _Failure, end: float) -> Reply:
         """Tells how it failed at last; who finds no server in time, how it failed at first."""
@@ -149,7 +155,7 @@ class Retrying:
         for _ in range(ATTEMPTS - 1):
             if not self._budget.spend():
                 break
-            step_aside()
+            about_to_block()
             self._closed.wait(min(pause * random.uniform(0.5, 1.5), max(0.0, end - time.monotonic())))
             pause *= 3
             if not self._is_served(end):

@@ -19,9 +19,12 @@ from pathlib import Path
 from typing import Any
 
 from .. import __version__, installed
-from ..contract.component import Component, Port
+from ..arguments import Parser
+from ..contract.component import MAX_SECONDS, Component, Port
 from ..contract.interface import Operation, Verb
+from ..contract.middleware import carrier
 from ..contract.parameters import build
+from ..contract.statemachine import label
 from ..errors import (
     AlreadyServed,
     Closed,
@@ -31,17 +34,30 @@ from ..errors import (
     TransportError,
     Unreachable,
 )
-from ..transports.base import Link, Transport, TransportConfig, TransportFactory, find_transport, gathering
+from ..threads import start_thread
+from ..transports.base import (
+    Link,
+    Transport,
+    TransportConfig,
+    TransportFactory,
+    find_transport,
+    gathering,
+    wait_connected,
+)
 from ..wire import names
 from . import ports, settings
 from .commonbehavior import CommonBehavior, port_of
+from .ending import GRACE, STUCK, announced, end_after, grace_of, settle
 from .files import write_out
+from .introspection import Bound, Counts, life, status
 from .lifecycle import Beat, Event, State, after
 from .monitor import Monitor
-from .notify import notify
-from .settings import Settings, Way, carrier
+from .notify import contract, notify
+from .RoboCompCommonBehavior import Status
+from .settings import Settings, Way
 from .signals import Signals
 from .statemachine import Machine, Trigger
+from .tally import Tally
 from .trace import user_trace
 from .watch import Lost, Missed
 from .watchdog import Watchdog
@@ -53,15 +69,14 @@ log = logging.getLogger("robocomp.worker")
 _REMIND = 5.0
 """Seconds between two messages that say for whom a component waits."""
 
+_SLOW = 10
+"""Periods left out before a component is called too slow."""
+
+_CONNECTING = 2.0
+"""Seconds that all topics of a component have to connect; then it starts without those that have not."""
+
 _TOLD = 8
 """Keys without effect that are named at the start; `rc lint` names all."""
-
-STUCK = 2.0
-"""Seconds after which somebody who asked a component to stop is told what it still does."""
-
-
-KEYED = "zeromq", "zenoh"
-"""The transports that have keys for what crosses hosts."""
 
 
 class Running:
@@ -93,11 +108,15 @@ class Running:
         self._changing = threading.Lock()
         self.monitor = Monitor(f"worker-{settings.instance}")
         self._watching = Watching(settings.instance, self._happened)
+        self._tally = Tally(settings.namespace, settings.instance)
         self._transports = _Transports(settings, find, lambda: not self.is_over)
         self._links: list[Link] = []
         """Of handlers."""
         self._proxied: list[Link] = []
         """Of proxies."""
+        self._bound: list[Bound] = []
+        """Its ports, with what their links go by."""
+        self._was_slow = False
         self._failed = False
         self._excuse = ""
         self.doing = ""
@@ -107,6 +126,7 @@ class Running:
 
     def run(self) -> bool:
         """Start, compute until stopped, finish, close. Whether all went well."""
+        self._tell_contract()
         try:
             self._connect()
             self._live()
@@ -117,6 +137,7 @@ class Running:
             self._tell("STOPPING=1")
             self.monitor.turn_away()
             self._watching.end()
+            self._tally.write(self._bound)
             self._close_links()
             self._watching.close()
             self.monitor.close()
@@ -131,6 +152,19 @@ class Running:
     @property
     def is_over(self) -> bool:
         return self.state is State.ENDED
+
+    @property
+    def life(self) -> str:
+        """How it is, in a line for its launcher."""
+        return life(self.settings.instance, self.state, self._counts, self._watching.all)
+
+    @property
+    def _counts(self) -> Counts:
+        return Counts(self.computes, self.overruns)
+
+    def _status(self) -> Status:
+        name, component = self.settings.instance, self.component.name
+        return status(name, component, self.state, self._counts, self._bound, self._watching.all)
 
     @property
     def speaks(self) -> bool:
@@ -185,10 +219,16 @@ class Running:
         hint = f"\nproxies are there from `initialize` on: move what uses `{name}` there" if early else ""
         return f"{user_trace(exc)}{hint}"
 
+    def _tell_contract(self) -> None:
+        """Report the contracts of this component: other components may have been started before a change of them."""
+        if lines := list(contract(self.settings.instance, self.component.fingerprints())):
+            self._tell("\n".join(lines))
+
     def _connect(self) -> None:
         with self._transports.gathering():
             required = self._bind_all()
         self._await(required)
+        self._connect_topics()
         if self.state is State.STARTING:
             self.signal(Event.CONNECTED)
 
@@ -199,13 +239,14 @@ class Running:
         own = port_of(self.component)
         if own:
             machine = vars(self.worker).get("statemachine")
-            servant = CommonBehavior(self.worker, self.settings.params, self.monitor.held, machine)
+            servant = CommonBehavior(self.worker, self.settings.params, self.monitor.held, self._status, machine)
             try:
                 self._links += ports.bind_handlers(own, servant, self._route, self.monitor, seldom=True)
             except AlreadyServed as exc:
                 who = self.settings.instance
                 raise AlreadyServed(
-                    f"an instance `{who}` runs already; stop it, or choose another --name ({exc})"
+                    f"an instance `{who}` runs already; stop it, or give this one another name: by --name, or where a "
+                    f"network names it ({exc})"
                 ) from exc
         required: list[tuple[Port, Link]] = []
         for port in (*provided, *wanted):
@@ -224,10 +265,19 @@ class Running:
             log.warning("%s", exc)  # closing its transport does the rest
 
     def _bind(self, port: Port) -> list[Link]:
-        if not port.verb.has_proxy:
-            return ports.bind_handlers(port, self.worker, self._route, self.monitor, self._watching)
-        proxy, links = ports.bind_proxy(port, self._route, self.monitor, self._watching)
-        setattr(self.worker, port.attribute, proxy)
+        routes: list[ports.Route] = []
+
+        def route(port: Port, operation: Operation[Any]) -> ports.Route:
+            routes.append(self._route(port, operation))
+            return routes[-1]
+
+        if port.verb.has_proxy:
+            proxy, links = ports.bind_proxy(port, route, self.monitor, self._watching)
+            self._tally.watch(port, proxy)
+            setattr(self.worker, port.attribute, proxy)
+        else:
+            links = ports.bind_handlers(port, self.worker, route, self.monitor, self._watching)
+        self._bound.append(Bound(port, routes, links))
         return links
 
     def _route(self, port: Port, operation: Operation[Any]) -> ports.Route:
@@ -269,13 +319,28 @@ class Running:
                 now = time.monotonic()
                 whom = self.settings.whom(port)
                 if now - begun > self.settings.patience:
+                    lacking = _lacking(port, required)
                     raise Unreachable(
-                        f"nobody offers {port.interface.short} ({whom}) after {self.settings.patience:g} s; "
+                        f"{lacking} (waited {self.settings.patience:g} s for {whom})"
+                        if lacking
+                        else f"nobody offers {port.interface.short} ({whom}) after {self.settings.patience:g} s; "
                         f"start a component that implements it, or set ports.{port.name}.from"
                     )
                 if now - told > _REMIND or told == begun:
+                    lacking = _lacking(port, required) if told != begun else ""  # at first it is still being found
                     told = now
-                    log.info("waiting for a component that implements %s (%s)", port.interface.short, whom)
+                    what = lacking or f"waiting for a component that implements {port.interface.short}"
+                    log.info("%s (%s)", what, whom)
+
+    def _connect_topics(self) -> None:
+        """Wait until visible publishers and subscribers are connected: what they publish from now on is heard."""
+        end = time.monotonic() + _CONNECTING
+        topics = [link for bound in self._bound if bound.port.verb.is_topic for link in bound.links]
+        for link in topics:
+            while self.state is State.STARTING and not wait_connected(link, min(0.2, max(0.0, end - time.monotonic()))):
+                if time.monotonic() >= end:
+                    log.info("some publishers or subscribers are not connected after %g s; starting", _CONNECTING)
+                    return
 
     # Living.
 
@@ -323,7 +388,7 @@ class Running:
 
     def _enter(self, state: str) -> None:
         """Tell the worker of a state that is entered, unless it has failed in another one."""
-        method = getattr(self.worker, f"sm_{state}")
+        method = getattr(self.worker, f"sm_{label(state)}")
         if not self._failed:
             with self._guarded(method):
                 method()
@@ -335,10 +400,23 @@ class Running:
             self._wake.wait(wait)
             self._wake.clear()
             return False
+        begun = time.monotonic()
         self._call(hook)
-        self._beat.done(time.monotonic())
-        self.overruns = self._beat.overruns
+        now = time.monotonic()
+        self._beat.done(now)
+        if self.overruns != self._beat.overruns:
+            self.overruns = self._beat.overruns
+            self._tell_slow(hook, now - begun)
         return True
+
+    def _tell_slow(self, hook: Callable[[], None], took: float) -> None:
+        """Say once that a component keeps less than half of its periods; a single late step is no news."""
+        if not self._was_slow and self.overruns >= max(_SLOW, self.computes):
+            self._was_slow = True
+            log.warning(
+                "%s took %.3g s, longer than the period of %.3g s: %d periods were left out (more are only counted)",
+                hook.__qualname__, took, self._beat.period, self.overruns,
+            )  # fmt: skip
 
     def _happened(self, port: Port, operation: str, event: Missed | Lost) -> None:
         """Call the hook for a missed deadline, or for a publisher that was lost, when it is its turn."""
@@ -433,7 +511,7 @@ class _Transports:
             name, transport = self._open.popitem()
             try:
                 transport.close()
-            except (RobocompError, OSError):
+            except Exception:  # whatever one of them raises, the others are to be closed
                 log.exception("closing the transport %s", name)
 
 
@@ -448,7 +526,11 @@ def main(
     `options` are its arguments, if they have been read already. `missed` tells of a signal that was to end this process
     before the component took heed of any, and went lost, as in a destructor; 0 if there was none.
     """
-    options = options or parser_of(worker_class.component).parse_args(arguments)
+    if options is None:
+        parser = parser_of(worker_class.component)
+        options = parser.parse_args(arguments)
+        if options.json and not options.print_config:
+            parser.error("--json is for --print-config")
     try:
         chosen, document = prepare(worker_class, options)
         if options.print_config:
@@ -459,22 +541,34 @@ def main(
         running = Running(worker_class, chosen)
     except (ConfigurationError, ComponentError) as exc:
         print(exc, file=sys.stderr)
-        return 1
+        return exit_code(options)
     received: list[int] = []
-    stop_by = partial(_stop_by, running, received)
-    with Signals(stop_by), Watchdog([running], [chosen.watchdog], notify):
-        if number := missed():
-            stop_by(number)
-        front = running.worker._in_front
-        fine = front(running.run, running.stop) if front else running.run()
-        write_out()
+    grace = grace_of([options.grace])
+    stop_by = partial(_stop_by, running, received, grace)
+    try:
+        with Signals(stop_by, partial(end_after, grace)), Watchdog([running], [chosen.watchdog], notify):
+            if number := missed():
+                stop_by(number)
+            front = running.worker._in_front
+            fine = front(running.run, running.stop) if front else running.run()
+            write_out()
+    except ComponentError as exc:
+        print(exc, file=sys.stderr)
+        return 1
+    settle()
     return 1 if not fine else 128 + received[0] if received else 0
+
+
+def exit_code(*every: argparse.Namespace) -> int:
+    """The exit code for components that could not be configured: 2 if their middleware does not exist, else 1."""
+    named = {carrier(each.middleware, "") for each in every} - {""}
+    return 1 if named <= installed.transports().keys() else 2
 
 
 def parser_of(component: Component) -> argparse.ArgumentParser:
     """What a component takes on its command line."""
     name = component.name
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=name,
         description=f"{component.description or f'Run the component {name}.'} It stops on Ctrl-C or SIGTERM.",
         epilog="Every key of the configuration can be set: --set component.period=0.02 --set params.NAME=VALUE, or by "
@@ -484,7 +578,7 @@ def parser_of(component: Component) -> argparse.ArgumentParser:
         "--config",
         type=Path,
         metavar="FILE",
-        help="configuration (default: etc/config.toml beside it, or RoboComp's etc/config)",
+        help="configuration (default: the one in etc/ beside it)",
     )
     parser.add_argument("--name", help=f"name of this instance (default: {name.lower()})")
     parser.add_argument("--middleware", help="what carries its messages, as in `middleware = …`")
@@ -493,6 +587,12 @@ def parser_of(component: Component) -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--keys", metavar="FOLDER", help="its keys for what crosses hosts, as `rcdeploy keys` makes them"
+    )
+    parser.add_argument(
+        "--grace",
+        type=_grace,
+        metavar="SECONDS",
+        help=f"what it has to stop by itself, once told to (default: {GRACE:g})",
     )
     parser.add_argument(
         "--print-config", action="store_true", help="print the configuration that holds, and who says so; run nothing"
@@ -509,13 +609,13 @@ def read_plain(arguments: Sequence[str]) -> argparse.Namespace | None:
     component's own.
     """
     options = argparse.Namespace(
-        config=None, name=None, middleware=None, set=[], keys=None, print_config=False, json=False
+        config=None, name=None, middleware=None, set=[], keys=None, grace=None, print_config=False, json=False
     )
     if len(arguments) % 2:
         return None
     for option, value in zip(arguments[::2], arguments[1::2], strict=True):
         match option:
-            case _ if value.startswith("-"):
+            case _ if value.startswith("-") or not value.strip():
                 return None
             case "--set" if settings.is_assignment(value):
                 options.set.append(value)
@@ -533,6 +633,33 @@ def _assignment(text: str) -> str:
     if not settings.is_assignment(text):
         raise argparse.ArgumentTypeError(f"`{text}`: write it as key=value, as in --set params.max_speed=0.5")
     return text
+
+
+def _grace(text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = -1.0
+    if not 0 < seconds <= MAX_SECONDS:
+        raise argparse.ArgumentTypeError(
+            f"`{text}` is no number of seconds above 0 and up to {MAX_SECONDS:g}; write it as in --grace 10"
+        )
+    return seconds
+
+
+def _lacking(port: Port, required: Sequence[tuple[Port, Link]]) -> str:
+    """What to tell of an interface of which some operations are found, and others are not; else ""."""
+    found = [link.wait_peer(0) for each, link in required if each is port]
+    names = [operation.name for operation, _ in port.interface.under(port.verb)]
+    if len(found) != len(names):  # an operation goes several ways
+        return ""
+    absent = [f"`{name}`" for name, there in zip(names, found, strict=True) if not there]
+    if not any(found) or not absent:
+        return ""
+    return (
+        f"a component implements {port.interface.short} without {', '.join(absent)}: it was generated from another "
+        "definition; run rcgen for both and restart them"
+    )
 
 
 def prepare(worker_class: type[Worker[Any]], options: argparse.Namespace) -> tuple[Settings, settings.Document]:
@@ -564,9 +691,12 @@ def _document(worker_class: type[Worker[Any]], options: argparse.Namespace) -> s
 
 
 def _set_keys(document: settings.Document, folder: str) -> None:
-    from .effective import toml  # only who has keys needs it
+    from ..transports.deployment import deployments  # only a component with keys needs these
+    from .effective import toml
 
-    for transport in KEYED:
+    if not Path(folder).is_dir():
+        raise ConfigurationError(f"--keys {folder}: there is no such folder; `rcdeploy keys` makes one")
+    for transport in (name for name, each in deployments().items() if each.keyed):
         value = toml(str(Path(folder).absolute()))
         settings.override(document, f"transports.{transport}.keys={value}", f"--keys {folder}")
 
@@ -581,14 +711,19 @@ def _print_config(
 
 
 def tell_notes(document: settings.Document) -> None:
-    """Say what became of the lines of a configuration that was written for RoboComp."""
-    if document.path and document.path.name == "config.toml" and document.path.with_name("config").is_file():
-        log.info("%s is not read, since there is %s", document.path.with_name("config"), document.path)
+    """Say what became of the lines of a configuration in another form."""
+    other = {"config.toml": "config", "config": "config.toml"}.get(document.path.name) if document.path else None
+    if document.path and other and document.path.with_name(other).is_file():
+        unread = document.path.with_name(other)
+        log.info("%s is not read, since there is %s; to read it: --config %s", unread, document.path, _short(unread))
     for note in document.notes:
         if not note.understood:
             log.warning("%s:%d: %s", document.path, note.line, note.why)
-    taken = (settings.UNDECLARED,) if document.passed_on else ()
-    idle = [note.key for note in document.notes if note.understood and not note.became and note.why not in taken]
+    idle = [
+        note.key
+        for note in document.notes
+        if note.understood and not note.became and not (note.undeclared and document.passed_on)
+    ]
     if document.notes:
         shown = ", ".join(idle[:_TOLD]) + (f" and {len(idle) - _TOLD} more" if len(idle) > _TOLD else "")
         log.info("configured by %s, written for RoboComp; without effect here: %s", document.path, shown or "nothing")
@@ -643,16 +778,17 @@ def tell_where_on_abort() -> None:
         faulthandler.enable()
 
 
-def _stop_by(running: Running, received: list[int], number: int) -> None:
+def _stop_by(running: Running, received: list[int], grace: float | None, number: int) -> None:
+    end_after(grace)
     received.append(number)
     running.stop()
-    reminder = threading.Timer(STUCK, _tell_stuck, [running])
+    reminder = threading.Timer(STUCK, _tell_stuck, [running, grace])
     reminder.daemon = True
-    reminder.start()
+    start_thread(reminder)  # without this thread, the component stops all the same
 
 
-def _tell_stuck(running: Running) -> None:
+def _tell_stuck(running: Running, grace: float | None) -> None:
     """Say what keeps a component from ending, and what can be done about it."""
     if running.state is not State.ENDED:
         doing = running.doing or "closing"
-        print(f"asked to stop {STUCK:g} s ago, but still busy with {doing}; Ctrl-C again ends it now", file=sys.stderr)
+        print(f"asked to stop {STUCK:g} s ago, but still busy with {doing}{announced(grace)}", file=sys.stderr)

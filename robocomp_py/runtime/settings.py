@@ -22,7 +22,7 @@
     --set component.period=0.05              on the command line
     --set max_speed=1.5                      a parameter may be called without `params.`
 
-A file of RoboComp's own (`etc/config`) is read, too: see `classic`.
+Plug-ins read files in other forms: see `plugins`.
 
 Everything is checked before anything is opened, and all complaints come at once, with their place.
 """
@@ -31,23 +31,24 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections import ChainMap
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from .. import installed
+from .. import installed, plugins
 from ..contract.component import MAX_SECONDS, Component, Port
 from ..contract.interface import Verb
+from ..contract.middleware import carrier
 from ..contract.parameters import Complaint, Key, Parameter, ParameterKind, ParameterSet, dotted
 from ..contract.parameters import check as check_parameters
-from ..contract.qos import PRESETS, Durability, History, Liveliness, QoS, Reliability
+from ..contract.qos import DEFAULT_QOS, DEPTHS, PRESETS, TIMES, WORDS, QoS
 from ..errors import ConfigurationError
 from ..spelling import closest, unknown
 from ..wire import names
-from .document import UNDECLARED as UNDECLARED
 from .document import Document as Document
-from .document import has_sections, is_of_2025, parsed
+from .document import has_sections, parsed, put
 
 DEADLINE = 5.0
 """Seconds a call may take, unless configuration or the caller say otherwise."""
@@ -59,8 +60,8 @@ LOG_LEVELS = ("debug", "info", "warning", "error")
 PREFIX = "ROBOCOMP__"
 """What a variable of the environment begins with that sets a key."""
 
-AUTO = "auto"
-"""Instead of a middleware: rcdeploy chooses, for each operation. `auto(dds)` says which crosses the network then."""
+VARIABLE = "environment variable "
+"""What is put before the name of such a variable when it is named as who says something."""
 
 KEYS = ("namespace", "middleware", "component", "params", "ports", "transports")
 
@@ -129,9 +130,9 @@ class Settings:
         return base
 
     def whom(self, port: Port) -> str:
-        """Whom a port uses, for people: over Ice, a proxy says more than the name it has here."""
+        """Whom a port uses, for people: a proxy says more than the name it has here."""
         source = self.port(port, "").source
-        proxies = self.transports.get("ice", {}).get("proxies", {})
+        proxies = ChainMap(*(options.get("proxies", {}) for options in self.transports.values()))
         return str(proxies.get(source, source)) if source else "any instance"
 
 
@@ -145,25 +146,22 @@ def middlewares(settings: Settings) -> dict[Key, str]:
     return {key: each for key, name in named.items() if (each := carrier(name, ""))}
 
 
-def is_auto(middleware: str | None) -> bool:
-    """Whether the choice is rcdeploy's: nobody named a middleware, or it was left to rcdeploy."""
-    return middleware is None or _AUTO.fullmatch(middleware) is not None
-
-
-def carrier(middleware: str | None, generated_for: str) -> str:
-    """The middleware that is named, or else what carries what rcdeploy has not chosen anything better for."""
-    found = _AUTO.fullmatch(middleware or AUTO)
-    return (found[1] or generated_for) if found else middleware or generated_for
-
-
 def find(folder: Path) -> Path | None:
-    """The configuration in a component's folder: `etc/config.toml`, or else RoboComp's `etc/config`."""
-    own, other = folder / "etc" / "config.toml", folder / "etc" / "config"
-    return own if own.exists() else other if other.is_file() else None
+    """The configuration in a component's folder: `etc/config.toml`, or what a plug-in finds there instead.
+
+    No plug-in is asked about a component of ours that has an `etc/config.toml`, or nothing in `etc`.
+    """
+    own = folder / "etc" / "config.toml"
+    others = own.parent.is_dir() and any(own.parent.iterdir())
+    if others and not (own.exists() and plugins.is_ours(folder)):
+        for reader in plugins.configuration_readers():
+            if found := reader.find(folder):
+                return found
+    return own if own.exists() else None
 
 
 def read(path: Path, params: ParameterSet | None = None, topics: Collection[str] = ()) -> Document:
-    """A configuration file for a component with these parameters, in our form or in one of RoboComp's own.
+    """A configuration file for a component with these parameters, in our form or in one that a plug-in reads.
 
     `topics` are the interfaces it publishes and subscribes to, which such a file may name. Raises ConfigurationError
     with the place if it is none.
@@ -175,9 +173,7 @@ def read(path: Path, params: ParameterSet | None = None, topics: Collection[str]
     except UnicodeDecodeError as exc:
         if path.suffix == ".toml":
             raise ConfigurationError(f"{path}: is not UTF-8 text") from exc
-        from . import classic
-
-        return classic.read_classic(path, params, topics)
+        text = path.read_text(encoding="latin-1")  # comments were written before everybody had UTF-8
     return from_text(text, path, params, topics)
 
 
@@ -188,24 +184,26 @@ def read_for(path: Path, component: Component) -> Document:
 
 def from_text(text: str, path: Path, params: ParameterSet | None = None, topics: Collection[str] = ()) -> Document:
     """The same for a text that was read."""
-    declared = params or ParameterSet("")
-    if path.suffix == ".toml" or _is_toml_of_ours(text):
-        data = parsed(text, path)
-        if not is_of_2025(data):
-            return Document(data, path, text, params=params)
-    from . import classic  # only who has such a file needs it
+    data = _as_toml(text, path)
+    if data is not None and data.keys() <= set(KEYS):
+        return Document(data, path, text, params=params)
+    for reader in plugins.configuration_readers():
+        if reader.accepts(path, text):
+            return reader.read(text, path, params or ParameterSet(""), topics)
+    if data is None:
+        raise ConfigurationError(f"{path}: is no TOML, and no installed package reads configurations of this form")
+    return Document(data, path, text, params=params)
 
-    return classic.from_text(text, path, declared, topics)
 
-
-def _is_toml_of_ours(text: str) -> bool:
-    """Whether a file is ours whose name does not tell: one with tables, or only with keys that we know."""
-    if has_sections(text):
-        return True
+def _as_toml(text: str, path: Path) -> dict[str, Any] | None:
+    """What a text says in TOML; None for a file of another form. Raises NotToml if it was meant to be TOML."""
+    if path.suffix == ".toml" or has_sections(text):
+        return parsed(text, path)
     try:
-        return set(tomllib.loads(text)) <= set(KEYS)
+        data = tomllib.loads(text)
     except tomllib.TOMLDecodeError:
-        return False
+        return None
+    return data if data.keys() <= set(KEYS) else None
 
 
 def is_assignment(text: str) -> bool:
@@ -234,7 +232,7 @@ def environment(document: Document, component: Component, variables: Mapping[str
     The parts of a key are separated by `__`, all in any case: `ROBOCOMP__PARAMS__MOTORS__0__MAX_SPEED=1.5`.
     """
     for name in sorted((each for each in variables if each.upper().startswith(PREFIX)), key=_by_number):
-        origin = f"environment variable {name}"
+        origin = f"{VARIABLE}{name}"
         try:
             key = _spelled(component, name[len(PREFIX) :].split("__"))
         except ValueError as exc:
@@ -263,12 +261,37 @@ def _set(document: Document, key: Key, text: str, origin: str) -> None:
 
 
 def settle(document: Document, component: Component, generated_for: str) -> None:
-    """To be called once when everything is set, before `check`: what only then can be told of ports over Ice."""
+    """To be called once when everything is set, before `check`: what can be told of ports only then."""
+    if document.complete:
+        document.complete(document, component, generated_for)
     transports = document.data.get("transports")
-    if document.of_ice or (isinstance(transports, Mapping) and "ice" in transports):
-        from . import iceports  # only who may use Ice needs it
+    for name, options in transports.items() if isinstance(transports, Mapping) else ():
+        if isinstance(options, Mapping):
+            _complete(document, component, generated_for, name, options)
 
-        iceports.settle(document, component, generated_for)
+
+def _complete(
+    document: Document, component: Component, generated_for: str, name: str, options: Mapping[str, Any]
+) -> None:
+    """Add what the options of a transport mean to ports."""
+    from ..transports.deployment import Completion, deployment_of  # only a component with such a table needs these
+    from .commonbehavior import port_of
+
+    is_overridden = any(key[0] == "ports" and key[-1] == "from" for key, _ in document.overrides)
+    found = deployment_of(name).complete(
+        options,
+        component,
+        port_of(component),
+        lambda: examine(component, document)[0],
+        generated_for,
+        is_overridden=is_overridden,
+    )
+    for each in list(found):
+        if isinstance(each, Completion):
+            put(document.data, each.key, each.value)
+            document.overrides.append((each.key, document.place(each.said_by)))
+        else:
+            document.complaints = (*document.complaints, each)
 
 
 def _means_parameter(name: str, params: ParameterSet) -> bool:
@@ -333,8 +356,9 @@ class _Checker:
             self._complain("config-bad-name", (), message)
         transports = self._table(data, "transports", ())
         self._known(transports, ("transports",), installed.transports())
-        if "ice" in transports:
-            self._check_ice(self._table(transports, "ice", ("transports",)))
+        tables = {name: self._table(transports, name, ("transports",)) for name in transports}
+        for name, options in tables.items():
+            self._check_options(name, options)
         return Settings(
             instance=instance,
             namespace=namespace.strip("/"),
@@ -345,7 +369,7 @@ class _Checker:
             watchdog=0.0 if own.get("watchdog") == 0 else self._seconds(own, "watchdog", ("component",)),
             params=params,
             ports=self._ports(self._table(data, "ports", ())),
-            transports={name: self._table(transports, name, ("transports",)) for name in transports},
+            transports=tables,
         )
 
     def _ports(self, data: Mapping[str, Any]) -> dict[tuple[str, ...], PortSettings]:
@@ -415,24 +439,25 @@ class _Checker:
             return None
         self._known(given, at, [f.name for f in fields(QoS)])
         values: dict[str, Any] = {}
-        for name, kind in _QOS_WORDS.items():
+        for name, kind in WORDS.items():
             if word := self._choice(given, name, at, [str(member) for member in kind]):
                 values[name] = kind(word)
-        for name in ("deadline", "lifespan", "lease"):
+        for name in TIMES:
             if name in given:
                 values[name] = self._seconds(given, name, at)
-        depth = given.get("depth", 10)
-        if not isinstance(depth, int) or isinstance(depth, bool) or not 1 <= depth <= 1_000_000:
-            self._complain("config-out-of-range", (*at, "depth"), f"`depth` is {depth!r}; allowed: 1 to 1000000")
+        depth = given.get("depth", DEFAULT_QOS.depth)
+        if not isinstance(depth, int) or isinstance(depth, bool) or depth not in DEPTHS:
+            message = f"`depth` is {depth!r}; allowed: {DEPTHS[0]} to {DEPTHS[-1]}"
+            self._complain("config-out-of-range", (*at, "depth"), message)
         else:
             values["depth"] = depth
         return QoS(**values)
 
-    def _check_ice(self, options: Mapping[str, Any]) -> None:
-        from ..transports import iceoptions  # only who has such a table needs it
+    def _check_options(self, name: str, options: Mapping[str, Any]) -> None:
+        from ..transports.deployment import deployment_of  # only a component with such a table needs it
 
-        for each in iceoptions.examine(options):
-            self._complain(each.code, ("transports", "ice", *each.key), each.message)
+        for each in deployment_of(name).examine(options):
+            self._complain(each.code, ("transports", name, *each.key), each.message)
 
     def _table(self, data: Mapping[str, Any], name: str, at: Key) -> Mapping[str, Any]:
         value = data.get(name, {})
@@ -476,13 +501,6 @@ class _Checker:
 
 _COMPONENT_KEYS = ("period", "log", "patience", "watchdog")
 _PORT_KEYS = ("middleware", "from", "deadline", "qos", "also")
-_QOS_WORDS: dict[str, type[Reliability | Durability | History | Liveliness]] = {
-    "reliability": Reliability,
-    "durability": Durability,
-    "history": History,
-    "liveliness": Liveliness,
-}
-_AUTO = re.compile(rf"{AUTO}(?:\(\s*(\w+)\s*\))?")
 _KEY = re.compile(r"([A-Za-z0-9_-]+)((?:\[\d+\])*)")
 
 

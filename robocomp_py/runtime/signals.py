@@ -9,6 +9,9 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Any
 
+from ..errors import ComponentError
+from ..threads import NO_THREAD, start_thread
+
 _ENDING = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
 
 _LATE = 0x80
@@ -26,10 +29,13 @@ class Signals:
     It is called on a thread of its own, and at once: the thread that a signal interrupts may hold any lock, or be about
     to wait for long, and Python tells it of signals only between two of its steps. A second Ctrl-C has its usual
     effect. Processes that are forked meanwhile take signals as before.
+
+    `besides` is called on the main thread, too, where Python itself takes a signal: code that holds Python's lock for
+    long, as a search by a regular expression, lets no other thread run, but looks for signals.
     """
 
-    def __init__(self, handle: Callable[[int], None]) -> None:
-        self._handle = handle
+    def __init__(self, handle: Callable[[int], None], besides: Callable[[], object] = lambda: None) -> None:
+        self._handle, self._besides = handle, besides
         self._before: dict[int, Any] = {}
         self._woken_before = -1
         self._out, self._in = os.pipe()
@@ -41,7 +47,10 @@ class Signals:
             self._before[number] = signal.signal(number, self._received)
         self._woken_before = signal.set_wakeup_fd(self._in, warn_on_full_buffer=False)
         _entered.append(self)
-        self._thread.start()  # last: until then a signal may raise something here, and is told of from now on
+        # Last: until then a signal may raise something here, and is told of from now on.
+        if not start_thread(self._thread):
+            _forget()
+            raise ComponentError(f"signals cannot be received: {NO_THREAD}")
 
     def __exit__(self, *exc: object) -> None:
         if self not in _entered:
@@ -67,6 +76,7 @@ class Signals:
 
     def _received(self, number: int, frame: FrameType | None) -> None:
         signal.signal(signal.SIGINT, self._before[signal.SIGINT])
+        self._besides()
         os.write(self._in, bytes([number | _LATE]))
 
     def _pass_on(self) -> None:

@@ -22,9 +22,11 @@ from typing import Any
 
 from ..errors import ComponentError, ConfigurationError
 from ..spelling import unknown
+from ..threads import NO_THREAD, start_thread
+from .ending import STUCK, end_after, grace_of, settle
 from .files import write_out
-from .notify import ENDED, notify
-from .run import STUCK, Running, parser_of, prepare, tell_notes, tell_where_on_abort
+from .notify import CONTRACT, ENDED, notify
+from .run import Running, exit_code, parser_of, prepare, tell_notes, tell_where_on_abort
 from .settings import Document, Settings
 from .signals import Signals
 from .watchdog import Watchdog
@@ -89,7 +91,9 @@ class Together:
         """Run until the last one has ended. Whether all went well."""
         self._tell_ready()
         for member in self._members:
-            member.thread.start()
+            if not start_thread(member.thread):
+                log.error("%s: %s", member.name, NO_THREAD)
+                self._news.put((member, False))
         fine = True
         while len(self._ended) < len(self._members):
             try:
@@ -105,7 +109,8 @@ class Together:
                 fine = False
                 self._stop()
         for member in self._members:
-            member.thread.join()
+            if member.thread.ident is not None:
+                member.thread.join()
         return fine
 
     def stop(self) -> None:
@@ -150,7 +155,9 @@ class Together:
 
     def _told(self, name: str, text: str) -> None:
         """What one component has to say counts when it holds for all."""
-        if text == "READY=1":
+        if text.startswith(CONTRACT):
+            self._tell(text)
+        elif text == "READY=1":
             with self._changed:
                 self._ready.add(name)
                 self._changed.notify_all()
@@ -187,6 +194,8 @@ class Together:
         self._tell("STOPPING=1")
         for member in reversed(self._members):
             member.running.stop()
+            if member.thread.ident is None:
+                continue  # no thread could be started for it
             member.thread.join(STUCK)
             if member.thread.is_alive():
                 self._tell_stuck(member)
@@ -216,21 +225,28 @@ def main(parts: Sequence[Part], missed: Callable[[], int] = lambda: 0) -> int:
                 raise ComponentError(f"{settings.instance}: {exc}") from exc
     except (ConfigurationError, ComponentError) as exc:
         print(exc, file=sys.stderr)
-        return 1
+        return exit_code(*options)
     received: list[int] = []
 
+    grace = grace_of([own.grace for own in options])
+
     def stop_by(number: int) -> None:
+        end_after(grace)
         received.append(number)
         together.stop()
 
     try:
         wishes = [settings.watchdog for settings, _ in prepared]
-        with Signals(stop_by), Watchdog(together.every, wishes, notify):
+        with Signals(stop_by, partial(end_after, grace)), Watchdog(together.every, wishes, notify):
             if number := missed():
                 stop_by(number)
             front = next((each.worker._in_front for each in together.every if each.worker._in_front), None)
             fine = front(together.run, together.stop) if front else together.run()
             write_out()
+        settle()
+    except ComponentError as exc:
+        print(exc, file=sys.stderr)
+        return 1
     except KeyboardInterrupt:  # the second one: what the components' threads do cannot be interrupted
         logging.shutdown()
         sys.stdout.flush()
@@ -244,6 +260,8 @@ def _options(worker_class: type[Worker[Any]], arguments: Sequence[str]) -> argpa
         "--after", action="append", default=[], metavar="NAME", help="start when that one of the same process is ready"
     )
     options = parser.parse_args(arguments)
+    if options.json:
+        parser.error("--json is for --print-config, which is for one component")
     if options.print_config:
         parser.error("--print-config is for one component, without a `+`")
     return options
@@ -253,15 +271,17 @@ def _prepared(parts: Sequence[Part], options: Sequence[argparse.Namespace]) -> l
     """The settings of all, and where they are from. Raises ConfigurationError with all that is wrong."""
     prepared: dict[str, tuple[Settings, Document]] = {}
     wrong: list[str] = []
+    blamed: dict[str, list[str]] = {}
     for (worker_class, _), own in zip(parts, options, strict=True):
         try:
             settings, document = prepare(worker_class, own)
         except ConfigurationError as exc:
-            wrong.append(f"{own.name or worker_class.component.name}: {exc}")
+            blamed.setdefault(str(exc), []).append(own.name or worker_class.component.name)
             continue
         if settings.instance in prepared:
             wrong.append(f"two components of one process are called `{settings.instance}`; give them a --name each")
         prepared[settings.instance] = settings, document
+    wrong = [*(f"{', '.join(names)}: {message}" for message, names in blamed.items()), *wrong]
     if not wrong:
         after = {name: own.after for name, own in zip(prepared, options, strict=True)}
         wrong = [f"{name}: --after: {each}" for name in after for each in _never(name, after)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import traceback
 from collections.abc import Hashable
 from pathlib import Path
@@ -10,7 +11,7 @@ from types import FrameType
 from ..errors import RobocompError
 
 _PACKAGE = Path(__file__).parent.parent
-_PLUMBING = tuple(str(_PACKAGE / part) for part in ("runtime", "transports", "wire", "cli", "compat"))
+_PLUMBING = f"{_PACKAGE}{os.sep}"
 _NO_FILES = ("<frozen ", "<robocomp_py")
 
 
@@ -48,4 +49,4 @@ def times_more(number: int) -> str:
 
 
 def _is_plumbing(file: str) -> bool:
-    return file.startswith((*_PLUMBING, *_NO_FILES)) or "/importlib/" in file
+    return file.startswith((_PLUMBING, *_NO_FILES)) or "/importlib/" in file

@@ -14,8 +14,10 @@ from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Protocol
 
+from ..errors import ComponentError
+from ..threads import NO_THREAD, start_thread
 from .monitor import Monitor
-from .notify import CALLS, watchdog_s
+from .notify import CALLS, LIFE, watchdog_s
 
 _OFTEN = 2.0
 """Seconds between two messages, at most."""
@@ -32,6 +34,9 @@ class Watched(Protocol):
 
     @property
     def is_over(self) -> bool: ...
+    @property
+    def life(self) -> str:
+        """How it is, in a line for its launcher."""
 
 
 class Watchdog:
@@ -47,12 +52,13 @@ class Watchdog:
         self._pause = min(_OFTEN, self._limit / 3) if self._limit else _OFTEN
         self._seen: dict[int, tuple[int | None, int]] = {}
         self._was_silent = True
+        self._lives: dict[int, str] = {}
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="watchdog") if given else None
 
     def __enter__(self) -> None:
-        if self._thread:
-            self._thread.start()
+        if self._thread and not start_thread(self._thread):
+            raise ComponentError(f"the launcher cannot be told that the component lives: {NO_THREAD}")
 
     def __exit__(
         self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
@@ -68,7 +74,7 @@ class Watchdog:
             if not there or not all(each.is_up for each in there):
                 continue
             now = time.monotonic()
-            lines = [*self._feed(there), *self._measure(now - begun)]
+            lines = [*self._feed(there), *self._measure(now - begun), *self._look(there)]
             begun = now
             if lines:
                 self._tell("\n".join(lines))
@@ -79,6 +85,11 @@ class Watchdog:
         changed = [f"WATCHDOG_USEC={round(self._limit * 1e6)}"] if self._changed else []
         self._changed = False
         return changed if stuck or not self._limit else [*changed, "WATCHDOG=1"]
+
+    def _look(self, there: Sequence[Watched]) -> list[str]:
+        """How each is, if that has changed."""
+        before, self._lives = self._lives, {id(each): each.life for each in there}
+        return [f"{LIFE}{life}" for who, life in self._lives.items() if before.get(who, "") != life]
 
     def _measure(self, seconds: float) -> list[str]:
         taken = [each.monitor.gauge.take() for each in self._every]

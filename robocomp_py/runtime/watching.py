@@ -14,7 +14,9 @@ from collections.abc import Callable, Mapping
 from ..contract.component import Port
 from ..contract.interface import Pattern
 from ..contract.qos import Liveliness, QoS
-from ..transports.base import Link, Source
+from ..errors import ComponentError
+from ..threads import NO_THREAD, start_thread
+from ..transports.base import Link, SupportsSources
 from .watch import Lost, Missed, Watch
 
 log = logging.getLogger("robocomp.worker")
@@ -74,8 +76,8 @@ class Watched:
     def _sources(self) -> Mapping[str, QoS]:
         there = dict(self._own)
         for link in self._links:
-            sources: Callable[[], list[Source]] | None = getattr(link, "sources", None)
-            there |= dict(sources()) if sources else {}
+            if isinstance(link, SupportsSources):
+                there |= dict(link.sources())
         return there
 
 
@@ -101,10 +103,12 @@ class Watching:
         return tuple(self._watched)
 
     def begin(self) -> None:
-        """Look from now on."""
+        """Look from now on. Raises ComponentError if the system has no thread to spare."""
         if self._watched and self._thread is None:
-            self._thread = threading.Thread(target=self._run, name=f"{self._name}-watch")
-            self._thread.start()
+            thread = threading.Thread(target=self._run, name=f"{self._name}-watch")
+            if not start_thread(thread):
+                raise ComponentError(f"the QoS of its topics cannot be watched: {NO_THREAD}")
+            self._thread = thread
 
     def end(self) -> None:
         """Look no more."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import inspect
 import logging
+import os
+import shlex
 from abc import ABC
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
@@ -168,7 +170,8 @@ def check_methods(worker: type[Worker[Any]]) -> None:
     for name, arguments in _wanted(worker.component):
         declared = getattr(worker, name, None)
         if declared is None or getattr(declared, "__isabstractmethod__", False):
-            raise ComponentError(f"{worker.__name__} lacks the method {name}; add:\n\n{_stub(worker, name)}")
+            lacking = f"{worker.__name__} lacks the method {name}"
+            raise ComponentError(f"{lacking}; {_remedy(worker)}:\n\n{_stub(worker, name)}")
         _check_method(worker, name, arguments)
 
 
@@ -203,8 +206,16 @@ def _wanted(component: Component) -> Iterator[tuple[str, list[str]]]:
         if not port.verb.has_proxy:
             for operation, _ in port.interface.under(port.verb):
                 yield port.handler(operation.name), [field.attribute for field in operation.inputs]
-    for state in component.machine.every_state() if component.machine else ():
-        yield state.method, []
+    for method in component.machine.methods() if component.machine else ():
+        yield method, []
+
+
+def _remedy(worker: type[Worker[Any]]) -> str:
+    """What appends a missing method, if the model is beside the worker; else that it is to be added."""
+    models = list(Path(inspect.getfile(worker)).parent.glob("*.cdsl"))
+    if len(models) != 1:
+        return "add"
+    return f"run `{shlex.join(['rcgen', '--stubs', os.path.relpath(models[0])])}`, or add"
 
 
 def _stub(worker: type[Worker[Any]], name: str) -> str:

@@ -7,8 +7,9 @@
             component.wait_for_computes(1)
             assert component.received("differentialrobot.setSpeedBase")[-1] == (0.0, 0.6)
 
-A fake is a value to return, an exception to raise, or a function of the operation's arguments;
-what is not faked returns zeros.
+A fake is a value to return, an exception to raise, a function of the operation's arguments, or one of `late`,
+`in_turn` and `gone_after`: see `fakes`. What is not faked returns zeros.
+How to test components: docs/guides/testing.md.
 """
 
 from __future__ import annotations
@@ -17,8 +18,10 @@ import contextlib
 import itertools
 import json
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -27,8 +30,11 @@ import numpy as np
 
 from ..contract import types as t
 from ..contract.component import Port
-from ..contract.interface import Operation, Verb
+from ..contract.interface import Operation, Pattern, Verb
+from ..contract.parameters import ParameterSet
+from ..errors import ConfigurationError, TransportError
 from ..runtime import ports, settings
+from ..runtime.calls import Outcome
 from ..runtime.commonbehavior import port_of
 from ..runtime.load import load_worker
 from ..runtime.monitor import Monitor
@@ -36,12 +42,14 @@ from ..runtime.RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE, Parameter
 from ..runtime.run import Running
 from ..runtime.worker import Worker
 from ..spelling import unknown
-from ..transports.base import Link, TransportConfig
+from ..transports.base import Caller, Channel, Link, Outlet, Reply, Status, TransportConfig
 from ..transports.inproc import InprocTransport
 from ..wire import names
+from ..wire.codec import Codec, Payload
+from .fakes import InTurn, Late, chosen, gone_after, hinders, in_turn, is_late, late
 from .patience import SOON, wait_until
 
-__all__ = ["ComponentTest", "load_component"]
+__all__ = ["ComponentTest", "gone_after", "in_turn", "late", "load_component", "stand_ins"]
 
 load_component: Callable[[Path], type[Worker[Any]]] = load_worker
 """The SpecificWorker of a component's folder."""
@@ -87,16 +95,26 @@ class ComponentTest:
             settings.override(document, f"{key}={_toml(value)}")
         bus = f"test-{next(_buses)}"
 
-        def open_inproc(config: TransportConfig) -> InprocTransport:
-            return InprocTransport(TransportConfig({"bus": bus}, config.owner))
+        def open_faced(config: TransportConfig) -> InprocTransport:
+            return _Faced(TransportConfig({"bus": bus}, config.owner), self._hindered)
 
-        self._running = Running(worker, settings.check(worker.component, document), lambda name: open_inproc)
-        self._transport = open_inproc(TransportConfig(owner="test"))
+        try:
+            checked = settings.check(worker.component, document)
+        except ConfigurationError as exc:
+            raise ConfigurationError(f"{exc}{_advice(worker.component.params, document)}") from exc
+        self._running = Running(worker, checked, lambda name: open_faced)
+        # If an answer may be late, no thread of the component waits for it longer than the deadline.
+        options = {"bus": bus, "hand_over": any(map(is_late, _answers(fakes)))}
+        self._open = partial(InprocTransport, TransportConfig(options, "test"))
+        self._transport: InprocTransport | None = None
+        """From entering the block on: its threads would keep a program from ending that never enters it."""
         self._fakes = fakes
         self._received: list[tuple[str, tuple[Any, ...]]] = []
         self._proxies: dict[str, ports.Proxy] = {}
-        self._links: list[Link] = []
         self._monitor = Monitor("fakes")
+        self._ending = threading.Event()
+        self._facing: dict[str, list[Link]] = {}
+        """The links of each port's other side."""
         self._thread = threading.Thread(target=self._run, name="component under test")
         self.fine = False
         """After the block: whether the component ended without failing."""
@@ -108,6 +126,7 @@ class ComponentTest:
 
     def __enter__(self) -> Self:
         self._monitor.open()
+        self._transport = self._open()
         try:
             for port in self._running.component.ports:
                 self._face(port)
@@ -128,14 +147,18 @@ class ComponentTest:
             raise AssertionError("the component did not stop")
 
     def _stop(self) -> None:
+        self._ending.set()
         self._running.stop()
         if self._thread.ident is not None:
             self._thread.join(SOON)
+        transport = self._transport
+        assert transport
         with contextlib.suppress(AssertionError):  # a fake that is stuck: the links say so when they are closed
-            wait_until(lambda: self._transport.idle, SOON, "the fakes have received what was sent to them")
-        ports.close_all(self._links)
+            wait_until(lambda: transport.idle, SOON, "the fakes have received what was sent to them")
+        for links in self._facing.values():
+            ports.close_all(links)
         self._monitor.close()
-        self._transport.close()
+        transport.close()
 
     def call(self, operation: str, *arguments: Any, deadline: float = SOON) -> Any:
         """Call what the component implements: `call("Speech.say", "hello")`."""
@@ -160,10 +183,21 @@ class ComponentTest:
         given = {name: Parameter(editable=True, value=str(value), type="") for name, value in params.items()}
         self._proxies[port.name]._ask(_SET_PARAMETERS, (given,), SOON)
 
+    @contextlib.contextmanager
+    def without(self, port: str) -> Iterator[None]:
+        """While this is entered, the other side of a port is not there: what the component calls is `Unreachable`."""
+        self._known(port)
+        ports.close_all(self._facing[port])
+        try:
+            yield
+        finally:
+            self._face(next(each for each in self._running.component.ports if each.name == port))
+
     def received(self, operation: str) -> list[tuple[Any, ...]]:
         """The arguments of every call, command or publication so far: `received("batterypub.pushBattery")`.
 
-        After the block, that is all that the component has sent.
+        A call that a fake answers by `Unreachable` or the like is among them. After the block, that is all that the
+        component has sent.
         """
         self._known(operation)
         return [arguments for name, arguments in list(self._received) if name == operation]
@@ -185,14 +219,24 @@ class ComponentTest:
         """Make the other side of a port."""
         facing = replace(port, verb=_OPPOSITE[port.verb], proxy=ports.Proxy)
         if port.verb.has_proxy:
-            self._links += ports.bind_handlers(facing, _Fake(self, port), self._route, self._monitor)
+            self._facing[port.name] = ports.bind_handlers(facing, _Fake(self, port), self._route, self._monitor)
         else:
-            self._proxies[port.name], links = ports.bind_proxy(facing, self._route, self._monitor)
-            self._links += links
+            self._proxies[port.name], self._facing[port.name] = ports.bind_proxy(facing, self._route, self._monitor)
+
+    def _proxied(self, place: str) -> Port:
+        """The port by which the component sends there."""
+        component = self._running.component
+        return next(
+            port
+            for port in component.ports
+            if port.verb.has_proxy
+            and (place.endswith(f"/{component.segment(port)}") if port.verb.provides else place == _source(port))
+        )
 
     def _route(self, port: Port, operation: Operation[Any]) -> ports.Route:
         """The way to the component, from the fake that faces one of its ports."""
         own = replace(port, verb=_OPPOSITE[port.verb], proxy=None)
+        assert self._transport
         place = _source(own) if port.verb.provides else f"{names.ANY}/{self._running.component.segment(own)}"
         return ports.Route(self._transport, "inproc", f"{place}/{operation.name}", port.qos, SOON)
 
@@ -216,9 +260,99 @@ class ComponentTest:
         fake = self._fakes.get(port.name, {}).get(operation.name, _zeros)
         if fake is _zeros:
             return _zeros(operation)
-        if isinstance(fake, BaseException):
-            raise fake
-        return fake(*arguments) if callable(fake) else fake
+        if operation_pattern(port, operation) is not Pattern.QUERY and isinstance(fake, InTurn | TransportError):
+            return None  # `_hindered` has looked at it when the message was sent
+        answer = chosen(fake)
+        if isinstance(answer, Late):
+            with self._monitor.released():
+                self._ending.wait(answer.seconds)
+            answer = chosen(answer.answer)
+        try:
+            if isinstance(answer, BaseException):
+                raise answer
+            return answer(*arguments) if callable(answer) else answer
+        except TransportError as exc:
+            raise Outcome(Reply(Status.FAILED, _Raised(exc))) from exc
+
+    def _hindered(self, channel: Channel, payload: Payload, codec: Codec) -> TransportError | None:
+        """What keeps a command or a publication of the component from being sent."""
+        place, _, name = channel.name.rpartition("/")
+        port = self._proxied(place)
+        answer = self._fakes.get(port.name, {}).get(name)
+        error = hinders(chosen(answer)) if isinstance(answer, InTurn | TransportError) else None
+        if error:
+            operation = self._operations[port.name][name]
+            self._received.append((f"{port.name}.{name}", codec.decoder(operation.request)(payload)))
+        return error
+
+
+class _Raised:
+    """In place of a reply's payload: the error that the component's call ends with."""
+
+    def __init__(self, error: TransportError) -> None:
+        self.error = error
+
+
+_Hindered = Callable[[Channel, Payload, Codec], TransportError | None]
+
+
+class _Faced(InprocTransport):
+    """The transport of the component under test. Fakes also decide whether messages arrive."""
+
+    def __init__(self, config: TransportConfig, hindered: _Hindered) -> None:
+        super().__init__(config)
+        self._hindered = hindered
+
+    def caller(self, channel: Channel) -> Any:
+        return _FacedCaller(super().caller(channel))
+
+    def outlet(self, channel: Channel) -> Any:
+        return _FacedOutlet(super().outlet(channel), channel, self.codec, self._hindered)
+
+
+class _FacedCaller:
+    def __init__(self, caller: Caller) -> None:
+        self._caller = caller
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._caller, name)
+
+    def ask(self, payload: Payload, deadline: float) -> Reply:
+        return _outcome(self._caller.ask(payload, deadline))
+
+    def call(self, payload: Payload, deadline: float) -> Future[Reply]:
+        asked, answer = self._caller.call(payload, deadline), Future[Reply]()
+
+        def ended(done: Future[Reply]) -> None:
+            if done.cancelled() or not answer.set_running_or_notify_cancel():
+                return
+            try:
+                answer.set_result(_outcome(done.result()))
+            except BaseException as exc:  # it is told to whoever waits
+                answer.set_exception(exc)
+
+        asked.add_done_callback(ended)
+        return answer
+
+
+def _outcome(reply: Reply) -> Reply:
+    if isinstance(reply.payload, _Raised):
+        raise reply.payload.error
+    return reply
+
+
+class _FacedOutlet:
+    def __init__(self, outlet: Outlet, channel: Channel, codec: Codec, hindered: _Hindered) -> None:
+        self._outlet, self._channel, self._codec, self._hindered = outlet, channel, codec, hindered
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._outlet, name)
+
+    def send(self, payload: Payload, deadline: float = 5.0) -> None:
+        error = self._hindered(self._channel, payload, self._codec)
+        if error:
+            raise error
+        self._outlet.send(payload, deadline)
 
 
 class _Fake:
@@ -238,6 +372,11 @@ class _Handler:
         return self._test._answer(self._port, self._operation, arguments)
 
 
+def _answers(fakes: Mapping[str, Mapping[str, Any]]) -> Iterator[Any]:
+    for faked in fakes.values():
+        yield from faked.values()
+
+
 def _source(port: Port) -> str:
     """Where a port of the component finds its fake."""
     return f"fake/{port.label}"
@@ -246,6 +385,38 @@ def _source(port: Port) -> str:
 def _zeros(operation: Operation[Any]) -> Any:
     values = tuple(zero(output.type) for output in operation.outputs)
     return values if len(values) > 1 else values[0] if values else None
+
+
+def stand_ins(worker: type[Worker[Any]]) -> dict[str, Any]:
+    """A value for each mandatory parameter of a component, if its declaration offers one.
+
+    So tests that do not use parameters still pass when a mandatory one is added.
+    """
+    params = worker.component.params
+    return {f"params.{key}": value for key, value in _mandatory(params).items()} if params else {}
+
+
+def _mandatory(params: ParameterSet) -> dict[str, Any]:
+    values: dict[str, Any] = {each.name: each.default for each in params.parameters if each.mandatory}
+    return values | {each.name: [_mandatory(each.items)] * each.minimum for each in params.lists if each.minimum}
+
+
+def _advice(params: ParameterSet | None, document: settings.Document) -> str:
+    """The parameters that a test has to give, and does not."""
+    wanted = {f"params.{key}": value for key, value in (_mandatory(params) if params else {}).items()}
+    given = document.data.get("params", {})
+    missing = {key: value for key, value in wanted.items() if key.removeprefix("params.") not in given}
+    if not missing:
+        return ""
+    return (
+        f"\nin a test: ComponentTest(SpecificWorker, {missing!r}), or stand_ins(SpecificWorker) "
+        "if it does not matter which value"
+    )
+
+
+def operation_pattern(port: Port, operation: Operation[Any]) -> Pattern:
+    """How an operation travels."""
+    return next(pattern for each, pattern in port.interface.under(port.verb) if each is operation)
 
 
 def zero(kind: t.Type) -> Any:
@@ -260,7 +431,7 @@ def zero(kind: t.Type) -> Any:
         case t.Dictionary():
             return {}
         case t.Primitive():
-            return {t.BOOL: False, t.STRING: ""}.get(kind, 0.0 if kind in t.FLOATS else 0)
+            return kind.zero
 
 
 def _toml(value: Any) -> str:

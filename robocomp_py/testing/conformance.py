@@ -7,14 +7,16 @@
 Two transports that it opens one after the other must reach each other, and nobody else's. What is
 demanded:
 
-    topics      every subscriber gets every message, in order, whichever side came first · channels do not leak into
-                each other · 0 B to 64 MB · nothing after close · a sink that raises or is slow hurts nobody · a sink
-                may publish · latched is kept or refused · of what waits for a slow sink, the newest `depth` stay ·
-                reliable loses nothing, and every sender gives up at its own deadline · what is lost is counted, and a
-                flood is bounded · `*` hears all instances but its own
+    topics      every subscriber gets every message, in order, whichever side came first · what is published once both
+                sides are connected is heard, be it the first message, or the answer to one, also if both came at once ·
+                channels do not leak into each other · 0 B to 64 MB · nothing after close · a sink that raises or is
+                slow hurts nobody · a sink may publish · latched is kept or refused · of what waits for a slow sink,
+                the newest `depth` stay · reliable loses nothing, and every sender gives up at its own deadline · what
+                is lost is counted, and a flood is bounded · `*` hears all instances but its own
     commands    in order, once, from many senders; to nobody: Unreachable
     qos         what is missed, lost, or older than its lifespan, is told, counted, not delivered: see `testing.qos`
-    queries     answers find their callers, 64 out of order · every status arrives · nobody serves: Unreachable ·
+    queries     answers find their callers, 64 out of order · clients get equal shares, and none waits for another's
+                flood · every status arrives · no server: Unreachable ·
                 deadlines hold, and a late answer is nobody else's · cancelled calls leave nothing · a service may call
                 others, and be called back · the callback of a call may take long, and call again · one server at most
     contract    another contract under the same name is named on both sides, and nothing passes
@@ -67,8 +69,12 @@ from ..transports.base import (
     Outlet,
     Reply,
     Status,
+    SupportsConnected,
+    SupportsQuestion,
     Transport,
+    gathering,
     require,
+    wait_connected,
 )
 from ..wire.codec import Payload
 from . import everything as e
@@ -84,6 +90,12 @@ from .parts import topic as topic
 from .parts import unblob as unblob
 from .patience import SOON, wait_until
 from .qos import QoSConformance, refuses
+
+_STARTS = 10
+"""New ends of a topic that a test opens one after the other."""
+
+_AT_ONCE = 25
+"""Pairs of ends that a test opens at the same time."""
 
 _MANY = QoS(depth=5000)
 _RELIABLE = QoS(Reliability.RELIABLE, depth=8)
@@ -119,6 +131,75 @@ class TransportConformance(QoSConformance):
         assert outlet.wait_peer(SOON)
         outlet.send(blob(here, b"x"))
         assert inbox.get(timeout=SOON) == b"x"
+
+    @pytest.mark.parametrize("qos", [QoS(), _RELIABLE], ids=["best effort", "reliable"])
+    def test_a_subscriber_that_is_ready_hears_what_is_published_next(
+        self, here: Transport, name: str, qos: QoS
+    ) -> None:
+        if refuses(here, qos):
+            return
+        outlet = here.outlet(topic(name, qos))
+        here.inlet(command(name + "ed"), lambda payload: outlet.send(blob(here, unblob(here, payload))))
+        for number in range(_STARTS):
+            with contextlib.closing(self.open_transport()) as transport:
+                inbox = Inbox()
+                with gathering(transport):
+                    link = transport.inlet(topic(name, qos), put(transport, inbox))
+                    asking = transport.outlet(command(name + "ed"))
+                assert asking.wait_peer(SOON)
+                assert wait_connected(link, SOON)
+                asking.send(blob(transport, b"%d" % number))
+                assert inbox.get(timeout=SOON) == b"%d" % number
+
+    @pytest.mark.parametrize("qos", [QoS(), _RELIABLE], ids=["best effort", "reliable"])
+    def test_subscribers_that_are_ready_hear_the_first_words_of_a_new_publisher(
+        self, here: Transport, there: Transport, name: str, qos: QoS
+    ) -> None:
+        if refuses(here, qos):
+            return
+        inboxes = [Inbox(), Inbox()]
+        for transport, inbox in zip((here, there), inboxes, strict=True):
+            assert wait_connected(transport.inlet(topic(name, qos), put(transport, inbox)), SOON)
+        for number in range(_STARTS):
+            with contextlib.closing(self.open_transport()) as transport:
+                with gathering(transport):
+                    outlet = transport.outlet(topic(name, qos))
+                assert wait_connected(outlet, SOON)
+                outlet.send(blob(transport, b"%d" % number))
+                for inbox in inboxes:
+                    assert inbox.get(timeout=SOON) == b"%d" % number
+
+    def test_a_publisher_and_a_subscriber_that_open_at_once_are_connected(
+        self, here: Transport, name: str, pool: ThreadPoolExecutor
+    ) -> None:
+        """Each may be open before it sees the other. What both may need in order to meet is there because of `here`."""
+
+        def connected(opening: threading.Barrier, open_it: Callable[[], Link]) -> Link:
+            opening.wait(SOON)
+            link = open_it()
+            assert wait_connected(link, SOON)
+            return link
+
+        for number in range(_AT_ONCE):
+            channel, inbox = topic(name.replace("/Conformance/", f"/Conf{number}/")), Inbox()
+            opening = threading.Barrier(2)
+            with (
+                contextlib.closing(self.open_transport()) as one,
+                contextlib.closing(self.open_transport()) as other,
+            ):
+                outlet = pool.submit(connected, opening, partial(one.outlet, channel))
+                pool.submit(connected, opening, partial(other.inlet, channel, put(other, inbox))).result(SOON)
+                outlet.result(SOON).send(blob(one, b"word"))  # type: ignore[attr-defined]  # it is an outlet
+                assert inbox.get(timeout=SOON) == b"word"
+
+    def test_an_end_that_faces_nobody_is_connected_until_it_is_closed(self, here: Transport, name: str) -> None:
+        inlet, outlet = here.inlet(topic(name), lambda payload: None), here.outlet(topic(name + "x"))
+        for link in (inlet, outlet):
+            assert wait_connected(link, SOON)
+            link.close()
+            if isinstance(link, SupportsConnected):
+                with pytest.raises(Closed):
+                    wait_connected(link, SOON)
 
     def test_publishing_to_nobody_is_fine(self, here: Transport, name: str) -> None:
         outlet = here.outlet(topic(name))
@@ -429,6 +510,42 @@ class TransportConformance(QoSConformance):
         for _ in range(50):
             outlet.send(blob(here, b"news"), SOON)
 
+    def test_a_publisher_that_floods_does_not_starve_another(
+        self, here: Transport, there: Transport, name: str
+    ) -> None:
+        _, _, operation = name.split("/")
+        interface = f"C{uuid.uuid4().hex[:8]}"
+        if refuses(here, _RELIABLE):
+            return
+        heard, stop = {b"flood": 0, b"word": 0}, threading.Event()
+
+        def sink(payload: Payload) -> None:
+            heard[unblob(here, payload)] += 1
+            time.sleep(0.001)
+
+        link = here.inlet(topic(f"*/{interface}/{operation}", _RELIABLE), sink)
+        flooding = there.outlet(topic(f"a/{interface}/{operation}", _RELIABLE))
+        other = there.outlet(topic(f"b/{interface}/{operation}", _RELIABLE))
+        for each in (link, flooding, other):
+            assert wait_connected(each, SOON)
+
+        def flood() -> None:
+            while not stop.is_set():
+                flooding.send(blob(there, b"flood"), SOON)
+
+        flooder = threading.Thread(target=flood)
+        flooder.start()
+        try:
+            wait_until(lambda: heard[b"flood"] > 50)
+            before = heard[b"flood"]
+            for number in range(1, 11):
+                other.send(blob(there, b"word"), SOON)
+                wait_until(lambda n=number: heard[b"word"] == n)  # type: ignore[misc]
+            assert heard[b"flood"] - before < 10 * 500
+        finally:
+            stop.set()
+            flooder.join()
+
     # Commands.
 
     def test_commands_arrive_once_and_in_order(self, here: Transport, there: Transport, name: str) -> None:
@@ -580,13 +697,13 @@ class TransportConformance(QoSConformance):
         here.server(channel, service)
         caller: Any = there.caller(channel)
         assert caller.wait_peer(SOON)
-        if not hasattr(caller, "question"):
+        if not isinstance(numbering := caller, SupportsQuestion):
             return  # an optional part of the contract
-        question = caller.question(blob(there, b"first"))
+        question = numbering.question(blob(there, b"first"))
         for _ in range(3):
             assert unblob(there, question.ask(SOON).payload) == b"1"
         question.close()
-        question = caller.question(blob(there, b"second"))
+        question = numbering.question(blob(there, b"second"))
         for _ in range(3):
             assert unblob(there, question.call(SOON).result(SOON).payload) == b"2"
         question.close()
@@ -607,9 +724,9 @@ class TransportConformance(QoSConformance):
         here.server(channel, service)
         caller: Any = there.caller(channel)
         assert caller.wait_peer(SOON)
-        if not hasattr(caller, "question"):
+        if not isinstance(numbering := caller, SupportsQuestion):
             return  # an optional part of the contract
-        question = caller.question(blob(there, b"long"))
+        question = numbering.question(blob(there, b"long"))
         question.call(SOON).cancel()
         wait_until(lambda: answers.qsize() == 1)
         last = question.call(SOON)
@@ -720,14 +837,79 @@ class TransportConformance(QoSConformance):
             first.close()
         there.server(unclaimed, answering(there, bytes.lower))
 
+    def test_clients_get_equal_shares_of_a_server(self, here: Transport, name: str, pool: ThreadPoolExecutor) -> None:
+        def service(payload: Payload, expires: float) -> Reply:
+            time.sleep(0.0001)  # so that the server decides about turns, and not the interpreter
+            return Reply(Status.OK, payload)
+
+        here.server(query(name), service)
+        done, start, stop = [0] * 16, threading.Barrier(16), threading.Event()
+
+        def client(number: int) -> None:
+            with contextlib.closing(self.open_transport()) as transport:
+                caller = transport.caller(query(name))
+                assert caller.wait_peer(SOON)
+                ask = _asker(transport, caller, "ask")
+                ask(b"hello")
+                start.wait(SOON * 3)
+                while not stop.is_set():
+                    ask(b"again")
+                    done[number] += 1
+
+        clients = [pool.submit(client, number) for number in range(16)]
+        wait_until(lambda: min(done) >= 100 or any(each.done() for each in clients), SOON * 3)
+        shares = sorted(done)
+        stop.set()
+        for each in clients:
+            each.result(SOON * 6)  # they all close their transports at once
+        assert shares[0] >= shares[-1] / 2, shares
+
+    def test_a_flood_of_one_client_does_not_hold_up_calls_of_another(
+        self, here: Transport, there: Transport, name: str
+    ) -> None:
+        handled, stop, room = [0], threading.Event(), threading.Semaphore(200)
+
+        def service(payload: Payload, expires: float) -> Reply:
+            time.sleep(0.0005)
+            handled[0] += 1
+            return Reply(Status.OK, payload)
+
+        here.server(query(name), service)
+        flooding, other = there.caller(query(name)), self.open_transport()
+        caller = other.caller(query(name))
+        assert flooding.wait_peer(SOON)
+        assert caller.wait_peer(SOON)
+
+        def flood() -> None:
+            while not stop.is_set():
+                if room.acquire(timeout=A_MOMENT):
+                    flooding.call(blob(there, b"flood"), SOON * 3).add_done_callback(lambda _: room.release())
+
+        flooder = threading.Thread(target=flood)
+        flooder.start()
+        held_up = []
+        try:
+            wait_until(lambda: handled[0] > 200)
+            for _ in range(20):
+                before = handled[0]
+                assert _asker(other, caller, "ask")(b"call") == b"call"
+                held_up.append(handled[0] - before)
+        finally:
+            stop.set()
+            flooder.join()
+            other.close()
+        assert sorted(held_up)[10] < 50, held_up
+
     # Contracts.
 
+    @pytest.mark.parametrize("instance", ["named", "any"])
     def test_another_contract_is_named_and_calls_do_not_pass(
-        self, here: Transport, there: Transport, name: str, caplog: pytest.LogCaptureFixture
+        self, here: Transport, there: Transport, name: str, instance: str, caplog: pytest.LogCaptureFixture
     ) -> None:
+        name, looked_up = _in_a_namespace(name, instance)
         executed = Inbox()
         server = here.server(query(name), answering(here, _noting(executed)))
-        caller = there.caller(replace(query(name), type=OTHER))
+        caller = there.caller(replace(query(looked_up), type=OTHER))
         with pytest.raises(ContractMismatch, match=r"data: sequence<int16> here, sequence<uint8> there"):
             caller.wait_peer(SOON)
         with pytest.raises(ContractMismatch, match=r"data: sequence<int16> here, sequence<uint8> there"):
@@ -736,11 +918,14 @@ class TransportConformance(QoSConformance):
         assert executed.empty()
         assert "data: sequence<uint8> here, sequence<int16> there" in caplog.text
 
+    @pytest.mark.parametrize("instance", ["named", "any"])
     def test_another_contract_is_named_and_messages_do_not_pass(
-        self, here: Transport, there: Transport, name: str, caplog: pytest.LogCaptureFixture
+        self, here: Transport, there: Transport, name: str, instance: str, caplog: pytest.LogCaptureFixture
     ) -> None:
+        """Both sides tell it, also where the subscriber names no instance."""
+        name, looked_up = _in_a_namespace(name, instance)
         inbox, witness = Inbox(), subscribe(there, topic(name))
-        link = there.inlet(replace(topic(name), type=OTHER), put(there, inbox))
+        link = there.inlet(replace(topic(looked_up), type=OTHER), put(there, inbox))
         outlet = here.outlet(topic(name))
         greet(here, outlet, witness)
         wait_until(lambda: link.stats.mismatched > 0 and outlet.stats.mismatched > 0)
@@ -1102,6 +1287,17 @@ class TransportConformance(QoSConformance):
             answers = list(pool.map(client, range(8)))
         assert answers == [[f"{number}.{n}" for n in range(40)] for number in range(8)]
 
+    def test_a_component_that_stops_is_unreachable(self, here: Transport, there: Transport, name: str) -> None:
+        served = _Served(here, name, _Handlers())
+        with served, _Using(there, name) as proxy:
+            assert proxy.ask(e.work, "first") == "first"
+            served.monitor.turn_away()
+            for how in (proxy.ask, lambda *call: proxy.ask_async(*call).result(SOON)):
+                with pytest.raises(Unreachable, match=r"its server left$"):
+                    how(e.work, "stopping")
+        with pytest.raises((Unreachable, Closed)):
+            proxy.ask(e.work, "gone")
+
     def test_threads_may_share_a_proxy(self, proxy: _Proxy, pool: ThreadPoolExecutor) -> None:
         assert list(pool.map(lambda n: proxy.ask(e.work, str(n)), range(200))) == [str(n) for n in range(200)]
 
@@ -1184,6 +1380,13 @@ def _noting(inbox: Inbox) -> Callable[[bytes], bytes]:
         return data
 
     return note
+
+
+def _in_a_namespace(name: str, instance: str) -> tuple[str, str]:
+    """A channel of a namespace of its own, and the name by which a client looks for it: this instance, or `any`."""
+    namespace, interface, operation = name.split("/")
+    looked_up = "*" if instance == "any" else "one"
+    return f"{namespace}/one/{interface}/{operation}", f"{namespace}/{looked_up}/{interface}/{operation}"
 
 
 def _signed(name: str, data: bytes) -> bytes:

@@ -16,6 +16,7 @@ in a module that can be imported, since its other processes open a transport in 
     flood               from another process, as fast as that goes: in order, nothing twice, every message accounted
                         for, memory bounded; reliable: every message
     the clock leaps     calls, their deadlines and topics do not notice (of the QoS of topics: `testing.qos`)
+    many who ask        get equal shares of a server; a flood of one holds up no other
     leftovers           of a killed process are gone after the next one that opened and closed
     two users           may serve and publish the same, and do not hear each other
 
@@ -58,6 +59,8 @@ FLOOD = 3000
 MESSAGE = 100_000
 MOST_MEMORY = 150_000_000
 _RELIABLE = QoS(Reliability.RELIABLE, depth=4)
+_CLIENTS = 6
+"""Processes that ask one server at once."""
 _LEAST_LEASE = 2.0
 """For so many seconds every transport bears with a process that hangs."""
 
@@ -90,6 +93,54 @@ class TransportFaults(TransportSuite):
                 return other
 
             yield begin
+
+    # Processes that ask for much.
+
+    def test_client_processes_get_equal_shares_of_a_server(self, here: Transport, name: str, start: Start) -> None:
+        done, all_there = Counter[bytes](), threading.Event()
+
+        def service(payload: Payload, expires: float) -> Reply:
+            time.sleep(0.004)  # all clients wait then: the server decides about turns, not the scheduler of the system
+            if all_there.is_set():
+                done[unblob(here, payload)] += 1
+            return Reply(Status.OK, payload)
+
+        here.server(query(name), service)
+        clients = [start(_ask_in_a_loop) for _ in range(_CLIENTS)]
+        for number, client in enumerate(clients):
+            client.tell(b"%d" % number)
+        for client in clients:
+            assert client.heard() == "answered"
+        all_there.set()
+        wait_until(lambda: len(done) == _CLIENTS and min(done.values()) >= 50, SOON * 3)
+        shares = sorted(done.values())
+        for client in clients:
+            client.tell("stop")
+        for client in clients:
+            assert client.heard() == "stopped"
+        assert shares[0] >= shares[-1] / 2, shares
+
+    def test_a_process_that_floods_does_not_hold_up_calls_of_another(
+        self, here: Transport, there: Transport, name: str, start: Start
+    ) -> None:
+        handled = Counter[bytes]()
+
+        def service(payload: Payload, expires: float) -> Reply:
+            time.sleep(0.0005)
+            handled[unblob(here, payload)] += 1
+            return Reply(Status.OK, payload)
+
+        here.server(query(name), service)
+        caller = there.caller(query(name))
+        assert caller.wait_peer(SOON)
+        start(_ask_without_waiting)
+        held_up = []
+        wait_until(lambda: handled[b"flood"] > 200, SOON * 3)
+        for _ in range(20):
+            before = handled[b"flood"]
+            assert _ask(there, caller, "ask", b"call", SOON) == b"call"
+            held_up.append(handled[b"flood"] - before)
+        assert sorted(held_up)[10] < 50, held_up
 
     # Processes that are killed.
 
@@ -421,6 +472,24 @@ def _ask_again_and_again(transport: Transport, name: str, control: Control) -> N
 
     with ThreadPoolExecutor(2) as pool:
         list(pool.map(ask, (range(1, 100_000, 2), range(2, 100_000, 2))))
+
+
+def _ask_in_a_loop(transport: Transport, name: str, control: Control) -> None:
+    caller, word = transport.caller(query(name)), control.recv()
+    assert caller.wait_peer(SOON)
+    assert _ask(transport, caller, "ask", word, SOON) == word
+    control.send("answered")
+    while not control.poll(0):
+        _ask(transport, caller, "ask", word, SOON)
+    control.send("stopped")
+
+
+def _ask_without_waiting(transport: Transport, name: str, control: Control) -> None:
+    caller, room = transport.caller(query(name)), threading.Semaphore(200)
+    assert caller.wait_peer(SOON)
+    while not control.poll(0):
+        if room.acquire(timeout=A_MOMENT):
+            caller.call(blob(transport, b"flood"), SOON * 3).add_done_callback(lambda _: room.release())
 
 
 def _publish_again_and_again(transport: Transport, name: str, control: Control) -> None:

@@ -57,7 +57,7 @@ class QoSConformance(TransportSuite):
             assert first.channel == _channel(name)
 
     def test_no_deadline_is_missed_while_messages_come(self, here: Transport, there: Transport, name: str) -> None:
-        qos = QoS(depth=20, deadline=SOON * 3)
+        qos = QoS(depth=100, deadline=SOON * 3)
         if refuses(here, qos):
             return
         with _Subscribed(there, name, qos) as subscribed:

@@ -3,58 +3,59 @@
 from __future__ import annotations
 
 import contextlib
-import logging
-import threading
 import time
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from abc import abstractmethod
+from collections.abc import Callable, Hashable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from ..contract.qos import traits
-from ..errors import Closed, ContractMismatch
 from ..wire.header import clock
-from .base import Channel, Statistics, TypeRef, mismatch
-from .directory import Directory, Entry, Member, Membership
-from .sparing import Sparing
+from .base import Channel, SupportsGathering
+from .directory import Directory, Entry, Found, Membership
+from .limits import IDLE_TICK, ROLL_CALL
+from .link import BaseLink, BaseTransport, L, R
 
 if TYPE_CHECKING:
-    from .served import ServingLink
-
-log = logging.getLogger("robocomp.transport")
-
-STRANGERS = 1000
-"""So many of those who mean something else are told apart; further ones are not reported any more."""
-
-_AT_FIRST, _SLOWLY = 0.005, 0.05
-"""Seconds between two looks for somebody who has not come, and for one who has not come for a while."""
-
-L = TypeVar("L", bound="AnnouncedLink[Any]")
-R = TypeVar("R")
-
+    from .server import ServingLink
 
 _SERVING = ("serves", "receives")
 
 
-class Announcing(ABC):
+class Reached(Protocol):
+    """A process that serves, as those who ask it know it."""
+
+    id: str
+    closed: bool
+
+    @property
+    def key(self) -> Hashable:
+        """Names it in the calls that it is to answer."""
+        ...
+
+    def alive(self) -> bool: ...
+
+    def close(self) -> None: ...
+
+
+class Announcing(BaseTransport[Found], SupportsGathering):
     """Such a transport: its links, which the thread that receives for all of them looks after, too."""
 
     directory: Directory
     member: Membership
-    owner: str
     served: Path
     """The folder of the claims: who serves what."""
 
     def __init__(self) -> None:
-        self.closed = False
+        super().__init__()
         self.gathers = False
         """Whether more links are about to be opened or closed."""
-        self._lock = threading.RLock()
-        self._links: list[AnnouncedLink[Any]] = []
         self._known = -1
         """The version of the directory that all links have seen."""
-        self._last: dict[object, str] = {}
-        """What last went wrong with looking after a link, so that it is not told at every tick."""
+        self._call_at = 0.0
+        """When to look next whether known peers still live."""
+        self._peers: dict[Hashable, Any] = {}
+        """The processes that are asked, by their keys."""
 
     @abstractmethod
     def enlist(self, link: ServingLink) -> str:
@@ -64,9 +65,19 @@ class Announcing(ABC):
     def delist(self, link: ServingLink) -> None:
         """Have no more requests given to it."""
 
+    @abstractmethod
+    def look_soon(self) -> None:
+        """Have the thread that receives look after the links now."""
+
+    def find(self, role: str, channel: str) -> list[Found]:
+        return self.directory.find(role, channel)
+
+    def is_own(self, peer: Found) -> bool:
+        return peer.member.id == self.member.id
+
     @contextlib.contextmanager
     def gathering(self) -> Iterator[None]:
-        """See `base.gathering`."""
+        """See `base.SupportsGathering`."""
         self.gathers = True
         try:
             with self.member.gathered():
@@ -75,159 +86,94 @@ class Announcing(ABC):
             self.gathers = False
             self.look_soon()
 
-    @abstractmethod
-    def look_soon(self) -> None:
-        """Have the thread that receives look after the links now."""
-
-    def left(self, link: AnnouncedLink[Any]) -> None:
-        """A link was closed."""
+    def asked(self, key: Hashable, make: Callable[[], R]) -> R:
+        """The process that is asked under that key; it is made if it is not known yet."""
         with self._lock:
-            if link in self._links:
-                self._links.remove(link)
-            for work in (link.look, link.tick):
-                self._last.pop(work, None)
+            self.check_open()
+            if key not in self._peers:
+                self._peers[key] = make()
+            found: R = self._peers[key]
+            return found
 
-    def _open(self, link: L) -> L:
-        if self.closed:
-            raise Closed("the transport is closed")
-        try:
-            link.open()
-        except BaseException:
-            link.close()
-            raise
+    def drop(self, peer: Reached) -> None:
+        """The process is dead: nothing we wait for there will be answered."""
         with self._lock:
-            self._links.append(link)  # only now: those in the list are looked after by the receiving thread
-            closed = self.closed
-        if closed:
-            link.close()
-            raise Closed("the transport is closed")
-        if not self._guarded(link.look, False):  # who came after it was opened, and before it was in the list
+            self._peers.pop(peer.key, None)
+        peer.close()
+
+    def close_peers(self) -> None:
+        with contextlib.ExitStack() as everything:
+            for peer in self.known_peers():
+                everything.callback(peer.close)
+
+    def known_peers(self) -> list[Any]:
+        with self._lock:
+            return list(self._peers.values())
+
+    def drop_the_dead(self) -> None:
+        """Let go of what is held for processes that have ended, whether or not they are asked again."""
+        for peer in self.known_peers():
+            if not peer.alive():
+                self.drop(peer)
+
+    def tick(self) -> float:
+        """Do what is due; seconds until the next time."""
+        if self.close_if_abandoned():
+            return IDLE_TICK
+        version = self.directory.version()
+        if self.is_roll_call(version):
+            self.drop_the_dead()
+        return min([IDLE_TICK, *self._look_after(version)])
+
+    def is_roll_call(self, version: int) -> bool:
+        """Whether it is time to look whether known peers still live."""
+        due = version != self._known or time.monotonic() >= self._call_at
+        if due:
+            self._call_at = time.monotonic() + ROLL_CALL
+        return due
+
+    def _open(self, make: Callable[[], L]) -> L:
+        link = super()._open(make)
+        if not self._guarded(link.look, False):  # it may have missed a peer that came while it was opened
             self._known = -1
         return link
 
     def _look_after(self, version: int) -> list[float]:
         """Have links look into the directory, which has that version, and tick; seconds until they want to again."""
-        links = list(self._links)
-        if version != self._known and all([self._guarded(link.look, False) for link in links]):
+        if version != self._known and self.look_at_peers():
             self._known = version
-        waits = [self._guarded(link.tick, None) for link in links]
-        return [wait for wait in waits if wait is not None]
-
-    def _guarded(self, work: Callable[[], R], otherwise: R) -> R:
-        """What a link does on the thread that receives for everybody: if it fails, the others go on."""
-        try:
-            result = work()
-        except Exception as exc:
-            if self.closed and isinstance(exc, Closed):
-                return otherwise
-            if self._last.get(work) != repr(exc):
-                self._last[work] = repr(exc)
-                log.exception("looking after a link; trying again")
-            return otherwise
-        self._last.pop(work, None)
-        return result
+        return self.tick_links()
 
 
 T = TypeVar("T", bound=Announcing)
 
 
-class AnnouncedLink(Generic[T]):
+class AnnouncedLink(BaseLink[T, Found]):
     """One end of a channel: announced in the directory, and looking there for those it faces."""
 
-    role: str
-    facing: str
+    marks = ""
+    """Letters behind the traits of its QoS, which say what else it does."""
 
     def __init__(self, transport: T, channel: Channel) -> None:
-        self.transport, self.channel = transport, channel
-        self.stats = Statistics()
-        self.closed = threading.Event()
-        self._closing = threading.Lock()
+        super().__init__(transport, channel)
         self._entry: Entry | None = None
-        self._patience = _AT_FIRST
-        """Seconds until the next look for somebody who has not come yet, however often he is waited for."""
-        self._reported: set[object] = set()
-        self._sparing = Sparing()
 
     def open(self) -> None:
         self.announce()
 
-    def tick(self) -> float | None:
-        """Do what is due; seconds until the next time, if not a tick."""
-        return None
-
-    def look(self) -> bool:
-        """The directory has changed. True, or it raises: whoever calls this wants to know that it was done."""
-        self.counterparts()
-        return True
-
-    def wait_peer(self, timeout: float) -> bool:
-        end = time.monotonic() + timeout
-        while True:
-            self.check_open()
-            if self.visible():
-                self._patience = _AT_FIRST
-                return True
-            if time.monotonic() >= end:
-                return False
-            self.closed.wait(min(self._patience, max(0.0, end - time.monotonic())))
-            self._patience = min(1.3 * self._patience, max(_SLOWLY, self.transport.directory.pause / 2))
+    @property
+    def longest_pause(self) -> float:
+        return max(super().longest_pause, self.transport.directory.pause / 2)
 
     def visible(self) -> bool:
-        """Whether the other side is there. Raises ContractMismatch if only others are."""
         return any(self.transport.directory.alive(member.id) for member, _ in self.counterparts(strict=True))
 
-    def close(self) -> None:
-        with self._closing:
-            if self.closed.is_set():
-                return
-            self.closed.set()
-        with contextlib.ExitStack() as everything:
-            everything.callback(self.release)
-            everything.callback(self.transport.left, self)
-            if self._entry:
-                everything.callback(self.transport.member.remove, self._entry)
-
-    def release(self) -> None:
-        """Let go of what this link holds, which is not everything if it could not be opened; called once."""
+    def withdraw(self) -> None:
+        if self._entry:
+            self.transport.member.remove(self._entry)
 
     def announce(self, address: str = "") -> None:
         kind = self.channel.type
-        offered = clock() if self.role in _SERVING else traits(self.channel.qos)
+        offered = clock() if self.role in _SERVING else traits(self.channel.qos) + self.marks
         self._entry = Entry(self.role, self.channel.name, kind.fingerprint, kind.text, address, offered)
         self.transport.member.add(self._entry)
-
-    def counterparts(self, *, strict: bool = False) -> list[tuple[Member, Entry]]:
-        """Those we face who mean the same by the name; the others are reported, once each.
-
-        With `strict`, raises ContractMismatch if there are only others.
-        """
-        named = [
-            (member, entry)
-            for member, entry in self.transport.directory.find(self.facing, self.channel.name)
-            if entry.channel == self.channel.name or member.id != self.transport.member.id
-        ]
-        same = [found for found in named if found[1].fingerprint == self.channel.type.fingerprint]
-        for member, entry in named:
-            if entry.fingerprint != self.channel.type.fingerprint:
-                self.report_mismatch((member.id, entry.fingerprint), TypeRef("", entry.fingerprint, entry.text))
-        if strict and named and not same:
-            entry = named[0][1]
-            raise ContractMismatch(mismatch(self.channel, TypeRef("", entry.fingerprint, entry.text)))
-        return same
-
-    def check_open(self) -> None:
-        if self.closed.is_set() or self.transport.closed:
-            raise Closed(f"{self.channel.name}: the link is closed")
-
-    def report_mismatch(self, who: object, other: TypeRef) -> None:
-        if who not in self._reported and len(self._reported) < STRANGERS:
-            self._reported.add(who)
-            if self._sparing.may_tell():
-                log.error("%s", mismatch(self.channel, other))
-            self.stats.mismatched += 1
-
-    def malformed(self, why: object) -> None:
-        """Count a message that is none of ours; the first one is logged."""
-        if self.stats.malformed == 0:
-            log.warning("%s: dropped a malformed message (further ones are only counted): %s", self.channel.name, why)
-        self.stats.malformed += 1

@@ -24,7 +24,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from enum import Flag, IntEnum, auto
 from functools import partial
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from .. import installed
 from ..contract.interface import Pattern, differences
@@ -167,39 +167,6 @@ class Outlet(Link, Protocol):
         ...
 
 
-class Source(NamedTuple):
-    """Who publishes what an inlet hears.
-
-    An optional part of the contract, of transports that declare LIVELINESS: an inlet of a topic
-    then has a method `sources() -> list[Source]` that tells who is there and lives at this moment.
-    """
-
-    channel: str
-    qos: QoS
-
-
-class Loan(Protocol):
-    """Memory of a message that is written where it will be read: of an outlet that can do so.
-
-    An optional part of the contract. Such an outlet has a method `loan(size) -> Loan`, which raises
-    what `send` raises, and TransportError if there is no memory of so many bytes to be had. Every
-    loan ends, by `send` or by `close`.
-    """
-
-    @property
-    def data(self) -> memoryview:
-        """The bytes, to be written. They begin at a multiple of 8 in memory, and are not zeros."""
-        ...
-
-    def send(self, begin: int, end: int, deadline: float = 5.0) -> None:
-        """Send `data[begin:end]` as a payload, as `Outlet.send` does, without copying it."""
-        ...
-
-    def close(self) -> None:
-        """Give the memory back unsent. Idempotent; without effect after `send`."""
-        ...
-
-
 class Caller(Link, Protocol):
     def call(self, payload: Payload, deadline: float) -> Future[Reply]:
         """Ask, and go on. The Future ends within `deadline` seconds, by a Reply or a
@@ -209,21 +176,6 @@ class Caller(Link, Protocol):
     def ask(self, payload: Payload, deadline: float) -> Reply:
         """Ask, and wait at most `deadline` seconds: the fast path, no Future involved."""
         ...
-
-
-class Question(Protocol):
-    """What may be asked again, if it is not known whether it arrived, and is executed once by one life of its server.
-
-    An optional part of the contract: of callers of idempotent channels that have a method
-    `question(payload) -> Question`. Its `ask` or its `call` do what those of the caller do, again and
-    again, one after the other; every question ends, by `close`.
-    """
-
-    def ask(self, deadline: float) -> Reply: ...
-
-    def call(self, deadline: float) -> Future[Reply]: ...
-
-    def close(self) -> None: ...
 
 
 class Transport(Protocol):
@@ -261,6 +213,8 @@ class TransportConfig:
 
 
 TransportFactory = Callable[[TransportConfig], Transport]
+"""What an entry point names, a class as a rule. Its `capabilities` are read before anything is opened. What else a
+deployment has to know is declared beside it: see `deployment`."""
 
 
 def find_transport(name: str) -> TransportFactory:
@@ -276,29 +230,143 @@ def find_transport(name: str) -> TransportFactory:
         return factory
 
 
-def hosting(name: str, config: TransportConfig) -> AbstractContextManager[None]:
-    """For who starts components: while this is entered, what those of this host share is run here.
+# The optional parts of the contract. A link, a transport or a factory offers a part by having its methods; a class of
+# ours derives from the part, so that mypy compares the two.
 
-    An optional part of the contract, for a transport whose components would otherwise run it in one
-    of them: its factory then has a `host` that takes what the factory takes and returns such a
-    context manager. It may be entered before, beside and after components, and while somebody else
-    runs the same; whoever runs it, components must do without this. Of a transport that has no
-    `host`, nothing is run. Entering may raise TransportError; finding it, ConfigurationError.
+
+class Source(NamedTuple):
+    """A publisher that an inlet hears."""
+
+    channel: str
+    qos: QoS
+
+
+class Loan(Protocol):
+    """Memory of a message that is written where it will be read. Every loan ends, by `send` or by `close`."""
+
+    @property
+    def data(self) -> memoryview:
+        """The bytes, to be written. They begin at a multiple of 8 in memory, and are not zeros."""
+        ...
+
+    def send(self, begin: int, end: int, deadline: float = 5.0) -> None:
+        """Send `data[begin:end]` as a payload, as `Outlet.send` does, without copying it."""
+        ...
+
+    def close(self) -> None:
+        """Give the memory back unsent. Idempotent; without effect after `send`."""
+        ...
+
+
+class Question(Protocol):
+    """A request that may be sent again if it is not known whether it arrived, and is executed once by a server's life.
+
+    Its `ask` or its `call` do what those of the caller do, again and again, one after the other. Every question ends,
+    by `close`.
     """
-    host: Callable[[TransportConfig], AbstractContextManager[None]] | None
-    host = getattr(find_transport(name), "host", None)
-    return host(config) if host else nullcontext()
+
+    def ask(self, deadline: float) -> Reply: ...
+
+    def call(self, deadline: float) -> Future[Reply]: ...
+
+    def close(self) -> None: ...
+
+
+@runtime_checkable
+class SupportsConnected(Protocol):
+    def wait_connected(self, timeout: float) -> bool:
+        """Wait until an end of a topic is connected to all visible ends of the other side, at most `timeout` seconds.
+
+        Once it has returned True, an inlet hears what those publishers send from then on, and what an outlet sends
+        from then on reaches those subscribers. Of a publisher and a subscriber, the one that became visible later sees
+        the other. So if both have waited here, nothing that is published afterwards is missed. Raises Closed.
+        """
+        ...
+
+
+@runtime_checkable
+class SupportsHeard(Protocol):
+    @property
+    def heard(self) -> bool:
+        """Whether a message of this outlet may be of use to a peer, now or later. Answers at once: it is asked before
+        each message that could go by several transports."""
+        ...
+
+
+@runtime_checkable
+class SupportsLoan(Protocol):
+    def loan(self, size: int) -> Loan:
+        """Memory for a message. Raises what `send` raises, and TransportError if there is no memory of that size."""
+        ...
+
+
+@runtime_checkable
+class SupportsSources(Protocol):
+    def sources(self) -> list[Source]:
+        """The publishers of a topic that are there and alive at this moment."""
+        ...
+
+
+@runtime_checkable
+class SupportsQuestion(Protocol):
+    def question(self, payload: Payload) -> Question:
+        """A request under one number, however often it is sent."""
+        ...
+
+
+@runtime_checkable
+class SupportsGathering(Protocol):
+    def gathering(self) -> AbstractContextManager[None]:
+        """While it is entered, opened and closed links need not become visible to peers; at its end, all do at once.
+
+        Leaving it may raise TransportError.
+        """
+        ...
+
+
+@runtime_checkable
+class SupportsHost(Protocol):
+    def host(self, config: TransportConfig) -> AbstractContextManager[None]:
+        """While it is entered, what the components of this host share (a router, a broker) runs here.
+
+        It may be entered before, beside and after components, and while another process runs the same; components must
+        do without it. Entering may raise TransportError.
+        """
+        ...
+
+
+class OptionalPart(NamedTuple):
+    protocol: type
+    offered_by: str
+    without: str
+    """What happens if it is missing."""
+
+
+OPTIONAL_PARTS = (
+    OptionalPart(SupportsConnected, "an outlet or inlet of a topic", "it counts as connected once it is open"),
+    OptionalPart(SupportsHeard, "an outlet", "each message is sent"),
+    OptionalPart(SupportsLoan, "an outlet", "a message is filled elsewhere, and copied"),
+    OptionalPart(SupportsSources, "an inlet of a topic", "the transport cannot declare LIVELINESS"),
+    OptionalPart(SupportsQuestion, "a caller", "a repeated request may be executed twice"),
+    OptionalPart(SupportsGathering, "a transport", "each link becomes visible when it is opened"),
+    OptionalPart(SupportsHost, "a factory", "components run what they share themselves"),
+)
+
+
+def wait_connected(link: Link, timeout: float) -> bool:
+    """See `SupportsConnected`."""
+    return link.wait_connected(timeout) if isinstance(link, SupportsConnected) else True
 
 
 def gathering(transport: Transport) -> AbstractContextManager[None]:
-    """For who opens many links, or closes them: while this is entered, they need not become visible to others.
+    """See `SupportsGathering`."""
+    return transport.gathering() if isinstance(transport, SupportsGathering) else nullcontext()
 
-    An optional part of the contract, for a transport that tells all others whenever something of it changes: it then
-    has a `gathering` that returns such a context manager, and tells them once, at its end. Leaving it may raise
-    TransportError.
-    """
-    gather: Callable[[], AbstractContextManager[None]] | None = getattr(transport, "gathering", None)
-    return gather() if gather else nullcontext()
+
+def hosting(name: str, config: TransportConfig) -> AbstractContextManager[None]:
+    """See `SupportsHost`. Raises ConfigurationError if there is no such transport."""
+    factory = find_transport(name)
+    return factory.host(config) if isinstance(factory, SupportsHost) else nullcontext()
 
 
 def require(transport: Transport, name: str, channel: Channel) -> None:
@@ -325,15 +393,6 @@ def needs(channel: Channel) -> Capability:
     for capability, asked in wanted.items():
         result |= capability if asked else Capability.NONE
     return result
-
-
-def is_heard(outlet: Outlet) -> bool:
-    """Whether what an outlet sends may be of use to anybody, now or later.
-
-    An optional part of the contract: an outlet that has a property `heard` may say no. It is asked
-    before each message that could go by several transports, so it answers at once.
-    """
-    return bool(getattr(outlet, "heard", True))
 
 
 KEEP_ALL_DEPTH = 10_000
@@ -376,10 +435,23 @@ def pass_on(reply: Future[Reply], answer: Callable[[Reply], object]) -> None:
     reply.add_done_callback(finished)
 
 
+LONGEST_CONTRACT = 64 * 1024
+"""Characters of a contract. Longer ones are not compared: the other side may be hostile."""
+
+_MOST_DIFFERENCES = 2000
+"""Characters of what is said to differ."""
+
+
 def mismatch(channel: Channel, other: TypeRef) -> str:
     """Both fingerprints and what differs, for a log or an error."""
     mine = channel.type
-    what = "; ".join(differences(mine.text, other.text)) if other.text else "the other side does not say what"
+    if not other.text:
+        what = "the other side does not say what"
+    elif len(other.text) > LONGEST_CONTRACT:
+        what = f"the other side describes it in more than {LONGEST_CONTRACT} characters"
+    else:
+        what = "; ".join(differences(mine.text, other.text))[:_MOST_DIFFERENCES]
+        what = "".join(char if char.isprintable() else " " for char in what)
     return (
         f"{channel.name}: the other side was generated from another definition "
         f"({mine.fingerprint:016x} here, {other.fingerprint:016x} there): {what}"
@@ -397,7 +469,7 @@ class _Receiving(threading.local):
 _receiving = _Receiving()
 
 
-def step_aside() -> None:
+def about_to_block() -> None:
     """Say that this thread is about to wait. Costs nothing on a thread that does not receive."""
     hand_over = _receiving.hand_over
     if hand_over:
@@ -405,5 +477,5 @@ def step_aside() -> None:
 
 
 def receives(hand_over: Callable[[], None] | None) -> None:
-    """For transports: on this thread, `step_aside` means `hand_over`."""
+    """For transports: on this thread, `about_to_block` means `hand_over`."""
     _receiving.hand_over = hand_over

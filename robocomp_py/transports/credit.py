@@ -7,14 +7,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 
-BYTES_AHEAD = 2 * 1024 * 1024
-"""While so many bytes are on their way to a reader, nothing more is sent; the last message may be of any size.
-
-It is what the queues on the way hold, those of the sender and of the router.
-"""
-
-MOST_AHEAD = 1000
-"""So many messages a sender is ahead of a reader at most, whatever its depth."""
+from .limits import BYTES_AHEAD
 
 
 class Credit:

@@ -1,14 +1,15 @@
 """Threads that take turns at receiving (leader and followers), and what they pass messages through.
 
 The leader waits for input and runs what came in itself, so that nothing is handed from thread to
-thread while handlers are quick. When one waits for an answer (`step_aside`), or still runs at the
+thread while handlers are quick. When one waits for an answer (`about_to_block`), or still runs at the
 next look of the lookout, another thread becomes the leader and goes on receiving; the former one
 finishes what it runs and then stands by.
 
     leader    receive → run one job → still the leader? → again
     lookout   while there is traffic, look every 10 to 40 ms: does the same job still run? → another leads
 
-Jobs are begun in the order in which they came in, by whoever leads.
+Jobs are begun in the order in which they came in, by the leader. If the system has no thread to spare, the leader
+remains the leader: input waits until its job is over, or until the lookout can start a thread.
 """
 
 from __future__ import annotations
@@ -22,8 +23,11 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future
 
+from ..errors import TransportError
+from ..threads import NO_THREAD, start_thread
 from ..wire.codec import Payload
 from .base import Reply, Service, Sink, Statistics, Status, pass_on, receives, reply_of
+from .limits import COMMANDS_WAITING
 
 log = logging.getLogger("robocomp.transport")
 
@@ -65,7 +69,7 @@ def abandoned() -> bool:
     return all(thread.daemon or thread in _THREADS for thread in threading.enumerate() if thread.is_alive())
 
 
-class Crew:
+class LeaderFollowers:
     """Calls `receive` again and again, on one thread at a time, and runs the jobs it returns.
 
     `receive` blocks until there is something to do or `wake` was called. What takes long, or calls
@@ -73,8 +77,15 @@ class Crew:
     even if it steps aside. If it raises, that is logged, and after a pause it is called again.
     """
 
-    def __init__(self, name: str, receive: Callable[[], Iterable[Job]], wake: Callable[[], None]) -> None:
-        self._name, self._receive, self._wake = name, receive, wake
+    def __init__(
+        self,
+        name: str,
+        receive: Callable[[], Iterable[Job]],
+        wake: Callable[[], None],
+        start: Callable[[threading.Thread], bool] = start_thread,
+    ) -> None:
+        """`start` starts a thread, and returns False if the system has none to spare."""
+        self._name, self._receive, self._wake, self._start = name, receive, wake, start
         self._jobs: deque[Job] = deque()
         self._threads: list[threading.Thread] = []
         self._closing = threading.Event()
@@ -86,15 +97,20 @@ class Crew:
         self._turn = threading.Condition(self._lock)
         self._leader: threading.Thread | None = None
         self._followers = 0
+        self._short = False
+        """Whether a thread was needed and could not be started."""
         self._running: Job | None = None
         self._begun = 0
         self._pause = 0.0
         """Seconds to wait after `receive` has failed; 0 while it succeeds."""
 
     def start(self) -> None:
+        """Raises TransportError if the system has no thread to spare; nothing of it runs then."""
         with self._lock:
-            self._hire(self._serve, "0")
-            self._hire(self._look_out, "lookout")
+            started = self._hire(self._serve, "0") and self._hire(self._look_out, "lookout")
+        if not started:
+            self.close()
+            raise TransportError(f"{self._name}: {NO_THREAD}")
 
     def close(self) -> None:
         """Stop, and wait for all threads but the calling one. Jobs not begun are dropped.
@@ -116,11 +132,13 @@ class Crew:
             log.warning("%s: still busy after %g s; not waiting any longer", ", ".join(stuck), STUCK)
         self._jobs.clear()
 
-    def _hire(self, work: Callable[[], None], suffix: str) -> None:
+    def _hire(self, work: Callable[[], None], suffix: str) -> bool:
         thread = threading.Thread(target=work, name=f"{self._name}-{suffix}")
         _THREADS.add(thread)
-        thread.start()
-        self._threads.append(thread)
+        started = self._start(thread)
+        if started:
+            self._threads.append(thread)
+        return started
 
     def _serve(self) -> None:
         receives(self._hand_over)
@@ -180,23 +198,29 @@ class Crew:
             mine = self._leader is threading.current_thread() and self._running is not None
             if self._closing.is_set() or not (mine or (overdue is not None and self._running is overdue)):
                 return
-            self._leader = self._running = None
             if self._followers:
                 self._turn.notify()
-            else:
-                self._hire(self._serve, str(len(self._threads)))
+            elif not self._hire(self._serve, str(len(self._threads))):
+                if not self._short:
+                    log.warning("%s: nothing is received until a handler has ended: %s", self._name, NO_THREAD)
+                self._short = True
+                return  # the lookout comes back to it
+            self._short = False
+            self._leader = self._running = None
 
     def _look_out(self) -> None:
         while True:
             self._traffic.wait()
             quiet, pause = 0.0, PATIENCE
             while quiet < _QUIET:
-                begun, running = self._begun, self._running
-                pause = PATIENCE if running is not None else min(pause * 1.2, _LAZINESS * PATIENCE)
+                begun, busy = self._begun, self._running is not None  # not the job: its message takes memory
+                pause = PATIENCE if busy else min(pause * 1.2, _LAZINESS * PATIENCE)
                 if self._closing.wait(pause):
                     return
-                if running is not None and self._running is running:
+                running = self._running
+                if busy and self._begun == begun:  # in this order: then it is the same job
                     self._hand_over(running)
+                running = None
                 quiet = quiet + pause if self._begun == begun else 0.0
             self._traffic.clear()
             self._watched = False  # in this order: a job begun in between is seen by its count
@@ -436,3 +460,27 @@ class Lane:
             return self._changed.wait_for(lambda: not self.full or self._gate.closed, patience)
         finally:
             self._wanted -= 1
+
+
+class CommandLane(Lane):
+    """Commands on their way to their sink, each with the time at which it expires. Without room, they are dropped."""
+
+    def __init__(self, name: str, sink: Sink, stats: Statistics) -> None:
+        super().__init__(name, self._execute, COMMANDS_WAITING, lossy=False, stats=stats)
+        self._command = sink
+
+    def take(self, payload: Payload, expires: float) -> bool:
+        """Append a command; whether there was room for it."""
+        if self.put((expires, payload)):
+            return True
+        self._stats.dropped += 1
+        if self._stats.dropped == 1:
+            log.warning("%s: %d commands wait; dropping more", self._name, COMMANDS_WAITING)
+        return False
+
+    def _execute(self, waiting: tuple[float, Payload]) -> None:
+        expires, payload = waiting
+        if time.monotonic() >= expires:
+            self._stats.expired += 1
+        else:
+            self._command(payload)

@@ -9,7 +9,7 @@ interface there are two more, one for those who name no instance, and one for al
 
 A lock that can be taken belongs to somebody dead; whoever notices removes what was left.
 The run-time folder is `$ROBOCOMP_RUNTIME_DIR`, or `$XDG_RUNTIME_DIR/robocomp`, or
-`robocomp-<uid>` in the folder for temporary files; always mode 0700.
+`robocomp-<uid>` in the folder for temporary files; always mode 0700, never a symbolic link (see `owned.py`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ import json
 import logging
 import os
 import secrets
-import stat
 import tempfile
 import threading
 import time
@@ -35,8 +34,12 @@ from ..errors import ConfigurationError, TransportError
 from ..wire.names import ANY, matches
 from .exclusive import SWEPT, file_name, is_gone, is_swept, mark_swept, sweep
 from .inotify import UNWATCHED, Watch
+from .owned import NotOurs, make_private
 
 log = logging.getLogger("robocomp.transport")
+
+LONGEST_SOCKET = 107
+"""Bytes that the path of a socket may have; the kernel takes no more."""
 
 _SETTLED = 0.1
 """What was read of a place less than so many seconds after it changed is read again: its time stamp is too coarse."""
@@ -83,17 +86,40 @@ class Member:
     pid: int
     entries: tuple[Entry, ...]
 
-    def facing(self, role: str, channel: str) -> Iterator[tuple[Member, Entry]]:
+    def facing(self, role: str, channel: str) -> Iterator[Found]:
         """Its ends of a channel in that role; the channel, or theirs, may have `*` for its instance."""
         for entry in self.entries:
             if entry.role == role and (matches(channel, entry.channel) or matches(entry.channel, channel)):
-                yield self, entry
+                yield Found(self, entry)
 
 
-def runtime_dir() -> Path:
-    """The folder for sockets and directory files, made if need be.
+class Found(NamedTuple):
+    """An end of a channel: the member that announces it, and its entry."""
 
-    Raises ConfigurationError if it is somebody else's, or open to others.
+    member: Member
+    entry: Entry
+
+    @property
+    def channel(self) -> str:
+        return self.entry.channel
+
+    @property
+    def fingerprint(self) -> int:
+        return self.entry.fingerprint
+
+    @property
+    def text(self) -> str:
+        return self.entry.text
+
+    @property
+    def key(self) -> tuple[str, int]:
+        return self.member.id, self.entry.fingerprint
+
+
+def runtime_dir(*below: str) -> Path:
+    """The folder for sockets and directory files, made if it is missing; or the subfolder of these names, not made.
+
+    Raises ConfigurationError if a folder on the way belongs to another user, is a symbolic link, or is open to others.
     """
     if chosen := os.environ.get("ROBOCOMP_RUNTIME_DIR"):
         folder = Path(chosen)
@@ -102,13 +128,14 @@ def runtime_dir() -> Path:
     else:
         folder = _temporary() / f"robocomp-{os.getuid()}"
     try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        info = folder.stat()
+        make_private(folder, below)
+    except NotOurs as exc:
+        raise ConfigurationError(f"run-time folder {folder} {exc}, or set ROBOCOMP_RUNTIME_DIR") from exc
     except OSError as exc:
+        if exc.errno in (errno.EMFILE, errno.ENFILE, errno.ENOMEM):  # another folder would be of no help
+            raise TransportError(f"run-time folder {folder}: {exc.strerror}") from exc
         raise ConfigurationError(f"run-time folder {folder}: {exc.strerror}; set ROBOCOMP_RUNTIME_DIR") from exc
-    if info.st_uid != os.getuid() or stat.S_IMODE(info.st_mode) & 0o077:
-        raise ConfigurationError(f"run-time folder {folder} is open to other users; make it yours and 0700")
-    return folder
+    return folder.joinpath(*below)
 
 
 def _temporary() -> Path:
@@ -190,7 +217,7 @@ class Directory:
         self._lock = threading.Lock()
         self._places: dict[str, _Place] = {}
         """By name, those that something is looked for in."""
-        self._found: dict[tuple[str, str], dict[str, list[tuple[Member, Entry]]]] = {}
+        self._found: dict[tuple[str, str], dict[str, list[Found]]] = {}
         """By role and channel that were looked for, and by member."""
         self._roll_call = 0.0
         self._stopped: dict[str, float] = {}
@@ -234,7 +261,7 @@ class Directory:
         with self._looked():
             return self._version
 
-    def find(self, role: str, channel: str) -> list[tuple[Member, Entry]]:
+    def find(self, role: str, channel: str) -> list[Found]:
         """Ends of a channel in that role; the channel, or theirs, may have `*` for its instance."""
         with self._looked():
             known = self._found.get((role, channel))
@@ -339,7 +366,7 @@ class Directory:
         place.files = files
         return gone
 
-    def _those_who_mean(self, role: str, channel: str, *, are_called: bool) -> dict[str, list[tuple[Member, Entry]]]:
+    def _those_who_mean(self, role: str, channel: str, *, are_called: bool) -> dict[str, list[Found]]:
         """By member, what they say of it; those whose processes live, as far as known or, if so, asked."""
         before = self._found.get((role, channel), {})
         result = {}
@@ -350,7 +377,7 @@ class Directory:
                     result[name] = found
         return result
 
-    def _search(self, role: str, channel: str) -> dict[str, list[tuple[Member, Entry]]]:
+    def _search(self, role: str, channel: str) -> dict[str, list[Found]]:
         if len(self._found) >= _MOST_ASKED:
             self._found.clear()
             self._places.clear()

@@ -37,15 +37,20 @@ from .base import (
     Source,
     Statistics,
     Status,
+    SupportsHeard,
+    SupportsSources,
     TransportConfig,
     depth_of,
     mismatch,
     options_of,
     pass_on,
 )
-from .crew import Crew, Job, Lane, Servant
+from .crew import Job, Lane, LeaderFollowers, Servant, abandoned
+from .deployment import Deployment, Near
+from .limits import COMMANDS_WAITING, QUERIES_WAITING
 from .pending import Pending
 from .reception import Reception
+from .turns import Turns
 
 log = logging.getLogger("robocomp.transport.inproc")
 
@@ -57,12 +62,8 @@ PROMPT = 0.001
 TRUSTED = 3
 """So many times in a row it has to have been prompt before, on a thread of its own transport."""
 
-COMMANDS_WAITING = 1000
-"""Commands that may wait at one server; the next ones wait at their senders."""
-
-
-QUERIES_WAITING = 1000
-"""Requests that may wait at one server; more are turned away."""
+_LOOK = 1.0
+"""Seconds between two looks whether the program has ended without closing a transport."""
 
 AT_ONCE = 64
 """So many requests to one server are run by threads of its transport at the same time."""
@@ -120,13 +121,13 @@ class InprocTransport:
         self.hand_over = options["hand_over"]
         if type(self.hand_over) is not bool:
             raise ConfigurationError(f"transport option `hand_over` is true or false, not {self.hand_over!r}")
-        self._bus = _BUSES[options["bus"]]
+        self._bus, self._owner = _BUSES[options["bus"]], config.owner or "inproc"
         self._links: list[_Link] = []
         self._closed = False
         self._work: queue.SimpleQueue[Job] = queue.SimpleQueue()
         self._will_look = False
         """Whether somebody is about to look when the next call is overdue."""
-        self._crew = Crew("inproc", self._receive, wake=lambda: self._work.put(_nothing))
+        self._crew = LeaderFollowers("inproc", self._receive, wake=lambda: self._work.put(_nothing))
         self._crew.start()
 
     def outlet(self, channel: Channel) -> _Outlet:
@@ -171,8 +172,11 @@ class InprocTransport:
         self._will_look = False  # before looking: whoever calls from now on is seen, or has us look again
         waits = [link.pending.expire(self.do) for link in list(self._links) if isinstance(link, _Caller)]
         try:
-            return (self._work.get(timeout=min((wait for wait in waits if wait is not None), default=None)),)
+            return (self._work.get(timeout=min([_LOOK, *(wait for wait in waits if wait is not None)])),)
         except queue.Empty:
+            if abandoned():
+                log.warning("%s: not closed at the end of the program; closing", self._owner)
+                self.close()
             return ()
 
     def _open(self, link: L) -> L:
@@ -265,7 +269,7 @@ class _Link:
         return same
 
 
-class _Outlet(_Link):
+class _Outlet(_Link, SupportsHeard):
     def __init__(self, transport: InprocTransport, bus: _Bus, channel: Channel) -> None:
         super().__init__(transport, bus, channel)
         self._lossy = channel.pattern is Pattern.PUBLISH and not channel.qos.reliable
@@ -328,7 +332,7 @@ class _Outlet(_Link):
         inlet.have_drained()
 
 
-class _Inlet(_Link):
+class _Inlet(_Link, SupportsSources):
     facing = _Outlet
 
     def __init__(self, transport: InprocTransport, bus: _Bus, channel: Channel, sink: Sink) -> None:
@@ -440,7 +444,7 @@ class _Caller(_Link):
     ) -> Future[Reply]:
         key = server, next(self._sequence)
         future = self.pending.add(key, deadline)
-        if not server.take(payload, time.monotonic() + deadline, partial(answered, key)):
+        if not server.take(id(self), payload, time.monotonic() + deadline, partial(answered, key)):
             self.pending.settle(key, Reply(Status.BUSY))  # here and now: nobody has put anything behind this Future yet
         if server.closed:  # perhaps before it had our request, and so did not know of us
             self.server_left(server)
@@ -475,19 +479,19 @@ class _Server(_Link):
         super().__init__(transport, bus, channel)
         self._servant = Servant(channel.name, service, self.stats)
         self._lock = threading.Lock()
-        self._waiting: deque[_Asked] = deque()
+        self._waiting: Turns[_Asked] = Turns()
         self._running = 0
         """How many requests are run by threads of ours, or about to be."""
         self.trusted = 0
         """How many times in a row the service was prompt."""
 
-    def take(self, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> bool:
-        """Have a request answered, now or later; False if too many wait here."""
+    def take(self, caller: int, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> bool:
+        """Have a caller's request answered, now or later; False if too many wait here."""
         with self._lock:
             if len(self._waiting) >= QUERIES_WAITING:
                 self.stats.dropped += 1
                 return False
-            self._waiting.append((payload, expires, answer))
+            self._waiting.add(caller, (payload, expires, answer))
             if self._running == AT_ONCE:
                 return True
             self._running += 1
@@ -495,10 +499,10 @@ class _Server(_Link):
         return True
 
     def _next(self) -> None:
-        """Run the one that came first, and have the next one run, behind what others have to do."""
+        """Run the next request, the callers by turns, and have the one after it run behind the jobs of others."""
         try:
             with self._lock:
-                asked = self._waiting.popleft() if self._waiting else None  # another thread may have been quicker
+                asked = self._waiting.take() if self._waiting else None  # another thread may have been quicker
             if asked:
                 self._run(*asked)
         finally:
@@ -530,7 +534,15 @@ class _Server(_Link):
             caller.server_left(self)
         self._servant.close()
         with self._lock:
-            self._waiting.clear()
+            self._waiting = Turns()
 
 
 _Caller.facing = _Server
+
+
+class InprocDeployment(Deployment):
+    summary = "objects, between components of one process"
+    colour = "#6b7280"
+    near = Near.PROCESS
+    unprotected = ""  # one process
+    shares = False

@@ -10,7 +10,20 @@ from ..errors import ConfigurationError
 
 def insist_private(path: Path, option: str) -> None:
     """Raises ConfigurationError, in the name of an option, if others may read that file; OSError if it is not there."""
-    info = path.stat()
+    _insist(path.stat(), path, option)
+
+
+def read_private(path: Path, option: str) -> str:
+    """The text of a file, checked as by `insist_private`; what is checked is what is read.
+
+    Also raises UnicodeDecodeError if it is not UTF-8.
+    """
+    with path.open(encoding="utf-8") as file:
+        _insist(os.fstat(file.fileno()), path, option)
+        return file.read()
+
+
+def _insist(info: os.stat_result, path: Path, option: str) -> None:
     if excess(info.st_mode, info.st_uid, os.getuid()):
         may = allowed(info.st_uid, os.getuid())
         raise ConfigurationError(f"{option}: {path} is open to other users; chmod {may:o} {path}")

@@ -20,7 +20,7 @@ from ..contract.interface import Pattern
 from ..contract.qos import QoS, Shortfall, duration, from_traits, shortfalls
 from ..wire.codec import Payload
 from .base import Channel, Sink, Source, Statistics
-from .directory import Directory, Entry, Member
+from .directory import Directory, Found
 
 log = logging.getLogger("robocomp.transport")
 
@@ -31,7 +31,7 @@ _MOST = 1000
 """What so many publishers offer is looked at; further ones pass for such that offer what is asked for."""
 
 
-def living(directory: Directory, found: Iterable[tuple[Member, Entry]], asked: QoS) -> list[Source]:
+def living(directory: Directory, found: Iterable[Found], asked: QoS) -> list[Source]:
     """Those of a directory that publish, and whose processes live.
 
     One that is stopped is given half of its lease, so that it is missed within the whole of it.

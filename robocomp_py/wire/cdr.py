@@ -20,6 +20,7 @@ from itertools import chain
 from typing import Any, NoReturn
 
 from ..contract.types import (
+    BOOL,
     TIME,
     Dictionary,
     Enumeration,
@@ -29,6 +30,7 @@ from ..contract.types import (
     Type,
 )
 from .codec import MAX_BYTES, Decoder, Encoder, check_size, refused, unreadable
+from .items import Left
 from .program import Leaf, leaves_of
 from .rows import Columns, unpacked
 from .serial import NUMBERS, Reading, Writing, check_count
@@ -42,7 +44,7 @@ _ORIGIN = len(ENCAPSULATION)
 """From where alignment counts in a payload, modulo 8."""
 
 _Layouts = tuple[struct.Struct, ...]
-_LETTERS = dict(zip(Primitive, "BbBhHiIqQfd", strict=False))
+_LETTERS = {kind: "B" if kind is BOOL else kind.letter for kind in Primitive} | {TIME: "iI"}
 _PADDING = tuple(bytes(-n & 7) for n in range(8))
 _TAILS = tuple(bytes(-n & 3) + TAIL for n in range(4))
 
@@ -85,7 +87,7 @@ def _letters(*some: Leaf) -> str:
 def _letter(kind: Type) -> str:
     match kind:
         case Primitive():
-            return _LETTERS.get(kind, "iI")
+            return _LETTERS[kind]
         case Enumeration():
             return "i"
         case Struct(fields=()):
@@ -128,6 +130,7 @@ class _EncodeProgram(Writing):
             self._end_run()
             with p.block(f"if n > {MAX_BYTES - len(ENCAPSULATION)}"):
                 p.line(f"{p.name(check_size)}(n + {len(ENCAPSULATION)})")
+            self._check_items()
             if self._room:
                 p.line(f"add({p.name(_TAILS)}[n & 3])")
             p.line(f"return {'bytearray' if self._room else 'bytes'}().join(out)" if join else "return out")
@@ -230,6 +233,7 @@ class _DecodeProgram(Reading):
             p.line("data = memoryview(payload)")
             with p.block(f"if not {self._start} <= data.nbytes <= {MAX_BYTES} or data[0] != 0 or data[1] != 1"):
                 p.line(f"{p.name(_refuse)}(data)")
+            self._begin()
             values = self._fields(self._message.fields)
             self._end_run()
             if not prefix:
@@ -286,7 +290,7 @@ class _DecodeProgram(Reading):
 
     def _rows_of(self, letters: str, count: str) -> tuple[str, str]:
         p = self._program
-        arguments = f"({p.name(_layouts(letters, _ORIGIN), 'layouts')}, data, n, {count})"
+        arguments = f"({p.name(_layouts(letters, _ORIGIN), 'layouts')}, data, n, {count}, left)"
         return p.name(_rows) + arguments, p.name(_columns) + arguments
 
     def _primitive(self, kind: Primitive, take: Callable[[], str]) -> str:
@@ -319,15 +323,15 @@ def _text(data: memoryview, n: int, length: int) -> str:
     return str(data[n : n + length - 1], "utf-8")
 
 
-def _rows(layouts: _Layouts, data: memoryview, n: int, count: int) -> tuple[Iterable[tuple[Any, ...]], int]:
+def _rows(layouts: _Layouts, data: memoryview, n: int, count: int, left: Left) -> tuple[Iterable[tuple[Any, ...]], int]:
     """The leaves of `count` items of fixed size."""
-    first, layout, begin, end = _regular(layouts, data, n, count)
+    first, layout, begin, end = _regular(layouts, data, n, count, left)
     return chain(first, layout.iter_unpack(data[begin:end])), end
 
 
-def _columns(layouts: _Layouts, data: memoryview, n: int, count: int) -> tuple[Columns, int]:
+def _columns(layouts: _Layouts, data: memoryview, n: int, count: int, left: Left) -> tuple[Columns, int]:
     """The same as columns."""
-    first, layout, begin, end = _regular(layouts, data, n, count)
+    first, layout, begin, end = _regular(layouts, data, n, count, left)
     columns = unpacked(layout, data, begin, count - len(first))
     if first:
         columns = [[*some, *others] for some, others in zip(zip(*first, strict=True), columns, strict=True)]
@@ -335,10 +339,10 @@ def _columns(layouts: _Layouts, data: memoryview, n: int, count: int) -> tuple[C
 
 
 def _regular(
-    layouts: _Layouts, data: memoryview, n: int, count: int
+    layouts: _Layouts, data: memoryview, n: int, count: int, left: Left
 ) -> tuple[list[tuple[Any, ...]], struct.Struct, int, int]:
     """The leaves of the first items, until their padding repeats; and the layout of the others, which are all there."""
-    check_count(data, n, count)
+    check_count(data, n, count, left)
     first: list[tuple[Any, ...]] = []
     while True:
         layout = layouts[n & 7]

@@ -15,6 +15,7 @@ from typing import Any, Protocol
 
 from ..contract.types import Struct
 from ..errors import DecodeError, EncodeError
+from .items import TooManyItems
 from .values import explain
 
 Payload = Any
@@ -57,6 +58,8 @@ class Codec(Protocol):
 
 def refused(message: Struct, values: Any, exc: Exception) -> EncodeError:
     """Which field holds what instead of what; found by looking again, slowly."""
+    if isinstance(exc, TooManyItems):
+        return EncodeError(f"{message.name}: {exc}")
     return EncodeError(explain(message, values) or f"{message.name}: {exc}")
 
 

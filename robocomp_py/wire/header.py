@@ -86,6 +86,11 @@ def pack_request(flags: int, fingerprint: int, client: int, sequence: int, remai
     return _REQUEST.pack(VERSION, flags, fingerprint, client, sequence, ms)
 
 
+def client_of(request: bytes) -> int:
+    """The client of a request, without a check that it is one; any number if it is not."""
+    return int.from_bytes(request[10:18], "little")
+
+
 def pack_reply(status: int, client: int, sequence: int, server: int) -> bytes:
     return _REPLY.pack(VERSION, status, client, sequence, server)
 

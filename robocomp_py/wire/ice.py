@@ -24,6 +24,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from ..contract.types import (
+    BOOL,
     LINEAGE,
     TIME,
     UINT16,
@@ -40,6 +41,7 @@ from ..contract.types import (
     thrown,
 )
 from .codec import MAX_BYTES, Decoder, Encoder, Payload, check_size, refused, unreadable
+from .items import MAX_ITEMS, Left, take_items
 from .program import Leaf, leaves_of
 from .rows import FEW, Columns, packed, unpacked
 from .serial import NUMBERS, Reading, Writing
@@ -55,7 +57,7 @@ _LONG = 255
 _SIZES = tuple(bytes([size]) for size in range(_LONG))
 _LONG_SIZE, _INT32 = struct.Struct("<Bi"), struct.Struct("<i")
 
-_WRITTEN = {**dict(zip(Primitive, ("B", "b", "B", "h", "Hxx", "i", "Ixxxx", *"qQfd"), strict=False)), TIME: "q"}
+_WRITTEN = {kind: kind.letter for kind in Primitive} | {BOOL: "B", UINT16: "Hxx", UINT32: "Ixxxx"}
 """How `struct` packs each: what Slice has only wider, too, so that it sees what does not fit."""
 
 _READ = {**_WRITTEN, UINT16: "I", UINT32: "Q"}
@@ -127,6 +129,7 @@ class _EncodeProgram(Writing):
             self._end_run()
             with p.block(f"if n > {MAX_BYTES}"):
                 p.line(f"{p.name(check_size)}(n)")
+            self._check_items()
             p.line(f"out[0] = {self._first}; return b''.join(out)")
         p.write_functions(self._write)
         return p.compile("encode")
@@ -243,6 +246,7 @@ class _DecodeProgram(Reading):
         p = self._program
         with p.block("def decode(payload)"), p.guarded(f"{p.name(unreadable)}({p.name(self._message)}, exc)"):
             p.line(f"data = payload if type(payload) is bytes else {p.name(memoryview)}(payload).cast('B')")
+            self._begin()
             values = {number: self._value(kind) for number, kind in _in_order(self._message)}
             self._end_run()
             with p.block(f"if n {'>' if prefix else '!='} size"):
@@ -251,11 +255,11 @@ class _DecodeProgram(Reading):
         p.write_functions(self._write)
         return p.compile("decode")
 
-    def part(self) -> Callable[[Any, int], tuple[tuple[Any, ...], int]]:
+    def part(self) -> Callable[[Any, int, Left], tuple[tuple[Any, ...], int]]:
         """A function that reads the fields somewhere in a payload, and tells where they end."""
         p = self._program
         self._begun, self._letters, self._names = True, "", []
-        with p.block("def read(data, n)"):
+        with p.block("def read(data, n, left)"):
             values = "".join(f"{value}, " for value in [self._value(field.type) for field in self._message.fields])
             self._end_run()
             p.line(f"return ({values}), n")
@@ -319,7 +323,7 @@ class _DecodeProgram(Reading):
 
     def _rows_of(self, letters: str, count: str) -> tuple[str, str]:
         p = self._program
-        arguments = f"({p.name(struct.Struct('<' + letters))}, data, n, {count})"
+        arguments = f"({p.name(struct.Struct('<' + letters))}, data, n, {count}, left)"
         return p.name(_few) + arguments, p.name(_many) + arguments
 
     def _primitive(self, kind: Primitive, take: Callable[[], str]) -> str:
@@ -375,18 +379,20 @@ def _narrowed(data: Any, dtype: np.dtype[Any], count: int, n: int) -> np.ndarray
     return np.frombuffer(array.astype(dtype).tobytes(), dtype)
 
 
-def _few(layout: struct.Struct, data: Any, n: int, count: int) -> tuple[Iterator[tuple[Any, ...]], int]:
+def _few(layout: struct.Struct, data: Any, n: int, count: int, left: Left) -> tuple[Iterator[tuple[Any, ...]], int]:
     """The leaves of `count` items of fixed size."""
-    end = _end_of_rows(layout, data, n, count)
+    end = _end_of_rows(layout, data, n, count, left)
     return layout.iter_unpack(memoryview(data)[n:end]), end
 
 
-def _many(layout: struct.Struct, data: Any, n: int, count: int) -> tuple[Columns, int]:
+def _many(layout: struct.Struct, data: Any, n: int, count: int, left: Left) -> tuple[Columns, int]:
     """The same as columns."""
-    return unpacked(layout, data, n, count), _end_of_rows(layout, data, n, count)
+    end = _end_of_rows(layout, data, n, count, left)
+    return unpacked(layout, data, n, count), end
 
 
-def _end_of_rows(layout: struct.Struct, data: Any, n: int, count: int) -> int:
+def _end_of_rows(layout: struct.Struct, data: Any, n: int, count: int, left: Left) -> int:
+    take_items(left, count)
     end = n + count * layout.size
     if end > len(data):
         raise ValueError(f"{count} items exceed the payload")
@@ -469,12 +475,13 @@ def _catcher(message: Thrown, kind: ExceptionType, *, prefix: bool) -> Decoder:
         try:
             data = _opened(payload)
             fields: list[Any] = []
+            left = [MAX_ITEMS]
             n = _place_of(kind.name, _slices(data))
             for name, read in parts:
                 part = _slice_at(data, n)
                 if part.name != name:
                     raise ValueError(f"a slice of {part.name} instead of one of {name}")
-                own, n = read(data, part.begin)
+                own, n = read(data, part.begin, left)
                 n = _end_of(part, n)
                 fields[:0] = own
             if n > len(data) or (n < len(data) and not prefix):

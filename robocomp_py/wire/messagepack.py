@@ -25,7 +25,8 @@ from .codec import Decoder, Encoder, unreadable
 from .packing import MAX_TREE as MAX_TREE
 from .packing import PackArray, ReadArray, check_tree, compile_writer
 from .packing import compile_reader as compile_own_reader
-from .plain import Frames, compile_reader
+from .plain import NUMBERS, Frames, compile_reader
+from .stream import PIECE, SHORT, compile_stream_reader, has_dictionary, unpack_piece
 from .values import as_array, read_only, view_of
 from .values import snapshot as frozen
 
@@ -33,7 +34,7 @@ APART = 64 * 1024
 """Arrays of so many bytes travel in a buffer of their own."""
 
 INLINE_EXT, APART_EXT = 1, 2
-_LETTERS = {dtype: {"bool": "?", "int64": "q", "uint64": "Q"}.get(dtype.name, dtype.char) for dtype in DTYPES.values()}
+_LETTERS = {dtype: kind.letter for kind, dtype in DTYPES.items()}
 _DTYPES = {ord(letter): dtype for dtype, letter in _LETTERS.items()}
 _REFERENCE = struct.Struct("<BI")
 _INDEX = struct.Struct("<I")
@@ -47,10 +48,6 @@ _HEADS = {
 """How arrays begin, by the first octet: bin 8 and 16, and ext 8, 16 and 32 with the letter."""
 _OCTET = ord("B")
 _OCTETS = np.dtype(np.uint8)
-_NUMBERS = {bool, int, float}
-
-_SHORT = 2 * 1024
-"""A tree of fewer bytes cannot make the library allocate much, whatever it claims to hold."""
 
 
 class MessagePack:
@@ -63,14 +60,16 @@ class MessagePack:
 
     def decoder(self, message: Struct, *, prefix: bool = False) -> Decoder:
         read = cache(partial(compile_reader, message, _read_array, prefix=prefix))  # made when it is first needed
-        unpackb = msgpack.unpackb
+        stream = cache(partial(compile_stream_reader, message, _read_array, prefix=prefix))
+        in_parts = has_dictionary(message, {})
 
         def decode(payload: list[Any]) -> tuple[Any, ...]:
             try:
                 check_tree(payload)
-                if len(payload[0]) > _SHORT:
-                    _check_whole(payload[0])
-                return read()(unpackb(payload[0], strict_map_key=False), payload)
+                packed = payload[0]
+                if len(packed) > (SHORT if in_parts else PIECE):
+                    return stream()(payload)
+                return read()(unpack_piece(packed), payload)
             except Exception as exc:
                 raise unreadable(message, exc) from exc
 
@@ -78,13 +77,6 @@ class MessagePack:
         if ours is None:
             read()
         return ours or decode
-
-
-def _check_whole(packed: Any) -> None:
-    """Refuse lists that claim more items than there are: the library would make room for them first."""
-    unpacker = msgpack.Unpacker(max_buffer_size=len(packed), strict_map_key=False)
-    unpacker.feed(packed)
-    unpacker.skip()
 
 
 def _array_packer(dtype: np.dtype[Any], keep: Callable[[Any, np.dtype[Any]], np.ndarray[Any, Any]]) -> PackArray:
@@ -160,7 +152,7 @@ def _read_array(value: Any, dtype: np.dtype[Any], payload: Frames) -> np.ndarray
             if index == 0:
                 raise ValueError("an array refers to buffer 0, which holds no array")
             return _view(payload[index], letter, dtype)
-    if type(value) is list and set(map(type, value)) <= _NUMBERS:
+    if type(value) is list and set(map(type, value)) <= NUMBERS:
         return read_only(as_array(value, dtype))
     raise ValueError(f"expected an array of {dtype.name}, found {type(value).__name__}")
 

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import msgpack
 
 from ..contract.types import (
+    INT32,
     STRING,
     TIME,
     Dictionary,
@@ -33,6 +34,7 @@ from ..contract.types import (
     children,
 )
 from .codec import Decoder, Encoder, check_size, refused
+from .items import MAX_ITEMS, check_items, counter, take_items
 from .plain import Frames, compile_planter
 from .program import Program, is_fixed, is_loop
 from .rows import FEW, Columns, packed, unpacked
@@ -47,22 +49,13 @@ PackArray = Callable[[Any, Callable[[Any], object], Frames], None]
 ReadArray = Callable[[Any, int, Frames], "tuple[np.ndarray[Any, Any], int]"]
 """The array that begins there in a message, and where it ends."""
 
-_FORMS: dict[Primitive, tuple[int, str]] = {
-    Primitive.INT8: (0xD0, "b"),
-    Primitive.UINT8: (0xCC, "B"),
-    Primitive.INT16: (0xD1, "h"),
-    Primitive.UINT16: (0xCD, "H"),
-    Primitive.INT32: (0xD2, "i"),
-    Primitive.UINT32: (0xCE, "I"),
-    Primitive.INT64: (0xD3, "q"),
-    Primitive.UINT64: (0xCF, "Q"),
-    Primitive.FLOAT32: (0xCA, "f"),
-    Primitive.FLOAT64: (0xCB, "d"),
-    TIME: (0xD3, "q"),
-}
+_TAGS = {
+    "b": 0xD0, "B": 0xCC, "h": 0xD1, "H": 0xCD, "i": 0xD2, "I": 0xCE, "q": 0xD3, "Q": 0xCF, "f": 0xCA, "d": 0xCB,
+}  # fmt: skip
+_FORMS = {kind: (_TAGS[kind.letter], kind.letter) for kind in Primitive if kind.letter in _TAGS}
 """The first octet of each number, and how `struct` packs the rest."""
 
-_INT32 = _FORMS[Primitive.INT32]
+_INT32 = _FORMS[INT32]
 _FALSE, _TRUE = 0xC2, 0xC3
 _BOOLS = {_FALSE: False, _TRUE: True}
 _FIXARRAY, _ARRAY16, _ARRAY32 = 0x90, 0xDC, 0xDD
@@ -171,6 +164,9 @@ class _Writer:
                 self._end_run()
                 p.line("payload = [b''.join(out), *frames]")
                 p.line(f"if frames or len(payload[0]) > {MAX_TREE}: {p.name(check_tree)}(payload)")
+                if counter(self._message):  # each item has an octet at least, so few messages are counted
+                    check = f"{p.name(check_items)}({p.name(self._message)}, values)"
+                    p.line(f"if len(payload[0]) > {MAX_ITEMS}: {check}")
                 p.line("return payload")
         self._inline.over = True
         p.write_functions(self._write)
@@ -369,7 +365,8 @@ class _Inline:
 
 
 class _Reader:
-    """Writes `decode(payload) -> values`. In it, `data` is the packed message and `n` how much of it was read."""
+    """Writes `decode(payload) -> values`. In it, `data` is the packed message, `n` is how much of it was read,
+    and `left` is how many more items there may be."""
 
     def __init__(self, message: Struct, array: Callable[[np.dtype[Any]], ReadArray]) -> None:
         self._message = message
@@ -391,6 +388,7 @@ class _Reader:
                     self._end_run(whole=True)
                 else:
                     p.line("data = payload[0]; n = 0")
+                    p.line(f"left = [{MAX_ITEMS}]" if counter(self._message) else "left = None")
                     p.line(f"if len(payload) > 1 or len(data) > {MAX_TREE}: {p.name(check_tree)}(payload)")
                     with p.block("if type(data) is not bytes"):
                         p.line(f"data = {p.name(memoryview)}(data).cast('B')")
@@ -408,7 +406,7 @@ class _Reader:
     def _write(self, function: str, kind: Type) -> None:
         assert isinstance(kind, Struct)
         p = self._program
-        with p.block(f"def {function}(data, n, payload)"):
+        with p.block(f"def {function}(data, n, payload, left)"):
             p.line(f"return {p.made(kind, self._fields(kind.fields))}, n")
 
     def _fields(self, fields: tuple[Field, ...]) -> str:
@@ -457,7 +455,7 @@ class _Reader:
         result = p.fresh()
         match kind:
             case Struct():
-                p.line(f"{result}, n = {p.function_for(kind)}(data, n, payload)")
+                p.line(f"{result}, n = {p.function_for(kind)}(data, n, payload, left)")
             case Sequence() if kind.dtype is not None:
                 p.line(f"{result}, n = {p.name(self._array(kind.dtype), 'array')}(data, n, payload)")
             case Sequence(item):
@@ -474,7 +472,7 @@ class _Reader:
         layout, marks = self._row(len(item.fields))
         names = [name for name in self._names if name not in dict(self._expected)]
         self._letters, self._names, self._expected = "", [], []
-        p.line(f"count, n = {p.name(_count)}(data, n)")
+        p.line(f"count, n = {p.name(_count)}(data, n); {p.name(take_items)}(left, count)")
         arguments = f"({p.name(layout, 'layout')}, {p.name(marks, 'marks')}, data, n, count)"
         p.make_each(item, result, names, values, p.name(_rows) + arguments, p.name(_columns) + arguments)
 

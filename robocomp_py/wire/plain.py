@@ -10,7 +10,7 @@ planted: all those of a struct by one `struct` call.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -36,6 +36,17 @@ Frames = list[Any]
 
 PackArray = Callable[[Any, "np.dtype[Any]", Frames], Any]
 ReadArray = Callable[[Any, "np.dtype[Any]", Frames], "np.ndarray[Any, Any]"]
+
+NUMBERS = {bool, int, float}
+"""The types of what may be in a list that is read as an array."""
+
+
+class Entries(list[Any]):
+    """Keys and values in turn, in place of a dict in a tree."""
+
+    def items(self) -> Iterator[tuple[Any, Any]]:
+        return zip(self[::2], self[1::2], strict=True)
+
 
 _FLOAT32_LIMIT = 2.0**128 - 2.0**103
 """What is smaller is rounded to a float32; what is not would be to infinity."""
@@ -151,6 +162,34 @@ class _Planter:
         return f"({x} if type({x}) is int and {low} <= {x} <= {high} else {p.name(as_int)}({x}, {low}, {high}))"
 
 
+class Scalars:
+    """Expressions that check what was unpacked, for the compiled readers of trees and of streams."""
+
+    def __init__(self, program: Program) -> None:
+        self._program = program
+
+    def read(self, kind: Primitive | Enumeration, x: str) -> str:
+        """An expression for the value of a type that the variable `x` holds, if it does."""
+        p = self._program
+        wrong = p.name(_wrong)
+        match kind:
+            case Enumeration(members=members, python=python):
+                table = {number: python(number) if python else number for _, number in members}
+                return f"{p.name(table, 'enum')}[{x} if type({x}) is int else {wrong}('an enumerator', {x})]"
+            case Primitive.BOOL:
+                return f"({x} if {x} is True or {x} is False else {wrong}('a bool', {x}))"
+            case Primitive() if kind is STRING:
+                return f"({x} if type({x}) is str else {wrong}('a string', {x}))"
+            case Primitive() if kind is FLOAT32:
+                small = f"{-_FLOAT32_LIMIT!r} < {x} < {_FLOAT32_LIMIT!r}"
+                return f"({x} if type({x}) is float and {small} else {p.name(_float32)}({x}))"
+            case Primitive() if kind in FLOATS:
+                return f"({x} if type({x}) is float else {p.name(_number)}({x}))"
+            case Primitive():
+                low, high = RANGES[kind]
+                return f"({x} if type({x}) is int and {low} <= {x} <= {high} else {wrong}('{kind}', {x}))"
+
+
 class _Reader:
     def __init__(self, message: Struct, array: ReadArray) -> None:
         self._message = message
@@ -184,7 +223,6 @@ class _Reader:
     def _read(self, kind: Type, x: str) -> str:
         """An expression for the value of the tree `x`."""
         p = self._program
-        wrong = p.name(_wrong)
         match kind:
             case Struct():
                 return f"{p.function_for(kind)}({x}, frames)"
@@ -194,13 +232,10 @@ class _Reader:
                 return self._list(item, x)
             case Dictionary(key, item):
                 k, v = p.fresh(), p.fresh()
-                items = f"({x} if type({x}) is dict else {wrong}('a map', {x})).items()"
+                items = f"({x} if type({x}) is dict else {p.name(_entries)}({x})).items()"
                 return f"{{{self._read(key, k)}: {self._item(item, v)} for {k}, {v} in {items}}}"
-            case Enumeration(members=members, python=python):
-                table = {number: python(number) if python else number for _, number in members}
-                return f"{p.name(table, 'enum')}[{x} if type({x}) is int else {wrong}('an enumerator', {x})]"
-            case Primitive():
-                return self._scalar(kind, x)
+            case Primitive() | Enumeration():
+                return Scalars(p).read(kind, x)
 
     def _item(self, kind: Type, x: str) -> str:
         return f"{self._program.function_for(kind)}({x}, frames)" if is_loop(kind) else self._read(kind, x)
@@ -213,21 +248,6 @@ class _Reader:
             return f"[{self._item(item, each)} for {each} in {items}]"
         names = [p.fresh() for _ in item.fields]
         return f"[{self._made(item, names)} for [{', '.join(names)}] in {p.name(_rows)}({x})]"
-
-    def _scalar(self, kind: Primitive, x: str) -> str:
-        p = self._program
-        wrong = p.name(_wrong)
-        if kind is BOOL:
-            return f"({x} if {x} is True or {x} is False else {wrong}('a bool', {x}))"
-        if kind is STRING:
-            return f"({x} if type({x}) is str else {wrong}('a string', {x}))"
-        if kind is FLOAT32:
-            small = f"{-_FLOAT32_LIMIT!r} < {x} < {_FLOAT32_LIMIT!r}"
-            return f"({x} if type({x}) is float and {small} else {p.name(_float32)}({x}))"
-        if kind in FLOATS:
-            return f"({x} if type({x}) is float else {p.name(_number)}({x}))"
-        low, high = RANGES[kind]
-        return f"({x} if type({x}) is int and {low} <= {x} <= {high} else {wrong}('{kind}', {x}))"
 
 
 # What compiled readers call.
@@ -247,6 +267,10 @@ def _rows(tree: Any) -> list[Any]:
         _wrong("a list of lists", tree)
     rows: list[Any] = tree
     return rows
+
+
+def _entries(tree: Any) -> Entries:
+    return tree if type(tree) is Entries else _wrong("a map", tree)
 
 
 def _wrong(expected: str, value: Any) -> Any:

@@ -10,11 +10,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any
 
-from ..contract.types import FLOATS, INTEGERS, Enumeration, Field, Primitive, Struct, Type
+from ..contract.types import TIME, Enumeration, Field, Primitive, Struct, Type
+from .items import MAX_ITEMS, Left, check_items, counter, take_items
 from .program import Leaf, Program, is_loop
 from .values import as_bool
 
-NUMBERS = INTEGERS | FLOATS
+NUMBERS = frozenset(kind for kind in Primitive if kind.letter and kind.python in (int, float)) - {TIME}
+"""What `struct` checks, and all that it needs."""
 
 
 class Writing(ABC):
@@ -54,6 +56,13 @@ class Writing(ABC):
         for field, variable in zip(fields, names, strict=True):
             self._value(field.type, variable)
 
+    def _check_items(self) -> None:
+        """Emit what refuses a message of too many items. Each has an octet at least, so few messages are counted."""
+        if counter(self._message):
+            p = self._program
+            with p.block(f"if n > {MAX_ITEMS}"):
+                p.line(f"{p.name(check_items)}({p.name(self._message)}, values)")
+
     def _run(self, letters: str, *values: str) -> None:
         self._letters += letters
         self._values += values
@@ -87,11 +96,14 @@ class Writing(ABC):
                 return (p.member(leaf.kind, each),)
             case Primitive.BOOL:
                 return (f"{each} if {each} is True or {each} is False else {p.name(as_bool)}({each})",)
-        return self._time(each)
+            case Primitive.TIME:
+                return self._time(each)
+        raise AssertionError(f"no leaf: {leaf.kind}")
 
 
 class Reading(ABC):
-    """Writes functions `(data, n) -> value, n`: in them, `data` is the payload, `n` how much was read."""
+    """Writes functions `(data, n, left) -> value, n`: in them, `data` is the payload, `n` how much was read, and `left`
+    how many more items there may be."""
 
     def __init__(self, message: Struct) -> None:
         self._message = message
@@ -123,10 +135,17 @@ class Reading(ABC):
 
     def _write(self, function: str, kind: Type) -> None:
         p = self._program
-        with p.block(f"def {function}(data, n)"):
+        with p.block(f"def {function}(data, n, left)"):
             value = p.made(kind, self._fields(kind.fields)) if isinstance(kind, Struct) else self._value(kind)
             self._end_run()
             p.line(f"return {value}, n")
+
+    def _begin(self) -> None:
+        """Emit how many items a message may have, if it can have any."""
+        if counter(self._message):
+            self._program.line(f"left = [{MAX_ITEMS}]")
+        else:
+            self._program.line("left = None")
 
     def _fields(self, fields: tuple[Field, ...]) -> str:
         if not fields:
@@ -149,7 +168,7 @@ class Reading(ABC):
     def _call(self, kind: Type) -> str:
         self._end_run()
         result = self._program.fresh()
-        self._program.line(f"{result}, n = {self._program.function_for(kind)}(data, n)")
+        self._program.line(f"{result}, n = {self._program.function_for(kind)}(data, n, left)")
         return result
 
     def _repeat(self, count: str, kinds: tuple[Type, ...], store: str, result: str) -> None:
@@ -159,7 +178,7 @@ class Reading(ABC):
         if letters:
             self._rows(count, kinds[0], letters, result)
             return
-        p.line(f"{p.name(check_count)}(data, n, {count})")
+        p.line(f"{p.name(check_count)}(data, n, {count}, left)")
         with p.block(f"for _ in range({count})"):
             values = [self._call(kind) if is_loop(kind) else self._value(kind) for kind in kinds]
             self._end_run()
@@ -200,6 +219,7 @@ _BOOLS = (False, True)
 # What compiled decoders call.
 
 
-def check_count(data: Any, n: int, count: int) -> None:
+def check_count(data: Any, n: int, count: int, left: Left) -> None:
     if count > len(data) - n:  # every item has a byte at least: refuse before anything is allocated
         raise ValueError(f"{count} items in {len(data) - n} bytes")
+    take_items(left, count)

@@ -29,7 +29,6 @@ from ..contract.types import (
     BOOL,
     FLOAT32,
     FLOAT64,
-    INTEGERS,
     STRING,
     TIME,
     Dictionary,
@@ -41,7 +40,7 @@ from ..contract.types import (
     integer_range,
 )
 
-RANGES = {kind: integer_range(kind) for kind in (*INTEGERS, TIME)}
+RANGES = {kind: integer_range(kind) for kind in Primitive if kind.python is int}
 """Smallest and largest value of what is an int in Python."""
 
 _Array = np.ndarray[Any, np.dtype[Any]]

@@ -10,11 +10,12 @@ import subprocess
 import sys
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 
-from benchmarks import goals, placement, query, versus
-from benchmarks.goals import Finding
+from benchmarks import figures, goals, placement, query, results, versus
+from benchmarks.goals import Finding, failed
 from benchmarks.guard import Probe, compare
 from benchmarks.pair import Pair
 from benchmarks.parties import MIDDLEWARES
@@ -186,25 +187,49 @@ def test_a_page_without_a_place_for_a_table_is_refused() -> None:
         fill("no marks", [TABLE])
 
 
-def test_the_page_on_performance_has_a_place_for_every_table() -> None:
-    page = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8")
+def test_the_stored_results_have_every_table() -> None:
     code = "".join(file.read_text(encoding="utf-8") for file in (ROOT / "benchmarks").glob("*.py"))
-    names = set(re.findall(r'Table\(\s*"(\w+)"', code)) - {"check"}  # which the guard prints, and nobody keeps
+    names = set(re.findall(r'Table\(\s*"(\w+)"', code)) - {"check"}  # which the guard prints, and does not store
     assert {"machine", "summary", "query", "peers"} <= names
-    for name in names:
-        assert f"<!-- measured: {name} -->" in page
+    assert {table.name for table in results.tables(results.load())} == names
 
 
-def test_the_summary_says_what_was_missed_and_what_was_not_measured() -> None:
+def test_the_page_on_performance_and_its_figures_show_the_stored_results() -> None:
+    for path, text in results.files(results.load()).items():
+        assert path.read_text(encoding="utf-8") == text, f"{path.name}: `make bench ARGS=--draw`"
+        assert path == results.PAGE or path.name in results.PAGE.read_text(encoding="utf-8")
+
+
+def test_a_figure_shows_ours_and_raw_over_the_size() -> None:
+    row = {"middleware": "shm", "size": 64, "ours": {"p50": 10.0, "p99": 20.0}, "raw": {"p50": 9.0, "p99": 11.0}}
+    large = row | {"size": 1024, "ours": {"p50": 90.0, "p99": 99.0, "percentiles": [[5, 80.0]]}}
+    published = [
+        {**row, **{party: {"latency": row[party], "rate": 100.0} for party in ("ours", "raw")}},
+    ]
+    drawn = figures.drawn(
+        {"query": [row, large], "publish": [*published, {**published[0], "size": 1024}],
+         "peers": [{"name": "other", "times": {"64": row["raw"], "1024": row["ours"]}}]}
+    )  # fmt: skip
+    for text in drawn.values():
+        ElementTree.fromstring(text)
+    assert "shm, ours" in drawn["performance-query.svg"]
+    assert "stroke-dasharray" in drawn["performance-query.svg"]
+    assert "other" in drawn["performance-peers.svg"]
+    assert "99 %" in drawn["performance-spread.svg"]
+
+
+def test_the_summary_has_the_best_and_the_worst_of_each_goal() -> None:
     found = [
         Finding("small", "dds", "64 B", "1.10 ×", met=True, ratio=1.1),
         Finding("small", "dds", "1 KB", "1.30 ×", met=False, ratio=1.3),
-        Finding("idle", "dds", "", "0.10 %", met=True),
+        Finding("idle", "dds", "", "0.10 %", met=True, value=0.1),
+        failed("start", "dds"),
     ]
     rows = {row[0]: row[2:] for row in goals.table(found).rows}
-    assert rows[goals.GOALS["small"].what] == ("missed: dds 1 KB", "dds 1.10 × · 1.30 ×")
-    assert rows[goals.GOALS["idle"].what] == ("met", "dds 0.10 %")
-    assert rows[goals.GOALS["loan"].what] == ("not measured", "")
+    assert rows[goals.GOALS["small"].what] == ("1.10 × (dds 64 B)", "1.30 × (dds 1 KB)", "1 of 2")
+    assert rows[goals.GOALS["idle"].what] == ("0.10 % (dds)", "0.10 % (dds)", "yes")
+    assert rows[goals.GOALS["start"].what] == ("failed (dds)", "failed (dds)", "0 of 1")
+    assert rows[goals.GOALS["loan"].what] == ("", "", "not measured")
 
 
 # Figures.

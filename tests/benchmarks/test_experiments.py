@@ -1,4 +1,4 @@
-"""The experiments of docs/experiments.md come to an end, and find what the page says they find."""
+"""The experiments of docs/explanation/experiments.md come to an end, and find what the page says they find."""
 
 from __future__ import annotations
 

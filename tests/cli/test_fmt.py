@@ -103,7 +103,7 @@ def test_a_folder_without_such_files_is_a_mistake(folder: Path, capsys: Said) ->
     ("name", "said"),
     [
         ("arm.isdl", "arm.isdl: nothing with this ending is formatted; known: .idsl, .cdsl, .pdsl, .ddsl, .smdsl"),
-        ("leg.idsl", "leg.idsl:1:1: error[unreadable]: cannot be read: No such file or directory"),
+        ("leg.idsl", "leg.idsl: error[unreadable]: cannot be read: No such file or directory"),
     ],
 )
 def test_what_cannot_be_formatted_is_told(folder: Path, capsys: Said, name: str, said: str) -> None:
@@ -200,7 +200,7 @@ def test_wrong_usage_is_told_with_what_is_right(capsys: Said, arguments: list[st
 
 
 def test_the_page_about_formatting_works_as_written(tmp_path: Path) -> None:
-    done = list(steps(ROOT / "docs" / "formatting.md"))
+    done = list(steps(ROOT / "docs" / "guides" / "formatting.md"))
     assert len(done) > 4
     for step in done:
         do(step, tmp_path)

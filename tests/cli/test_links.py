@@ -11,8 +11,8 @@ import pytest
 from robocomp_py.cli.rc import main as rc
 from robocomp_py.cli.rcdeploy import main as rcdeploy
 from robocomp_py.cli.rcgen import main as rcgen
-from robocomp_py.deploy.auto import usable
-from robocomp_py.transports.shm import node
+from robocomp_py.deploy.auto import can_be_opened
+from robocomp_py.transports.shm import node, room
 
 LASER = 'import "Laser.idsl"; Component laser { Communications { implements Laser; }; language python; };'
 DRIVER = 'import "Laser.idsl"; Component driver { Communications { requires Laser; }; language python; };'
@@ -36,9 +36,9 @@ def network(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Iterator[str]
         assert rcgen([str(tmp_path / name / f"{name}.cdsl")]) == 0
     (tmp_path / "net.ddsl").write_text(NETWORK)
     capsys.readouterr()
-    usable.cache_clear()
+    can_be_opened.cache_clear()
     yield str(tmp_path / "net.ddsl")
-    usable.cache_clear()
+    can_be_opened.cache_clear()
 
 
 def test_each_link_is_a_line_with_its_reason(network: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -72,6 +72,19 @@ def test_what_cannot_be_used_is_told_in_one_line_with_what_is_used_instead(
     [note] = said.err.splitlines()
     assert note.startswith("note: shm is not used for ")
     assert f"over zenoh instead: {tmp_path}/nowhere is not there, or cannot be written to" in note
+
+
+def test_shared_memory_that_is_too_small_for_the_network_is_told_with_a_remedy(
+    network: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(room, "CONNECTION", 1 << 60)
+    assert rc(["links", network]) == 0
+    said = capsys.readouterr()
+    assert ["far", "Laser", "laser", "zeromq", "no", "shm:", "1", "connection"] in [
+        line.split()[:8] for line in said.out.splitlines()
+    ]
+    assert "MB of shared memory, and /dev/shm has" in said.err
+    assert "--shm-size=2g" in said.err
 
 
 def test_a_network_that_is_wrong_is_no_table(network: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from robocomp_py.cli.rc import main as rc
+from robocomp_py.cli.rcgen import main as rcgen
 
 from ..docs.diagnostics import PAGES
 
@@ -157,6 +158,21 @@ def test_a_configuration_is_checked_against_its_model(
     assert lint(capsys, config, *against) == []
 
 
+def test_a_folder_means_the_configurations_of_its_components_too(
+    explorer: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (explorer / "pyproject.toml").write_text("[tool]\n")
+    (explorer.parent / "etc").mkdir()
+    (explorer.parent / "etc" / "other.toml").write_text("[of_another_program]\n")
+    network = 'import "explorer/explorer.cdsl";\nDeployment net { Component explorer { }; };'
+    (explorer.parent / "net.ddsl").write_text(network)
+    assert rcgen([str(explorer / "explorer.cdsl")]) == 0
+    capsys.readouterr()
+    (explorer / "etc" / "config.toml").write_text('[params]\ndevice = "x"\nmax_speed = "fast"\n')
+    found = [each for each in lint(capsys, explorer.parent) if each[0].startswith("error[config")]
+    assert [each[:3] for each in found] == [("error[config-wrong-type]", 3, 13)]
+
+
 def test_ports_are_checked_if_the_model_is_a_component(explorer: Path, capsys: pytest.CaptureFixture[str]) -> None:
     config = explorer / "etc" / "config.toml"
     config.write_text('[params]\ndevice = "x"\n[ports.lasr]\n[ports.laser]\nmiddleware = "zermq"\n')
@@ -164,16 +180,6 @@ def test_ports_are_checked_if_the_model_is_a_component(explorer: Path, capsys: p
     assert [each[:4] for each in lint(capsys, config, "--against", explorer / "explorer.cdsl")] == [
         ("error[config-unknown-key]", 3, 8, 12),
         ("error[config-unknown-value]", 5, 14, 21),
-    ]
-
-
-def test_a_configuration_of_robocomp_is_checked_too(explorer: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    config = explorer / "etc" / "configSimulator"
-    config.write_text("LaserProxy = laser:tcp -p 1\nmax_speed = 5 # m/s\ndevice = x\nwhat is this\n")
-    assert [each[:4] for each in lint(capsys, config)] == [
-        ("warning[config-without-effect]", 1, 1, 28),
-        ("error[config-out-of-range]", 2, 13, 14),
-        ("warning[config-not-understood]", 4, 1, 13),
     ]
 
 
@@ -203,3 +209,13 @@ def test_a_model_whose_name_begins_like_a_configuration_is_a_model(
 ) -> None:
     (folder / "configurator.cdsl").write_text("Component configurator { langage python; };")
     assert [each[0] for each in lint(capsys, folder / "configurator.cdsl")] == ["error[syntax]"]
+
+
+def test_a_file_in_etc_that_is_called_a_configuration_is_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "etc").mkdir()
+    (tmp_path / "arm.cdsl").write_text("Component arm { language python; };")
+    (tmp_path / "etc" / "generic_config").write_text("period = \n")
+    monkeypatch.chdir(tmp_path)
+    assert "unknown-language" not in str(lint(capsys, Path("etc/generic_config")))

@@ -210,7 +210,11 @@ def test_every_option_of_a_component_that_takes_a_value_is_known_to_rc(arm: Path
     known = with_values(capsys.readouterr().out)
     with pytest.raises(SystemExit):
         rc(["run", "arm", "-h"])
-    assert known == with_values(capsys.readouterr().out) == {"--config", "--name", "--middleware", "--set", "--keys"}
+    assert (
+        known
+        == with_values(capsys.readouterr().out)
+        == {"--config", "--name", "--middleware", "--set", "--keys", "--grace"}
+    )
 
 
 def with_values(usage: str) -> set[str]:
@@ -240,9 +244,12 @@ def test_a_component_that_fails_exits_with_1(arm: Path, specific: str) -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["nowhere"], "is no generated component: it has no generic/genericworker.py; run rcgen on its .cdsl"),
+        ([str(Path(__file__).parent)], "is no generated component: it has no generic/genericworker.py; run rcgen on"),
+        (["amr"], "there is no folder amr; did you mean `arm`?\n"),
+        (["./amr"], "there is no folder amr; did you mean `arm`?\n"),
+        (["long" * 100], f"there is no folder {'long' * 100}\n"),
+        (["nowhere/at/all"], "there is no folder nowhere/at/all\n"),
         (["arm", "--set", "params.speed=1"], "speed"),
-        (["arm", "--middleware", "zermq"], "zermq"),
         (["arm", "--config", "nowhere.toml"], "nowhere.toml"),
     ],
 )
@@ -259,7 +266,10 @@ def test_a_handler_that_is_missing_is_said_with_the_method_to_add(arm: Path, cap
     capsys.readouterr()
     assert rc(["run", "arm"]) == 1
     said = capsys.readouterr().err
-    assert said.startswith("SpecificWorker lacks the method Speech_say; add:\n\n    def Speech_say(self, ")
+    assert said.startswith(
+        "SpecificWorker lacks the method Speech_say; run `rcgen --stubs arm/arm.cdsl`, or add:\n\n"
+        "    def Speech_say(self, "
+    )
 
 
 @pytest.mark.parametrize(
@@ -284,7 +294,7 @@ def test_run_without_a_folder_says_so_and_shows_how_to_use_it(capsys: Said, argu
     assert capsys.readouterr().out.startswith("usage: rc run ")
 
 
-@pytest.mark.parametrize("assignment", ["speed", "", "=1", "a b=1", "a..b=1", "params.motors[x].y=1"])
+@pytest.mark.parametrize("assignment", ["speed", "=1", "a b=1", "a..b=1", "params.motors[x].y=1"])
 def test_an_assignment_that_is_none_is_wrong_usage(arm: Path, capsys: Said, assignment: str) -> None:
     with pytest.raises(SystemExit) as ended:
         rc(["run", "arm", "--set", assignment])

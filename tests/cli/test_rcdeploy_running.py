@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -99,10 +100,10 @@ def test_what_was_printed_can_be_read_later(house: Running, capsys: Said) -> Non
     wait_until(lambda: "two" in run("logs", house.path).stdout, SOON * 3)
     assert rcdeploy(["logs", house.path]) == 0
     said = [line.strip() for line in capsys.readouterr().out.splitlines()]
-    assert [line for line in said if line.startswith("prints")] == ["prints | one", "prints | two"]
-    assert "rcdeploy | all 2 components of house are ready" in said
+    assert [line[13:].strip() for line in said if " prints |" in line] == ["prints | one", "prints | two"]
+    assert any(line.endswith(" rcdeploy | all 2 components of house are ready") for line in said)
     assert rcdeploy(["logs", house.path, "prints", "-n", "1"]) == 0
-    assert capsys.readouterr().out == "prints | two\n"
+    assert capsys.readouterr().out[13:] == "prints | two\n"
     assert rcdeploy(["logs", house.path, "rcdeploy"]) == 0
     assert capsys.readouterr().out.endswith("rcdeploy | all 2 components of house are ready\n")
 
@@ -120,13 +121,13 @@ def test_it_is_not_started_twice(house: Running) -> None:
 
 def test_a_plan_says_what_would_change(house: Running, capsys: Said) -> None:
     assert rcdeploy(["plan", house.path]) == 0
-    assert capsys.readouterr().out.endswith("house runs exactly so\n")
+    assert capsys.readouterr().out.endswith("house matches the running network\n")
     path = Path(house.path)
     before = path.read_text()
     path.write_text(before.replace("Component quiet", "Component silent"))
     try:
         assert rcdeploy(["plan", house.path]) == 0
-        assert "\nhouse runs; started anew, it would differ in this:\n- quiet: program\n+ silent: program\n" in (
+        assert "\nhouse differs from the running network:\n- quiet: program\n+ silent: program\n" in (
             capsys.readouterr().out
         )
         assert rcdeploy(["plan", house.path, "--json"]) == 0
@@ -192,10 +193,26 @@ def test_who_follows_what_is_printed_is_told_until_the_end_and_down_waits_for_th
         assert following.wait(SOON) == 0
     assert "rcdeploy | stopping: asked to by rcdeploy down\n" in rest
     assert "prints | bye\n" in rest
-    end = rest[rest.index("rcdeploy | stop") :]  # sh may have something to say, too
+    end = rest[rest.index("rcdeploy | stop") - len("12:34:56.789 ") :]  # sh may have something to say, too
     past = run("logs", path, "-n", end.count("\n"))
     assert (past.returncode, past.stdout) == (0, end)
-    assert past.stderr == f"brief does not run now; this is what it left in {Place('brief').logs}\n"
+    assert past.stderr == f"brief does not run now; this is what its last run left in {Place('brief').logs}\n"
+
+
+def test_the_newest_run_is_shown_with_times_wherever_it_kept_its_output(tmp_path: Path) -> None:
+    path = network_of(tmp_path, "twice", laser="echo first")
+    assert run("up", path).returncode == 0
+    (tmp_path / "laser.sh").write_text("#!/bin/sh\necho second\n")
+    assert run("up", path, "--log-dir", "elsewhere", cwd=tmp_path).returncode == 0
+    shown = run("logs", path, "laser", "-n", "9")
+    assert re.fullmatch(r"\d\d:\d\d:\d\d\.\d{3} laser \| second\n", shown.stdout), shown
+    assert shown.stderr.endswith(f"this is what its last run left in {tmp_path / 'elsewhere'}\n")
+    assert run("up", path).returncode == 0
+    assert run("logs", path, "laser").stdout.count("\n") == 1  # and not what the first run printed into the same file
+    misspelt = run("logs", path, "lasser")
+    assert (misspelt.returncode, misspelt.stdout) == (1, "")
+    assert "has left nothing of lasser in" in misspelt.stderr
+    assert misspelt.stderr.endswith("there is something of: laser, rcdeploy\n")
 
 
 def test_what_cannot_start_is_told_where_it_was_started(tmp_path: Path) -> None:

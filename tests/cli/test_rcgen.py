@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import json
 import re
 import shutil
 import subprocess
@@ -14,8 +15,11 @@ from typing import Any
 
 import pytest
 
+from robocomp_py.cli.rc import main as rc
+from robocomp_py.cli.rcdeploy import main as rcdeploy
 from robocomp_py.cli.rcgen import main as rcgen
 from robocomp_py.codegen.stubs import Stubs, find_stubs
+from robocomp_py.dsl.workspace import read_file
 from robocomp_py.errors import ComponentError
 from robocomp_py.runtime.worker import Worker
 from robocomp_py.testing.components import ComponentTest
@@ -44,7 +48,8 @@ HAND = "module RoboCompHand { interface Hand { [publish] void closed(bool tight)
 PDSL = "ComponentParams arm { speed float 0.5 0:2; };\n"
 
 SPECIFIC = ["README.md", "__init__.py", "__main__.py", "etc/config.toml", "specificworker.py", "tests/test_arm.py"]
-GENERIC = [f"generic/{name}.py" for name in ("RoboCompArm", "RoboCompHand", "__init__", "genericworker", "params")]
+GENERIC = [f"generic/{name}.py" for name in ("RoboCompArm", "RoboCompHand", "__init__", "fakes")]
+GENERIC += ["generic/genericworker.py", "generic/params.py"]
 GENERIC += ["generic/zeromq/channels.json"]
 MODEL = ["Arm.idsl", "Hand.idsl", "arm.cdsl", "arm.pdsl"]
 
@@ -97,7 +102,7 @@ def starts(folder: Path) -> bool:
 
 def test_a_component_is_generated_beside_its_model(cdsl: Path, capsys: Said) -> None:
     assert rcgen([str(cdsl)]) == 0
-    assert capsys.readouterr() == (f"arm: 12 written in {cdsl.parent}/ (zeromq)\n", "")
+    assert capsys.readouterr() == (f"arm: 13 written in {cdsl.parent}/ (auto)\n", "")
     assert sorted(snapshot(cdsl.parent)) == sorted([*MODEL, *GENERIC, *SPECIFIC])
     assert starts(cdsl.parent)
 
@@ -126,17 +131,17 @@ def test_a_network_generates_each_of_its_components(cdsl: Path, tmp_path: Path, 
     )
     assert rcgen([str(tmp_path / "net.ddsl")]) == 0
     said = capsys.readouterr().out
-    assert said == f"arm: 12 written in {cdsl.parent}/ (zeromq)\nleg: 8 written in {tmp_path}/leg/ (zeromq)\n"
+    assert said == f"arm: 13 written in {cdsl.parent}/ (auto)\nleg: 8 written in {tmp_path}/leg/ (auto)\n"
     assert starts(tmp_path / "arm")
     assert starts(tmp_path / "leg")
 
 
 def test_the_middleware_is_chosen_once_and_kept(cdsl: Path, capsys: Said) -> None:
     before = None
-    for arguments, chosen in (([], "zeromq"), (["--middleware", "inproc"], "inproc"), ([], "inproc")):
+    for arguments, chosen in (([], "auto"), (["--middleware", "inproc"], "inproc"), ([], "inproc, as before")):
         assert rcgen([str(cdsl), *arguments]) == 0
         assert f"({chosen})" in capsys.readouterr().out
-        assert worker_of(cdsl.parent).middleware == chosen
+        assert worker_of(cdsl.parent).middleware == chosen.partition(",")[0]
         specific = of(snapshot(cdsl.parent), generic=False)
         assert before in (None, specific), "not one byte of the specific part changes"
         before = specific
@@ -166,10 +171,10 @@ def test_what_other_programs_need_is_that_of_the_middleware_chosen(arm: Path, ca
 
 
 def test_an_unknown_middleware_is_refused_before_anything_is_written(cdsl: Path, capsys: Said) -> None:
-    assert rcgen([str(cdsl), "--middleware", "zermq"]) == 1
+    assert rcgen([str(cdsl), "--middleware", "zermq"]) == 2
     assert capsys.readouterr() == (
         "",
-        "rcgen: unknown middleware `zermq`; did you mean `zeromq`?\n",
+        "rcgen: --middleware zermq: unknown middleware `zermq`; did you mean `zeromq`?\n",
     )
     assert sorted(snapshot(cdsl.parent)) == MODEL
 
@@ -191,6 +196,7 @@ def test_checking_lists_what_is_out_of_date_and_writes_nothing(arm: Path, capsys
         f"missing: {arm}/generic/RoboCompLaser.py",
         f"missing: {arm}/README.md",
         f"out of date: {arm}/generic/genericworker.py",
+        f"out of date: {arm}/generic/fakes.py",
         f"out of date: {arm}/generic/zeromq/channels.json",
         f"no longer generated: {arm}/generic/RoboCompHand.py",
     ]
@@ -255,12 +261,13 @@ def mend(folder: Path, said: str) -> None:
     """Do to the specific part what rcgen said, and nothing else; the component says the same."""
     path = folder / "specificworker.py"
     source = path.read_text()
-    stubs = find_stubs(source, linked(folder / "arm.cdsl"))
+    stubs = find_stubs(folder, linked(folder / "arm.cdsl"), read_file)
     for method in [*stubs.missing, *stubs.unfit][:1]:
         with pytest.raises(ComponentError, match=f"SpecificWorker(\\.| lacks the method ){method}\\b"):
             ComponentTest(worker_of(folder))
     if stubs.missing:
-        assert f"\n{path} lacks {', '.join(stubs.missing)}; add to SpecificWorker:\n" in said
+        command = f"rcgen --stubs {folder / 'arm.cdsl'}"
+        assert f"\n{path} lacks {', '.join(stubs.missing)}; run `{command}`, or add to SpecificWorker:\n" in said
         assert stubs.imports in said
         pasted = "\n".join(stubs.missing.values())
         assert pasted in said
@@ -277,13 +284,58 @@ def mend(folder: Path, said: str) -> None:
         assert "SpecificWorker" not in said
 
 
+def test_a_handler_that_is_missing_after_a_change_is_told_before_anything_starts(arm: Path, capsys: Said) -> None:
+    (arm / "net.ddsl").write_text('import "arm.cdsl"; Deployment net { Component arm {}; };')
+    cdsl, net = str(arm / "arm.cdsl"), str(arm / "net.ddsl")
+    assert rcdeploy(["plan", net]) == 0
+    edit(arm / "Arm.idsl", "Pose where()", "Pose pose()")
+    capsys.readouterr()
+    assert rcgen([cdsl]) == 0
+    said = capsys.readouterr()
+    assert "warning[missing-handler]: `SpecificWorker` lacks `Arm_pose`, which `implements Arm` asks for" in said.err
+    assert "warning[uncalled-handler]: `Arm_where` is not called by anything" in said.err
+    assert "was it renamed to `Arm_pose`?" in said.err
+    for command in (["lint", cdsl], ["lint", net]):
+        assert rc(command) == 1
+        assert "error[missing-handler]" in capsys.readouterr().err
+    for main, command in ((rcgen, ["--check", cdsl]), (rcdeploy, ["plan", net]), (rcdeploy, ["up", net, "--for", "1"])):
+        assert main(command) == 1
+        assert "error[missing-handler]" in capsys.readouterr().err
+    assert rcgen([cdsl, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["diagnostics"]
+    assert {(each["code"], each["severity"]) for each in found} == {
+        ("missing-handler", "warning"),
+        ("uncalled-handler", "warning"),
+    }
+
+
+def test_stubs_are_appended_on_request_and_the_component_starts(arm: Path, capsys: Said) -> None:
+    edit(arm / "arm.cdsl", 'import "Hand.idsl";', 'import "Hand.idsl"; import "Speech.idsl"; import "LaserPub.idsl";')
+    edit(arm / "arm.cdsl", "implements Arm;", "implements Arm, Speech; subscribesTo LaserPub;")
+    edit(arm / "arm.cdsl", "period", 'statemachine "arm.smdsl"; period')
+    (arm / "arm.smdsl").write_text("arm { initial_state still; };")
+    path = arm / "specificworker.py"
+    path.chmod(0o640)
+    before = path.read_text()
+    assert rcgen(["--stubs", str(arm / "arm.cdsl")]) == 0
+    said = capsys.readouterr()
+    assert f"{path}: stubs of what it lacked are at the end of its class\n" in said.out
+    assert (said.err, "lacks" in said.out) == ("", False)
+
+    assert [line for line in before.splitlines() if line not in path.read_text()] == []
+    assert path.stat().st_mode & 0o777 == 0o640
+    assert starts(arm)
+    with pytest.raises(SystemExit, match="2"):
+        rcgen(["--stubs", "--check", str(arm / "arm.cdsl")])
+
+
 def test_every_way_to_mend_a_component_occurs_among_the_edits(arm: Path) -> None:
     kinds = set()
     original = snapshot(arm)
     for file, before, after in EDITS.values():
         if "Speech" not in after:
             edit(arm / file, before, after)
-            found = find_stubs((arm / "specificworker.py").read_text(), linked(arm / "arm.cdsl"))
+            found = find_stubs(arm, linked(arm / "arm.cdsl"), read_file)
             kinds.add((bool(found.missing), bool(found.unfit), bool(found.gone)))
             (arm / file).write_bytes(original[file])
     assert kinds == {(False, False, False), (True, False, False), (False, True, False), (False, False, True)}
@@ -334,7 +386,7 @@ def test_warnings_are_shown_and_do_not_hinder(cdsl: Path, capsys: Said) -> None:
         ("arm.pdsl", "is no component: give rcgen a .cdsl or .ddsl that uses it"),
         ("missing.cdsl", "error[unreadable]: cannot be read: No such file or directory"),
         ("missing.ddsl", "error[unreadable]: cannot be read: No such file or directory"),
-        ("notes.txt", "error[unknown-language]: no language has this ending"),
+        ("notes.txt", "error[unreadable]: cannot be read: No such file or directory"),
     ],
 )
 def test_what_is_no_component_is_refused(cdsl: Path, capsys: Said, file: str, said: str) -> None:
@@ -451,7 +503,16 @@ def test_a_new_component_goes_where_and_over_what_it_is_told(inside: Path) -> No
     assert (inside / "deep" / "er" / "Greeter.idsl").is_file()
 
 
-@pytest.mark.parametrize("name", ["", "5", "a b", "../x", "Hällo", "a_b"])
+def test_a_new_component_may_have_a_name_of_several_words(inside: Path) -> None:
+    assert rcgen(["--new", "my_robot"]) == 0
+    worker = worker_of(inside / "my_robot")
+    assert (worker.component.name, worker.component.ports[0].interface.name) == ("my_robot", "RoboCompMyRobot::MyRobot")
+    assert rcgen(["--check", "my_robot/my_robot.cdsl"]) == 0
+    with ComponentTest(worker) as component:
+        assert component.call("MyRobot.greet", "Ada") == "Hello, Ada!"
+
+
+@pytest.mark.parametrize("name", ["", "5", "a b", "../x", "Hällo", "a-b", "a_", "a__b"])
 def test_a_new_component_needs_a_name(inside: Path, capsys: Said, name: str) -> None:
     if not name:
         with pytest.raises(SystemExit):
@@ -497,8 +558,11 @@ def test_everything_that_a_new_component_proposes_works(inside: Path, capsys: Sa
     capsys.readouterr()
     assert rcgen([str(model)]) == 0
     said = capsys.readouterr()
-    assert said.err == ""
-    assert all(f"lacks {name}; add to SpecificWorker:" in said.out for name in handlers)
+    assert re.findall(r"(?:error|warning)\S+ .*", said.err) == [
+        "warning[missing-handler]: `SpecificWorker` lacks `LaserPub_pushLaserData`, "
+        "which `subscribesTo LaserPub` asks for"
+    ]
+    assert all(f"lacks {name}; run `rcgen --stubs {model}`, or add" in said.out for name in handlers)
     worker = worker_of(inside / "hello")
     proxies = {port.attribute: port.proxy for port in worker.component.ports if port.verb.has_proxy}
     assert all(hasattr(proxies[attribute], operation) for attribute, operation in proposed)
@@ -513,6 +577,12 @@ def test_a_new_component_is_not_called_like_a_library(inside: Path, capsys: Said
     assert rcgen(["--new", name, "-o", f"my_{name}"]) == 0
 
 
+def test_a_new_component_is_not_called_by_a_word_of_python(inside: Path, capsys: Said) -> None:
+    assert rcgen(["--new", "Class"]) == 1
+    assert capsys.readouterr().err == "rcgen: 'class' is a word of Python; choose another name\n"
+    assert snapshot(inside) == {}
+
+
 def test_a_component_in_a_folder_that_is_called_like_a_library_is_warned_about(inside: Path, capsys: Said) -> None:
     model_in(inside / "zmq", arm_cdsl="Component arm { language python; };")
     assert rcgen(["zmq/arm.cdsl"]) == 0
@@ -524,7 +594,7 @@ def test_the_tests_of_components_called_alike_run_together_as_their_readme_says(
         assert rcgen(["--new", "Hello", "-o", folder]) == 0
     model_in(inside / "leg", leg_cdsl="Component leg { language python; };")
     assert rcgen(["leg/leg.cdsl"]) == 0
-    [option] = re.findall(r"called alike: (\S+)", (inside / "leg" / "README.md").read_text())
+    [option] = re.findall(r"of equal name: (\S+)", (inside / "leg" / "README.md").read_text())
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", option, "left", "right", "a", "b", "leg"]
     tested = subprocess.run(command, capture_output=True, text=True)
     assert tested.returncode == 0, tested.stdout

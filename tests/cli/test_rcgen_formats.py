@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from robocomp_py.cli.rcgen import main as rcgen
-from robocomp_py.codegen.formats import FORMATS
 from robocomp_py.dsl.workspace import SHIPPED
 
 from ..codegen.generated import copied, snapshot
@@ -15,8 +14,8 @@ from ..codegen.generated import copied, snapshot
 Said = pytest.CaptureFixture[str]
 
 LASER = str(SHIPPED / "Laser.idsl")
+FORMATS = ("omgidl", "rosmsg")
 WRITTEN = {
-    "slice": {"Laser.ice", "GenericBase.ice"},
     "omgidl": {"RoboCompLaser.idl", "RoboCompGenericBase.idl"},
     "rosmsg": {"robocomp_laser/package.xml", "robocomp_generic_base/package.xml", "robocomp_laser/msg/TData.msg"},
 }
@@ -44,15 +43,15 @@ def test_a_second_run_finds_everything_up_to_date(to: str, tmp_path: Path, capsy
 
 def test_without_a_folder_it_is_written_here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    assert rcgen([LASER, "--to", "slice"]) == 0
-    assert snapshot(tmp_path).keys() == WRITTEN["slice"]
+    assert rcgen([LASER, "--to", "omgidl"]) == 0
+    assert snapshot(tmp_path).keys() == WRITTEN["omgidl"]
 
 
 def test_files_of_others_are_not_written_over(tmp_path: Path, capsys: Said) -> None:
-    (tmp_path / "Laser.ice").write_text("// mine\n")
-    assert rcgen([LASER, "--to", "slice", "-o", str(tmp_path)]) == 1
+    (tmp_path / "RoboCompLaser.idl").write_text("// mine\n")
+    assert rcgen([LASER, "--to", "omgidl", "-o", str(tmp_path)]) == 1
     assert "was not written by rcgen" in capsys.readouterr().err
-    assert snapshot(tmp_path) == {"Laser.ice": b"// mine\n"}
+    assert snapshot(tmp_path) == {"RoboCompLaser.idl": b"// mine\n"}
 
 
 def test_a_component_in_the_same_folder_is_left_alone(tmp_path: Path) -> None:
@@ -64,7 +63,7 @@ def test_a_component_in_the_same_folder_is_left_alone(tmp_path: Path) -> None:
     assert before.items() <= snapshot(tmp_path).items()
 
 
-MISTAKES = {"slice": "struct S { };", "omgidl": "struct X { int a; };", "rosmsg": "struct S { int a; int A; };"}
+MISTAKES = {"omgidl": "struct X { int a; };", "rosmsg": "struct S { int a; int A; };"}
 
 
 @pytest.mark.parametrize("to", FORMATS)
@@ -79,13 +78,13 @@ def test_files_that_define_the_same_are_refused(tmp_path: Path, capsys: Said) ->
     for name in ("A", "B"):
         (tmp_path / f"{name}.idsl").write_text("module X { struct S { float a; }; };")
     files = [str(tmp_path / "A.idsl"), str(tmp_path / "B.idsl")]
-    assert rcgen([*files, "--to", "slice", "-o", str(tmp_path)]) == 1
+    assert rcgen([*files, "--to", "omgidl", "-o", str(tmp_path)]) == 1
     assert "both define X::S; give them to rcgen one by one" in capsys.readouterr().err
 
 
 def test_an_interface_that_is_wrong_is_not_written(tmp_path: Path, capsys: Said) -> None:
     (tmp_path / "X.idsl").write_text("module X { struct S { Point p; }; };")
-    assert rcgen([str(tmp_path / "X.idsl"), "--to", "slice", "-o", str(tmp_path / "out")]) == 1
+    assert rcgen([str(tmp_path / "X.idsl"), "--to", "omgidl", "-o", str(tmp_path / "out")]) == 1
     assert "error[unknown-type]" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
@@ -93,14 +92,13 @@ def test_an_interface_that_is_wrong_is_not_written(tmp_path: Path, capsys: Said)
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
-        (["x.cdsl", "--to", "slice"], 1, "x.cdsl is no .idsl file; --to is for interfaces"),
-        (["gone.idsl", "--to", "slice"], 1, "cannot be read"),
-        (["--to", "slice"], 2, "give it .idsl files"),
-        (["x.idsl", "--to", "proto"], 2, "invalid choice: 'proto'"),
-        (["x.idsl", "--to", "rosmsg", "--underscore"], 2, "--underscore is for --to slice"),
-        (["x.idsl", "--to", "slice", "--middleware", "dds"], 2, "neither --new nor --middleware"),
+        (["x.cdsl", "--to", "omgidl"], 1, "x.cdsl is no .idsl file; --to is for interfaces"),
+        (["gone.idsl", "--to", "omgidl"], 1, "cannot be read"),
+        (["--to", "omgidl"], 2, "give it .idsl files"),
+        (["x.idsl", "--to", "proto"], 2, "--to: there is no `proto`; there are: omgidl, rosmsg"),
+        (["x.idsl", "--to", "omgidl", "--middleware", "dds"], 2, "neither --new nor --middleware"),
         (["x.idsl"], 1, "or write it in another language by --to"),
-        (["--json", "x.idsl", "--to", "slice"], 2, "--json is for generating components"),
+        (["--json", "x.idsl", "--to", "omgidl"], 2, "--json is for generating components"),
     ],
 )
 def test_it_says_how_it_is_used(arguments: list[str], code: int, said: str, capsys: Said) -> None:

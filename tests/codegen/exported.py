@@ -13,19 +13,19 @@ ERRORS = Path(__file__).parent / "errors"
 SHIPPED_FILES = sorted(SHIPPED.glob("*.idsl"))
 
 
-def exported(path: Path, to: str, *, underscore: bool = False) -> tuple[dict[str, str], Report]:
+def exported(path: Path, to: str) -> tuple[dict[str, str], Report]:
     """Texts by path, and what is said about the file, whether they can be used or not."""
     workspace = Workspace()
     files = workspace.interface_files(path)
     assert files, "\n".join(each.render() for each in workspace.report.diagnostics)
     report = workspace.report
-    artifacts = export(Files(tuple(files)), to, report, underscore=underscore)
+    artifacts = export(Files(tuple(files)), to, report)
     return {str(each.path): each.text for each in artifacts}, report
 
 
-def in_format(folder: Path, idsl: str, to: str, *, underscore: bool = False) -> tuple[dict[str, str], list[str]]:
+def in_format(folder: Path, idsl: str, to: str) -> tuple[dict[str, str], list[str]]:
     """Texts by path, and the codes of what is said, for the text of a file X.idsl."""
     path = folder / "X.idsl"
     path.write_text(idsl, encoding="utf-8")
-    texts, report = exported(path, to, underscore=underscore)
+    texts, report = exported(path, to)
     return texts, [each.code for each in report.diagnostics]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from typing import Any
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robocomp_py.codegen.configuration import toml_params
@@ -56,7 +56,6 @@ def sets(draw: Any, depth: int = 2) -> ParameterSet:
     return ParameterSet("any", tuple(draw(parameters(name)) for name in names[number:]), tuple(lists))
 
 
-@settings(deadline=None)
 @given(sets())
 def test_the_configuration_that_is_written_is_right_and_holds_the_defaults(params: ParameterSet) -> None:
     written = tomllib.loads(f"[params]\n{toml_params(params)}\n")

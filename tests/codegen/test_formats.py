@@ -7,17 +7,18 @@ from pathlib import Path
 
 import pytest
 
-from robocomp_py.codegen.formats import FORMATS
+from robocomp_py import plugins
 
 from ..dsl.announcements import announced, complaint
 from .exported import ERRORS, SHIPPED_FILES, exported
 from .generated import MODELS
 
+FORMATS = plugins.exporters()
+
 
 @pytest.mark.parametrize("path", sorted(ERRORS.glob("*/*.idsl")), ids=lambda path: str(path.relative_to(ERRORS)))
 def test_a_file_raises_what_it_announces(path: Path) -> None:
-    underscore = "--underscore" in path.read_text().partition("\n")[0]
-    _, report = exported(path, path.parent.name, underscore=underscore)
+    _, report = exported(path, path.parent.name)
     shown = "\n".join(each.render() for each in report.diagnostics)
     assert Counter(map(complaint, report.diagnostics)) == announced(path), shown
 

@@ -11,8 +11,9 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 
+from robocomp_py import plugins
 from robocomp_py.codegen.exporting import Files
 from robocomp_py.codegen.formats import export
 from robocomp_py.codegen.generate import Artifact, Model, generate
@@ -152,8 +153,9 @@ def test_a_text_of_a_model_is_the_same_text_in_what_is_generated(text: str) -> N
     assert f"a {text} z" in constants
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(texts_for_comments, texts_for_quotes)
+@example("", f"[{chr(0x7F) * 8}")  # a long text with a bracket
 def test_so_is_any_other(comment: str, quoted: str) -> None:
     check(comment, quoted)
 
@@ -182,9 +184,10 @@ def ros(text: str) -> list[str]:
     return [re.sub(r"(string \w+ ?=?).*", r"\1", line) for line in lines if line]
 
 
-@pytest.mark.parametrize(("to", "read"), [("slice", bare), ("omgidl", bare), ("rosmsg", ros)])
+@pytest.mark.parametrize("to", plugins.exporters())
 @pytest.mark.parametrize("text", FOR_QUOTES)
-def test_a_text_is_text_in_other_languages_too_or_is_refused(to: str, read: Any, text: str) -> None:
+def test_a_text_is_text_in_other_languages_too_or_is_refused(to: str, text: str) -> None:
+    read = ros if to == "rosmsg" else bare
     harmless, _ = exported(to, "plain", "plain")
     made, refused = exported(to, text.replace("*/", ""), text)
     if not refused:
@@ -193,9 +196,10 @@ def test_a_text_is_text_in_other_languages_too_or_is_refused(to: str, read: Any,
         }
 
 
-@pytest.mark.parametrize(("to", "read"), [("slice", bare), ("omgidl", bare), ("rosmsg", ros)])
+@pytest.mark.parametrize("to", plugins.exporters())
 @pytest.mark.parametrize("text", FOR_COMMENTS)
-def test_a_comment_is_one_in_other_languages_too(to: str, read: Any, text: str) -> None:
+def test_a_comment_is_one_in_other_languages_too(to: str, text: str) -> None:
+    read = ros if to == "rosmsg" else bare
     harmless, _ = exported(to, "plain", "plain")
     made, refused = exported(to, text, "plain")
     assert not refused

@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from robocomp_py.cli.rcgen import main as rcgen
-from robocomp_py.codegen.stubs import find_stubs
-from robocomp_py.contract.statemachine import StateMachine
+from robocomp_py.codegen.machine import state_doc, states_of
+from robocomp_py.codegen.stubs import Stubs, find_stubs
+from robocomp_py.contract.component import Component
+from robocomp_py.contract.statemachine import State, StateMachine
 from robocomp_py.dsl.workspace import Workspace
 from robocomp_py.testing.components import ComponentTest
 
@@ -51,8 +53,17 @@ def test_the_generated_component_goes_where_its_machine_leads() -> None:
     ]
 
 
+def stubs(source: str) -> Stubs:
+    def read(path: Path) -> bytes:
+        if path.name != "specificworker.py":
+            raise FileNotFoundError(path)
+        return source.encode()
+
+    return find_stubs(Path("patrol"), PATROL, read)
+
+
 def test_a_generated_specific_part_lacks_no_state() -> None:
-    found = find_stubs(specific(), PATROL)
+    found = stubs(specific())
     assert (found.missing, found.unfit) == ({}, {})
 
 
@@ -60,7 +71,7 @@ def test_the_method_of_a_new_state_comes_to_be_pasted() -> None:
     tree = ast.parse(specific())
     [worker] = [node for node in tree.body if isinstance(node, ast.ClassDef)]
     worker.body = [node for node in worker.body if getattr(node, "name", "") not in ("sm_turning", "sm_off")]
-    found = find_stubs(ast.unparse(tree), PATROL)
+    found = stubs(ast.unparse(tree))
     assert found.missing == {
         "sm_turning": (
             "    def sm_turning(self) -> None:\n"
@@ -76,7 +87,7 @@ def test_the_method_of_a_new_state_comes_to_be_pasted() -> None:
 
 def test_the_method_of_a_state_that_wants_more_than_it_gets_is_unfit() -> None:
     source = specific().replace("def sm_broken(self)", "def sm_broken(self, why)")
-    assert find_stubs(source, PATROL).unfit == {"sm_broken": "def sm_broken(self) -> None:"}
+    assert stubs(source).unfit == {"sm_broken": "def sm_broken(self) -> None:"}
 
 
 def test_a_state_that_is_added_is_announced_and_the_file_stays_as_it_is(tmp_path: Path, capsys: Any) -> None:
@@ -90,7 +101,18 @@ def test_a_state_that_is_added_is_announced_and_the_file_stays_as_it_is(tmp_path
     assert rcgen(["--check", str(cdsl)]) == 1
     assert rcgen([str(cdsl)]) == 0
     said = capsys.readouterr().out
-    assert "lacks sm_over; add to SpecificWorker:" in said
+    assert f"lacks sm_over; run `rcgen --stubs {cdsl}`, or add to SpecificWorker:" in said
     assert "def sm_over(self) -> None:" in said
     assert (tmp_path / "specificworker.py").read_text() == before
     assert "`arm.cdsl`, `arm.smdsl`" in (tmp_path / "README.md").read_text()
+
+
+def test_end_states_of_one_name_get_one_method_which_says_what_each_ends() -> None:
+    def part(name: str) -> State:
+        return State(name, (State(f"{name}_on"), State(f"{name}.done", final=True)), f"{name}_on")
+
+    machine = StateMachine("parts", (part("one"), part("two"), State("done", final=True)), "one")
+    component = Component("parts", machine=machine)
+    assert [state.method for state in states_of(component)] == machine.methods()
+    (done,) = (state for state in states_of(component) if state.method == "sm_done")
+    assert state_doc(done, machine) == "Called when `done` is entered, which ends the state machine or `one` or `two`."

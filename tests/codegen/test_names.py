@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from robocomp_py.codegen.names import loan_arguments
-from robocomp_py.contract.interface import Operation, Pattern
+from robocomp_py.codegen.names import loan_arguments, twin
+from robocomp_py.contract.interface import Interface, Operation, Pattern
 from robocomp_py.contract.types import UINT8, Field, Sequence, Struct
 
 IMAGE = Struct("Test::Image", (Field("pixels", Sequence(UINT8)),))
@@ -25,3 +25,9 @@ def test_shapes_that_would_be_called_alike_say_the_way_from_the_message_that_is_
     inputs: tuple[Field, ...], names: list[str]
 ) -> None:
     assert loan_arguments(Operation("Test::Feed", "push", inputs, pattern=Pattern.PUBLISH)) == names
+
+
+def test_a_twin_is_called_like_no_other_operation() -> None:
+    operations = tuple(Operation[None]("Test::Clock", name) for name in ("now", "nowAsync", "nowAsync_", "later"))
+    clock = Interface("Test::Clock", operations)
+    assert [twin(each, clock) for each in operations[:2]] == ["nowAsync__", "nowAsyncAsync"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -96,3 +97,13 @@ def test_linters_and_formatters_leave_generated_code_alone() -> None:
             text=True,
         )
         assert (done.returncode, done.stdout) == (0, f"{said}\n"), done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("python", ["py311", "py314"], ids=["oldest", "newest"])
+def test_the_default_rules_of_ruff_find_nothing_in_generated_code(python: str, tmp_path: Path) -> None:
+    """What a user's own CI runs, outside of this checkout and without our configuration."""
+    for name in NAMES:
+        shutil.copytree(GOLDEN / name, tmp_path / name)
+    command = [sys.executable, "-m", "ruff", "check", "--isolated", "--no-cache", "--target-version", python, "."]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "All checks passed!\n"), done.stdout + done.stderr

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import ast
 from functools import cache
+from pathlib import Path
 
 import pytest
 
-from robocomp_py.codegen.generate import Model
-from robocomp_py.codegen.stubs import Stubs, find_stubs
+from robocomp_py.codegen.generate import GenerationError, Model
+from robocomp_py.codegen.stubs import Stubs, find_stubs, with_stubs
+from robocomp_py.usercode.reading import Read
 
 from .generated import MODELS, artifacts, linked
 
@@ -31,8 +33,21 @@ def without(method: str) -> str:
     return ast.unparse(tree)
 
 
-def stubs(source: str) -> Stubs:
-    return find_stubs(source, everything())
+def stubs(source: str, **others: str) -> Stubs:
+    """What a specificworker.py lacks; `others` are the files beside it."""
+    return find_stubs(Path("everything"), everything(), reading({"specificworker": source, **others}))
+
+
+def reading(files: dict[str, str]) -> Read:
+    """Reads these modules of a folder `everything`."""
+    texts = {Path("everything") / f"{name.replace('__', '/')}.py": text.encode() for name, text in files.items()}
+
+    def read(path: Path) -> bytes:
+        if path not in texts:
+            raise FileNotFoundError(path)
+        return texts[path]
+
+    return read
 
 
 def test_a_generated_specific_part_lacks_nothing() -> None:
@@ -118,3 +133,58 @@ def test_a_handler_need_not_be_a_plain_method(binding: str) -> None:
 )
 def test_what_cannot_be_judged_is_left_to_the_start_of_the_component(source: str) -> None:
     assert stubs(source) == Stubs({}, {}, "")
+
+
+HEAD = """\
+'''Mine.'''
+
+from __future__ import annotations
+
+import random
+
+from .generic.genericworker import GenericWorker
+"""
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "\n\nclass SpecificWorker(GenericWorker):\n    pass\n",
+        '\n\nclass SpecificWorker(GenericWorker):\n    """Docs."""  # and more\n    # the end',
+        "\n\nclass SpecificWorker(GenericWorker):\n\tdef compute(self):\n\t\tpass\n\nclass After: pass\n",
+        "\r\nclass SpecificWorker(GenericWorker):\r\n  x = '''\r\n  '''\r\nprint(random)\r\n",
+        "\nif True:\n    class SpecificWorker(GenericWorker):\n        def compute(self): pass\n    # behind\n",
+    ],
+    ids=["pass", "docstring only", "tabs, not last", "other line ends", "indented"],
+)
+def test_stubs_are_appended_to_the_class_and_nothing_else_changes(body: str) -> None:
+    before = (HEAD.replace("\n", "\r\n") if "\r" in body else HEAD) + body
+    folder, read = Path("everything"), reading({"specificworker": before})
+    missing = find_stubs(folder, everything(), read)
+    after = with_stubs(folder, missing, read).decode()
+    assert stubs(after) == Stubs({}, {}, "")
+    assert after.count("\r\n") == (after.count("\n") if "\r" in body else 0)
+    kept = [line for line in before.splitlines() if line.strip() != "pass" or "\t" in line]
+    assert [line for line in after.splitlines() if line in kept and line] == [line for line in kept if line]
+    assert set(missing.missing) <= {node.name for node in ast.walk(ast.parse(after)) if hasattr(node, "name")}
+
+
+def test_stubs_in_a_generated_specific_part_make_it_what_rcgen_would_have_written(tmp_path: Path) -> None:
+    """To the byte, if the methods that were added are the last ones: linters find nothing in the imports either."""
+    [worker] = [node for node in ast.parse(whole()).body if isinstance(node, ast.ClassDef)]
+    methods = [node for node in worker.body if isinstance(node, ast.FunctionDef)]
+    for number in (1, 3, len(methods) - 3):
+        lines = whole().splitlines()
+        del lines[methods[-number].lineno - 2 :]
+        text = "\n".join(lines) + "\n"
+        read = reading({"specificworker": text})
+        assert (
+            with_stubs(Path("everything"), find_stubs(Path("everything"), everything(), read), read).decode() == whole()
+        )
+
+
+@pytest.mark.parametrize("text", ["class SpecificWorker(GenericWorker): pass", "from .mine import SpecificWorker"])
+def test_a_class_that_nothing_can_be_appended_to_is_refused(text: str) -> None:
+    read = reading({"specificworker": text, "mine": "class SpecificWorker(GenericWorker):\n    pass\n"})
+    with pytest.raises(GenerationError):
+        with_stubs(Path("everything"), find_stubs(Path("everything"), everything(), read), read)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
+import runpy
 from pathlib import Path
 
 import pytest
@@ -30,7 +33,32 @@ def test_the_generated_parts_are_what_rcgen_makes_of_the_models(capsys: pytest.C
     assert rcgen.main(["--check", str(COMPONENTS / "rescue.ddsl")]) == 0, capsys.readouterr().out
 
 
-def test_the_story_has_a_good_end(tmp_path: Path) -> None:
-    picture = tmp_path / "story.svg"
-    story.check(story.run(COMPONENTS / "demo.py", "--fast", "--picture", picture, cwd=tmp_path))
+@pytest.mark.parametrize(("middleware", "carrier"), [("auto", "shm"), ("dds", "dds")])
+def test_the_story_has_a_good_end_and_shows_what_carried_it_and_that_no_file_has_changed(
+    tmp_path: Path, middleware: str, carrier: str
+) -> None:
+    picture, before = tmp_path / "story.svg", everything()
+    demo = (COMPONENTS / "demo.py", "--fast", "--picture", picture, "--middleware", middleware)
+    said = story.run(*demo, cwd=tmp_path)
+    story.check(said)
     assert picture.read_text().startswith("<svg")
+    assert everything() == before, "generated for dds, not even what is generated has changed in the checkout"
+
+    table = said[said.index("component  uses") :].split("\n\n")[0].splitlines()[1:]
+    links = {(row[0], row[1], row[2]): (row[3], int(row[4])) for row in map(str.split, table)}
+    assert len(links) == 10, "one line for each use of an interface by a component"
+    assert {over for over, _ in links.values()} == {carrier}
+    assert all(number > 0 for _, number in links.values())
+
+    users = runpy.run_path(str(COMPONENTS / "demo.py"))["written_by_users"](COMPONENTS)
+    digest = hashlib.sha256(json.dumps(users, sort_keys=True).encode()).hexdigest()
+    assert f"generated for {middleware}.\nSHA-256 of them all: {digest}" in said
+
+
+def everything() -> dict[str, str]:
+    """The SHA-256 of every file, but for what Python and tools keep for themselves."""
+    return {
+        str(path): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in COMPONENTS.rglob("*")
+        if path.is_file() and not any(part == "__pycache__" or part.startswith(".") for part in path.parts)
+    }

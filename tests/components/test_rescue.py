@@ -10,7 +10,6 @@ import pytest
 from rescue.generic.RoboCompBatteryStatus import TBattery
 from rescue.generic.RoboCompCameraSimple import TImage
 from rescue.generic.RoboCompGenericBase import TBaseState
-from rescue.generic.RoboCompSpeech import dataresponse
 from rescue.specificworker import SpecificWorker
 
 from robocomp_py.testing.components import ComponentTest
@@ -29,7 +28,7 @@ class World:
             SpecificWorker,
             FAST,
             gotopoint={"atTarget": lambda: self.arrived},
-            speech={"say": dataresponse(ok=True), "isBusy": lambda: dataresponse(ok=True, busy=self.speaking)},
+            speech={"say": True, "isBusy": lambda: self.speaking},
         )
 
     def show(self, red_px: int = 0) -> None:
@@ -106,8 +105,9 @@ def test_somebody_near_ends_the_search() -> None:
     assert world.component.fine
     assert world.calls("gotopoint.stop")
     assert world.calls("differentialrobot.stopBase")
-    ((said,),) = world.calls("speech.say")
-    assert "1.5, 2.5" in said.text
+    ((text, overwrite),) = world.calls("speech.say")
+    assert "1.5, 2.5" in text
+    assert overwrite
 
 
 def test_somebody_far_away_does_not() -> None:
@@ -153,9 +153,3 @@ def test_it_tells_its_story(caplog: pytest.LogCaptureFixture) -> None:
         world.charge(24.0)
         world.wait_for_calls(GO, 2)
     assert "battery low (24 %): going to the charging station" in caplog.messages
-
-
-def test_words_are_shown_as_they_are_said() -> None:
-    with mission() as world:
-        world.wait_for_calls("speech.enableSynchronization", 1)
-    assert world.calls("speech.enableSynchronization")[0][0].enable

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
-from robocomp_py.contract.component import Component, Port, numbers
+from robocomp_py.contract.component import TAKEN, Component, Port, numbers
 from robocomp_py.contract.interface import Interface, Verb
+from robocomp_py.runtime.worker import Worker
 
 LASER = Interface("RoboCompLaser::Laser", ())
 
@@ -55,7 +57,6 @@ def test_proxies_are_numbered_together_and_so_are_handlers(uses: list[tuple[Verb
     assert numbers(uses) == expected
 
 
-@settings(deadline=None)
 @given(st.lists(st.tuples(st.sampled_from(Verb), st.sampled_from(["Laser", "laser", "Bumper", "LaserPub"]))))
 def test_no_two_ports_have_the_same_attribute_or_the_same_handlers(uses: list[tuple[Verb, str]]) -> None:
     ports = list(_ports(uses))
@@ -82,3 +83,9 @@ def test_what_is_offered_twice_is_told_apart_on_the_wire() -> None:
 def _ports(uses: list[tuple[Verb, str]]) -> Iterator[Port]:
     for (verb, interface), number in zip(uses, numbers(uses), strict=True):
         yield Port(verb, Interface(f"Test::{interface}", ()), number)
+
+
+def test_no_handler_is_called_like_something_that_every_worker_has() -> None:
+    """Names of the form `Interface_operation`; those with two underscores in front are no names of models."""
+    names = {*dir(Worker), *Worker.__annotations__, *vars(Worker)}
+    assert {name for name in names if re.fullmatch(r"(?!__)\w+_\w+", name)} <= TAKEN

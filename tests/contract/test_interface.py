@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robocomp_py.contract.interface import Interface, Operation, Pattern, Verb, differences
@@ -254,7 +254,6 @@ def test_whatever_changes_the_fingerprint_is_a_difference(change: str) -> None:
     assert found != differences(CHANGES[change].text, MOVE.text)
 
 
-@settings(deadline=None)
 @given(st.text(max_size=200), st.text(max_size=200))
 def test_whatever_the_other_side_sends_can_be_compared(ours: str, theirs: str) -> None:
     assert differences(ours, theirs)

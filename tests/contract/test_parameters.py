@@ -7,7 +7,7 @@ from dataclasses import FrozenInstanceError, dataclass
 from typing import Any, ClassVar
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robocomp_py.contract.parameters import (
@@ -165,7 +165,6 @@ Anything = st.recursive(
 )
 
 
-@settings(deadline=None)
 @given(st.dictionaries(st.sampled_from([*GIVEN, "rate", "speed", "home", "mode", "foo"]), Anything))
 def test_whatever_is_given_there_are_complaints_or_parameters(given: dict[str, Any]) -> None:
     values, wrong = check(Arm.__spec__, given)

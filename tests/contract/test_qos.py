@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
+from dataclasses import fields, replace
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -12,6 +13,8 @@ from hypothesis import strategies as st
 from robocomp_py.contract.qos import (
     DEFAULT_QOS,
     PRESETS,
+    TIMES,
+    WORDS,
     Durability,
     History,
     Liveliness,
@@ -21,6 +24,7 @@ from robocomp_py.contract.qos import (
     shortfalls,
     traits,
 )
+from robocomp_py.dsl.cdsl.qos import KNOWN
 
 STRICT = QoS(
     Reliability.RELIABLE,
@@ -109,3 +113,17 @@ def test_what_is_told_of_a_qos_is_all_that_others_have_to_know_and_fits_into_nam
 @given(st.text())
 def test_traits_that_nobody_wrote_are_no_error(text: str) -> None:
     assert isinstance(from_traits(text), QoS)
+
+
+def test_every_setting_is_a_word_of_cdsl_a_key_of_configurations_and_in_the_page() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "reference" / "qos.md").read_text(encoding="utf-8")
+    for name in (each.name for each in fields(QoS)):
+        assert name in {*KNOWN, *WORDS}
+        assert any(word in page for word in (name, *WORDS.get(name, ())))
+        assert name in WORDS or name in TIMES or name == "depth"
+    assert {str(word) for values in WORDS.values() for word in values} <= {*KNOWN, *Liveliness}
+
+
+def test_every_time_travels_with_the_traits() -> None:
+    for name in TIMES:
+        assert from_traits(traits(QoS(**{name: 2.5}))) == QoS(**{name: 2.5})

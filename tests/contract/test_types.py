@@ -15,12 +15,10 @@ from robocomp_py.contract.types import (
     INT8,
     INT32,
     INTEGERS,
-    SIGNED,
     STRING,
     TIME,
     UINT8,
     UINT64,
-    UNSIGNED,
     Dictionary,
     Enumeration,
     ExceptionType,
@@ -57,9 +55,8 @@ def test_integers_have_the_range_of_their_width(kind: Primitive, low: int, high:
 
 
 def test_every_primitive_is_in_exactly_one_family() -> None:
-    families = [SIGNED, UNSIGNED, FLOATS, {BOOL, STRING, TIME}]
+    families = [INTEGERS, FLOATS, {BOOL, STRING, TIME}]
     assert sorted(kind for family in families for kind in family) == sorted(Primitive)
-    assert INTEGERS == SIGNED | UNSIGNED
 
 
 def test_sequences_of_numbers_and_bools_are_arrays_little_endian() -> None:

@@ -10,14 +10,17 @@ from robocomp_py.deploy.auto import Way
 from robocomp_py.deploy.keys import Made, make_keys
 from robocomp_py.deploy.plan import Plan, Security
 from robocomp_py.deploy.process import Process
+from robocomp_py.transports.zenoh.deployment import router as zenoh_router
 
 NOW = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
 DAY = datetime.timedelta(days=1)
 
 
-def way(client: str, provider: str, operation: str, verb: Verb = Verb.REQUIRES, channel: str = "") -> Way:
+def way(
+    client: str, provider: str, operation: str, verb: Verb = Verb.REQUIRES, channel: str = "", looked_up: str = ""
+) -> Way:
     name = channel or f"robot/{provider.rpartition('/')[2]}/Everything/{operation}"
-    return Way(client, "Everything", provider, verb, "Everything", operation, "zeromq", "test", name)
+    return Way(client, "Everything", provider, verb, "Everything", operation, "zeromq", "test", name, looked_up or name)
 
 
 def process(name: str, host: str = "") -> Process:
@@ -27,7 +30,7 @@ def process(name: str, host: str = "") -> Process:
 
 def network(*ways: Way, names: tuple[str, ...] = ("camera", "viewer", "other"), router: str = "") -> Plan:
     """`router`: where its router on this machine listens."""
-    routers = {"": {"router": {"listen/endpoints": [router]}}} if router else {}
+    helpers = (zenoh_router("", {"router": {"listen/endpoints": [router]}}, *addressed(router)),) if router else ()
     return Plan(
         "Patrol",
         "zeromq",
@@ -35,8 +38,13 @@ def network(*ways: Way, names: tuple[str, ...] = ("camera", "viewer", "other"), 
         (),
         ways=ways or (way("viewer", "camera", "divide"),),
         security=Security.LAN,
-        routers=routers,
+        helpers=helpers,
     )
+
+
+def addressed(*endpoints: str) -> list[str]:
+    """The hosts of endpoints."""
+    return [each.partition("/")[2].rpartition(":")[0] for each in endpoints]
 
 
 def made(

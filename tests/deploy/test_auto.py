@@ -38,16 +38,14 @@ CLIENT = Component("client", (Port(Verb.REQUIRES, e.EVERYTHING),))
 READER = Component("reader", (Port(Verb.SUBSCRIBES, e.EVERYTHING),))
 
 
-def instance(
-    component: Component, name: str, *sets: str, process: str = "", generated_for: str = "zeromq"
-) -> Configured:
+def instance(component: Component, name: str, *sets: str, process: str = "", generated_for: str = "auto") -> Configured:
     document = settings.Document()
     for assignment in sets:
         settings.override(document, assignment)
     return Configured(name, component, settings.check(component, document, name), document, generated_for, process)
 
 
-def fine(middleware: str) -> str:
+def fine(middleware: str, connections: int = 0) -> str:
     return ""
 
 
@@ -123,6 +121,20 @@ def test_a_subscription_goes_its_own_way_to_each_publisher() -> None:
     assert checked.settings.middlewares(READER.ports[0], "news", "zeromq") == ["inproc", "shm", "dds"]
 
 
+def test_a_way_says_by_which_name_its_client_looks_for_the_channel() -> None:
+    servers = [instance(SERVER, name, "middleware=zeromq") for name in ("a", "b")]
+    anyone, one = instance(READER, "anyone"), instance(READER, "one", "ports.Everything.from=a")
+    found = {(way.client, way.provider): way for way in choose([*servers, anyone, one], fine).ways}
+    names = {ends: (way.channel.rpartition("/")[0], way.looked_up.rpartition("/")[0]) for ends, way in found.items()}
+    assert names == {
+        ("anyone", "a"): ("a/Everything", "*/Everything"),
+        ("anyone", "b"): ("b/Everything", "*/Everything"),
+        ("one", "a"): ("a/Everything", "a/Everything"),
+    }
+    servers[1] = instance(SERVER, "b", "middleware=dds")  # then there is a subscription for each
+    assert {way.looked_up == way.channel for way in choose([*servers, anyone], fine).ways} == {True}
+
+
 @pytest.mark.parametrize("named", ["client", "server"])
 def test_an_end_that_names_a_middleware_decides_for_the_other(named: str) -> None:
     port = {"client": "everything", "server": "Everything"}
@@ -150,7 +162,7 @@ def network_without(usable: auto.Usable, sets: Sequence[str] = ()) -> Choice:
 
 
 def test_what_cannot_be_used_is_told_once_with_what_is_used_instead() -> None:
-    choice = network_without(lambda name: "no shared memory here" if name == "shm" else "")
+    choice = network_without(lambda name, connections=0: "no shared memory here" if name == "shm" else "")
     assert over(choice, "divide") == [("client", "server", "zeromq")]
     assert choice.settings == {}
     [note] = choice.notes
@@ -158,8 +170,22 @@ def test_what_cannot_be_used_is_told_once_with_what_is_used_instead() -> None:
     assert note == f"shm is not used for {count} operations, which go over zeromq instead: no shared memory here"
 
 
+def test_what_cannot_carry_that_many_connections_is_used_for_none() -> None:
+    """A connection is a client and its provider, however many operations it uses of it."""
+
+    def for_two(middleware: str, connections: int = 0) -> str:
+        return f"{connections} are too many" if middleware == "shm" and connections > 2 else ""
+
+    network = [instance(SERVER, "server"), *(instance(CLIENT, name) for name in ("one", "two", "three"))]
+    assert {way.middleware for way in choose(network[:3], for_two).ways} == {"shm"}
+    choice = choose(network, for_two)
+    assert {(way.middleware, way.why) for way in choice.ways} == {("zeromq", "no shm: 3 are too many")}
+    apart = [network[0], *(replace(each, host="far") for each in network[1:])]
+    assert {way.middleware for way in choose(apart, for_two).ways} == {"zeromq"}
+
+
 def test_the_middleware_for_all_else_is_that_of_the_provider() -> None:
-    def nothing(name: str) -> str:
+    def nothing(name: str, connections: int = 0) -> str:
         return "not here"
 
     assert over(network_without(nothing, ["middleware=auto(dds)"]), "divide") == [("client", "server", "dds")]

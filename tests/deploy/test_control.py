@@ -7,6 +7,7 @@ import contextlib
 import json
 import socket
 import threading
+from collections import deque
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -18,12 +19,15 @@ from robocomp_py.deploy.client import Connection, NotRunning, Stuck, lines, netw
 from robocomp_py.deploy.control import BEHIND, CLIENTS, LINE, MOST_LINES, Control, read_request
 from robocomp_py.deploy.place import Place
 from robocomp_py.deploy.policy import RestartRequested, State, StopRequested
-from robocomp_py.deploy.ring import Ring
+from robocomp_py.deploy.ring import Line, Ring
 from robocomp_py.deploy.snapshot import HostStatus
+from robocomp_py.deploy.sockets import connected, listening
 from robocomp_py.errors import DeploymentError, HostUnreachable
 from robocomp_py.testing.patience import SOON, wait_until
 
 from .networks import Standing, process, snapshot
+
+NOW = 1_772_366_400.25
 
 
 class Running:
@@ -52,7 +56,7 @@ class Running:
         self.do(done())
 
     def write(self, name: str, *texts: str) -> None:
-        self.call(lambda: [self.ring.write(name, text) for text in texts])
+        self.call(lambda: [self.ring.write(Line(NOW, name, text)) for text in texts])
 
     def close(self) -> None:
         if self.loop.is_closed():
@@ -191,6 +195,99 @@ def test_who_says_nothing_keeps_nobody_from_asking(running: Running) -> None:
             each.close()
 
 
+@contextlib.contextmanager
+def crowded(place: Place, says: bytes = b"") -> Iterator[None]:
+    """While other programs of this user connect as fast as they can, and keep more connections than there are."""
+    ending = threading.Event()
+
+    def connect() -> None:
+        kept: deque[socket.socket] = deque()
+        while not ending.is_set():
+            with contextlib.suppress(OSError):
+                kept.append(connected(place.control, SOON))
+                kept[-1].sendall(says)
+            if len(kept) > 3 * CLIENTS:
+                kept.popleft().close()
+        for each in kept:
+            each.close()
+
+    loops = [threading.Thread(target=connect) for _ in range(2)]
+    for each in loops:
+        each.start()
+    try:
+        yield
+    finally:
+        ending.set()
+        for each in loops:
+            each.join()
+
+
+@pytest.mark.parametrize("says", [b"", b'{"do": "status"}\n'], ids=["silent", "asking"])
+def test_a_loop_that_keeps_connecting_hides_no_network_that_runs(running: Running, says: bytes) -> None:
+    running.write("laser", "one")
+    with crowded(running.place, says):
+        for _ in range(10):
+            with Connection("home") as connection:
+                assert connection.status() == running.network.now
+                connection.ask("down", grace=0.5)
+                assert [line.text for line in lines(connection, ["laser"], 1, follow=False)] == ["one"]
+    assert len(running.network.asked) == 10, "no request is carried out twice"
+
+
+def test_silent_connections_take_no_place_of_one_that_follows(running: Running) -> None:
+    with Connection("home") as follower:
+        told = lines(follower, ["laser"], 1, follow=True)
+        running.write("laser", "before")
+        assert next(told).text == "before"
+        silent = [raw(running) for _ in range(2 * CLIENTS)]
+        assert silent[CLIENTS - 2].recv(1) == b"", "silent ones make room for others"
+        running.write("laser", "after")
+        assert next(told).text == "after"
+        for each in silent:
+            each.close()
+
+
+def test_a_connection_that_sends_no_request_is_closed(running: Running, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("robocomp_py.deploy.control.SILENT_S", 0.05)
+    with raw(running) as silent:
+        assert silent.recv(1) == b""
+
+
+@pytest.fixture
+def closing() -> Iterator[Place]:
+    """A network that runs, and closes each connection before it answers."""
+    place = Place("home")
+    place.take("a test")
+    listener = listening(place.control)
+    listener.setblocking(True)
+
+    def close_each() -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                listener.accept()[0].close()
+
+    thread = threading.Thread(target=close_each)
+    thread.start()
+    yield place
+    listener.shutdown(socket.SHUT_RDWR)
+    thread.join()
+    listener.close()
+    place.release()
+
+
+def test_a_lost_connection_does_not_mean_that_the_network_ended(
+    closing: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(client, "PATIENCE_S", 0.3)
+    with Connection("home") as connection:
+        with pytest.raises(Stuck, match=r"`home` runs \(process \d+\), but it closed the connection .* too many"):
+            connection.status()
+        with pytest.raises(Stuck, match="too many programs connect to"):
+            client.down(connection, None, lambda there, all_of_them: None)
+        with pytest.raises(Stuck, match="too many programs connect to"):
+            list(lines(connection, [], 1, follow=True))
+
+
 def test_who_does_not_read_what_was_asked_for_is_disconnected(
     running: Running, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -243,10 +340,10 @@ def test_the_last_lines_are_told_in_the_order_in_which_they_came(running: Runnin
     running.write("laser", "one", "two")
     running.write("left/arm", "three")
     running.write("laser", "four")
-    last = [("laser", "two"), ("left/arm", "three"), ("laser", "four")]
+    last = [(NOW, "laser", "two"), (NOW, "left/arm", "three"), (NOW, "laser", "four")]
     with Connection("home") as connection:
         assert list(lines(connection, [], 3, follow=False)) == last
-        assert list(lines(connection, ["left"], 10, follow=False)) == [("left/arm", "three")]
+        assert list(lines(connection, ["left"], 10, follow=False)) == [(NOW, "left/arm", "three")]
         assert list(lines(connection, [], 0, follow=False)) == []
 
 
@@ -254,7 +351,7 @@ def test_the_deployer_has_lines_of_its_own(running: Running) -> None:
     running.write("laser", "one")
     running.write("rcdeploy", "all are ready")
     with Connection("home") as connection:
-        assert list(lines(connection, ["rcdeploy"], 10, follow=False)) == [("rcdeploy", "all are ready")]
+        assert list(lines(connection, ["rcdeploy"], 10, follow=False)) == [(NOW, "rcdeploy", "all are ready")]
 
 
 def test_who_follows_is_told_what_comes_until_the_network_ends(start: Start) -> None:
@@ -262,10 +359,10 @@ def test_who_follows_is_told_what_comes_until_the_network_ends(start: Start) -> 
     brief.write("laser", "before")
     with Connection("brief") as connection:
         following = lines(connection, ["laser"], 10, follow=True)
-        assert next(following) == ("laser", "before")
+        assert next(following) == (NOW, "laser", "before")
         brief.write("arm", "of somebody else")
         brief.write("laser", "after")
-        assert next(following) == ("laser", "after")
+        assert next(following) == (NOW, "laser", "after")
         brief.close()
         assert list(following) == []
 
@@ -274,25 +371,25 @@ def test_who_cannot_keep_up_is_told_how_much_was_lost(running: Running) -> None:
     with Connection("home") as connection:
         running.write("laser", "before")
         following = lines(connection, [], 1, follow=True)
-        assert next(following) == ("laser", "before")
+        assert next(following) == (NOW, "laser", "before")
         running.write("laser", *(str(number) for number in range(BEHIND + 7)))  # all of them before any is sent
         told = [next(following) for _ in range(BEHIND + 1)]
-    assert told[-2] == ("laser", str(BEHIND - 1))
-    assert told[-1] == ("", "(7 lines were lost: they came faster than they were read)")
+    assert told[-2] == (NOW, "laser", str(BEHIND - 1))
+    assert told[-1][1:] == ("", "(7 lines were lost: they came faster than they were read)")
 
 
 def test_one_who_prints_much_pushes_out_nobody_elses_lines() -> None:
     ring = Ring()
-    ring.write("quiet", "once")
+    ring.write(Line(NOW, "quiet", "once"))
     for number in range(5000):
-        ring.write("noisy", str(number))
+        ring.write(Line(NOW, "noisy", str(number)))
     for number in range(100):
-        ring.write("wordy", str(number) * 2048)
-    assert ring.last(["quiet"], 10) == [("quiet", "once")]
-    assert ring.last([], 10000)[0] == ("quiet", "once")
+        ring.write(Line(NOW, "wordy", str(number) * 2048))
+    assert ring.last(["quiet"], 10) == [(NOW, "quiet", "once")]
+    assert ring.last([], 10000)[0] == (NOW, "quiet", "once")
     assert len(ring.last(["noisy"], 10000)) == 1000
-    assert ring.last(["noisy"], 1) == [("noisy", "4999")]
-    assert sum(len(text) for _, text in ring.last(["wordy"], 10000)) <= 65536
+    assert ring.last(["noisy"], 1) == [(NOW, "noisy", "4999")]
+    assert sum(len(text) for _, _, text in ring.last(["wordy"], 10000)) <= 65536
 
 
 # What takes its time.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shlex
 import subprocess
@@ -26,6 +27,9 @@ from robocomp_py.deploy.policy import Escalation, Restart, When
 from robocomp_py.deploy.relocation import places, relocate
 from robocomp_py.deploy.security import secured
 from robocomp_py.errors import DeploymentError
+from robocomp_py.testing.patience import SOON
+from robocomp_py.transports.ice.deployment import storm
+from robocomp_py.transports.zenoh.deployment import router
 
 from . import security_network
 
@@ -136,7 +140,9 @@ def test_a_component_that_hangs_is_ended_as_by_rcdeploy_and_then_restart_counts(
 
 def test_what_feeds_no_watchdog_is_not_ended_for_that(folder: Path) -> None:
     program = Process("lidar", "Lidar", ("urg_node",), folder, is_program=True)
-    plan = network(program, routers={"": {"connect": "here/Patrol"}}, storms=("S:tcp -p 9999", "S:tcp -p 9998"))
+    plan = network(
+        program, helpers=(router("", {"connect": "here/Patrol"}), storm("S:tcp -p 9999"), storm("S:tcp -p 9998", 1))
+    )
     units = [text for name, text in EXPORTERS["systemd"](plan, "n").files.items() if name.suffix == ".service"]
     assert len(units) == 4
     assert not any("WatchdogSec" in parts(text) for text in units)
@@ -164,15 +170,44 @@ def test_units_of_other_hosts_go_with_their_components(folder: Path) -> None:
     assert unit["ExecStart"][0].startswith(
         'python3.12 -m robocomp_py.cli.rc run "%h/robocomp-Patrol/app/laser" --name laser'
     )
-    assert "scp -pr onboard/app robot@192.168.1.10:robocomp-Patrol/" in export.steps
+    assert export.steps[0].startswith("tar --create --directory onboard . | ssh robot@192.168.1.10 ")
 
 
 def test_a_host_with_a_port_of_its_own_is_reached_there(folder: Path) -> None:
     host = Host("onboard", "192.168.1.10", port=2222)
     export = EXPORTERS["systemd"](network(component(folder, "laser", host="onboard"), hosts=(host,)), "net.ddsl")
-    assert [step.split(" ")[:3] for step in export.steps] == [
-        ["ssh", "-p", "2222"], ["scp", "-P", "2222"], ["scp", "-P", "2222"], ["ssh", "-p", "2222"],
-    ]  # fmt: skip
+    assert all("ssh -p 2222 192.168.1.10 " in step for step in export.steps)
+
+
+SSH = """\
+#!/bin/sh
+# Like ssh: joins the words that follow the host with spaces, and has the shell of that host split them again.
+while [ "$1" != robot@192.168.1.10 ]; do shift; done
+shift
+cd "$REMOTE" && exec sh -c "$*"
+"""
+
+
+@pytest.mark.parametrize("name", ["plain", "with spaces", "a;touch X;$(touch Y)`touch Z`", 'it\'s \\ "q" * ?', "~"])
+def test_the_steps_work_with_any_folder_of_a_host(tmp_path: Path, folder: Path, name: str) -> None:
+    home, programs = tmp_path / "home", tmp_path / "bin"
+    home.mkdir()
+    programs.mkdir()
+    for program, text in (("ssh", SSH), ("systemctl", '#!/bin/sh\necho "$@" > enabled\n')):
+        (programs / program).write_text(text)
+        (programs / program).chmod(0o755)
+    host = Host("onboard", "192.168.1.10", "robot", 2222, workdir=str(tmp_path / "there" / name))
+    export = EXPORTERS["systemd"](network(component(folder, "laser", host="onboard"), hosts=(host,)), "net.ddsl")
+    write_export(export, tmp_path / "out")
+    environment = {"PATH": f"{programs}:{os.environ['PATH']}", "REMOTE": str(home)}
+    for step in export.steps:
+        subprocess.run(["sh", "-c", step], cwd=tmp_path / "out", env=environment, check=True, timeout=SOON)
+    assert [each.name for each in (tmp_path / "there").iterdir()] == [name]
+    assert (tmp_path / "there" / name / "app" / "laser").is_dir()
+    units = {each.name for each in (home / ".config" / "systemd" / "user").iterdir()}
+    assert units == {"robocomp-Patrol.target", "robocomp-Patrol-laser.service"}
+    assert (home / "enabled").read_text() == "--user enable --now robocomp-Patrol.target\n"
+    assert {each.name for each in home.iterdir()} == {".config", "enabled"}
 
 
 def test_where_the_network_says_is_where_units_look(folder: Path) -> None:
@@ -405,7 +440,7 @@ def test_what_carries_messages_to_other_hosts_is_started_first(folder: Path, kin
     plan = network(
         component(folder, "laser", host="onboard"),
         hosts=(Host("onboard", "10.0.0.2"),),
-        routers={"onboard": {"connect": "here/Patrol", "router": {"mode": "router"}}},
+        helpers=(router("onboard", {"connect": "here/Patrol", "router": {"mode": "router"}}),),
     )
     text = "".join(EXPORTERS[kind](plan, "n").files.values())
     assert text.index("zenoh-router") < text.index("laser")
@@ -414,15 +449,15 @@ def test_what_carries_messages_to_other_hosts_is_started_first(folder: Path, kin
 
 
 def test_icestorm_is_there_before_who_publishes_over_ice(folder: Path) -> None:
-    storm = "IceStorm/TopicManager:tcp -h 127.0.0.1 -p 9999"
-    plan = network(component(folder, "laser"), storms=(storm,))
+    proxy = "IceStorm/TopicManager:tcp -h 127.0.0.1 -p 9999"
+    plan = network(component(folder, "laser"), helpers=(storm(proxy),))
     export = EXPORTERS["systemd"](plan, "n")
     assert parts(only(export, "-laser.service"))["After"] == ["robocomp-Patrol-ice-storm.service"]
     assert "transports.ice.storm" in only(export, "-ice-storm.service")
 
 
 def test_a_router_is_there_before_its_components(folder: Path) -> None:
-    plan = network(component(folder, "laser"), routers={"": {"connect": "here/Patrol"}})
+    plan = network(component(folder, "laser"), helpers=(router("", {"connect": "here/Patrol"}),))
     unit = parts(only(EXPORTERS["systemd"](plan, "n"), "-laser.service"))
     assert unit["After"] == ["robocomp-Patrol-zenoh-router.service"]
     services = compose_file(only(EXPORTERS["compose"](plan, "n"), "compose.yaml"))["services"]
@@ -433,14 +468,14 @@ def test_a_router_is_there_before_its_components(folder: Path) -> None:
 def guarded(folder: Path) -> Plan:
     """A network on one other host whose process and router have keys."""
     keys = folder / "keys" / "laser"
-    router = folder / "keys" / "router@onboard"
-    for each in (keys, router):
+    own = folder / "keys" / "router@onboard"
+    for each in (keys, own):
         each.mkdir(parents=True)
         (each / "key.pem").touch(0o600)
     laser = component(folder, "laser", "--keys", str(keys), host="onboard", files=(folder / "laser", keys))
-    settings = {"transport/link/tls/listen_private_key": str(router / "key.pem"), "access_control": {"enabled": True}}
-    routers = {"onboard": {"connect": "here/Patrol", "router": settings}}
-    return network(laser, hosts=(Host("onboard", "10.0.0.2", "robot"),), routers=routers)
+    settings = {"transport/link/tls/listen_private_key": str(own / "key.pem"), "access_control": {"enabled": True}}
+    helper = replace(router("onboard", {"connect": "here/Patrol", "router": settings}), keys=str(own))
+    return network(laser, hosts=(Host("onboard", "10.0.0.2", "robot"),), helpers=(helper,))
 
 
 def test_units_get_the_keys_of_their_processes_beside_their_components(guarded: Plan, folder: Path) -> None:

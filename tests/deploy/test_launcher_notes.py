@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robocomp_py.deploy.agents import Life
 from robocomp_py.deploy.launcher.cgroups import where
 from robocomp_py.deploy.launcher.notes import Note, read
 from robocomp_py.deploy.launcher.traces import read as read_stat
@@ -32,6 +33,8 @@ def test_what_sd_notify_defines_is_understood() -> None:
 def test_what_components_add_to_it_is_understood() -> None:
     note = read(b"X_ROBOCOMP_ENDED=arm\nX_ROBOCOMP_ENDED=laser\nX_ROBOCOMP_CALLS=12.5 3e2")
     assert (note.ended, note.calls) == (["arm", "laser"], (12.5, 300.0))
+    note = read(b"X_ROBOCOMP_LIFE=arm emergency 12 3 1 0.1.0\nX_ROBOCOMP_LIFE=laser compute -1 0 0 0.1.0")
+    assert note.lives == {"arm": Life("emergency", 12, 3, 1, "0.1.0")}
 
 
 @pytest.mark.parametrize(
@@ -47,7 +50,8 @@ def test_numbers_that_are_none_are_passed_over(numbers: bytes) -> None:
 
 
 @given(
-    st.binary(max_size=300), st.sampled_from([b"", b"WATCHDOG_USEC=", b"MAINPID=", b"X_ROBOCOMP_CALLS=", b"STATUS="])
+    st.binary(max_size=300),
+    st.sampled_from([b"", b"WATCHDOG_USEC=", b"MAINPID=", b"X_ROBOCOMP_CALLS=", b"X_ROBOCOMP_LIFE=", b"STATUS="]),
 )
 def test_no_datagram_does_harm(told: bytes, key: bytes) -> None:
     note = read(key + told)

@@ -10,42 +10,60 @@ from pathlib import Path
 
 import pytest
 
-from robocomp_py.deploy.logs import KEPT, Form, Logs, recalled
+from robocomp_py.deploy.logs import KEPT, Form, Logs, recalled, writers
+from robocomp_py.deploy.ring import Line
 from robocomp_py.errors import DeploymentError
 
 
 @pytest.fixture
 def logs(tmp_path: Path) -> Iterator[Logs]:
-    made = Logs(tmp_path / "logs", clock=iter(range(100_000)).__next__, altogether=0)
+    made = Logs(tmp_path / "logs", altogether=0)
     yield made
     made.close()
 
 
 def test_each_has_a_file_with_the_time_of_each_line(logs: Logs) -> None:
-    logs.write("laser", "ready")
-    logs.write("left/arm", "WARNING: too close")
+    logs.write(Line(0.0, "laser", "ready"))
+    logs.write(Line(1.0, "left/arm", "WARNING: too close"))
     assert (logs.folder / "laser.log").read_text() == "1970-01-01T00:00:00.000000+00:00 ready\n"
     assert (logs.folder / "left.arm.log").read_text() == "1970-01-01T00:00:01.000000+00:00 WARNING: too close\n"
 
 
 def test_lines_of_the_same_millisecond_are_recalled_in_the_order_in_which_they_came(tmp_path: Path) -> None:
-    logs = Logs(tmp_path, clock=iter((1.5001, 1.5002, 1.5003)).__next__)
-    said = [("rcdeploy", "stopping"), ("laser", "bye"), ("rcdeploy", "laser has ended")]
-    for name, text in said:
-        logs.write(name, text)
+    logs = Logs(tmp_path)
+    said = [
+        Line(1.5001, "rcdeploy", "stopping"),
+        Line(1.5002, "laser", "bye"),
+        Line(1.5003, "rcdeploy", "laser has ended"),
+    ]
+    for line in said:
+        logs.write(line)
     logs.close()
     assert recalled(tmp_path, [], 3) == said
 
 
+def test_lines_of_earlier_runs_are_left_out_where_only_the_newest_is_asked_for(tmp_path: Path) -> None:
+    logs = Logs(tmp_path)
+    for at, text in ((1.0, "of the first run"), (5.0, "of the second"), (6.0, "and more")):
+        logs.write(Line(at, "left/arm", text))
+    logs.close()
+    with (tmp_path / "left.arm.log").open("a") as file:
+        file.write("from elsewhere, without a time\n")
+    newest = [Line(5.0, "left.arm", "of the second"), Line(6.0, "left.arm", "and more")]
+    assert recalled(tmp_path, ["left"], 10, since=5.0) == newest
+    assert recalled(tmp_path, [], 10)[0] == Line(0.0, "left.arm", "from elsewhere, without a time")
+    assert (writers(tmp_path), writers(tmp_path, ["lef"])) == (["left.arm"], [])
+
+
 def test_a_name_is_no_path(logs: Logs) -> None:
-    logs.write("../../etc/passwd", "root")
+    logs.write(Line(1.0, "../../etc/passwd", "root"))
     assert [path.name for path in logs.folder.iterdir()] == ["etc.passwd.log"]
 
 
 def test_for_machines_each_line_is_json(tmp_path: Path) -> None:
-    logs = Logs(tmp_path, form=Form.JSON, clock=lambda: 0.5)
-    logs.write("left/arm", "WARNING: zu nah: 3 µm")
-    logs.write("left/arm", "and more")
+    logs = Logs(tmp_path, form=Form.JSON)
+    logs.write(Line(0.5, "left/arm", "WARNING: zu nah: 3 µm"))
+    logs.write(Line(0.5, "left/arm", "and more"))
     logs.close()
     first, second = map(json.loads, (tmp_path / "left.arm.log").read_text().splitlines())
     when = "1970-01-01T00:00:00.500000+00:00"
@@ -55,7 +73,7 @@ def test_for_machines_each_line_is_json(tmp_path: Path) -> None:
 
 def test_a_long_file_is_followed_by_a_new_one_and_the_oldest_is_gone(logs: Logs) -> None:
     for number in range(330):
-        logs.write("noisy", f"{number} " + "x" * 1000)
+        logs.write(Line(number, "noisy", f"{number} " + "x" * 1000))
     files = sorted(path.name for path in logs.folder.iterdir())
     assert files == ["noisy.log", *(f"noisy.log.{number + 1}" for number in range(KEPT))]
     assert all(path.stat().st_size < 70_000 for path in logs.folder.iterdir())
@@ -63,35 +81,39 @@ def test_a_long_file_is_followed_by_a_new_one_and_the_oldest_is_gone(logs: Logs)
 
 def test_the_newest_lines_are_told_across_files_and_of_several_in_order(logs: Logs) -> None:
     for number in range(70):
-        logs.write("noisy", f"{number} " + "x" * 1000)
-        logs.write("quiet", str(number))
+        logs.write(Line(number, "noisy", f"{number} " + "x" * 1000))
+        logs.write(Line(number + 0.5, "quiet", str(number)))
     assert (logs.folder / "noisy.log.1").exists()
-    newest = [text.split()[0] for _, text in recalled(logs.folder, ["noisy"], 20)]
+    newest = [text.split()[0] for _, _, text in recalled(logs.folder, ["noisy"], 20)]
     assert newest == [str(number) for number in range(50, 70)]
-    assert [text.split()[0] for _, text in recalled(logs.folder, [], 4)] == ["68", "68", "69", "69"]
+    assert [text.split()[0] for _, _, text in recalled(logs.folder, [], 4)] == ["68", "68", "69", "69"]
     assert recalled(logs.folder, ["nobody"], 4) == []
 
 
 def test_a_line_is_one_whatever_is_in_it(logs: Logs) -> None:
     lines = ["50 %\r100 % done", "a page\x0canother one", "\u2028", "the last one"]
     for line in lines:
-        logs.write("laser", line)
-    assert [text for _, text in recalled(logs.folder, ["laser"], 10)] == lines
+        logs.write(Line(1.0, "laser", line))
+    kept = ["50 %100 % done", "a pageanother one", "\\u2028", "the last one"]
+    assert [text for _, _, text in recalled(logs.folder, ["laser"], 10)] == kept
 
 
-def test_what_a_full_disk_loses_is_counted_and_told_later(logs: Logs, monkeypatch: pytest.MonkeyPatch) -> None:
-    logs.write("laser", "one")
+def test_what_a_full_disk_loses_is_told_once_and_counted(logs: Logs, caplog: pytest.LogCaptureFixture) -> None:
+    logs.write(Line(1.0, "laser", "one"))
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     deaf = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (50, before[1]))  # room for a part of the next line
-        logs.write("laser", "two")
-        logs.write("laser", "three")
+        logs.write(Line(1.0, "laser", "two"))
+        logs.write(Line(1.0, "laser", "three"))
         assert logs.lost == {"laser": 2}
+        assert caplog.messages == [
+            f"lines are missing in the logs in {logs.folder} from here on: No space left on device"
+        ]
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
         signal.signal(signal.SIGXFSZ, deaf)
-    logs.write("laser", "four")
+    logs.write(Line(1.0, "laser", "four"))
     told = [line.split(" ", 1)[1] for line in (logs.folder / "laser.log").read_text().splitlines()]
     assert told == ["one", "WARNING: 2 lines were lost here: they could not be written", "four"]
     assert not logs.lost

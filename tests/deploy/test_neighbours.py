@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,7 @@ from robocomp_py.deploy.neighbours import warnings
 from robocomp_py.deploy.place import Place
 from robocomp_py.deploy.plan import Host, Plan
 from robocomp_py.deploy.process import Process
-from robocomp_py.deploy.wiring import block_of
+from robocomp_py.transports.network import PORTS, block_of, ports_of
 
 SAME = "Patrol", "Net"
 
@@ -47,6 +48,20 @@ def test_a_network_that_has_the_same_ports_and_runs_is_named(running: Place):
     assert block_of(SAME[0]) == block_of(SAME[1])
     (told,) = warnings(network(SAME[1]))
     assert told.startswith("Patrol runs here, and its name gives it the same ports between hosts as Net: ")
+
+
+def test_large_networks_may_have_the_same_further_ports(running: Place):
+    def large(name: str) -> Plan:
+        more = tuple(Process(f"p{number}", "Laser", ("laser",), Path("/")) for number in range(100))
+        return replace(network(name), processes=(*network(name).processes, *more))
+
+    (_, further), names = ports_of(SAME[0], PORTS), map("Net{}".format, range(1000))
+    other = next(each for each in names if ports_of(each, PORTS)[1] == further and block_of(each) != block_of(SAME[0]))
+    assert warnings(large(other)) == []
+    running.plan.write_text(json.dumps(large(SAME[0]).to_json()))
+    (told,) = warnings(large(other))
+    first, *_, last = ports_of(other, PORTS)[1]
+    assert f"the same ports between hosts as {other}: {first} to {last}; " in told
 
 
 @pytest.mark.parametrize("plan", [network("Other"), network(SAME[0]), network(SAME[1], "")])

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import pytest
 
 from robocomp_py.deploy.launcher import output
-from robocomp_py.deploy.launcher.output import Output
+from robocomp_py.deploy.launcher.output import LINE, Output
 from robocomp_py.testing.patience import SOON
 
 MUCH = b"noise\n" * 2000
@@ -88,3 +88,33 @@ def test_while_we_were_held_up_ourselves_nobody_flooded_us(
 
     asyncio.run(story())
     assert lines[-1] == "soon"
+
+
+@pytest.mark.parametrize("end", [b"\n", b""])
+def test_long_lines_are_cut_between_characters_however_they_come(pipe: tuple[int, int], end: bytes) -> None:
+    lines: list[str] = []
+    text = "x" + "é€😀" * 3000  # the pieces of a line, and what is read at once, end within characters of 2 to 4 bytes
+
+    async def story() -> None:
+        printed = Output(pipe[0], lines.append)
+        data = text.encode() + end
+        for begin in range(0, len(data), 4099):
+            os.write(pipe[1], data[begin : begin + 4099])
+            await asyncio.sleep(0)
+        await printed.drain(0.0)
+
+    asyncio.run(story())
+    assert [len(each) for each in lines] == [LINE, LINE, 9001 - 2 * LINE]
+    assert "".join(lines) == text
+
+
+def test_what_is_no_text_is_shown_as_such_and_loses_nothing_else(pipe: tuple[int, int]) -> None:
+    lines: list[str] = []
+
+    async def story() -> None:
+        printed = Output(pipe[0], lines.append)
+        os.write(pipe[1], b"a\xffb\r\n\n" + b"y" * LINE + b"\nlast\xe2\x82")
+        await printed.drain(0.0)
+
+    asyncio.run(story())
+    assert lines == ["a\ufffdb", "", "y" * LINE, "last\ufffd"]

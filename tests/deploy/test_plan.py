@@ -19,7 +19,7 @@ from .planned import PARAMS, SENSOR, command, errors, plan
 CARRIER = """
 from robocomp_py.transports.base import Capability
 class Carrier:
-    capabilities = ~Capability.NONE
+    capabilities = ~Capability.CROSS_HOST  # it does not leave this machine
 """
 
 
@@ -68,7 +68,7 @@ def test_a_right_network_becomes_processes_in_order(folder: Path) -> None:
     assert (laser.name, laser.component, laser.after) == ("laser", "sensor", ())
     assert (driver.name, driver.after, dict(driver.env)) == ("driver", ("laser",), {"ROBOT": "viriato"})
     assert laser.command[0] == sys.executable
-    for part in ("--name laser", "namespace=robot1", "middleware=zeromq", "zeromq.bind=tcp://127.0.0.1:10003"):
+    for part in ("--name laser", "namespace=robot1", "middleware=zeromq", 'zeromq.bind="tcp://127.0.0.1:10003"'):
         assert part in command(found, "laser")
     for part in ("ports.laser.from=laser", "ports.LaserPub.from=laser", "--verbose"):
         assert part in command(found, "driver")
@@ -133,6 +133,18 @@ Component sieve { Communications { requires Laser; implements Laser; publishes L
     assert make_plan(network, workspace) is None
     codes = [each.code for each in workspace.report.diagnostics if each.code.startswith("nobody")]
     assert codes == ["nobody-provides", "nobody-publishes"]
+
+
+@pytest.mark.parametrize(
+    "imports", ['import "sensor/sensor.cdsl"; import "driver/driver.cdsl";', 'import "driver/driver.cdsl";']
+)
+def test_an_imported_component_that_offers_what_is_missing_is_proposed(folder: Path, imports: str) -> None:
+    (folder / "lone.ddsl").write_text(f"{imports} Deployment lone {{ Component driver {{ }}; }};")
+    workspace = Workspace()
+    assert make_plan(folder / "lone.ddsl", workspace) is None
+    told = {each.code: each.hint for each in workspace.report.diagnostics if each.code.startswith("nobody")}
+    hint = "write `Component sensor { };`" if "sensor" in imports else ""
+    assert told == {"nobody-provides": hint, "nobody-publishes": hint}
 
 
 def test_each_of_several_ports_is_told_apart_and_gets_a_proposal_of_its_own(folder: Path) -> None:
@@ -221,6 +233,8 @@ WRONG = {
     "System a { Component sensor { }; }; Component recorder { };": ["qos-mismatch"],
     "middleware zeromp; Component sensor { };": ["unknown-middleware"],
     "Component sensor { middleware inproc; };": ["unfit-middleware"],
+    "Component sensor { }; Component driver { requires Laser from sensor middleware zeromp; };": ["unknown-middleware"],
+    "Component sensor { }; Component driver { requires Laser from sensor middleware inproc; };": ["unfit-middleware"],
     "Component sensor { }; Component recorder { };": ["qos-mismatch"],
     "Component sensor { qos LaserPup(reliable); };": ["unknown-port"],
     "Component sensor { qos subscribesTo LaserPub(reliable); };": ["unknown-port"],
@@ -264,7 +278,7 @@ def test_what_cannot_be_set_is_told_with_who_sets_it(folder: Path) -> None:
     override = Overrides(settings=(("sensor", "namespace.x=1"),))
     _, (found,) = plan(folder, "namespace a; Component sensor { };", override)
     assert found.code == "configuration"
-    assert found.message.endswith("--set namespace.x=1: namespace is no table")
+    assert found.render() == "--set sensor.namespace.x=1: error[configuration]: namespace is no table (for `sensor`)"
 
 
 def test_nothing_can_be_set_for_a_program_that_would_not_be_told(folder: Path) -> None:
@@ -274,7 +288,8 @@ def test_nothing_can_be_set_for_a_program_that_would_not_be_told(folder: Path) -
     body = 'Component sensor { path "own.sh"; };'
     _, (found,) = plan(folder, body, Overrides(settings=(("sensor", "params.range=9"),)))
     assert found.code == "configuration"
-    assert found.message == "--set sensor.…: `sensor` is a program of your own, which is not configured from here"
+    said = "`sensor` is a program of your own, which is not configured from here"
+    assert found.render().startswith(f"--set sensor.params.range=9: error[configuration]: {said}\n")
     assert errors(folder, body, Overrides(settings=(("*", "component.log=debug"),))) == []
 
 
@@ -290,10 +305,30 @@ def test_what_an_instance_finds_in_its_environment_is_checked(folder: Path, monk
 
 def test_a_wrong_override_is_told_as_it_was_given(folder: Path) -> None:
     _, (found,) = plan(folder, "Component sensor { };", Overrides(settings=(("sensor", "params.range=99"),)))
-    assert "--set params.range=99: `range` (m) is 99; allowed: float, 0.0 to 30.0" in found.message
+    said = "`range` (m) is 99; allowed: float, 0.0 to 30.0 (for `sensor`)"
+    assert found.render() == f"--set sensor.params.range=99: error[config-out-of-range]: {said}"
     _, (found,) = plan(folder, "Component sensor { };", Overrides(settings=(("sensor", "range=99"),)))
-    assert "--set range=99: `range` (m) is 99" in found.message
-    assert errors(folder, "Component sensor { };", Overrides(settings=(("senser", "a=1"),))) == ["unknown-instance"]
+    assert found.render() == f"--set sensor.range=99: error[config-out-of-range]: {said}"
+
+
+@pytest.mark.parametrize(
+    ("instance", "assignment", "said"),
+    [
+        ("senser", "params.range=9", "unknown instance `senser`; did you mean `sensor`?"),
+        ("params", "range=9", "unknown instance `params`\n    write the instance first, as in `sensor.params.range`"),
+        (
+            "component",
+            "log=x",
+            "unknown instance `component`\n    write the instance first, as in `driver.component.log`",
+        ),
+    ],
+)
+def test_an_override_for_an_instance_that_is_not_there_is_told_as_it_was_given(
+    folder: Path, instance: str, assignment: str, said: str
+) -> None:
+    override = Overrides(settings=((instance, assignment),))
+    _, (found,) = plan(folder, "Component driver { }; Component sensor { };", override)
+    assert found.render() == f"--set {instance}.{assignment}: error[unknown-instance]: {said}"
 
 
 def test_a_subscription_nobody_publishes_is_a_warning(folder: Path) -> None:
@@ -396,7 +431,7 @@ def test_neither_can_the_command_line(folder: Path) -> None:
     overrides = Overrides(settings=(("sensor", "middleware=inproc"),))
     _, (found,) = plan(folder, "Component sensor { };", overrides)
     assert found.code == "unfit-middleware"
-    assert "`sensor` (--set middleware=inproc)" in found.message
+    assert found.render().startswith("--set sensor.middleware=inproc: error[unfit-middleware]: `inproc` does not reach")
     port = Overrides(settings=(("sensor", "ports.laserpub.middleware=zeromk"),))
     _, (found,) = plan(folder, "Component sensor { };", port)
     assert (found.code, found.hint) == ("unknown-middleware", "did you mean `zeromq`?")
@@ -421,6 +456,19 @@ def test_both_ends_of_a_link_use_one_middleware(folder: Path, carrier: str) -> N
     assert f"`sensor` offers it over `zeromq` ({folder}/net.ddsl)" in found.message
     both = Overrides(settings=(("sensor", f"ports.Laser.middleware={carrier}"),))
     assert errors(folder, body, both) == []
+
+
+@pytest.mark.parametrize("general", ["", "middleware zeromq;"])
+def test_a_network_names_the_middleware_of_one_link(folder: Path, carrier: str, general: str) -> None:
+    body = f"{general} Component sensor {{ }}; Component driver {{ requires Laser from sensor middleware {carrier}; }};"
+    found, diagnostics = plan(folder, body)
+    assert (found is not None, diagnostics) == (True, [])
+    ways = {(way.interface, way.middleware == carrier) for way in found.ways}
+    assert ways == {("Laser", True), ("LaserPub", False)}
+    assert f"ports.laser.middleware={carrier}" in command(found, "driver")
+    assert f'"{carrier}"' in command(found, "sensor")  # which offers it beside what the other links use
+    line = plan(folder, body, Overrides("zeromq"))[0]
+    assert {way.middleware for way in line.ways} == {"zeromq"}
 
 
 def test_ends_are_those_that_configurations_name(folder: Path, carrier: str) -> None:
@@ -492,7 +540,7 @@ def test_who_is_not_there_is_told_with_who_might_be_meant(folder: Path) -> None:
     overrides = Overrides(settings=(("driver", "ports.laser.from=senser"),))
     _, (found,) = plan(folder, "Component sensor { }; Component driver { };", overrides)
     assert found.message == (
-        "`driver` (--set ports.laser.from=senser): unknown instance `senser`; did you mean `sensor`?"
+        "`driver` (--set driver.ports.laser.from=senser): unknown instance `senser`; did you mean `sensor`?"
     )
 
 
@@ -665,3 +713,29 @@ def test_what_is_set_of_many_that_meet_over_dds_is_left_as_it_is(folder: Path) -
     found, _ = plan(folder, body, Overrides(settings=(("d7", "transports.dds.many=false"),)))
     assert "many=true" not in command(found, "d7")
     assert "many=true" in command(found, "d8")
+
+
+def test_a_configuration_that_is_not_there_is_one_error_and_suggests_no_file_of_another_instance(
+    tmp_path: Path,
+) -> None:
+    root = tmp_path / "sensor"
+    root.mkdir()
+    (root / "sensor.cdsl").write_text('Component sensor { language python; params "sensor.pdsl"; };')
+    (root / "sensor.pdsl").write_text("ComponentParams sensor { offset float 0 mandatory; };")
+    assert rcgen([str(root / "sensor.cdsl")]) == 0
+    (root / "etc" / "config.toml").unlink()
+    (root / "etc" / "west.toml").write_text("params.offset = 1.0")
+    path = tmp_path / "net.ddsl"
+    path.write_text(
+        'import "sensor/sensor.cdsl"; Deployment net { Component west : sensor { config "sensor/etc/west.toml"; };'
+        'Component east : sensor { config "sensor/etc/eest.toml"; }; };'
+    )
+
+    def told() -> list[tuple[str, str]]:
+        workspace = Workspace()
+        assert make_plan(path, workspace) is None
+        return [(each.code, each.hint) for each in workspace.report.diagnostics]
+
+    assert told() == [("missing-file", "write it, or correct the name")]
+    (root / "etc" / "east.toml").write_text("params.offset = 1.0")
+    assert told() == [("missing-file", "did you mean `sensor/etc/east.toml`?")]

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import shutil
+import socket
 from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
 
+from robocomp_py.deploy.hosts import addresses
 from robocomp_py.deploy.plan import Host, Overrides, Plan, Process, Security
 from robocomp_py.deploy.planner import make_plan
 from robocomp_py.deploy.policy import Escalation, Restart, When
@@ -49,6 +52,54 @@ def test_an_address_that_is_no_loopback_is_a_host_without_a_name(folder: Path) -
     found = planned(folder, 'security lan; Component sensor { ip "192.168.1.12"; }; Component driver { };')
     assert found.hosts == (Host("192.168.1.12", "192.168.1.12"),)
     assert by_name(found)["sensor"].host == "192.168.1.12"
+
+
+def test_an_address_of_this_machine_or_its_name_is_this_machine(folder: Path) -> None:
+    def found(place: str, blocks: str = "") -> Plan:
+        (folder / "net.ddsl").write_text(
+            'import "sensor/sensor.cdsl"; import "driver/driver.cdsl"; '
+            f"Deployment net {{ {blocks} Component sensor {{ {place} }}; Component driver {{ }}; }};"
+        )
+        plan = make_plan(folder / "net.ddsl", Workspace(), is_here=lambda address: address in ("10.0.0.7", "robot7"))
+        assert plan
+        return plan
+
+    here = found("")
+    for own in ('ip "10.0.0.7";', "ip robot7;", "ip localhost;"):
+        plan = found(own)
+        assert (plan.hosts, plan.processes, plan.ways) == ((), here.processes, here.ways)
+    block = 'security lan; host onboard { address "10.0.0.7"; user "robot"; };'
+    assert by_name(found('ip "10.0.0.7";', block))["sensor"].host == "onboard"  # which is reached as another user
+    assert by_name(found('ip "10.0.0.8";', "security lan;"))["sensor"].host == "10.0.0.8"
+
+
+def test_on_this_machine_a_port_is_taken_once_whatever_it_is_called(folder: Path) -> None:
+    body = 'Component sensor { ip "10.0.0.7"; port 10003; }; Component driver { ip localhost; port 10003; };'
+    (folder / "net.ddsl").write_text(
+        f'import "sensor/sensor.cdsl"; import "driver/driver.cdsl"; Deployment net {{ {body} }};'
+    )
+    workspace = Workspace()
+    assert make_plan(folder / "net.ddsl", workspace, is_here=lambda address: address == "10.0.0.7") is None
+    assert [each.code for each in workspace.report.errors] == ["port-clash"]
+
+
+def own_address() -> str:
+    """A number of this machine's; that of loopback if it has no other one."""
+    with contextlib.suppress(OSError):
+        return addresses.towards("192.0.2.1")
+    return "127.0.0.1"
+
+
+def test_this_machine_knows_its_addresses_and_its_name() -> None:
+    name = socket.gethostname()
+    assert addresses.is_own(own_address())
+    assert all(
+        map(addresses.is_own, ("127.0.0.1", "127.0.1.1", "::1", name, name.upper(), f"{name.partition('.')[0]}.local"))
+    )
+    assert not any(
+        map(addresses.is_own, ("192.0.2.77", "0.0.0.0", "2001:db8::7", "robot.invalid", "", "-", "999.1.1.1"))
+    )
+    assert addresses.is_here("localhost")
 
 
 def test_the_address_of_a_host_is_that_host(folder: Path) -> None:
@@ -267,4 +318,7 @@ def test_all_of_a_plan_can_be_written_down(folder: Path) -> None:
     assert (sensor["host"], sensor["grace"], sensor["restart"]["when"]) == ("onboard", 3, "always")
     assert sensor["files"] == [str((folder / "sensor").resolve())]
     assert (driver["name"], driver["system"], driver["instances"]) == ("left/driver", ["left"], ["left/driver"])
-    assert set(found["routers"]) == {"", "onboard"}
+    assert [(each["name"], each["host"]) for each in found["helpers"]] == [
+        ("zenoh-router", ""),
+        ("zenoh-router", "onboard"),
+    ]

@@ -57,7 +57,7 @@ def test_a_network_may_go_over_ice_as_a_whole(folder: Path) -> None:
     found = planned(folder, "middleware ice; Component sensor { }; Component driver { };")
     assert set(over(found).values()) == {"ice"}
     assert options(found, "driver") == options(found, "sensor") == {}  # they find each other
-    assert len(found.storms) == 1
+    assert len(found.helpers) == 1
 
 
 def test_ice_is_never_chosen_but_taken_where_a_port_names_it(folder: Path) -> None:
@@ -67,7 +67,7 @@ def test_ice_is_never_chosen_but_taken_where_a_port_names_it(folder: Path) -> No
     assert over(found) == {("driver", "Laser"): "ice", ("driver", "LaserPub"): "shm"}
     [sensor, _] = found.processes
     assert 'ports.Laser.also=["ice"]' in sensor.command
-    assert found.storms == ()  # no topic goes over it
+    assert found.helpers == ()  # no topic goes over it
 
 
 @pytest.mark.parametrize(
@@ -89,9 +89,9 @@ def test_one_port_goes_over_ice_and_another_one_does_not(
 
 
 def test_icestorm_is_needed_also_for_who_publishes_or_subscribes_alone(folder: Path) -> None:
-    assert len(planned(folder, "middleware ice; Component sensor { };").storms) == 1
-    assert len(planned(folder, "middleware ice; Component recorder { };").storms) == 1
-    assert planned(folder, "Component recorder { };").storms == ()
+    assert len(planned(folder, "middleware ice; Component sensor { };").helpers) == 1
+    assert len(planned(folder, "middleware ice; Component recorder { };").helpers) == 1
+    assert planned(folder, "Component recorder { };").helpers == ()
 
 
 @pytest.mark.parametrize(
@@ -238,7 +238,12 @@ def test_between_hosts_everybody_is_told_addresses(folder: Path) -> None:
     assert sensor["host"] == "192.168.1.10"
     [endpoint] = sensor["endpoints"].values()
     assert driver["proxies"] == {"sensor/Laser": f"laser:{endpoint.replace('tcp', 'tcp -h 192.168.1.10')}"}
-    assert sensor["storm"] == driver["storm"] == found.storms[0] == "IceStorm/TopicManager:tcp -h 127.0.0.1 -p 9999"
+    assert (
+        sensor["storm"]
+        == driver["storm"]
+        == found.helpers[0].options["storm"]
+        == "IceStorm/TopicManager:tcp -h 127.0.0.1 -p 9999"
+    )
 
 
 def test_an_icestorm_at_another_port_is_the_same_one_for_all_hosts(folder: Path) -> None:
@@ -249,7 +254,8 @@ def test_an_icestorm_at_another_port_is_the_same_one_for_all_hosts(folder: Path)
     Component sensor {{ host onboard; config "sensor.toml"; }}; Component driver {{ config "driver.toml"; }};
     """
     found = planned(folder, body)
-    [storm] = found.storms
+    [helper] = found.helpers
+    storm = helper.options["storm"]
     assert options(found, "sensor")["storm"] == options(found, "driver")["storm"] == storm
     assert "-h 127.0.0.1" in storm  # of who launches it
 

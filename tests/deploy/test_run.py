@@ -58,8 +58,8 @@ class Told(Display):
     def ended(self, name: str, how: str) -> None:
         self._say("ended", name, how)
 
-    def failed(self, name: str, how: str, last: list[str]) -> None:
-        self._say("failed", name, how, *last)
+    def failed(self, name: str, how: str) -> None:
+        self._say("failed", name, how)
 
     def tell(self, text: str) -> None:
         self._say("tell", text)
@@ -144,7 +144,7 @@ def test_a_failure_while_others_start_stops_them_and_says_whose_it_was() -> None
     told = Told()
     program = "print('no camera'); raise SystemExit(1)"
     assert run(network(camera=program, waits=FOREVER), Options(), told) == 1
-    failed = ("failed", "camera", "ended with exit code 1", "no camera")
+    failed = ("failed", "camera", "ended with exit code 1")
     assert told.said[-2:] == [failed, ("stopping", "camera is gone before everything was ready")]
 
 
@@ -157,7 +157,7 @@ def test_a_program_that_fails_is_run_again_and_given_up_at_last() -> None:
     assert first != second, "each start is a new process"
     assert [words for words in told.said if words[0] == "failed"] == [
         ("failed", "camera", "ended with exit code 3; started again at once"),
-        ("failed", "camera", "ended with exit code 3; given up after 1 restart in 60 s", second),
+        ("failed", "camera", "ended with exit code 3; given up after 1 restart in 60 s"),
     ]
 
 
@@ -199,13 +199,13 @@ def test_the_mission_may_end_before_its_process_does() -> None:
 def test_who_does_not_stop_in_time_is_said_to_be_killed() -> None:
     told = Told(line=interrupt)
     assert run(network(deaf=DEAF), Options(grace=0.01), told) == 1
-    assert told.said[-1] == ("failed", "deaf", "did not stop within 0.01 s; killed", "deaf")
+    assert told.said[-1] == ("failed", "deaf", "did not stop within 0.01 s; killed")
 
 
 def test_a_process_has_time_for_each_component_in_it() -> None:
     told = Told(line=interrupt)
     assert run(sharing(network(deaf=DEAF), "one", "two"), Options(grace=0.01), told) == 1
-    assert told.said[-1] == ("failed", "deaf", "did not stop within 0.02 s; killed", "deaf")
+    assert told.said[-1] == ("failed", "deaf", "did not stop within 0.02 s; killed")
 
 
 def test_who_is_killed_out_of_patience_is_not_blamed() -> None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import datetime
+import shlex
 from pathlib import Path
 
 import pytest
 
+from robocomp_py.cli.rc import main as rc
 from robocomp_py.cli.rcdeploy import main as rcdeploy
 from robocomp_py.cli.rcgen import main as rcgen
 from robocomp_py.deploy import certificates
@@ -92,6 +94,17 @@ def test_without_keys_nothing_is_started(net: Path, capsys: pytest.CaptureFixtur
     assert "ready" not in told.out
 
 
+def test_the_command_that_makes_them_has_the_options_that_change_the_network(
+    net: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changed = [str(net), "--middleware", "zenoh", "--set", "driver.component.period=0.2"]
+    assert rcdeploy([*changed, "--for", "0"]) == 1
+    command = capsys.readouterr().err.strip().partition("run: rcdeploy ")[2]
+    assert shlex.split(command)[: len(changed) + 1] == ["keys", *changed]
+    assert rcdeploy(shlex.split(command)) == 0
+    assert rcdeploy([*changed, "--for", "0"]) == 0
+
+
 def test_nor_with_expired_ones_until_they_are_renewed(net: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert rcdeploy(["keys", str(net)]) == 0
     expire(net, "sensor")
@@ -109,6 +122,63 @@ def test_nor_what_is_open_without_a_word_on_the_command_line(net: Path, capsys: 
     assert "say --insecure" in capsys.readouterr().err
     assert rcdeploy([str(net), "--for", "0", "--insecure"]) == 0
     assert "WITHOUT SECURITY" in capsys.readouterr().err
+
+
+PLUGIN = """
+from robocomp_py.transports.base import Capability
+from robocomp_py.transports.deployment import Deployment
+from robocomp_py.transports.inproc import InprocTransport
+
+class Carrier(InprocTransport):
+    capabilities = Capability.CROSS_PROCESS | Capability.RELIABLE
+class Far(Carrier):
+    capabilities = Carrier.capabilities | Capability.CROSS_HOST
+def made(config):
+    return Carrier(config)
+class Silent(Deployment):
+    pass
+class Guarded(Deployment):
+    unprotected = ""
+"""
+
+
+@pytest.mark.parametrize(
+    ("security", "middleware", "why"),
+    [
+        ("lan", "carrier", "its transport has no deployment side"),
+        ("lan", "made", "its deployment side does not declare what keeps strangers out"),
+        ("lan", "guarded", ""),
+        ("lan", "broken", "its deployment side cannot be loaded: No module named 'nowhere'"),
+        ("local", "carrier", ""),
+        ("local", "far", "its transport declares that it reaches other machines"),
+        ("open", "far", ""),
+    ],
+)
+def test_a_plug_in_transport_is_allowed_what_it_declares(
+    net: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    security: str,
+    middleware: str,
+    why: str,
+) -> None:
+    packages = net.parent / "packages"
+    (packages / "carriers-1.0.dist-info").mkdir(parents=True)
+    (packages / "carriers.py").write_text(PLUGIN)
+    (packages / "carriers-1.0.dist-info" / "METADATA").write_text(
+        "Metadata-Version: 2.1\nName: carriers\nVersion: 1.0\n"
+    )
+    (packages / "carriers-1.0.dist-info" / "entry_points.txt").write_text(
+        "[robocomp_py.transports]\ncarrier = carriers:Carrier\nguarded = carriers:Carrier\nfar = carriers:Far\n"
+        "made = carriers:made\nbroken = carriers:Carrier\n"
+        "[robocomp_py.deployments]\nguarded = carriers:Guarded\nmade = carriers:Silent\nbroken = nowhere:Side\n"
+    )
+    monkeypatch.syspath_prepend(packages)
+    net.write_text(NETWORK.format(security).replace("zeromq", middleware))
+    assert rc(["lint", str(net)]) == (1 if why else 0)
+    told = capsys.readouterr()
+    refused = f"use `{middleware}`, which `security {security}` does not allow: {why}"
+    assert (refused in told.out + told.err) == bool(why)
 
 
 def test_the_plan_of_a_network_without_keys_says_so_and_what_to_run(

@@ -13,17 +13,18 @@ import pytest
 from robocomp_py.contract.interface import Verb
 from robocomp_py.deploy import certificates
 from robocomp_py.deploy.keys import (
-    access_control,
     contents,
     files_of,
     folder_of,
     graph_of,
     make_keys,
-    router_folder,
     troubles,
 )
 from robocomp_py.errors import DeploymentError
-from robocomp_py.transports.zeromq.curve import key_pair, read_public
+from robocomp_py.transports.keyfiles import read_public
+from robocomp_py.transports.zenoh.access import access_control
+from robocomp_py.transports.zenoh.deployment import router
+from robocomp_py.transports.zeromq.curve import key_pair
 
 from .security_network import DAY, NOW, made, network, process, way
 
@@ -139,7 +140,7 @@ def test_a_host_gets_the_keys_of_its_own_processes_and_never_that_of_the_authori
     plan = replace(
         plan,
         processes=(*plan.processes, process("left/arm", "onboard")),
-        routers={**plan.routers, "onboard": {"router": {"listen/endpoints": ["tls/10.0.0.2:20000"]}}},
+        helpers=(*plan.helpers, router("onboard", {}, "10.0.0.2")),
     )
     made(plan, folder)
     assert files_of(plan, "onboard", folder) == (folder / "left.arm", folder / "router@onboard")
@@ -153,7 +154,7 @@ def test_a_host_gets_the_keys_of_its_own_processes_and_never_that_of_the_authori
 def test_a_router_is_believed_at_the_addresses_where_it_listens(folder: Path) -> None:
     plan = network(router="tls/10.0.0.1:20000")
     made(plan, folder)
-    found = certificates.read((router_folder(folder, "") / "certificate.pem").read_bytes())
+    found = certificates.read((folder / "router@" / "certificate.pem").read_bytes())
     assert found.addresses == {"10.0.0.1", "127.0.0.1"}
     moved = network(router="tls/10.0.0.9:20000")
     assert "is not for 10.0.0.9" in troubles(moved, folder, NOW)[0][0]
@@ -290,7 +291,7 @@ def test_of_another_host_its_router_may_what_its_processes_may() -> None:
     plan = replace(
         plan,
         processes=tuple(replace(each, host=onboard.get(each.name, "")) for each in plan.processes),
-        routers={**plan.routers, "onboard": {"router": {"listen/endpoints": ["tls/10.0.0.2:20000"]}}},
+        helpers=(*plan.helpers, router("onboard", {}, "10.0.0.2")),
     )
     numbers = {"camera": 0xCA, "viewer": 0x1, "other": 0x2}
     here, there = (allowed(access_control(graph_of(plan), host, numbers)) for host in ("", "onboard"))

@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from robocomp_py.deploy.plan import Security
-from robocomp_py.deploy.security import Opening, faults, is_loopback, secured, warning, why_not
+from robocomp_py.deploy.security import Opening, faults, secured, warning, why_not
+from robocomp_py.transports.deployment import is_loopback
 
 from .security_network import network, way
 

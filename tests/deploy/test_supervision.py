@@ -117,7 +117,7 @@ class Told(Display):
     def ended(self, name: str, how: str) -> None:
         self._say(f"{name} {how}")
 
-    def failed(self, name: str, how: str, last: list[str]) -> None:
+    def failed(self, name: str, how: str) -> None:
         self._say(f"failed: {name} {how}")
 
     def tell(self, text: str) -> None:

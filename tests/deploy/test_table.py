@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from robocomp_py import __version__
+from robocomp_py.deploy.agents import Life
 from robocomp_py.deploy.policy import State
 from robocomp_py.deploy.snapshot import HostStatus
-from robocomp_py.deploy.table import duration, memory, milliseconds, summary, table, text
+from robocomp_py.deploy.table import duration, memory, milliseconds, ports, summary, table, text
 
 from .networks import process, snapshot
 
@@ -26,6 +28,42 @@ def test_a_line_says_all_of_a_process() -> None:
 def test_what_nobody_tells_has_no_column() -> None:
     quiet = process("laser", pid=None, uptime=None, cpu=None, memory=None, calls=0.0, worst=0.0)
     assert shown(quiet) == ["instance  state  restarts", "laser     ready         0"]
+
+
+def test_a_component_in_an_emergency_or_too_slow_is_told() -> None:
+    usual, slow = Life("compute", 0, 0, 0, __version__), Life("compute", 40, 2, 0, __version__)
+    alarmed = Life("emergency", 0, 0, 0, "0.0.9")
+    quiet = {"pid": None, "uptime": None, "cpu": None, "memory": None, "calls": None, "worst": None}
+    lines = shown(
+        process("laser", lives={"laser": usual}, **quiet),
+        process("arm", lives={"arm": alarmed}, **quiet),
+        process("home", instances=("base", "world"), lives={"base": slow, "world": alarmed}, **quiet),
+    )
+    assert [line.rstrip() for line in lines] == [
+        "instance  state      restarts  overruns  missed  version",
+        "laser     ready             0",
+        "arm       emergency         0                    0.0.9",
+        "home      ready             0        40       2  0.0.9",
+        "  base    ready",
+        "  world   emergency",
+    ]
+    both = snapshot(process("laser", lives={"laser": usual}), process("arm", lives={"arm": alarmed}))
+    assert text(summary(both)) == "home: 2 components, 2 ready, 1 in emergency, up 3:07"
+
+
+def test_the_ports_of_both_ends_of_a_way_are_told() -> None:
+    way = {"client": "visitor", "port": "Hello1", "provider": "host", "verb": "requires", "interface": "Hello",
+           "operation": "greet", "middleware": "shm"}  # fmt: skip
+    heard = way | {"client": "eyes", "port": "HelloPub", "verb": "subscribesTo", "interface": "HelloPub"}
+    assert [text(line) for line in ports([way, way | {"client": "guest", "port": "Hello"}, heard])] == [
+        "instance  port                   peers           over",
+        "eyes      subscribesTo HelloPub  host            shm",
+        "guest     requires Hello         host            shm",
+        "host      implements Hello       visitor, guest  shm",
+        "host      publishes HelloPub     eyes            shm",
+        "visitor   requires Hello1        host            shm",
+    ]
+    assert ports([]) == []
 
 
 def test_hosts_are_told_where_there_are_some() -> None:
@@ -84,9 +122,10 @@ def test_the_summary_counts_what_is_how() -> None:
 
 def test_the_summary_says_why_a_network_stops_and_which_host_is_lost() -> None:
     host = HostStatus("onboard", "192.168.1.10", False, "no route to host")
-    now = snapshot(process("arm"), hosts=(host,), stopping=True, why="time is over")
+    now = snapshot(process("arm"), hosts=(host,), stopping=True, why="time limit reached")
     assert text(summary(now)) == (
-        "home: 1 component, 1 ready, up 3:07; stopping: time is over; host onboard is out of reach: no route to host"
+        "home: 1 component, 1 ready, up 3:07; stopping: time limit reached; "
+        "host onboard is out of reach: no route to host"
     )
 
 

@@ -7,6 +7,7 @@ import io
 import json
 import logging
 from collections.abc import Callable, Coroutine
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,8 @@ from .networks import Standing, process
 
 PLAN = Plan("house", "auto", tuple(Process(name, "thing", ("true",), Path("/")) for name in ("laser", "arm")), ())
 
+NOON = "12:00:00.250"
+
 
 @pytest.fixture
 def place() -> Any:
@@ -37,7 +40,7 @@ def place() -> Any:
 def terminal(*, is_terminal: bool = False, leave: Callable[[Path], object] | None = None, lines: int = 24) -> Terminal:
     console = Console(file=io.StringIO(), force_terminal=is_terminal, width=80, height=lines, soft_wrap=True,
                       highlight=False, color_system=None, legacy_windows=False)  # fmt: skip
-    return Terminal(PLAN, console, leave)
+    return Terminal(PLAN, console, leave, clock=lambda: datetime(2026, 3, 1, 12, 0, 0, 250_000).timestamp())
 
 
 def shown(made: Terminal) -> str:
@@ -67,24 +70,22 @@ def test_without_a_terminal_there_are_lines_with_names_and_nothing_else(place: P
         made.line("laser", "INFO: ready")
         made.states({"laser": State.READY, "arm": State.READY})
         made.up()
-        made.failed("arm", "ended with exit code 3", ["last words"])
+        made.failed("arm", "ended with exit code 3")
         made.stopping("asked to")
 
     watched(made, Standing(process("laser"), process("arm")), deed)
     assert shown(made).splitlines() == [
-        "laser │ ready",
-        "rcdeploy │ all 2 components of house are ready",
-        "rcdeploy │ arm ended with exit code 3",
-        "rcdeploy │ the last lines of arm:",
-        "    last words",
-        "rcdeploy │ stopping: asked to",
+        f"{NOON} laser │ ready",
+        f"{NOON} rcdeploy │ all 2 components of house are ready",
+        f"{NOON} rcdeploy │ arm ended with exit code 3",
+        f"{NOON} rcdeploy │ stopping: asked to",
     ]
 
 
 def test_what_would_move_what_stands_on_a_terminal_is_left_out(place: Place) -> None:
     for made in terminal(), terminal(is_terminal=True):
         made.line("laser", "10 %\r20 %\b\b\a\v\f, \x1b[31mred\x1b[0m \x1b[2J\x1b]0;title\x07\x9b2J\x1bc")
-        assert shown(made) == "laser │ 10 %20 %, \x1b[31mred\x1b[0m [2J]0;title2Jc\n"
+        assert shown(made) == f"{NOON} laser │ 10 %20 %, \x1b[31mred\x1b[0m [2J]0;title2Jc\n"
 
 
 def test_on_a_terminal_a_table_stands_below_the_lines(place: Place) -> None:
@@ -154,7 +155,7 @@ def test_who_leaves_shows_nothing_more_but_keeps_it(place: Place) -> None:
         assert shown(made) == before
 
     watched(made, Standing(process("laser"), process("arm")), deed)
-    assert made._ring.last([], 2) == [("laser", "unseen"), ("rcdeploy", "stopping: asked to")]
+    assert [line[1:] for line in made._ring.last([], 2)] == [("laser", "unseen"), ("rcdeploy", "stopping: asked to")]
 
 
 def test_what_is_logged_about_launching_is_said_and_kept_like_all_else(
@@ -165,8 +166,8 @@ def test_what_is_logged_about_launching_is_said_and_kept_like_all_else(
         log.info("of no interest")
         log.warning("%d processes were left", 2)
     log.warning("later")
-    assert shown(made) == "rcdeploy │ 2 processes were left\n"
-    assert made._ring.last([], 9) == [("rcdeploy", "2 processes were left")]
+    assert shown(made) == f"{NOON} rcdeploy │ 2 processes were left\n"
+    assert [line[1:] for line in made._ring.last([], 9)] == [("rcdeploy", "2 processes were left")]
     assert "left" not in capsys.readouterr().err
 
 

@@ -9,8 +9,12 @@ from typing import Any
 import pytest
 
 from robocomp_py.contract.interface import Verb
-from robocomp_py.deploy.auto import Way
-from robocomp_py.deploy.wiring import DDS_DOMAIN, Network, Site, Wiring, addresses_of, wire, with_crowds
+from robocomp_py.deploy import wiring
+from robocomp_py.deploy.wiring import Wiring, addresses_of, wire
+from robocomp_py.transports.dds.deployment import FIRST_DOMAIN
+from robocomp_py.transports.deployment import Deployment, deployment_of
+from robocomp_py.transports.network import PORTS, Helper, Network, Site, Way, block_of, free_ports, ports_of
+from robocomp_py.transports.network import Wiring as Wired
 
 HERE, ROBOT, BASE = "10.0.0.1", "10.0.0.10", "10.0.0.11"
 
@@ -68,6 +72,34 @@ def test_instances_of_one_process_have_a_port_each():
     assert set(read(wiring, "wander")["zeromq"]["connect"]) == {"laser", "sonar"}
 
 
+def bound(count: int, name: str, **more: Any) -> list[int]:
+    """The ports of so many instances that are used from another host."""
+    sites = [site(f"laser{number}", "robot", **more) for number in range(count)]
+    wiring = wire(network([*sites, WANDER], *(way("wander", each.instance, "zeromq") for each in sites), name=name))
+    return [int(read(wiring, each.instance)["zeromq"]["bind"].rpartition(":")[2]) for each in sites]
+
+
+def test_more_instances_than_a_block_has_ports_take_none_of_another_networks_block():
+    one, next_to_it = "Net1", "Net50"
+    assert block_of(next_to_it) == block_of(one) + 1
+    ports, others = bound(1099, one), bound(99, next_to_it)
+    assert len({*ports, *others}) == 1099 + 99
+    assert ports[:99] == bound(99, one)
+    assert set(ports) < {port for each in ports_of(one, PORTS) for port in each}
+    assert free_ports(one, 98) == ports[98:]
+    assert not {*ports, *others} & set(range(32768, 61000))  # which systems give away
+
+
+def test_an_instance_for_which_there_is_no_port_is_named():
+    sites = [site(f"laser{number}", "robot") for number in range(1100)]
+    ways = way("wander", "laser1098", "zeromq"), way("wander", "laser1099", "zeromq")
+    (fault,) = wire(network([*sites, WANDER], *ways)).faults
+    assert (fault.code, fault.other) == ("no-address", "laser1099")
+    assert str(fault).startswith("`laser1099` needs a port, and the network has only those for 1099 instances")
+    sites[-1] = site("laser1099", "robot", port=7411)
+    assert not wire(network([*sites, WANDER], *ways)).faults
+
+
 def test_two_hosts_of_one_address_cannot_have_a_router_each():
     sites, addresses = [LASER, WANDER], {"": HERE, "robot": ROBOT, "base": ROBOT}
     (fault,) = wire(Network("Patrol", addresses, sites, [way("wander", "laser", "zenoh")])).faults
@@ -99,7 +131,7 @@ def test_components_that_meet_over_zenoh_use_the_router_of_their_host():
 
 def test_of_two_zenoh_routers_one_connects_to_the_other():
     wiring = wire(network([LASER, WANDER, site("map")], way("wander", "laser", "zenoh"), way("map", "laser", "zenoh")))
-    routers = {host: options["router"] for host, options in wiring.routers.items()}
+    routers = {each.host: each.options["router"] for each in wiring.helpers}
     assert set(routers) == {"", "robot", "base"}
     listening = {host: router["listen/endpoints"][0] for host, router in routers.items()}
     assert listening["robot"].startswith(f"tcp/{ROBOT}:")
@@ -111,15 +143,16 @@ def test_of_two_zenoh_routers_one_connects_to_the_other():
 def test_a_host_whose_components_meet_nobody_elsewhere_needs_no_router():
     sites = [LASER, WANDER, site("map"), site("view")]
     wiring = wire(network(sites, way("wander", "laser", "zenoh"), way("view", "map", "zenoh")))
-    assert set(wiring.routers) == {"robot", "base"}
+    assert {each.host for each in wiring.helpers} == {"robot", "base"}
 
 
 def test_routers_and_components_speak_tls_in_a_network_that_is_encrypted():
     wiring = wire(network([LASER, WANDER], way("wander", "laser", "zenoh"), encrypted=True))
     own = read(wiring, "laser")["zenoh"]["connect"]
     assert own.startswith("tls/127.0.0.1:")
-    assert own in wiring.routers["robot"]["router"]["listen/endpoints"]
-    assert all(each.startswith("tls/") for each in wiring.routers["base"]["router"]["connect/endpoints"])
+    routers = {each.host: each.options["router"] for each in wiring.helpers}
+    assert own in routers["robot"]["listen/endpoints"]
+    assert all(each.startswith("tls/") for each in routers["base"]["connect/endpoints"])
 
 
 def test_those_that_meet_over_dds_are_on_the_address_of_their_host_and_know_the_others():
@@ -127,7 +160,7 @@ def test_those_that_meet_over_dds_are_on_the_address_of_their_host_and_know_the_
     found = read(wiring, "laser")["dds"]
     assert found["interface"] == ROBOT
     assert found["peers"] == [ROBOT, BASE]
-    assert DDS_DOMAIN <= found["domain"] == read(wiring, "wander")["dds"]["domain"]
+    assert FIRST_DOMAIN <= found["domain"] == read(wiring, "wander")["dds"]["domain"]
 
 
 def test_who_talks_over_dds_to_somebody_who_talks_to_another_host_has_to_meet_both():
@@ -150,8 +183,8 @@ def test_what_reaches_no_other_host_is_refused_between_hosts(middleware: str):
 
 def test_a_middleware_of_somebody_elses_is_not_wired_between_hosts():
     (fault,) = wire(network([LASER, WANDER], way("wander", "laser", "carrierpigeon"))).faults
-    assert "`carrierpigeon`" in fault.message
-    assert "zeromq, zenoh or dds" in fault.hint
+    assert "`carrierpigeon` does not reach other hosts (its transport has no deployment side)" in fault.message
+    assert "name another one, zeromq say" in fault.hint
 
 
 def test_dds_is_not_wired_between_addresses_of_ipv6():
@@ -176,21 +209,46 @@ def test_a_network_without_hosts_has_no_addresses():
     assert addresses_of({}, str, str) == {}
 
 
-def test_many_that_meet_over_dds_are_told_so_beside_what_they_are_told_else():
-    ways = [way(f"a{n}", f"b{n}", "dds") for n in range(13)]
-    told = with_crowds(Wiring({"a0": ("transports.dds.domain=3",)}), [*ways, way("c", "d", "zeromq")])
-    assert read(told, "a0")["dds"] == {"domain": 3, "many": True}
+def many(ways: Sequence[Way], **options: Any) -> Wiring:
+    """The wiring of instances of one host; `options` are those that one of them has for DDS."""
+    names = dict.fromkeys(end for each in ways for end in (each.client, each.provider))
+    return wire(network([site(name, options={"dds": options} if name == "a0" else {}) for name in names], *ways))
+
+
+def test_many_that_meet_over_dds_are_told_so():
+    told = many([*(way(f"a{n}", f"b{n}", "dds") for n in range(13)), way("c", "d", "zeromq")])
+    assert read(told, "a0")["dds"] == {"many": True}
     assert told.settings["b12"] == ("transports.dds.many=true",)
     assert "c" not in told.settings
+
+
+def test_many_that_meet_over_dds_on_several_hosts_are_told_so_beside_what_they_are_told_else():
+    sites = [LASER, *(site(f"a{n}") for n in range(30))]
+    found = read(wire(network(sites, *(way(f"a{n}", "laser", "dds") for n in range(30)))), "a0")["dds"]
+    assert found.keys() == {"domain", "interface", "peers", "many"}
 
 
 def test_as_many_changes_nothing_for_a_few_or_over_other_middlewares():
     few = [way(f"a{n}", f"b{n}", "dds") for n in range(12)]
     others = [way(f"a{n}", f"b{n}", "zenoh") for n in range(50)]
-    assert with_crowds(Wiring(), [*few, *others]) == Wiring()
+    assert many([*few, *others]) == Wiring()
 
 
 def test_who_says_itself_whether_many_meet_is_not_told():
     ways = [way(f"a{n}", f"b{n}", "dds") for n in range(13)]
-    told = with_crowds(Wiring(), ways, settled={"a0"})
-    assert told.settings.keys() == {name for each in ways for name in (each.client, each.provider)} - {"a0"}
+    assert many(ways, many=False).settings.keys() == {
+        name for each in ways for name in (each.client, each.provider)
+    } - {"a0"}
+
+
+def test_two_transports_with_a_helper_each_do_not_share_a_host(monkeypatch: pytest.MonkeyPatch):
+    class Relayed(Deployment):
+        def wire(self, network: Network) -> Wired:
+            helpers = (Helper(network.middleware, host, {}, "x-y", "X", (host,)) for host in network.addresses)
+            return Wired(helpers=tuple(helpers))
+
+    monkeypatch.setattr(wiring, "deployment_of", lambda name: Relayed() if name == "pigeon" else deployment_of(name))
+    ways = way("wander", "laser", "zenoh"), way("wander", "laser", "pigeon")
+    (first, *_) = wire(network([LASER, WANDER], *ways)).faults
+    assert "`pigeon` and `zenoh` each need a helper" in first.message
+    assert not wire(network([LASER, WANDER], ways[1])).faults

@@ -1,4 +1,4 @@
-"""The pages of docs/diagnostics, one for each code. `python -m tests.docs.diagnostics` fills in what is said there.
+"""The pages of docs/diagnostics, one for each code. `python -m tests.docs.diagnostics` fills in the messages.
 
 A page is made of a title (the code), a line `error · IDSL, CDSL`, what it means, and two sections, `## Wrong` and
 `## Right`. In a section stand files: fenced, each below a line with its name in bold (`example` and the ending of its
@@ -31,7 +31,7 @@ from .pages import ROOT
 PAGES = ROOT / "docs" / "diagnostics"
 INDEX = PAGES / "README.md"
 
-LANGUAGES = ("IDSL", "CDSL", "PDSL", "DDSL", "SMDSL", "configuration")
+LANGUAGES = ("IDSL", "CDSL", "PDSL", "DDSL", "SMDSL", "configuration", "Python")
 SEVERAL = "Several languages"
 
 _PROGRAMS = {"rc": rc.main, "rcgen": rcgen.main, "rcdeploy": rcdeploy.main}
@@ -192,26 +192,25 @@ def filled(page: Page) -> str:
 
 
 _INTRODUCTION = """\
-# What the tools say
+# Diagnostics
 
-Everything that `rc lint`, `rcgen`, `rcdeploy` and an editor complain about has a code, which stands in brackets behind
-`error` or `warning`, and which stays what it is from version to version. Each has a page here: what it means, an
-example that is wrong, and one that is right. `rc lint --explain CODE` prints it.
+Every message of `rc lint`, `rcgen`, `rcdeploy` and the editors has a code in brackets, which stays the same in all
+versions. Each code has a page here with a meaning, a wrong example and a right one. `rc lint --explain CODE` prints
+it.
 
-An error keeps anything from being generated or started; a warning does not. One run tells all mistakes that are
-independent of each other, each once; where a name is misspelt, it says what may be meant.
+An error prevents generation and start; a warning does not. One run reports all independent mistakes, each once, and
+suggests similar names.
 
-| command | what it writes |
+| command | output |
 |---|---|
-| `rc lint FILE…` | for people, to stderr: place, line and what is underlined in it, what to do; how many there are |
-| `rc lint --json FILE…` | to stdout, one object in each line, with the keys that stand below |
-| `rc lint --sarif FILE…` | to stdout, a log in SARIF 2.1.0, which tools for the review of code show beside the lines |
+| `rc lint FILE…` | for people, to stderr: place, line, advice, and the number of findings |
+| `rc lint --json FILE…` | to stdout, one object a line, with the keys below |
+| `rc lint --sarif FILE…` | to stdout, SARIF 2.1.0 for tools of code review |
 
-The keys of JSON are `file line column end_line end_column severity code message hint`. Lines and columns count
-from 1, columns count characters, and an end is the place behind the last character. The exit status is 1 if there is an
-error, else 0. Of a folder, everything in it is checked that is written in one of the languages; a network (`.ddsl`),
-with everything that it deploys. Nothing hidden is, and folders that are only linked are not entered. In a log, files
-are named relative to the folder in which the command runs.
+The JSON keys are `file line column end_line end_column severity code message hint`. Lines and columns count from 1,
+columns in characters. The end is the place behind the last character. The exit status is 1 if there is an error, else
+0. For a folder, all files of the languages in it are checked, except hidden ones and linked folders; for a network
+(`.ddsl`), everything that it deploys. File names are relative to the working directory.
 """
 
 

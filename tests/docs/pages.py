@@ -10,11 +10,15 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 _BLOCK = re.compile(r"(?:<!-- file: (?P<file>\S+) -->\n)?```(?P<kind>\w+)\n(?P<text>.*?)```", re.DOTALL)
 _ELLIPSIS = "..."
+_TIME = re.compile(r"\b\d\d:\d\d:\d\d\.\d{3}\b")
 
 
 @dataclass
 class Command:
-    """A command and the lines it must print; `...` stands for anything, on a line of its own for any lines."""
+    """A command and the lines it must print.
+
+    `...` stands for anything, on a line of its own for any lines; a time of day like `12:00:00.250` for any time.
+    """
 
     text: str
     output: list[str] = field(default_factory=list)
@@ -35,7 +39,10 @@ class File:
 
 
 def _line(line: str) -> str:
-    return ".*".join(map(re.escape, line.rstrip().split(_ELLIPSIS))) + r" *\n"
+    parts = (
+        r"\d\d:\d\d:\d\d\.\d{3}".join(map(re.escape, _TIME.split(part))) for part in line.rstrip().split(_ELLIPSIS)
+    )
+    return ".*".join(parts) + r" *\n"
 
 
 def steps(page: Path) -> Iterator[File | Command]:

@@ -84,7 +84,7 @@ def run(step: Command, folder: Path, **variables: str) -> tuple[str, int]:
 
 
 def test_the_tutorial_works_as_written(tmp_path: Path) -> None:
-    done = list(steps(DOCS / "tutorial.md"))
+    done = list(steps(DOCS / "tutorials" / "first-component.md"))
     assert len(done) > 15
     for step in done:
         do(step, tmp_path)
@@ -98,50 +98,57 @@ def test_the_minute_of_the_readme_works_as_written(tmp_path: Path) -> None:
 
 
 def test_the_guide_to_state_machines_works_as_written(tmp_path: Path) -> None:
-    done = list(steps(DOCS / "statemachines.md"))
+    done = list(steps(DOCS / "tutorials" / "state-machine.md"))
     assert len(done) > 7
     for step in done:
         do(step, tmp_path)
-    assert (DOCS / "patrol.svg").read_text() == (tmp_path / "patrol.svg").read_text(), "draw it again"
+    assert (DOCS / "images" / "patrol.svg").read_text() == (tmp_path / "patrol.svg").read_text(), "draw it again"
 
 
 def test_the_guide_to_components_of_robocomp_works_as_written(tmp_path: Path) -> None:
-    done = list(steps(DOCS / "existing.md"))
+    done = list(steps(DOCS / "guides" / "existing.md"))
     assert len(done) > 5
     for step in done:
         do(step, tmp_path)
 
 
 def test_the_guide_to_shared_processes_works_as_written(tmp_path: Path) -> None:
-    done = list(steps(DOCS / "processes.md"))
+    done = list(steps(DOCS / "guides" / "processes.md"))
     assert len(done) > 6
     for step in done:
         do(step, tmp_path)
 
 
+def test_the_guide_to_testing_works_as_written(tmp_path: Path) -> None:
+    done = list(steps(DOCS / "guides" / "testing.md"))
+    assert len(done) > 10
+    for step in done:
+        do(step, tmp_path)
+
+
 def test_the_guide_to_supervision_works_as_written(tmp_path: Path) -> None:
-    done = list(steps(DOCS / "supervision.md"))
+    done = list(steps(DOCS / "guides" / "supervision.md"))
     assert len(done) > 4
     for step in done:
         do(step, tmp_path)
 
 
 def test_the_guide_to_several_hosts_works_as_written(tmp_path: Path) -> None:
-    done = list(steps(DOCS / "hosts.md"))
+    done = list(steps(DOCS / "guides" / "hosts.md"))
     assert len(done) > 6
     for step in done:
         do(step, tmp_path)
 
 
 def test_the_guide_to_security_works_as_written(tmp_path: Path) -> None:
-    done = list(steps(DOCS / "security.md"))
+    done = list(steps(DOCS / "guides" / "security.md"))
     assert len(done) > 6
     for step in done:
         do(step, tmp_path)
 
 
 def test_the_guide_to_running_networks_works_as_written(tmp_path: Path) -> None:
-    done = list(steps(DOCS / "deploying.md"))
+    done = list(steps(DOCS / "guides" / "deploying.md"))
     assert len(done) > 12
     try:
         for step in done:
@@ -152,10 +159,10 @@ def test_the_guide_to_running_networks_works_as_written(tmp_path: Path) -> None:
 
 def test_the_picture_of_the_example_network_is_as_it_would_be_drawn(tmp_path: Path) -> None:
     do(Command(f"rc graph {ROOT}/components/rescue.ddsl -o network.svg"), tmp_path)
-    assert (DOCS / "network.svg").read_text() == (tmp_path / "network.svg").read_text(), "draw it again"
+    assert (DOCS / "images" / "network.svg").read_text() == (tmp_path / "network.svg").read_text(), "draw it again"
 
 
-MIDDLEWARES = DOCS / "middlewares.md"
+MIDDLEWARES = DOCS / "reference" / "middlewares.md"
 
 
 def read_ice(config: TransportConfig) -> IceOptions:
@@ -218,7 +225,7 @@ def test_what_is_found_over_ice_is_a_configuration(tmp_path: Path) -> None:
     assert [chosen.port(port, "").source for port in linked.component.ports[:3]] == ["base", "laser1", "base"]
 
 
-TRANSPORTS = DOCS / "transports.md"
+TRANSPORTS = DOCS / "guides" / "transports.md"
 
 
 def test_the_smallest_transport_of_the_guide_keeps_the_contract(tmp_path: Path) -> None:
@@ -252,7 +259,7 @@ def _written(folder: Path) -> dict[Path, bytes]:
 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_examples_in_the_language_reference_are_right(language: str) -> None:
-    page = DOCS / "languages" / f"{language}.md"
+    page = DOCS / "reference" / "languages" / f"{language}.md"
     texts = {f"example{n}.{kind}": text for kind in LANGUAGES for n, text in enumerate(blocks(page, kind))}
     assert texts
     for name in texts:
@@ -267,14 +274,14 @@ def _read(path: Path, texts: dict[str, str]) -> bytes:
 
 
 def test_the_configuration_in_the_reference_fits_its_parameters() -> None:
-    page = DOCS / "languages" / "pdsl.md"
+    page = DOCS / "reference" / "languages" / "pdsl.md"
     (pdsl,), (toml,) = blocks(page, "pdsl"), blocks(page, "toml")
     spec = Workspace(read=lambda _: pdsl.encode()).parameters(Path("explorer.pdsl"))
     assert spec is not None
     assert check(spec, tomllib.loads(toml)["params"])[1] == []
 
 
-COMPONENTS = DOCS / "components.md"
+COMPONENTS = DOCS / "reference" / "components.md"
 
 
 def test_everything_that_a_worker_has_is_explained() -> None:
@@ -310,3 +317,9 @@ def test_links_between_pages_lead_somewhere() -> None:
         for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
             if "://" not in target:
                 assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def test_every_page_is_listed_under_its_kind() -> None:
+    listed = set(re.findall(r"\]\(([^)]+\.md)\)", (DOCS / "README.md").read_text(encoding="utf-8")))
+    kinds = ("tutorials", "guides", "reference", "explanation")
+    assert {str(page.relative_to(DOCS)) for kind in kinds for page in (DOCS / kind).rglob("*.md")} <= listed

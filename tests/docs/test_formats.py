@@ -9,7 +9,7 @@ import pytest
 from .pages import Command, steps
 from .test_docs import DOCS, do
 
-PAGE = DOCS / "formats.md"
+PAGE = DOCS / "guides" / "formats.md"
 
 
 def needs_a_tool(step: object) -> bool:

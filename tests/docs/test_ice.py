@@ -1,4 +1,4 @@
-"""The programs of docs/ice.md, run as that page says."""
+"""The programs of docs/guides/ice.md, run as that page says."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from robocomp_py.testing.patience import SOON
 
 from .pages import ROOT, Command, File, steps
 
-PAGE = ROOT / "docs" / "ice.md"
+PAGE = ROOT / "docs" / "guides" / "ice.md"
 
 
 @contextlib.contextmanager

@@ -1,4 +1,4 @@
-"""The programs of docs/native.md, run as that page says: none of them knows robocomp_py."""
+"""The programs of examples/native, run as docs/guides/native.md says: none of them knows robocomp_py."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import contextlib
 import json
 import os
 import re
+import shutil
 import signal
 import struct
 import subprocess
@@ -28,12 +29,14 @@ from robocomp_py.transports.directory import runtime_dir
 
 from .pages import ROOT, Command, File, blocks, steps
 
-PAGE = ROOT / "docs" / "native.md"
+PAGE = ROOT / "docs" / "guides" / "native.md"
+PROGRAMS = ROOT / "examples" / "native"
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """All files of the page."""
+    """The component of the page, and the programs."""
+    shutil.copytree(PROGRAMS, tmp_path, dirs_exist_ok=True)
     for step in steps(PAGE):
         if isinstance(step, File):
             path = tmp_path / step.path
@@ -100,8 +103,8 @@ def test_a_program_in_c_hears_and_asks(folder: Path) -> None:
     run_all(typed, folder)
 
 
-def test_no_program_of_the_page_imports_us() -> None:
-    programs = [step.text for step in steps(PAGE) if isinstance(step, File) and step.path.startswith("listen_")]
+def test_no_program_imports_us() -> None:
+    programs = [path.read_text(encoding="utf-8") for path in PROGRAMS.glob("listen_*")]
     assert len(programs) == 4
     assert not [text for text in programs if "import robocomp" in text or "from robocomp" in text]
 

@@ -30,8 +30,8 @@ _NEITHER = ("log", "made", "usage")
 
 def every_slug() -> set[str]:
     """Those of the languages, of the generator, of the deployer, of the commands, and of configurations."""
-    parts = [PACKAGE / name for name in ("dsl", "codegen", "deploy", "cli", "lsp")]
-    checks = [PACKAGE / name for name in ("contract/parameters.py", "runtime/settings.py", "runtime/classic.py")]
+    parts = [PACKAGE / name for name in ("dsl", "codegen", "deploy", "cli", "lsp", "usercode", "classic")]
+    checks = [PACKAGE / name for name in ("contract/parameters.py", "runtime/settings.py")]
     checks.append(PACKAGE / "transports" / "iceoptions.py")
     return slugs_in([*checks, *(path for part in parts for path in part.rglob("*.py"))])
 

@@ -99,6 +99,27 @@ def test_a_misspelt_import_gets_a_proposal(component: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("imported", "proposed"),
+    [
+        ("../amr/Arm.idsl", "../arm/Arm.idsl"),
+        ("../arm/Amr.idsl", "../arm/Arm.idsl"),
+        ("../../componets/arm/Arm.idsl", ""),
+        ("../leg/Arm.idsl", ""),
+        ("../amr/Leg.idsl", ""),
+    ],
+)
+def test_an_import_from_a_misspelt_folder_gets_the_file_in_the_one_beside_it_proposed(
+    component: Path, imported: str, proposed: str
+) -> None:
+    define(component.parent.parent / "arm")
+    importing(component, imported)
+    workspace = Workspace()
+    workspace.component(component)
+    hint = "add its folder by -I or ROBOCOMP_INTERFACES"
+    assert workspace.report.errors[0].hint == (f"did you mean `{proposed}`? else {hint}" if proposed else hint)
+
+
+@pytest.mark.parametrize(
     ("imported", "there"),
     [
         ("Webots2Robocomp", "Gazebo2Robocomp"),
@@ -350,3 +371,14 @@ def test_an_import_of_which_nothing_can_be_made_is_the_only_mistake(tmp_path: Pa
     workspace = Workspace()
     assert workspace.interfaces(path) is None
     assert {each.span.source.path.name for each in workspace.report.errors} == {"Base.idsl"}
+
+
+def test_an_interface_that_its_own_file_does_not_have_is_not_to_be_imported_again(component: Path) -> None:
+    (component.parent / "Arm.idsl").write_text("module RoboCompArm { interface Gripper { void stop(); }; };")
+    workspace = Workspace()
+    assert workspace.component(component) is None
+    [told] = workspace.report.diagnostics
+    assert (told.code, told.hint) == (
+        "unknown-interface",
+        "`Arm.idsl` is imported, but has no interface of this name",
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robocomp_py.dsl.workspace import ENDINGS, SHIPPED, Workspace, read_file
@@ -89,7 +89,7 @@ MODELS = {
     ],
 }
 
-slow = settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+slow = settings(max_examples=100)
 
 
 def lint(ending: str, text: str) -> None:

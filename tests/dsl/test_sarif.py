@@ -84,8 +84,8 @@ def test_each_code_is_a_rule_once_with_its_page() -> None:
     assert explanation("duplicate").startswith("# duplicate\n")
     assert rules[0]["defaultConfiguration"] == {"level": "error"}
     short, full = (rules[0][each]["text"] for each in ("shortDescription", "fullDescription"))
-    assert short == "A name stands for two things, or something that can be said once is said twice."
-    assert full.startswith(f"{short} The other place is shown, too.")
+    assert short == "A name is defined twice, or a clause that may appear once is repeated."
+    assert full.startswith(f"{short} The message shows the other place.")
 
 
 def test_nothing_wrong_is_a_log_without_results() -> None:

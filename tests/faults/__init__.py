@@ -6,7 +6,7 @@
     actors       the processes to which it is done
     laboratory   starts them, on this host or on several that are network namespaces, and does it to them
     rows         one fault each: what is done, what is measured, what must hold
-    report       the table, and docs/reliability.md
+    report       the table, and docs/explanation/fault-matrix.md
 
 `python -m tests.faults --help`, or `make faults`.
 """

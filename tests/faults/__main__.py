@@ -10,11 +10,22 @@ import time
 import traceback
 from collections.abc import Iterable, Sequence
 
-from . import calls, network, networks, report, surroundings, topics
+from . import attacks, calls, memory, network, networks, report, scarcity, starts, surroundings, topics
 from . import frames as about_frames
 from .rows import Row, Run
 
-ROWS: list[Row] = [*calls.ROWS, *topics.ROWS, *about_frames.ROWS, *surroundings.ROWS, *network.ROWS, *networks.ROWS]
+ROWS: list[Row] = [
+    *calls.ROWS,
+    *topics.ROWS,
+    *starts.ROWS,
+    *about_frames.ROWS,
+    *memory.ROWS,
+    *surroundings.ROWS,
+    *scarcity.ROWS,
+    *network.ROWS,
+    *networks.ROWS,
+    *attacks.ROWS,
+]
 
 _REDUCED = 0.11
 """How long a few rounds take, of the whole row."""
@@ -77,7 +88,7 @@ def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=random.SystemRandom().randrange(10**6), help="repeat a run")
     parser.add_argument("--reduced", action="store_true", help="a few rounds of each; no times are judged")
     parser.add_argument("--frames", type=int, default=0, metavar="N", help="so many malformed frames")
-    parser.add_argument("--write", action="store_true", help="write what is found to docs/reliability.md")
+    parser.add_argument("--write", action="store_true", help="write what is found to docs/explanation/fault-matrix.md")
     return parser.parse_args(arguments)
 
 

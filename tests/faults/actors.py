@@ -13,6 +13,8 @@ import itertools
 import json
 import logging
 import os
+import random
+import resource
 import signal
 import socket
 import sys
@@ -28,7 +30,7 @@ from typing import Any
 from robocomp_py.contract.qos import QoS, Reliability
 from robocomp_py.errors import DecodeError, RobocompError, TransportError
 from robocomp_py.runtime.retries import Retrying
-from robocomp_py.testing.parts import blob, command, query, topic, unblob
+from robocomp_py.testing.parts import BLOB, blob, command, query, topic, unblob
 from robocomp_py.transports.base import (
     Caller,
     Channel,
@@ -41,9 +43,12 @@ from robocomp_py.transports.base import (
     find_transport,
 )
 from robocomp_py.wire.codec import MAX_BYTES, Payload
+from robocomp_py.wire.header import pack_request
 
+from ..strangers import attack
 from .fuzzers import fuzz
 from .history import Asked, Counted, Ended, Executed, Heard, Journal, Published
+from .members import Herald, Living
 
 _END = b"|"
 """Of what a message says; what follows makes it as large as it is to be."""
@@ -61,8 +66,12 @@ class Actor:
         self._stop: dict[str, threading.Event] = {}
         self._said: dict[str, Any] = {}
         self._published = 0
+        self._hoard: list[int] = []
+        self._living: dict[str, Living] = {}
         self._well: Counter[str] = Counter()
         self._numbers = itertools.count(1)
+        self._now = self._most = 0
+        """Bytes that are held, and the most of them since somebody asked."""
 
     # Servers.
 
@@ -204,6 +213,139 @@ class Actor:
         other = replace(topic(channel), type=TypeRef("Conformance::Blob", 2, _OTHER))
         self._links[channel] = self.transport.inlet(other, lambda _: self.journal.note(Heard(self.name, "?", 1)))
 
+    # Memory.
+
+    def keep(self, channel: str, places: int, seed: int) -> None:
+        """Answer, obey and listen, and keep some of what comes; each new message takes a place, or none, at random.
+
+        An answer has as many octets as its request says, and begins with how many messages were taken before.
+        """
+        chance, decode, taken = random.Random(seed), self.transport.codec.decoder(BLOB), itertools.count(1)
+        lock = threading.Lock()
+        self._kept = kept = dict[int, Any]()
+
+        def take(payload: Payload) -> tuple[int, int]:
+            (array,) = decode(payload)
+            with lock:
+                place = chance.randrange(2 * places)
+                if place < places:
+                    kept[place] = array
+                self._hold(sum(each.nbytes for each in list(kept.values())))
+                return next(taken), int(array.tobytes().partition(_END)[0] or 0)
+
+        def service(payload: Payload, expires: float) -> Reply:
+            number, size = take(payload)
+            return Reply(Status.OK, _message(self.transport, str(number), size))
+
+        self._links[f"{channel}q"] = self.transport.server(query(f"{channel}q"), service)
+        self._links[f"{channel}c"] = self.transport.inlet(command(f"{channel}c"), take)
+        self._links[f"{channel}t"] = self.transport.inlet(topic(f"{channel}t", _qos(reliable=True)), take)
+
+    def keep_nothing(self) -> None:
+        self._kept.clear()
+
+    def mix(self, channel: str, seconds: float, most: int, seed: int) -> None:
+        """Ask, command and publish messages of random sizes to one that keeps some, and wait until they were taken."""
+        chance = random.Random(seed)
+        asked = self.transport.caller(query(f"{channel}q"))
+        told = self.transport.outlet(command(f"{channel}c"))
+        said = self.transport.outlet(topic(f"{channel}t", _qos(reliable=True)))
+        self._links.update({f"{channel}q": asked, f"{channel}c": told, f"{channel}t": said})
+        if not all(link.wait_peer(20.0) for link in (asked, told, said)):
+            raise RobocompError(f"{self.name}: nobody keeps what comes")
+
+        def ask(size: int, answer: int) -> int:
+            self._hold(size + answer, more=True)
+            reply = asked.ask(_message(self.transport, str(answer), size), 20.0)
+            return int(_said(self.transport, reply.payload))
+
+        def work(stop: threading.Event) -> dict[str, int]:
+            end = time.monotonic() + seconds
+            sent = failed = 0
+            while time.monotonic() < end and not stop.is_set():
+                self._hold(0)
+                try:
+                    for _ in range(chance.randrange(4)):
+                        size = int(most * chance.random() ** 4)
+                        self._hold(size, more=True)
+                        chance.choice((told, said)).send(_message(self.transport, "0", size), 20.0)
+                        sent += 1
+                    size, answer = (int(most * chance.random() ** 4) for _ in range(2))
+                    sent += 1
+                    while ask(size, answer) < sent:
+                        size = answer = 0
+                        sent += 1
+                except TransportError as exc:
+                    logging.getLogger("actor").error("%s: %s", self.name, exc)
+                    failed += 1
+            self._hold(0)
+            return {"sent": sent, "failed": failed}
+
+        self._begin(channel, work)
+
+    def _hold(self, size: int, *, more: bool = False) -> None:
+        self._now = self._now + size if more else size
+        self._most = max(self._most, self._now)
+
+    def held(self) -> int:
+        """The most bytes that were kept here, or sent and not known to be taken, since this was asked before."""
+        most, self._most = self._most, self._now
+        return most
+
+    # Components.
+
+    def live(
+        self,
+        kind: str,
+        name: str,
+        source: str = "",
+        patient: bool = True,
+        options: Mapping[str, Any] | None = None,
+        qos: str = "",
+    ) -> None:
+        """Run a component of that kind, whose server is `source`; if `patient`, wait until it is ready."""
+        self._living[name] = Living(kind, name, source, self.middleware, self.journal, options or {}, qos)
+        if patient:
+            self._living[name].wait_until_ready()
+
+    def leave(self, name: str) -> None:
+        """Have a component of ours end, and wait for it."""
+        self._living.pop(name).close()
+
+    def is_up(self, name: str) -> bool:
+        return self._living[name].is_up
+
+    def demand(self, name: str, number: int) -> None:
+        """Have a reader of ours command and ask its herald to publish this number."""
+        self._living[name].worker.number = number
+
+    def proclaim(self, name: str, number: int) -> None:
+        """Have a herald of ours publish this number."""
+        self._living[name].worker.publish(number, "ready")
+
+    def news(self, name: str) -> list[tuple[int, str]]:
+        """What a herald of ours has published, or a reader of ours heard."""
+        worker = self._living[name].worker
+        return list(worker.published if isinstance(worker, Herald) else worker.heard)
+
+    def begin(self) -> None:
+        """Have our clients ask."""
+        for each in self._living.values():
+            each.worker.asks.set()
+
+    def cease(self) -> None:
+        """Have our clients ask no more, and wait for their answers."""
+        for each in self._living.values():
+            each.worker.asks.clear()
+
+    def outcomes(self) -> dict[str, dict[str, int]]:
+        """Of each client of ours, how many calls ended how."""
+        return {name: dict(each.worker.outcomes) for name, each in self._living.items()}
+
+    def heard(self, name: str) -> int:
+        """How many messages a relay has heard."""
+        return int(self._living[name].worker.heard)
+
     # Others.
 
     def fuzz(self, channel: str, commands: str, seed: int, count: int) -> None:
@@ -217,6 +359,22 @@ class Actor:
             return time.monotonic() - begun
 
         self._begin("fuzz", work)
+
+    def limit_files(self, count: int) -> None:
+        """Have this process run out of descriptors early."""
+        resource.setrlimit(resource.RLIMIT_NOFILE, (count, count))
+
+    def attack(self, what: str, channel: str, seconds: float) -> None:
+        """Take more than our share of whoever serves or publishes a channel, as `strangers.attack` does."""
+        role = "publishes" if what == "subscriptions" else "serves"
+        end = time.monotonic() + _STUCK
+        while not (found := self.transport.directory.find(role, channel)):  # type: ignore[attr-defined]  # zeromq's
+            if time.monotonic() > end:
+                raise TransportError(f"{channel}: nobody {role} it")
+            time.sleep(0.05)
+        port = int(found[0][1].address.rpartition(":")[2].partition("#")[0])
+        header = pack_request(0, query(channel).type.fingerprint, 7, 1, 5.0)
+        self._begin("attack", lambda _: attack(what, port, seconds, channel.encode() + b"\0" + header))
 
     def ask_too_much(self, channel: str) -> str:
         """What comes of a call whose payload is larger than any may be."""
@@ -247,6 +405,22 @@ class Actor:
             self.journal.note(Counted(self.name, stats.lost + stats.dropped + stats.expired + stats.malformed))
         return asdict(stats)
 
+    def hoard(self) -> int:
+        """Open files until there is no descriptor left; how many."""
+        _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (max(map(int, os.listdir("/proc/self/fd"))) + 20, most))
+        with contextlib.suppress(OSError):
+            while True:
+                self._hoard.append(os.open(os.devnull, os.O_RDONLY))
+        return len(self._hoard)
+
+    def release(self) -> None:
+        """Close what was hoarded."""
+        _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+        while self._hoard:
+            os.close(self._hoard.pop())
+        resource.setrlimit(resource.RLIMIT_NOFILE, (min(most, 4096), most))
+
     def clock(self) -> float:
         return time.time()
 
@@ -256,6 +430,7 @@ class Actor:
             "threads": int(status["Threads"]),
             "files": len(os.listdir("/proc/self/fd")) - 1,
             "memory": int(status["VmRSS"].split()[0]) * 1024,
+            "peak": int(status["VmHWM"].split()[0]) * 1024,
         }
 
     def stop(self, channel: str) -> Any:
@@ -278,6 +453,8 @@ class Actor:
     def close(self) -> None:
         for stop in self._stop.values():
             stop.set()
+        for each in self._living.values():
+            each.close()
         self.transport.close()
 
     def _begin(self, channel: str, work: Callable[[threading.Event], Any]) -> None:

@@ -23,7 +23,7 @@ from .rows import Figure, Result, Row, Run
 _NETWORKED = ("zeromq", "zenoh", "dds")
 _CALLS, _COMMANDS, _TOPIC = "faults/Conformance/op", "faults/Conformance/command", "faults/Conformance/topic"
 
-_OWN_CLOCK = ("unshare", "-m", "sh", "-c", 'mount --bind "$0" /proc/sys/kernel/random/boot_id && exec "$@"')
+OWN_CLOCK = ("unshare", "-m", "sh", "-c", 'mount --bind "$0" /proc/sys/kernel/random/boot_id && exec "$@"')
 """Namespaces of one machine have one clock, and are told so by this file; hosts are not."""
 
 _DEADLINE = 1.0
@@ -93,7 +93,7 @@ def _two_hosts(run: Run) -> Iterator[_Two]:
         boot = laboratory.folder / "boot_id"
         boot.write_text("00000000-0000-0000-0000-000000000000\n")
         client = laboratory.start(
-            "client", prefix=(*there.command(), *_OWN_CLOCK, str(boot)), options=options[1], run="run-there"
+            "client", prefix=(*there.command(), *OWN_CLOCK, str(boot)), options=options[1], run="run-there"
         )
         yield _Two(laboratory, there, server, client)
 

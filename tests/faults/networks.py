@@ -10,11 +10,14 @@ import random
 import re
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
-from collections import Counter
+from collections import Counter, deque
+from collections.abc import Iterator
 from pathlib import Path
 
 from .checker import Violation
@@ -71,6 +74,9 @@ _ODD = (
 """
 )
 """Fails, or has a child in a session of its own."""
+
+_KNOCKS = 200
+"""Connections to the control socket that a program keeps: more than it takes."""
 
 _GONE = 5.0
 """Seconds after which nothing of a network may be left."""
@@ -308,6 +314,70 @@ def _stormy(run: Run) -> Result:
     )
 
 
+def _controlled(run: Run) -> Result:
+    """Another program of this user keeps connecting to the control socket; `status` and `down` work all the same."""
+    looks = run.rounds(20, 4)
+    took, violations = [], []
+    with _Network(4, run.transport) as network:
+        deployer = network.start("")
+        until(network.ready, 60.0, "the network is ready")
+        with _knocking(network.run_folder):
+            for number in range(looks):
+                begun = time.monotonic()
+                done = _told(network, "status", str(network.model))
+                took.append(time.monotonic() - begun)
+                if done.returncode or "4 ready" not in done.stdout:
+                    violations.append(Violation("control", f"status {number}: {done.returncode} {done.stderr[-200:]}"))
+            done = _told(network, "down", str(network.model))
+            if done.returncode:
+                violations.append(Violation("control", f"down: {done.returncode} {done.stderr[-200:]}"))
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                deployer.wait(30.0)
+        violations += [Violation("nobody left", f"{pid} {what}") for pid, what in network.processes().items()]
+    return Result([Figure("`status`", looks), Figure("slowest", max(took), "s")], violations)
+
+
+def _told(network: _Network, *words: str) -> subprocess.CompletedProcess[str]:
+    """What rcdeploy answers."""
+    return subprocess.run(
+        [_tool("rcdeploy"), *words],
+        cwd=network.folder,
+        env=network.environment,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+    )
+
+
+@contextlib.contextmanager
+def _knocking(folder: Path) -> Iterator[None]:
+    """While two loops connect to the control socket as fast as they can, and keep more connections than there are."""
+    (control,) = folder.glob("**/control*")
+    ending = threading.Event()
+
+    def connect() -> None:
+        kept = deque[socket.socket]()
+        while not ending.is_set():
+            with contextlib.suppress(OSError):
+                kept.append(socket.socket(socket.AF_UNIX))
+                kept[-1].settimeout(1.0)
+                kept[-1].connect(str(control))
+            if len(kept) > _KNOCKS:
+                kept.popleft().close()
+        for each in kept:
+            each.close()
+
+    loops = [threading.Thread(target=connect) for _ in range(2)]
+    for each in loops:
+        each.start()
+    try:
+        yield
+    finally:
+        ending.set()
+        for each in loops:
+            each.join()
+
+
 _DEEDS = ("Ctrl-C", "Ctrl-C twice", "SIGTERM", "SIGHUP", "kill -9")
 
 
@@ -450,6 +520,14 @@ ROWS = [
         14,
         _leapt,
         root=True,
+    ),
+    Row(
+        "control",
+        "a program that keeps connecting to the control socket of a network",
+        "`rcdeploy status` and `down` work; neither says that the network has ended",
+        ("zeromq",),
+        60,
+        _controlled,
     ),
     Row(
         "end",

@@ -1,4 +1,4 @@
-"""The table of what was found, and docs/reliability.md."""
+"""The table of what was found, and docs/explanation/fault-matrix.md."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from .rows import Result, Row
 
-PAGE = Path(__file__).parents[2] / "docs" / "reliability.md"
+PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "fault-matrix.md"
 
 _BEGIN, _END = "<!-- written by `make faults` -->", "<!-- end of what `make faults` writes -->"
 

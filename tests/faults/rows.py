@@ -1,4 +1,5 @@
-"""The rows of the matrix, and what one run of a row is: see `calls`, `topics`, `frames`, `surroundings`, `network`."""
+"""The rows of the matrix, and what one run of a row is: see `calls`, `topics`, `frames`, `memory`, `surroundings`,
+`network`."""
 
 from __future__ import annotations
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 from xml.etree import ElementTree
 
-from hypothesis import HealthCheck, given, settings
+import pytest
+from hypothesis import given, settings
 
 from robocomp_py.contract.statemachine import State, StateMachine, Transition
 from robocomp_py.graph.layers import Arrow, Box, layered
 from robocomp_py.graph.statemachine import draw
+from tests.hostile import NASTY
 
 from ..runtime.test_statechart import PATROL, machines
 
@@ -52,6 +54,20 @@ def test_every_state_is_a_box_with_its_name() -> None:
     assert list(Picture(PATROL).boxes) == [state.name for state in PATROL.every_state()]
 
 
+@pytest.mark.parametrize("text", NASTY)
+def test_a_text_is_a_text(text: str) -> None:
+    inner, other = State(f"inner{text}"), State(f"other{text}")
+    outer = State(f"outer{text}", (inner,), inner.name)
+    machine = StateMachine(text, (outer, other), outer.name, (Transition(outer.name, other.name, (text,)),))
+    plain = StateMachine("x", (State("outer", (State("inner"),), "inner"), State("other")), "outer",
+                         (Transition("outer", "other", ("go",)),))  # fmt: skip
+    assert tags(machine) == tags(plain)
+
+
+def tags(machine: StateMachine) -> set[tuple[str, tuple[str, ...]]]:
+    return {(each.tag, tuple(each.attrib)) for each in ElementTree.fromstring(draw(machine)).iter()}
+
+
 def test_arrows_tell_what_has_them_taken_and_what_fires_them() -> None:
     found = Picture(PATROL)
     assert {"go", "stop, turn, error.*", "t_driving_to_arrived"} <= set(found.texts)
@@ -78,6 +94,15 @@ def test_an_end_state_has_two_borders() -> None:
     assert inside(ends[-1], found.boxes["off"])
 
 
+def test_end_states_of_one_name_are_two_boxes_with_that_name() -> None:
+    def part(name: str) -> State:
+        return State(name, (State(f"{name}_begin"), State(f"{name}.done", final=True)), f"{name}_begin")
+
+    picture = draw(StateMachine("m", (part("one"), part("two")), "one", (Transition("one_begin", "one.done"),)))
+    assert picture.count(">done</text>") == 2
+    assert "t_one_begin_to_done" in picture
+
+
 def test_transitions_between_the_same_states_are_one_arrow() -> None:
     twice = (Transition("a", "b", ("go",)), Transition("a", "b", ("run",)))
     found = Picture(StateMachine("m", (State("a"), State("b")), "a", twice))
@@ -95,7 +120,7 @@ def test_the_same_machine_gives_the_same_picture() -> None:
     assert draw(PATROL) == draw(PATROL)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=60)
 @given(machines())
 def test_whatever_the_machine_states_are_inside_of_what_they_are_in_and_apart_from_others(
     machine: StateMachine,

@@ -159,6 +159,8 @@ NETWORK = (
         ("Component right : | {};", {"arm", "chess"}, {"left"}),
         ("Component chess { requires |; };", {"Arm"}, {"Joint", "left"}),
         ("Component chess { requires Arm from |; };", {"left"}, {"arm"}),
+        ("Component chess { requires Arm from left |; };", {"middleware"}, {"left"}),
+        ("Component chess { requires Arm from left middleware |; };", {"dds"}, {"left"}),
         ("Component left { requires |; };", set(), {"Arm"}),
         ("Component chess { process |; }; Component b { process vision; };", {"vision"}, {"chess"}),
         ("middleware |;", {"zeromq", "ice"}, {"left"}),

@@ -183,3 +183,32 @@ def test_a_pipe_that_is_imported_is_not_waited_for(editor: Editor) -> None:
     os.mkfifo(editor.folder / "Pipe.idsl")
     found = editor.open("M.idsl", 'import "Pipe.idsl";\nmodule M {};\n')
     assert [each.code for each in found] == ["missing-import"]
+
+
+def test_a_handler_that_is_missing_is_told_at_the_clause_that_asks_for_it(editor: Editor) -> None:
+    worker = editor.folder / "arm" / "specificworker.py"
+    states = "".join(f"    def sm_{name}(self): pass\n" for name in ("resting", "moving", "parked"))
+    head = f"from .generic.genericworker import GenericWorker\nclass SpecificWorker(GenericWorker):\n{states}"
+    worker.write_text(f"{head}    def Arm_getJoints(self): return []\n    def Arm_move(self, goal, speed): pass\n")
+    found = {str(each.code): each for each in editor.open("arm/arm.cdsl")}
+    assert found.keys() == {"missing-handler", "uncalled-handler"}
+    missing = found["missing-handler"]
+    assert editor.text_in("arm/arm.cdsl", missing.range) == "Arm"
+    assert missing.message.startswith("`SpecificWorker` lacks `Arm_moveTo`, which `implements Arm` asks for")
+    places = [each.location.uri for each in missing.related_information or ()]
+    assert set(places) == {editor.uri("arm/specificworker.py")}
+    worker.write_text(f"{head}    def Arm_getJoints(self): return []\n    def Arm_moveTo(self, goal, speed): pass\n")
+    changed = lsp.FileEvent(editor.uri("arm/specificworker.py"), lsp.FileChangeType.Changed)
+    editor.client.workspace_did_change_watched_files(lsp.DidChangeWatchedFilesParams([changed]))
+    editor.until(lambda: editor.codes("arm/arm.cdsl") == [])
+
+
+def test_a_configuration_is_checked_against_the_component_around_it(editor: Editor) -> None:
+    assert editor.open("arm/etc/config.toml", "[component]\nperiod = 0.1\n") == []
+    editor.change("arm/etc/config.toml", "[component]\nperid = 0.1\n")
+    editor.until(lambda: editor.codes("arm/etc/config.toml") == ["config-unknown-key"])
+
+
+@pytest.mark.parametrize("name", ["pyproject.toml", "arm/specificworker.py", "README.md", "config"])
+def test_nothing_is_said_about_files_that_are_none_of_ours(editor: Editor, name: str) -> None:
+    assert editor.open(name, "= not ours\n") == []

@@ -33,6 +33,7 @@ FIXABLE = {
     "repeated-transition",
     "shadowed-name",
     "stray-directive",
+    "stray-endif",
     "stray-semicolon",
     "syntax",
     "trailing-text",
@@ -58,6 +59,7 @@ NOT_FIXABLE = {
     "duplicate-enumerator",
     "duplicate-value",
     "host-clash",
+    "keyword-name",
     "overload",
     "port-clash",
     "reserved-name",
@@ -148,6 +150,12 @@ NOT_FIXABLE = {
     "too-large",
     "unknown-language",
     "unreadable",
+    # What is to be changed is Python code, which is not edited from here.
+    "missing-handler",
+    "missing-module",
+    "python-syntax",
+    "uncalled-handler",
+    "wrong-handler",
 }
 
 

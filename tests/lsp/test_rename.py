@@ -37,6 +37,17 @@ def asked(editor: Editor, name: str, marked: str, new: str) -> lsp.WorkspaceEdit
     return edit
 
 
+def test_end_states_of_one_name_share_a_method_so_they_are_renamed_together(editor: Editor) -> None:
+    text = (
+        "arm\n{\n    initial_state one;\n    states two;\n    transitions { one => two; };\n};\n"
+        ":one { initial_state a; end_state done; transitions { a => done; }; };\n"
+        ":two { initial_state b; end_state done; transitions { b => done; }; };\n"
+    )
+    editor.open("arm/arm.smdsl", text)
+    changed = renamed(editor, "arm/arm.smdsl", "end_state do|ne; transitions { a", "over")["arm/arm.smdsl"]
+    assert changed == text.replace("done", "over")
+
+
 def told(editor: Editor) -> list[str]:
     editor.until(lambda: bool(editor.messages))
     return editor.messages[-1].replace(f"{editor.folder}/", "").splitlines()[1:]

@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 
 from robocomp_py.cli.rcgen import main as rcgen
+from robocomp_py.runtime.ending import grace_of
 
 
 @pytest.fixture(scope="module")
@@ -118,6 +119,7 @@ def test_readiness_is_told_to_whoever_launched_it(hello: Path, tmp_path: Path) -
         channel.bind(str(tmp_path / "n"))
         channel.settimeout(30)
         with started("robocomp_py.cli.rc", "run", str(hello), NOTIFY_SOCKET=str(tmp_path / "n")) as process:
+            assert channel.recv(100).startswith(b"X_ROBOCOMP_CONTRACT=")
             assert channel.recv(100) == b"READY=1"
             process.send_signal(signal.SIGTERM)
             assert channel.recv(100) == b"STOPPING=1"
@@ -170,27 +172,17 @@ def test_the_configuration_that_holds_is_printed_and_nothing_is_run(hello: Path,
     assert "did you mean `greeting`" in wrong.stderr
 
 
-def test_a_configuration_written_for_robocomp_is_read_and_said_to_be_one(hello: Path, tmp_path: Path) -> None:
-    told: list[str] = []
-    classic = tmp_path / "config"
-    classic.write_text("Ice.Warn.Connections = 0\ngreeting = Hi # there\nno key\nPeriod.Compute = 5\n")
-    with started("robocomp_py.cli.rc", "run", str(hello), "--config", str(classic), before=told) as process:
-        process.send_signal(signal.SIGINT)
-    assert any("config:3: no `key = value`" in line for line in told)
-    assert any("written for RoboComp; without effect here: Ice.Warn.Connections" in line for line in told)
-
-
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
         (
             ["--middleware", "carrier-pigeon"],
-            1,
+            2,
             "unknown middleware `carrier-pigeon`; known: ",
         ),
         (["--config", "nowhere.toml"], 1, "nowhere.toml: cannot be read: No such file or directory"),
         (["--name", "two words"], 1, "'two words' is no name for an instance"),
-        (["--unknown"], 2, "unrecognized arguments: --unknown"),
+        (["--unknown"], 2, "no option --unknown; see: hello --help"),
         (["--set", "transports.zeromq.prot=1"], 1, "unknown transport option 'prot'; known: bind"),
     ],
 )
@@ -285,13 +277,37 @@ def test_a_stuck_component_says_how_to_end_it(hello: Path) -> None:
     before = worker.read_text()
     worker.write_text(before.replace("    def compute(self) -> None:", STUCK, 1))
     try:
-        with started("robocomp_py.cli.rc", "run", str(hello)) as process:
+        with started("robocomp_py.cli.rc", "run", str(hello), "--grace", "999") as process:
             assert process.stderr is not None
             assert any("stuck" in line for line in process.stderr)
             process.send_signal(signal.SIGINT)
             told = next(line for line in process.stderr if "asked to stop" in line)
-            assert "still busy with SpecificWorker.compute; Ctrl-C again ends it now" in told
+            assert "still busy with SpecificWorker.compute; Ctrl-C again ends it now; it is ended in 997 s" in told
             process.send_signal(signal.SIGINT)
             process.stderr.read()
     finally:
         worker.write_text(before)
+
+
+@pytest.mark.parametrize("loop", ["while True:\n            pass", 're.match("(a+)+$", "a" * 64 + "b")'])
+def test_a_stuck_component_is_ended_and_says_where_it_was(hello: Path, loop: str) -> None:
+    worker = hello / "specificworker.py"
+    before = worker.read_text()
+    stuck = STUCK.replace("while True:\n            pass", f"import re; {loop}" if "re." in loop else loop)
+    worker.write_text(before.replace("    def compute(self) -> None:", stuck, 1))
+    try:
+        with started("robocomp_py.cli.rc", "run", str(hello), "--grace", "0.1") as process:
+            assert process.stderr is not None
+            assert any("stuck" in line for line in process.stderr)
+            process.send_signal(signal.SIGTERM)
+            assert "in compute" in process.stderr.read()
+    finally:
+        worker.write_text(before)
+    assert process.returncode == 1
+
+
+def test_a_launcher_has_its_own_patience_with_what_it_started(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
+    assert (grace_of([None]), grace_of([None, 20.0])) == (5.0, 25.0)
+    monkeypatch.setenv("NOTIFY_SOCKET", "/run/launcher")
+    assert (grace_of([None]), grace_of([1.0])) == (None, 1.0)

@@ -6,12 +6,14 @@ import os
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 
 import pytest
 
 from robocomp_py.errors import Closed
 from robocomp_py.runtime.monitor import MAX_ASIDE, MAX_BESIDE, MAX_WAITING, Monitor
 from robocomp_py.testing.patience import SOON, wait_until
+from robocomp_py.threads import Pool, start_thread
 
 
 @pytest.fixture
@@ -273,3 +275,105 @@ def test_who_waits_when_it_closes_is_sent_away(opened: Monitor) -> None:
         opened.enter()
     with opened.held(early=True):  # for what has to be done at the end
         assert opened.mine
+
+
+def test_all_come_back_from_a_wait_though_more_wait_than_the_pool_has_threads(opened: Monitor) -> None:
+    release, out, back = threading.Event(), threading.Semaphore(0), threading.Semaphore(0)
+
+    def waits() -> None:
+        with opened.released():
+            out.release()
+            release.wait(SOON)
+        back.release()
+
+    threads = MAX_ASIDE + 8
+    for _ in range(2 * threads):
+        assert opened.submit(waits, limited=False)
+    for _ in range(threads):
+        assert out.acquire(timeout=SOON)
+    release.set()
+    for _ in range(2 * threads):
+        assert back.acquire(timeout=SOON)
+
+
+class _Scarce:
+    """Starts as many threads as there are to spare."""
+
+    def __init__(self, spare: int) -> None:
+        self.spare = spare
+
+    def __call__(self, thread: threading.Thread) -> bool:
+        if self.spare <= 0:
+            return False
+        self.spare -= 1
+        return start_thread(thread)
+
+
+@contextmanager
+def _monitor_with(scarce: _Scarce) -> Iterator[Monitor]:
+    monitor = Monitor("scarce", scarce)
+    monitor.open()
+    try:
+        yield monitor
+    finally:
+        monitor.close()
+
+
+def test_without_any_thread_jobs_are_turned_away_and_nothing_is_counted() -> None:
+    scarce, ran = _Scarce(0), threading.Semaphore(0)
+    with _monitor_with(scarce) as monitor:
+        for _ in range(MAX_BESIDE + 1):  # more often than may be counted
+            with monitor.held():
+                assert not monitor.submit(ran.release)
+                assert not monitor.submit_beside(ran.release)
+                with monitor.released():
+                    assert not monitor.mine
+        monitor.run(ran.release)
+        scarce.spare = 2
+        with monitor.held():
+            assert monitor.submit(ran.release)
+            assert monitor.submit_beside(ran.release)
+        for _ in range(3):
+            assert ran.acquire(timeout=SOON)
+
+
+def test_a_callback_is_run_by_the_calling_thread_if_there_is_no_other() -> None:
+    ran_on: list[str] = []
+    with _monitor_with(_Scarce(0)) as monitor:
+        monitor.enter()
+        calling = threading.Thread(
+            target=monitor.run, args=(lambda: ran_on.append(threading.current_thread().name),), name="calling"
+        )
+        calling.start()
+        wait_until(lambda: monitor._queue)
+        monitor.leave()
+        calling.join(SOON)
+    assert ran_on == ["calling"]
+
+
+def test_a_job_waits_for_the_only_thread_and_keeps_no_thread_out() -> None:
+    scarce, order, release, out = _Scarce(1), list[str](), threading.Event(), threading.Event()
+
+    def waits() -> None:
+        with monitor.released():
+            out.set()
+            release.wait(SOON)
+        order.append("came back")
+
+    with _monitor_with(scarce) as monitor:
+        assert monitor.submit(waits)
+        assert out.wait(SOON)
+        assert monitor.submit(lambda: order.append("job"))
+        with monitor.held():
+            order.append("thread")
+        release.set()
+        wait_until(lambda: len(order) == 3)
+    assert order == ["thread", "came back", "job"]
+
+
+def test_a_pool_takes_no_job_once_it_is_closed() -> None:
+    pool, ran = Pool("closing", 1), threading.Event()
+    assert pool.offer(ran.set)
+    assert ran.wait(SOON)
+    pool.close(wait=False)
+    assert not pool.offer(ran.clear, may_wait=True)

@@ -13,14 +13,15 @@ from typing import Any
 
 import pytest
 
+from robocomp_py import __version__
 from robocomp_py.contract.component import Component, Port
 from robocomp_py.contract.interface import Verb
-from robocomp_py.errors import Closed, ComponentError, ConfigurationError, Refused, RemoteFailure, Timeout, Unreachable
+from robocomp_py.errors import Closed, ComponentError, ConfigurationError, RemoteFailure, Timeout, Unreachable
 from robocomp_py.runtime import ports, settings
 from robocomp_py.runtime.commonbehavior import MOST_CHANGES
 from robocomp_py.runtime.lifecycle import State
 from robocomp_py.runtime.monitor import Monitor
-from robocomp_py.runtime.RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE
+from robocomp_py.runtime.RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE, Status
 from robocomp_py.runtime.RoboCompCommonBehavior import Parameter as Told_
 from robocomp_py.runtime.RoboCompCommonBehavior import State as Told
 from robocomp_py.runtime.run import Running
@@ -119,6 +120,43 @@ def test_overruns_are_counted(find: Any) -> None:
         wait_until(lambda: made.overruns > 5)
 
 
+def test_a_component_that_is_too_slow_for_its_period_says_so_once(find: Any, caplog: pytest.LogCaptureFixture) -> None:
+    class Slow(Diary):
+        def compute(self) -> None:
+            super().compute()
+            threading.Event().wait(0.025)
+
+    made = make(Slow, find)
+    with running(made):
+        wait_until(lambda: made.overruns > 50)
+    said = [line for line in caplog.messages if "periods were left out" in line]
+    assert len(said) == 1
+    assert re.match(r"\S+Slow.compute took 0.0\d+ s, longer than the period of 0.005 s: \d+ periods", said[0])
+
+
+def test_a_component_tells_its_state_counts_ports_and_peers(find: Any) -> None:
+    operations = {operation.name: operation for operation in COMMONBEHAVIOR_INTERFACE.operations}
+
+    def status(of: str) -> Status:
+        told: Status = ask(f"{of}/CommonBehavior", COMMONBEHAVIOR_INTERFACE, operations["getStatus"])
+        return told
+
+    server, client = make(Calculator, find), make(Pupil, find, "ports.everything.from=calculator")
+    with running(server) as calculator, running(client), asking(find) as ask:
+        port, other = status("pupil").ports[0], status("calculator").ports[0]
+        assert (port.name, port.verb, port.type, port.middleware) == ("Everything", "requires", "Everything", "inproc")
+        assert (port.peers, port.connected, other.verb, other.peers) == (["calculator"], True, "implements", [])
+        calculator.goToEmergency()
+        wait_until(lambda: server.state is State.EMERGENCY)
+        told = status("calculator")
+        assert (told.instance, told.component, told.state) == ("calculator", "calculator", "emergency")
+        assert (told.version, told.computes) == (__version__, server.computes)
+        assert re.fullmatch(rf"calculator emergency \d+ 0 0 {re.escape(__version__)}", server.life)
+        server.stop()
+        wait_until(lambda: server.is_over)
+        wait_until(lambda: not status("pupil").ports[0].connected)
+
+
 def test_an_exception_in_compute_ends_it_after_finish(find: Any, caplog: pytest.LogCaptureFixture) -> None:
     class Broken(Diary):
         def compute(self) -> None:
@@ -167,7 +205,7 @@ def test_it_waits_for_what_it_requires_and_says_so(find: Any, caplog: pytest.Log
         wait_until(lambda: "waiting for a component that implements Everything (any instance)" in caplog.text)
         assert pupil.entries == []
         with running(make(Calculator, find)):
-            wait_until(made.ready.is_set)
+            wait_until(lambda: "compute" in pupil.entries)  # ready does not mean that it has computed
     assert pupil.story == ["initialize", "compute", "finish"]
 
 
@@ -176,6 +214,19 @@ def test_its_patience_has_an_end(find: Any, caplog: pytest.LogCaptureFixture) ->
     assert not made.run()
     assert "nobody offers Everything (any instance) after 0.05 s" in caplog.text
     assert "set ports.everything.from" in caplog.text
+
+
+def test_an_operation_that_the_server_lacks_is_named(find: Any, caplog: pytest.LogCaptureFixture) -> None:
+    operations = tuple(each for each in e.EVERYTHING.operations if each.name != "divide")
+    older = Port(Verb.IMPLEMENTS, replace(e.EVERYTHING, operations=operations))
+
+    class Older(Calculator):
+        component = Component("older", (older,), period=0.005)
+
+    with running(make(Older, find)):
+        assert not make(Pupil, find, "component.patience=0.05").run()
+    assert "a component implements Everything without `divide`: it was generated from another def" in caplog.text
+    assert "nobody offers" not in caplog.text
 
 
 def test_stopped_while_it_waits_it_ends_without_finish(find: Any) -> None:
@@ -656,7 +707,7 @@ def test_who_stops_does_not_wait_for_those_who_wait(find: Any) -> None:
         assert slow.story[-1] == "finish"
         assert len([entry for entry in slow.entries if entry.startswith("work")]) == 1
         for waiting in asking[1:]:
-            with pytest.raises((Unreachable, Refused)):
+            with pytest.raises(Unreachable, match="its server left"):
                 waiting.result(SOON)
 
 
@@ -712,7 +763,7 @@ def test_who_waits_for_a_turn_that_does_not_come_is_told_before_the_component_fi
         assert begun.wait(SOON)
         wait_until(lambda: len(made.monitor._queue) > 1)  # with compute
         made.stop()
-        with pytest.raises(Refused):
+        with pytest.raises(Unreachable, match="its server left"):
             second.result(SOON)
         assert not first.done()
         release.set()
@@ -758,7 +809,7 @@ def test_an_instance_that_runs_already_is_named(find: Any, caplog: pytest.LogCap
     with running(make(Calculator, find, name="left")):
         second = make(Calculator, find, name="left")
         assert second.run() is False
-    assert "an instance `left` runs already; stop it, or choose another --name" in caplog.text
+    assert "an instance `left` runs already; stop it, or give this one another name" in caplog.text
 
 
 def test_a_filter_neither_asks_nor_hears_itself(find: Any) -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from robocomp_py.contract.component import Component, Port
 from robocomp_py.contract.interface import Verb
+from robocomp_py.contract.middleware import carrier, is_auto
 from robocomp_py.contract.parameters import Parameter, ParameterKind, ParameterList, ParameterSet
 from robocomp_py.contract.qos import Durability, QoS, Reliability
 from robocomp_py.errors import ConfigurationError
@@ -16,9 +17,7 @@ from robocomp_py.runtime.settings import (
     Document,
     Settings,
     Way,
-    carrier,
     check,
-    is_auto,
     middlewares,
     override,
     read,
@@ -219,7 +218,8 @@ def test_a_set_that_makes_no_sense_is_refused(tmp_path: Path, assignment: str, m
     [
         (b"a = 1\nb = = 2\n", r"config\.toml:2:5: invalid value"),
         (b"a = 'x", r"config\.toml:1"),
-        (b"a = 1\na = 2\n", r"config\.toml:2:6: cannot overwrite a value"),
+        (b"a = 1\na = 2\n", r"config\.toml:2:6: `a` has a value already"),
+        (b"[a]\nb.c = 1\n[a.b]\n", r"config\.toml:3:5: the table `a\.b` is there already"),
         (b"\xff\xfe", "is not UTF-8 text"),
     ],
 )
@@ -228,6 +228,28 @@ def test_a_file_that_is_no_toml_is_said_with_its_place(tmp_path: Path, content: 
     path.write_bytes(content)
     with pytest.raises(ConfigurationError, match=message):
         read(path)
+
+
+@pytest.mark.parametrize(
+    ("value", "hint"),
+    [
+        ("Hello you  # or me", '    text needs quotes: "Hello you"'),
+        ("/dev/ttyUSB0", '    text needs quotes: "/dev/ttyUSB0"'),
+        ("[slow, fast]", '    text needs quotes: "slow"'),
+        ("True", "    did you mean `true`?"),
+        ("= 2", ""),
+    ],
+)
+def test_a_text_without_quotes_is_shown_with_its_quotes(tmp_path: Path, value: str, hint: str) -> None:
+    path = tmp_path / "config.toml"
+    path.write_text(f"[params]\ngreeting = {value}\n")
+    with pytest.raises(ConfigurationError) as caught:
+        read(path)
+    place, line, caret, *told = str(caught.value).split("\n")
+    assert line == f"    greeting = {value}"
+    assert line[caret.index("^") :].startswith(value.lstrip("["))
+    assert place == f"{path}:2:{caret.index('^') - 3}: invalid value"
+    assert told == ([hint] if hint else [])
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:

@@ -311,6 +311,36 @@ def test_the_end_of_a_state_is_an_event_which_comes_before_all_that_was_fired() 
     assert seen == ["all", "one", "last", "next", "other"]
 
 
+def test_end_states_of_one_name_call_one_method_and_end_their_own_parent(caplog: pytest.LogCaptureFixture) -> None:
+    def part(name: str) -> State:
+        return State(name, (State(f"{name}_on"), State(f"{name}.done", final=True)), f"{name}_on")
+
+    ended = StateMachine(
+        "parts",
+        (part("one"), part("two"), State("done", final=True)),
+        "one",
+        (
+            Transition("one", "two", ("done.state.one",)),
+            Transition("two", "done", ("done.state.two",)),
+            Transition("one_on", "one.done"),
+            Transition("two_on", "two.done"),
+        ),
+    )
+    seen: list[tuple[str, ...]] = []
+    methods: dict[str, Any] = dict.fromkeys(ended.methods(), lambda self: None)
+    methods |= {
+        "sm_one_on": lambda self: self.t_one_on_to_done(),
+        "sm_two_on": lambda self: self.t_two_on_to_done(),
+        "sm_done": lambda self: seen.append(self.statemachine.active),
+    }
+    component = Component("parts", period=0.005, machine=ended)
+    parts = type("Parts", (Worker,), {"component": component, "middleware": "inproc", **methods})
+    with caplog.at_level(logging.INFO), ComponentTest(parts):
+        wait_until(lambda: len(seen) == 3)
+    assert seen == [("one", "one.done"), ("two", "two.done"), ("done",)]
+    assert "the state machine parts has ended (done)" in caplog.text
+
+
 def test_in_an_emergency_the_machine_rests_and_goes_on_after_it() -> None:
     with playing() as test:
         test.worker.goToEmergency()

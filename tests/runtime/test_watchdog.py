@@ -22,6 +22,7 @@ class Component:
         self.monitor = Monitor()
         self.monitor.open()
         self.is_up = True
+        self.life = ""
         self._looks = threading.Semaphore(0)
 
     @property
@@ -113,6 +114,18 @@ def test_how_busy_it_is_is_told_until_it_is_not(component: Component) -> None:
     first, second = (line.split("=")[-1].split() for line in told if "CALLS" in line)
     assert (float(first[0]) > 0, float(first[1])) == (True, 250.0)
     assert second == ["0", "0"]
+
+
+def test_how_it_is_is_told_when_that_changes(component: Component) -> None:
+    component.life = "laser compute 0 0 0 1.0"
+    with watched(component) as told:
+        wait_until(lambda: len(told) > 3)
+        component.life = "laser emergency 4 0 0 1.0"
+        wait_until(lambda: "emergency" in " ".join(told[1:]) and told[-1] == "WATCHDOG=1")
+    assert [line for each in told for line in each.split("\n") if "LIFE" in line] == [
+        "X_ROBOCOMP_LIFE=laser compute 0 0 0 1.0",
+        "X_ROBOCOMP_LIFE=laser emergency 4 0 0 1.0",
+    ]
 
 
 def test_nobody_who_did_not_ask_is_told(component: Component, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 import threading
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -12,12 +15,23 @@ import pytest
 from robocomp_py.contract.component import Component, Port
 from robocomp_py.contract.interface import Verb
 from robocomp_py.contract.parameters import Parameter, ParameterKind, ParameterList, ParameterSet
-from robocomp_py.errors import RemoteFailure
+from robocomp_py.errors import (
+    Busy,
+    Closed,
+    ConfigurationError,
+    ContractMismatch,
+    Refused,
+    RemoteFailure,
+    RobocompError,
+    Timeout,
+    TransportError,
+    Unreachable,
+)
 from robocomp_py.runtime.worker import Worker
 from robocomp_py.testing import components
 from robocomp_py.testing import everything as e
-from robocomp_py.testing.components import ComponentTest
-from robocomp_py.testing.patience import wait_until
+from robocomp_py.testing.components import ComponentTest, gone_after, in_turn, late, stand_ins
+from robocomp_py.testing.patience import SOON, wait_until
 
 from ..runtime.components import Calculator, EverythingProxy, EverythingPublisher, Tuned
 
@@ -161,3 +175,111 @@ def test_dynamic_parameters_can_be_changed_as_from_outside() -> None:
         assert told == ["['max_speed', 'verbose'] changed", "['verbose'] changed"]
         with pytest.raises(RemoteFailure, match="`device` is not dynamic"):
             component.change({"device": "y"})
+
+
+def test_a_program_that_never_enters_the_block_ends() -> None:
+    program = (
+        "from robocomp_py.testing.components import ComponentTest\n"
+        "from tests.runtime.components import Calculator\n"
+        "forgotten = ComponentTest(Calculator)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=SOON * 6)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+class Asking(Worker[None]):
+    """Writes down how its calls end."""
+
+    component = Component("asking", (Port(Verb.REQUIRES, e.EVERYTHING, proxy=EverythingProxy),), period=0.005)
+    middleware = "inproc"
+    everything_proxy: EverythingProxy
+
+    def __init__(self) -> None:
+        self.outcomes: list[str] = []
+
+    def compute(self) -> None:
+        self.note(lambda: self.everything_proxy.work("task", deadline=0.5))
+
+    def note(self, call: Callable[[], object]) -> None:
+        try:
+            self.outcomes.append(str(call()))
+        except RobocompError as exc:
+            self.outcomes.append(type(exc).__name__)
+
+
+OUTCOMES = [Unreachable("x"), Timeout("x"), Busy("x"), Refused("x"), ContractMismatch("x"), Closed("x")]
+
+
+@pytest.mark.parametrize("outcome", OUTCOMES, ids=lambda each: type(each).__name__)
+def test_a_fake_can_end_a_call_by_every_outcome_of_a_transport(outcome: TransportError) -> None:
+    def raising(task: str) -> str:
+        raise outcome
+
+    for fake in (outcome, raising):
+        with ComponentTest(Asking, everything={"work": in_turn(fake, "done")}) as component:
+            component.wait_for(lambda: "done" in component.worker.outcomes)
+            assert component.worker.outcomes[0] == type(outcome).__name__
+            assert component.received("everything.work")[0] == ("task",)
+        assert component.fine
+
+
+def test_other_exceptions_of_a_fake_reach_the_component_as_they_would_from_elsewhere() -> None:
+    with ComponentTest(Asking, everything={"work": in_turn(ValueError("x"), "done")}) as component:
+        component.wait_for(lambda: "done" in component.worker.outcomes)
+    assert component.worker.outcomes[0] == "RemoteFailure"
+
+
+def test_a_fake_can_answer_late_and_too_late() -> None:
+    fake = in_turn("prompt", "prompt", "prompt", "prompt", late(0.01, "later"), late(SOON, "never"), "done")
+    with ComponentTest(Asking, everything={"work": fake}) as component:
+        component.wait_for(lambda: "done" in component.worker.outcomes)
+    assert component.worker.outcomes[:6] == ["prompt"] * 4 + ["later", "Timeout"]
+
+
+def test_a_fake_can_be_gone_after_some_calls() -> None:
+    with ComponentTest(Asking, everything={"work": gone_after(3, str.upper)}) as component:
+        component.wait_for(lambda: len(component.worker.outcomes) > 4)
+    assert component.worker.outcomes[:5] == ["TASK", "TASK", "TASK", "Unreachable", "Unreachable"]
+
+
+def test_the_other_side_of_a_port_can_go_and_come_back() -> None:
+    with ComponentTest(Asking, everything={"work": "there"}) as component:
+        component.wait_for(lambda: component.worker.outcomes)
+        with component.without("everything"):
+            component.wait_for(lambda: component.worker.outcomes[-1] == "Unreachable")
+        component.wait_for(lambda: component.worker.outcomes[-1] == "there")
+    assert component.fine
+
+
+class Commanding(Asking):
+    def compute(self) -> None:
+        self.note(lambda: self.everything_proxy.poke(7))
+
+
+def test_so_can_a_command_fail_to_be_sent() -> None:
+    with ComponentTest(Commanding, everything={"poke": in_turn(None, Unreachable("x"), None)}) as component:
+        component.wait_for(lambda: len(component.worker.outcomes) > 3)
+    assert component.worker.outcomes[:4] == ["None", "Unreachable", "None", "None"]
+    assert component.received("everything.poke")[:2] == [(7,), (7,)]
+
+
+def test_asynchronous_calls_end_by_the_same_outcomes() -> None:
+    class Later(Asking):
+        def compute(self) -> None:
+            self.note(lambda: self.everything_proxy._ask_async(e.work, ("task",), 5.0).result())
+
+    with ComponentTest(Later, everything={"work": in_turn(Busy("x"), "done")}) as component:
+        component.wait_for(lambda: "done" in component.worker.outcomes)
+    assert component.worker.outcomes[0] == "Busy"
+
+
+def test_a_missing_parameter_is_told_together_with_what_a_test_has_to_give() -> None:
+    with pytest.raises(ConfigurationError) as told:
+        ComponentTest(Tuned)
+    assert "`device` is mandatory" in str(told.value)
+    assert "in a test: ComponentTest(SpecificWorker, {'params.device': ''}), or stand_ins(SpecificWorker)" in str(
+        told.value
+    )
+    with ComponentTest(Tuned, stand_ins(Tuned)) as component:
+        component.wait_for_computes(1)
+    assert component.fine

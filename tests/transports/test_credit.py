@@ -8,7 +8,8 @@ import time
 import pytest
 
 from robocomp_py.testing.patience import SOON
-from robocomp_py.transports.credit import BYTES_AHEAD, Credit
+from robocomp_py.transports.credit import Credit
+from robocomp_py.transports.limits import BYTES_AHEAD
 
 
 def still() -> None: ...

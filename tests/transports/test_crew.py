@@ -11,10 +11,12 @@ from math import inf
 
 import pytest
 
+from robocomp_py.errors import TransportError
 from robocomp_py.testing.patience import SOON, wait_until
+from robocomp_py.threads import start_thread
 from robocomp_py.transports import crew as crews
-from robocomp_py.transports.base import Reply, Statistics, Status, step_aside
-from robocomp_py.transports.crew import Crew, Gate, Lane, Servant
+from robocomp_py.transports.base import Reply, Statistics, Status, about_to_block
+from robocomp_py.transports.crew import Gate, Lane, LeaderFollowers, Servant
 
 Work = queue.Queue[Callable[[], object]]
 
@@ -23,7 +25,7 @@ Work = queue.Queue[Callable[[], object]]
 def work() -> Iterator[Work]:
     """Jobs put here are run by a crew."""
     jobs: Work = queue.Queue()
-    crew = Crew("test", lambda: (jobs.get(),), wake=lambda: jobs.put(lambda: None))
+    crew = LeaderFollowers("test", lambda: (jobs.get(),), wake=lambda: jobs.put(lambda: None))
     crew.start()
     yield jobs
     crew.close()
@@ -35,6 +37,47 @@ def test_one_thread_runs_all_jobs_that_are_quick(work: Work) -> None:
         work.put(lambda: threads.append(threading.current_thread().name))
     wait_until(lambda: len(threads) == 100)
     assert len(set(threads)) == 1
+
+
+def test_a_crew_without_a_thread_to_spare_goes_on_and_hires_one_later() -> None:
+    jobs: Work = queue.Queue()
+    spare, refused = threading.Semaphore(2), threading.Event()
+
+    def start(thread: threading.Thread) -> bool:
+        if not spare.acquire(blocking=False):
+            refused.set()
+            return False
+        return start_thread(thread)
+
+    crew = LeaderFollowers("test", lambda: (jobs.get(),), wake=lambda: jobs.put(lambda: None), start=start)
+    crew.start()
+    try:
+        ran, release = threading.Semaphore(0), threading.Event()
+        jobs.put(lambda: (about_to_block(), ran.release()))
+        jobs.put(ran.release)  # is received, though no other thread could be hired
+        assert ran.acquire(timeout=SOON)
+        assert ran.acquire(timeout=SOON)
+        assert refused.is_set()
+        jobs.put(lambda: (about_to_block(), release.wait(SOON)))
+        jobs.put(ran.release)
+        spare.release()
+        assert ran.acquire(timeout=SOON)  # while the other one waits: the lookout found a thread to hire
+        release.set()
+    finally:
+        crew.close()
+
+
+def test_a_crew_that_cannot_have_its_threads_says_so_and_leaves_none() -> None:
+    jobs: Work = queue.Queue()
+    spare = threading.Semaphore(1)
+
+    def start(thread: threading.Thread) -> bool:
+        return spare.acquire(blocking=False) and start_thread(thread)
+
+    crew = LeaderFollowers("few", lambda: (jobs.get(),), wake=lambda: jobs.put(lambda: None), start=start)
+    with pytest.raises(TransportError, match="few: no thread can be started; raise the limit of processes"):
+        crew.start()
+    assert not [each for each in threading.enumerate() if each.name.startswith("few-")]
 
 
 def test_jobs_begin_in_order_even_when_some_take_long(work: Work) -> None:
@@ -66,7 +109,7 @@ def test_who_steps_aside_is_replaced_at_once(work: Work) -> None:
     result: list[bool] = []
 
     def waits_for_the_next_job() -> None:
-        step_aside()
+        about_to_block()
         result.append(answered.wait(SOON))
 
     work.put(waits_for_the_next_job)
@@ -76,7 +119,7 @@ def test_who_steps_aside_is_replaced_at_once(work: Work) -> None:
 
 
 def test_stepping_aside_elsewhere_means_nothing() -> None:
-    step_aside()
+    about_to_block()
 
 
 def test_a_job_that_raises_is_logged_and_the_next_one_runs(work: Work, caplog: pytest.LogCaptureFixture) -> None:
@@ -89,7 +132,7 @@ def test_a_job_that_raises_is_logged_and_the_next_one_runs(work: Work, caplog: p
 
 def test_closing_waits_for_the_threads_and_may_be_done_by_a_job() -> None:
     jobs: Work = queue.Queue()
-    crew = Crew("test", lambda: (jobs.get(),), wake=lambda: jobs.put(lambda: None))
+    crew = LeaderFollowers("test", lambda: (jobs.get(),), wake=lambda: jobs.put(lambda: None))
     before = threading.active_count()
     crew.start()
     closed = threading.Event()
@@ -209,7 +252,7 @@ def test_a_crew_whose_receiving_fails_goes_on_and_says_so_once(caplog: pytest.Lo
             raise failures.pop()
         return (jobs.get(),)
 
-    crew = Crew("test", receive, wake=lambda: jobs.put(lambda: None))
+    crew = LeaderFollowers("test", receive, wake=lambda: jobs.put(lambda: None))
     crew.start()
     jobs.put(heard.set)
     assert heard.wait(SOON)
@@ -224,12 +267,12 @@ def test_nobody_else_receives_while_one_does_even_if_it_steps_aside() -> None:
 
     def receive() -> Iterable[Callable[[], object]]:
         most[0] += not inside.acquire(blocking=False)
-        step_aside()
+        about_to_block()
         job = jobs.get()
         inside.release()
         return (job,)
 
-    crew = Crew("test", receive, wake=lambda: jobs.put(lambda: None))
+    crew = LeaderFollowers("test", receive, wake=lambda: jobs.put(lambda: None))
     crew.start()
     release = threading.Event()
     for _ in range(3):
@@ -246,7 +289,7 @@ def test_closing_gives_up_on_a_job_that_is_stuck(
 ) -> None:
     monkeypatch.setattr(crews, "STUCK", 0.05)
     jobs: Work = queue.Queue()
-    crew = Crew("test", lambda: (jobs.get(),), wake=lambda: jobs.put(lambda: None))
+    crew = LeaderFollowers("test", lambda: (jobs.get(),), wake=lambda: jobs.put(lambda: None))
     before = threading.active_count()
     crew.start()
     entered, release = threading.Event(), threading.Event()

@@ -2,7 +2,7 @@
 
 from robocomp_py.testing.faults import TransportFaults
 from robocomp_py.transports.base import Transport, TransportConfig
-from robocomp_py.transports.dds import DDSTransport
+from robocomp_py.transports.dds.transport import DDSTransport
 
 from .domains import ANOTHER_DOMAIN, DOMAIN
 

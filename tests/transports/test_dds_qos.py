@@ -18,12 +18,13 @@ from cyclonedds.topic import Topic
 
 from robocomp_py.contract.interface import Pattern
 from robocomp_py.contract.qos import History, Liveliness, QoS, Reliability
+from robocomp_py.errors import ConfigurationError
 from robocomp_py.runtime.ports import type_of
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.conformance import topic
-from robocomp_py.testing.patience import wait_until
+from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, Source, TransportConfig
-from robocomp_py.transports.dds import DDSTransport
+from robocomp_py.transports.dds.transport import DDSTransport
 from robocomp_py.transports.dds.types import publication_type
 
 from .domains import DOMAIN
@@ -94,6 +95,73 @@ def test_what_keeps_all_is_limited_for_dds_as_well(here: DDSTransport, name: str
     assert qos[Policy.ResourceLimits].max_samples == 10_000
 
 
+@pytest.mark.parametrize("publishes", [True, False])
+@pytest.mark.parametrize(
+    ("qos", "expected", "depth"),
+    [
+        (QoS(depth=3), (4, 2, 3), 3),
+        (QoS(Reliability.RELIABLE, depth=3), (4, 2, 3), None),
+        (QoS(Reliability.RELIABLE, history=History.KEEP_ALL), (4, 2, 3), None),
+    ],
+    ids=["best effort", "reliable", "keep all"],
+)
+def test_resource_limits_of_the_configuration_are_those_of_topics_on_both_ends(
+    name: str, qos: QoS, expected: tuple[int, int, int], depth: int | None, publishes: bool
+) -> None:
+    options = {"domain": DOMAIN, "max_samples": 4, "max_instances": 2, "max_samples_per_instance": 3}
+    with contextlib.closing(DDSTransport(TransportConfig(options, "test"))) as limited:
+        if publishes:
+            limited.outlet(topic(name, qos))
+        else:
+            limited.inlet(topic(name, qos), lambda _: None)
+        with _stranger() as participant:
+            told = _told(participant, name, publishes)
+    assert told[Policy.ResourceLimits] == Policy.ResourceLimits(*expected)
+    assert told[Policy.History] == (Policy.History.KeepAll if depth is None else Policy.History.KeepLast(depth))
+
+
+def test_nothing_reliable_is_lost_where_dds_keeps_one_sample(here: DDSTransport, name: str) -> None:
+    channel = Channel(name, Pattern.PUBLISH, _KIND, QoS(Reliability.RELIABLE, history=History.KEEP_ALL))
+    inbox: list[bytes] = []
+    with contextlib.closing(DDSTransport(TransportConfig({"domain": DOMAIN, "max_samples": 1}, "test"))) as limited:
+        link: Any = limited.inlet(channel, lambda payload: inbox.append(bytes(payload)))
+        outlets = [here.outlet(channel), limited.outlet(channel)]
+        encode = here.codec.encoder(e.divide.request)
+        assert all(outlet.wait_peer(SOON) for outlet in outlets)
+        wait_until(lambda: len(link.sources()) == 2)
+        for number in range(20):
+            for outlet in outlets:
+                outlet.send(encode((number, 1)), SOON)
+        wait_until(lambda: len(inbox) == 40)
+        assert link.stats.dropped == link.stats.lost == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        ({"max_samples": 0}, "`max_samples` is a number from 1 to 2147483647, or -1 for no limit, not 0"),
+        ({"max_samples": True}, "not True"),
+        ({"max_instances": "3"}, "`max_instances` .* not '3'"),
+        ({"max_instances": 2**31}, "`max_instances` .* not 2147483648"),
+        ({"max_samples": 4, "max_samples_per_instance": 5}, "`max_samples_per_instance` is 5, which is more than .* 4"),
+    ],
+)
+def test_resource_limits_that_make_no_sense_are_refused(options: dict[str, Any], complaint: str) -> None:
+    with pytest.raises(ConfigurationError, match=complaint):
+        DDSTransport(TransportConfig({"domain": DOMAIN, **options}))
+
+
+@pytest.mark.parametrize("option", ["max_samples", "max_samples_per_instance"])
+def test_a_topic_with_more_depth_than_the_resource_limits_is_refused_by_name(name: str, option: str) -> None:
+    with contextlib.closing(DDSTransport(TransportConfig({"domain": DOMAIN, option: 9}))) as limited:
+        complaint = f"{name}: its qos has depth 10, but transport option `{option}` of dds is 9"
+        with pytest.raises(ConfigurationError, match=complaint):
+            limited.inlet(Channel(f"*/{name}", Pattern.PUBLISH, _KIND), lambda _: None)
+        with pytest.raises(ConfigurationError, match=complaint):
+            limited.outlet(Channel(name, Pattern.PUBLISH, _KIND))
+        limited.outlet(Channel(name, Pattern.PUBLISH, _KIND, QoS(depth=9)))
+
+
 @pytest.mark.parametrize(
     ("asked", "missing"),
     [(QoS(), None), (QoS(deadline=1.0), "deadline"), (QoS(Reliability.RELIABLE), "reliability")],
@@ -132,6 +200,35 @@ def test_a_publisher_of_another_program_is_there_as_long_as_dds_says_so(here: DD
         writer = DataWriter(participant, made, Qos(Policy.Reliability.Reliable(0), lives, _OURS))
         wait_until(lambda: link.sources() == [Source(name, QoS())])
         writer.__del__()
+        wait_until(lambda: link.sources() == [])
+
+
+def test_a_publisher_of_another_program_is_heard_by_a_subscriber_that_names_no_instance(here: DDSTransport) -> None:
+    interface = f"I{os.getpid()}_{next(_numbers)}"
+    inbox: list[Any] = []
+    link: Any = here.inlet(Channel(f"*/{interface}/op", Pattern.PUBLISH, _KIND), inbox.append)
+    with _stranger() as participant:
+        kind: Any = publication_type(_KIND.name, _KIND.request)
+        writers = {
+            name: DataWriter(
+                participant, Topic(participant, f"rc/{name}", kind), Qos(Policy.Reliability.Reliable(0), _OURS)
+            )
+            for name in (f"raw/{interface}/op", f"raw/{interface}/other", f"ns/raw/{interface}/op")
+        }
+        assert link.wait_peer(SOON)
+        numbers = itertools.count(1)
+
+        def heard() -> bool:
+            header = kind.__annotations__["header"](
+                version=1, fingerprint=_KIND.fingerprint, source=5, sequence=next(numbers), stamp=0
+            )
+            writers[f"raw/{interface}/op"].write(kind(header=header, dividend=7, divisor=3))
+            return bool(inbox)
+
+        wait_until(heard)
+        assert link.sources() == [Source(f"raw/{interface}/op", QoS())]
+        assert [len(writer.get_matched_subscriptions()) for writer in writers.values()] == [1, 0, 0]
+        writers[f"raw/{interface}/op"].__del__()
         wait_until(lambda: link.sources() == [])
 
 

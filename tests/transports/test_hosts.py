@@ -16,9 +16,9 @@ from robocomp_py.runtime.ports import type_of
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, Reply, Status, TransportConfig, hosting
-from robocomp_py.transports.dds import DDSTransport
 from robocomp_py.transports.dds.domain import settings
-from robocomp_py.transports.zenoh import ZenohTransport
+from robocomp_py.transports.dds.transport import DDSTransport
+from robocomp_py.transports.zenoh.transport import ZenohTransport
 from tests.freeports import free_port
 
 DIVIDE = Channel("robot/camera/Everything/divide", Pattern.QUERY, type_of(e.divide, Pattern.QUERY))

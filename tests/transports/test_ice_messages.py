@@ -5,16 +5,18 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robocomp_py.contract.interface import Pattern
 from robocomp_py.errors import DecodeError
-from robocomp_py.transports.base import Status
-from robocomp_py.wire.header import Flag, pack_request
+from robocomp_py.transports.base import Channel, Reply, Status, TypeRef
+from robocomp_py.transports.crew import Job
+from robocomp_py.wire.header import Flag, pack_request, read_request
 from tests.docs.pages import ROOT, blocks
 
 pytestmark = pytest.mark.tool
@@ -34,7 +36,7 @@ def test_a_refusal_is_read_as_it_was_written(messages: Any, status: int, size: i
 
 
 def test_a_program_of_ices_own_reads_a_refusal_by_the_slice_of_the_page(messages: Any, tmp_path: Path) -> None:
-    [slice_] = blocks(ROOT / "docs" / "protocol-ice.md", "slice")
+    [slice_] = blocks(ROOT / "docs" / "reference" / "protocol-ice.md", "slice")
     (tmp_path / "Refusal.ice").write_text(slice_ + "module robocomp { interface Any { void op() throws Refusal; }; };")
     subprocess.run(["slice2py", "Refusal.ice"], cwd=tmp_path, check=True)
     octets = messages.refusal(Status.BUSY, b"x" * 300)
@@ -135,6 +137,41 @@ def test_what_nobody_takes_is_turned_away_in_the_end() -> None:
     assert taken == [*range(objects.REQUESTS_WAITING), -1]
     assert intake.put(list, objects.OCTETS_WAITING), "one message may be as large as it likes"
     assert not intake.put(list, 1)
+
+
+@pytest.mark.parametrize("bound", ["REQUESTS_WAITING", "OCTETS_WAITING"])
+def test_requests_that_were_read_and_wait_are_bounded_for_all_servers_of_a_transport_together(
+    bound: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from robocomp_py.transports.ice import server
+
+    monkeypatch.setattr(server, bound, 3)
+    served: list[Any] = []
+    answers: list[Status] = []
+    later: list[Job] = []
+
+    def service(payload: Any, _: float) -> Reply:
+        served.append(payload)
+        return Reply(Status.OK, b"")
+
+    transport = SimpleNamespace(requests=server.Requests(later.append))
+    servers = [
+        server.Server(transport, Channel(f"a/A/{name}", Pattern.QUERY, TypeRef(f"A.{name}", 1, f"A.{name}")), service)
+        for name in "ab"
+    ]
+
+    def request(number: int) -> Job | None:
+        asked = read_request(pack_request(Flag.NONE, 1, number % 2, number, None))
+        return servers[number % 2].take(asked, b"x", float("inf"), lambda reply: answers.append(reply.status))
+
+    begin, *_ = (request(number) for number in range(1, 6))
+    assert answers == [Status.BUSY] * 2
+    assert begin
+    begin()
+    request(6)
+    while later:
+        later.pop()()
+    assert answers.count(Status.OK) == len(served) == 4
 
 
 def test_one_that_cannot_be_taken_does_not_hinder_the_others(caplog: pytest.LogCaptureFixture) -> None:

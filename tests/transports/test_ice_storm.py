@@ -168,17 +168,21 @@ def test_what_names_no_topic_manager_is_refused() -> None:
 
 
 def test_without_one_a_topic_is_not_opened_and_the_error_says_what_to_start(
-    storm: str, monkeypatch: pytest.MonkeyPatch
+    storm: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     from robocomp_py.transports.ice import exchange
 
     monkeypatch.setattr(exchange, "OPEN_PATIENCE", 0.3)
+    monkeypatch.setattr(exchange, "TOLD", 0.05)
     with contextlib.closing(open_ice(storm=storm)) as transport:
         for use in (lambda: transport.outlet(topic(NAME)), lambda: transport.inlet(topic(NAME), lambda _: None)):
             with pytest.raises(
                 TransportError, match=r"no IceStorm answers at .*start RoboComp's `rcnode`, or `rc host "
             ):
                 use()
+    told = [line for line in caplog.messages if "waiting up to 0.3 s for IceStorm" in line]
+    assert len(told) == 1
+    assert "start RoboComp's `rcnode`, or `rc host ice`" in told[0]
 
 
 def test_one_that_is_started_a_little_later_is_waited_for(storm: str) -> None:

@@ -43,6 +43,15 @@ def test_old_numbers_count_as_seen() -> None:
     assert ledger.admit(1, 9_999)
 
 
+def test_a_repetition_is_recognized_of_the_newest_senders() -> None:
+    ledger = Ledger(Statistics(), ordered=False)
+    assert ledger.admit(0, 1)
+    for sender in range(1, SENDERS):
+        assert ledger.admit(sender, 1)
+    assert not ledger.admit(0, 1)  # docs/guides/security.md
+    assert SENDERS == 1024
+
+
 def test_many_senders_take_bounded_memory() -> None:
     ledger = Ledger(Statistics(), ordered=False)
     for sender in range(SENDERS * 3):

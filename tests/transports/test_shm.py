@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import errno
 import gc
@@ -25,19 +26,33 @@ from robocomp_py.contract.qos import Durability, History, QoS, Reliability
 from robocomp_py.errors import Closed, ConfigurationError, Timeout, TransportError
 from robocomp_py.testing.conformance import TransportConformance
 from robocomp_py.testing.faults import TransportFaults
-from robocomp_py.testing.parts import BLOB, Inbox, blob, command, drain, greet, put, query, subscribe, topic, unblob
+from robocomp_py.testing.parts import (
+    A_MOMENT,
+    BLOB,
+    Inbox,
+    blob,
+    command,
+    drain,
+    greet,
+    put,
+    query,
+    subscribe,
+    topic,
+    unblob,
+)
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Reply, Status, Transport, TransportConfig, gathering
 from robocomp_py.transports.directory import runtime_dir
 from robocomp_py.transports.inotify import Watch
-from robocomp_py.transports.shm import ShmTransport, node, samples
+from robocomp_py.transports.shm import desk, node, room, samples
 from robocomp_py.transports.shm.bells import BELLS, MAIL, NEWS, Bell, Rope
 from robocomp_py.transports.shm.bells import SOON as ANNOUNCED
 from robocomp_py.transports.shm.haste import Haste
 from robocomp_py.transports.shm.loop import Loop
-from robocomp_py.transports.shm.mail import LINGER, Post, packed, unpacked
+from robocomp_py.transports.shm.mail import AHEAD, LINGER, Post, packed, unpacked
 from robocomp_py.transports.shm.receipts import SLOTS, Credit, Reader, Receipts
 from robocomp_py.transports.shm.topics import LOANS, SHARE
+from robocomp_py.transports.shm.transport import ShmTransport
 
 LARGE = 1_000_000
 NAME = "shm/Conformance/op"
@@ -452,11 +467,29 @@ def test_what_is_sent_right_before_closing_arrives(there: ShmTransport, size: in
         assert [len(news.get(timeout=SOON)), len(orders.get(timeout=SOON))] == [size, size]
 
 
-def test_messages_that_wait_for_their_handler_do_not_hold_up_their_publisher(
+def test_a_request_is_served_while_its_sender_cannot_be_told_that_it_was_taken(
     here: ShmTransport, there: ShmTransport, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    failures = [TransportError("no descriptor")]
+
+    def receipts(path: Path) -> Receipts:
+        if failures:
+            raise failures.pop()
+        return Receipts(path)
+
+    monkeypatch.setattr(desk, "Receipts", receipts)
+    here.server(query(NAME), lambda payload, _: Reply(Status.OK, payload))
+    caller = there.caller(query(NAME))
+    assert caller.wait_peer(SOON)
+    for number in range(3 * AHEAD):  # more than may be ahead of what the sender is told
+        assert unblob(there, caller.ask(blob(there, bytes([number % 256])), SOON).payload) == bytes([number % 256])
+    assert not failures
+
+
+def test_messages_that_wait_for_their_handler_do_not_hold_up_their_publisher(
+    here: ShmTransport, there: ShmTransport
+) -> None:
     go_on, heard = threading.Event(), Inbox()
-    monkeypatch.setattr(there, "afterwards", lambda do: None)  # it does not need anything that waits for the handler
 
     def handle(payload: Any) -> None:
         assert go_on.wait(SOON)
@@ -506,7 +539,7 @@ KILLED = """
 import sys
 from robocomp_py.testing.parts import blob, query, topic
 from robocomp_py.transports.base import Reply, Status, TransportConfig
-from robocomp_py.transports.shm import ShmTransport
+from robocomp_py.transports.shm.transport import ShmTransport
 
 transport = ShmTransport(TransportConfig())
 transport.server(query("shm/Conformance/op"), lambda payload, _: Reply(Status.OK, payload))
@@ -549,6 +582,25 @@ def test_what_a_killed_process_left_is_removed_at_the_next_start_though_the_fold
         shutil.rmtree(Path(folder, "shm"))
         assert segments()
         opened().close()
+        assert segments() == set()
+
+
+def test_who_leaves_a_folder_that_was_removed_takes_nothing_from_those_in_the_new_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with tempfile.TemporaryDirectory(prefix="rc-", dir="/tmp") as folder:
+        monkeypatch.setenv("ROBOCOMP_RUNTIME_DIR", folder)
+        former = opened()
+        shutil.rmtree(Path(folder, "shm"))
+        here, there = opened(), opened()
+        inbox, outlet = subscribe(there, topic(NAME)), here.outlet(topic(NAME))
+        assert outlet.wait_peer(SOON)
+        former.close()
+        late = subscribe(here, topic(NAME))
+        greet(here, outlet, inbox)
+        greet(here, outlet, late)
+        here.close()
+        there.close()
         assert segments() == set()
 
 
@@ -604,7 +656,7 @@ def look():
 
 from robocomp_py.testing.parts import topic
 from robocomp_py.transports.base import TransportConfig
-from robocomp_py.transports.shm import ShmTransport
+from robocomp_py.transports.shm.transport import ShmTransport
 
 transport = ShmTransport(TransportConfig())
 transport.inlet(topic("shm/Conformance/op"), lambda payload: kept.append(np.frombuffer(payload, np.uint8)))
@@ -668,6 +720,44 @@ def test_run_time_folders_do_not_meet_and_are_for_their_owner_alone(
         finally:
             elsewhere.close()
     assert not segments(Path(second))
+
+
+def test_names_in_shared_memory_cannot_be_taken_beforehand(own_runtime_folder: Path) -> None:
+    """`/dev/shm` is open to all users. A folder of that name stays in the way, as the file of another user does."""
+    opened().close()
+    with opened_for_a_moment() as names:
+        assert names
+    taken = [Path("/dev/shm", name) for name in names]
+    for path in taken:
+        path.mkdir()
+    try:
+        with opened_for_a_moment() as others:
+            assert others - names
+    finally:
+        for path in taken:
+            path.rmdir()
+
+
+def test_a_file_in_the_way_is_told_with_its_owner_and_a_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(node.secrets, "token_hex", lambda _: "0123456789abcdef")  # as if it were known
+    with opened_for_a_moment() as names:
+        (shared,) = (Path("/dev/shm", name) for name in names if name.endswith(".global_mgmt"))
+    shared.mkdir()
+    try:
+        with pytest.raises(TransportError, match=f"{shared} belongs to user .* in the way: have it removed .sudo rm"):
+            opened()
+    finally:
+        shared.rmdir()
+
+
+@contextlib.contextmanager
+def opened_for_a_moment() -> Iterator[set[str]]:
+    """What is in shared memory while a transport is open."""
+    transport = opened()
+    try:
+        yield segments()
+    finally:
+        transport.close()
 
 
 # Bells.
@@ -802,7 +892,7 @@ def test_what_fails_afterwards_does_not_keep_anybody_from_receiving(
 
 def test_opening_says_what_to_do_when_there_is_too_little(monkeypatch: pytest.MonkeyPatch) -> None:
     before = segments()
-    monkeypatch.setattr(node, "free", lambda: 1_000_000)
+    monkeypatch.setattr(room, "free", lambda: 1_000_000)
     with pytest.raises(TransportError, match=r"1000000 are left in /dev/shm; make it larger .*--shm-size"):
         opened()
     monkeypatch.undo()
@@ -827,7 +917,7 @@ import contextlib
 import resource
 from robocomp_py.errors import TransportError
 from robocomp_py.transports.base import TransportConfig
-from robocomp_py.transports.shm import ShmTransport
+from robocomp_py.transports.shm.transport import ShmTransport
 
 resource.setrlimit(resource.RLIMIT_NOFILE, (200, 200))
 with contextlib.ExitStack() as opened:
@@ -847,6 +937,60 @@ def test_who_may_open_no_more_files_is_told_so_and_leaves_nothing() -> None:
     assert (segments(), files()) == before
 
 
+SHORT_OF_FILES = """
+import os, resource, sys, threading
+from robocomp_py.testing.conformance import answering, query
+from robocomp_py.testing.patience import wait_until
+from robocomp_py.transports.base import TransportConfig
+from robocomp_py.transports.shm.transport import ShmTransport
+
+transport, hoard = ShmTransport(TransportConfig()), []
+transport.server(query(sys.argv[1]), answering(transport, bytes.upper))
+resource.setrlimit(resource.RLIMIT_NOFILE, (max(map(int, os.listdir("/proc/self/fd"))) + 20, 4096))
+
+def take():
+    try:
+        while True:
+            hoard.append(os.dup(0))
+    except OSError:
+        pass
+
+def leave(count):
+    while len(hoard) > count:
+        os.close(hoard.pop())
+
+print("serving", flush=True)
+for line in sys.stdin:
+    {"none": take, "two": lambda: leave(len(hoard) - 2), "all": lambda: leave(0)}[line.strip()]()
+    before = transport._call_at
+    wait_until(lambda: transport._call_at > before)  # it has looked
+    print(line, end="", flush=True)
+transport.close()
+"""
+
+
+def test_who_came_while_there_were_too_few_files_is_served_when_there_are_more(there: ShmTransport) -> None:
+    program = [sys.executable, "-c", SHORT_OF_FILES, NAME]
+    with subprocess.Popen(program, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as server:
+        assert server.stdin
+        assert server.stdout
+        assert server.stdout.readline() == "serving\n"
+
+        def have(files: str) -> None:
+            print(files, file=server.stdin, flush=True)
+            assert server.stdout.readline().strip() == files  # type: ignore[union-attr]  # seen above
+
+        caller = there.caller(query(NAME))
+        have("none")
+        assert caller.wait_peer(SOON)
+        with pytest.raises(Timeout):
+            caller.ask(blob(there, b"early"), A_MOMENT)
+        have("two")  # too few to connect
+        have("all")
+        assert unblob(there, caller.ask(blob(there, b"late"), SOON).payload) == b"LATE"
+        server.stdin.close()
+
+
 def test_sending_raises_when_there_is_no_more_and_goes_on_when_there_is(
     here: ShmTransport, there: ShmTransport, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -857,7 +1001,7 @@ def test_sending_raises_when_there_is_no_more_and_goes_on_when_there_is(
         ctypes.set_errno(errno.EFAULT)
         return -1
 
-    monkeypatch.setattr(samples, "_madvise", no_more)
+    monkeypatch.setattr(room, "_madvise", no_more)
     with pytest.raises(TransportError, match="shared memory are needed"):
         outlet.send(blob(here, bytes(LARGE)))
     with pytest.raises(TransportError, match="shared memory are needed"):
@@ -875,13 +1019,12 @@ def resident(address: int) -> bool:
     return bool(found.value & 1)
 
 
-@pytest.mark.parametrize("size", [100, 5000, 100_000, LARGE])
-def test_the_next_samples_have_memory_where_iceoryx2_writes_before_we_are_asked(here: ShmTransport, size: int) -> None:
+def test_the_next_slots_have_memory_where_iceoryx2_writes_before_we_are_asked(here: ShmTransport) -> None:
     _, port = here.node.new_topic("heads", 8, 0, 8, 64, 16)
-    writer = samples.Writer(port)
-    for loans in ([writer.lend(size)], [writer.lend(size) for _ in range(16)]):
+    writer = samples.Writer(port, here.node.heap, 16)
+    for loans in ([writer.lend(100)], [writer.lend(100) for _ in range(16)]):
         addresses = [loan.address for loan in loans if loan]
-        apart = samples.step(size + 132)
+        apart = node.SLOT_BYTES + 48
         assert all(after - before == apart for before, after in itertools.pairwise(addresses))
         assert all(
             resident(addresses[-1] + n * apart - 48) and resident(addresses[-1] + n * apart - 1) for n in (1, 16)
@@ -896,7 +1039,7 @@ def test_a_large_message_for_which_there_is_no_room_does_not_take_what_is_left(
     greet(here, outlet, inbox)
     outlet.send(blob(here, bytes(600_000)))
     assert inbox.get(timeout=SOON) == bytes(600_000)
-    monkeypatch.setattr(samples, "free", lambda: 300_000)
+    monkeypatch.setattr(room, "free", lambda: 300_000)
     with pytest.raises(TransportError, match="300000 are left"):
         outlet.send(blob(here, bytes(LARGE)))
     outlet.send(blob(here, b"a short one"))
@@ -904,21 +1047,16 @@ def test_a_large_message_for_which_there_is_no_room_does_not_take_what_is_left(
 
 
 def test_errors_that_somebody_keeps_keep_no_memory(here: ShmTransport, monkeypatch: pytest.MonkeyPatch) -> None:
-    _, port = here.node.new_topic("errors", 8, 0, 8, 64, LOANS)
-    writer = samples.Writer(port)
+    _, port = here.node.new_topic("errors", 8, 0, 8, 8, LOANS)
+    writer = samples.Writer(port, here.node.heap, LOANS)
     kept: list[pytest.ExceptionInfo[TransportError]] = []
-
-    def nothing(*_: object) -> None:
-        raise TransportError("nothing left")
-
-    for size, name in ((LARGE, "_own"), (2 * LARGE, "_mapped")):
-        with monkeypatch.context() as little:
-            little.setattr(samples, name, nothing)
-            for _ in range(LOANS + 1):
-                with pytest.raises(TransportError, match="nothing left") as failure:
-                    writer.lend(size)
-                kept.append(failure)
-        assert writer.lend(size) is not None
+    with monkeypatch.context() as little:
+        little.setattr(room, "_populated", lambda *_: False)
+        for _ in range(50):
+            with pytest.raises(TransportError, match="bytes of shared memory are needed") as failure:
+                writer.lend(LARGE)
+            kept.append(failure)
+    assert writer.lend(LARGE) is not None
 
 
 def test_an_answer_for_which_there_is_no_memory_fails_its_call(
@@ -932,7 +1070,7 @@ def test_an_answer_for_which_there_is_no_memory_fails_its_call(
         ctypes.set_errno(errno.EFAULT)
         return 0 if size < LARGE else -1
 
-    monkeypatch.setattr(samples, "_madvise", little)
+    monkeypatch.setattr(room, "_madvise", little)
     assert caller.ask(blob(there, b""), SOON).status is Status.FAILED
     assert "shared memory are needed" in caplog.text
 

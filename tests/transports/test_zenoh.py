@@ -25,6 +25,7 @@ from robocomp_py.contract.qos import Durability, QoS, Reliability
 from robocomp_py.errors import Closed, ConfigurationError, Timeout, TransportError, Unreachable
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.conformance import (
+    A_MOMENT,
     TransportConformance,
     answering,
     blob,
@@ -36,15 +37,24 @@ from robocomp_py.testing.conformance import (
 )
 from robocomp_py.testing.parts import in_time
 from robocomp_py.testing.patience import SOON, wait_until
-from robocomp_py.transports.base import Channel, Reply, Status, Transport, TransportConfig, TypeRef, hosting
-from robocomp_py.transports.credit import MOST_AHEAD
+from robocomp_py.transports.base import (
+    Channel,
+    Reply,
+    Status,
+    Transport,
+    TransportConfig,
+    TypeRef,
+    hosting,
+    wait_connected,
+)
 from robocomp_py.transports.directory import runtime_dir
 from robocomp_py.transports.exclusive import holder
-from robocomp_py.transports.zenoh import ZenohTransport
-from robocomp_py.transports.zenoh.asking import COMMANDS_AHEAD
+from robocomp_py.transports.limits import MOST_AHEAD
+from robocomp_py.transports.zenoh.client import COMMANDS_AHEAD
 from robocomp_py.transports.zenoh.messages import Message
 from robocomp_py.transports.zenoh.session import open_client, open_router
 from robocomp_py.transports.zenoh.topics import Subscriber
+from robocomp_py.transports.zenoh.transport import ZenohTransport
 from robocomp_py.transports.zenoh.watching import neighbourhoods
 from robocomp_py.wire import header
 from tests.freeports import free_port
@@ -75,6 +85,15 @@ class TestZenoh(TransportConformance):
         return ZenohTransport(TransportConfig(owner="test"))
 
 
+class Late(ZenohTransport):
+    """Is told late of subscribers."""
+
+    def _on_token(self, sample: zenoh.Sample) -> None:
+        if "/subscribes/" in str(sample.key_expr):
+            threading.Event().wait(A_MOMENT)
+        super()._on_token(sample)
+
+
 @pytest.fixture
 def transport() -> Iterator[ZenohTransport]:
     opened = ZenohTransport(TransportConfig(owner="calculator"))
@@ -95,6 +114,17 @@ def outsider(transport: ZenohTransport) -> Iterator[Any]:
     opened = joined(f"unixsock-stream/{runtime_dir()}/zenoh/router.sock")
     yield opened
     opened.close()
+
+
+def test_a_new_publisher_knows_a_subscriber_that_came_before_though_it_is_told_of_it_late(
+    transport: ZenohTransport,
+) -> None:
+    with contextlib.closing(Late(TransportConfig(owner="late"))) as late:
+        late.outlet(topic("one/Conformance/other"))  # of the same interface: so it has heard who was there until now
+        transport.inlet(topic("one/Conformance/news"), lambda payload: None)
+        outlet = late.outlet(topic("one/Conformance/news"))
+        assert wait_connected(outlet, SOON)
+        assert outlet.counterparts()
 
 
 def joined(router: str, settings: Mapping[str, Any] | None = None) -> Any:
@@ -386,7 +416,7 @@ def test_history_is_asked_for_again_if_its_publisher_came_back_meanwhile(
             return inquire(link, what, channel)
         (token,) = other.table.find("publishes", "a/b/c")
         for there in (False, True):
-            other._news(other.key("rc_lv", token.key()), there)
+            other._news(other.key("rc_lv", token.key_expr()), there)
             other._look()
         return [], True
 
@@ -433,7 +463,7 @@ def test_whoever_keeps_a_token_is_there_unless_its_transport_says_otherwise(
     """Zenoh may find a token that has been taken back; a plain program may answer nothing but requests."""
     link: Any = other.inlet(topic("a/b/c"), lambda payload: None)
     wait_until(lambda: [*outsider.liveliness().get(f"rc_lv/0/subscribes/*/*/*/{link.id:016x}/a/b/c")])
-    other._links.pop(link.id)
+    del other.lines[link.id]
     plain = outsider.liveliness().declare_token(f"rc_lv/0/subscribes/-/{1:016x}/1/{2**40:016x}/a/b/c")
     transport.outlet(topic("a/b/c"))
     wait_until(lambda: len(transport.table.find("subscribes", "a/b/c")) == 2)
@@ -441,7 +471,7 @@ def test_whoever_keeps_a_token_is_there_unless_its_transport_says_otherwise(
         transport.confirm(token)
     assert [token.link for token in transport.table.find("subscribes", "a/b/c")] == [2**40]
     plain.undeclare()
-    other._links[link.id] = link
+    other.lines[link.id] = link
 
 
 def test_of_two_looks_the_later_one_counts(transport: ZenohTransport, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -801,7 +831,7 @@ def test_who_starts_components_may_run_their_router_and_one_of_them_takes_over()
 _COUNTING_THREADS = """
 import os
 from robocomp_py.transports.base import TransportConfig
-from robocomp_py.transports.zenoh import ZenohTransport
+from robocomp_py.transports.zenoh.transport import ZenohTransport
 transport = ZenohTransport(TransportConfig(owner="component"))
 print(len(os.listdir("/proc/self/task")))
 transport.close()
@@ -944,7 +974,7 @@ def test_a_program_that_forgets_to_close_ends_nevertheless() -> None:
 def run(*lines: str) -> subprocess.Popen[str]:
     imports = (
         "import time",
-        "from robocomp_py.transports.zenoh import ZenohTransport",
+        "from robocomp_py.transports.zenoh.transport import ZenohTransport",
         "from robocomp_py.transports.base import *",
         "from robocomp_py.testing.conformance import query",
     )

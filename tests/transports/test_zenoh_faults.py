@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from robocomp_py.testing.faults import TransportFaults
 from robocomp_py.transports.base import Transport, TransportConfig
-from robocomp_py.transports.zenoh import ZenohTransport
+from robocomp_py.transports.zenoh.transport import ZenohTransport
 
 
 class TestZenohFaults(TransportFaults):

@@ -14,8 +14,8 @@ from robocomp_py.contract.qos import Durability, QoS, Reliability
 from robocomp_py.testing.conformance import answering, blob, command, query, topic, unblob
 from robocomp_py.testing.patience import SOON
 from robocomp_py.transports.base import Status, TransportConfig
-from robocomp_py.transports.zenoh import ZenohTransport
 from robocomp_py.transports.zenoh import session as sessions
+from robocomp_py.transports.zenoh.transport import ZenohTransport
 
 LATCHED = QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=3)
 

@@ -19,18 +19,19 @@ from robocomp_py.contract.interface import Pattern, Verb
 from robocomp_py.contract.qos import Durability, QoS, Reliability
 from robocomp_py.deploy import certificates
 from robocomp_py.deploy.certificates import Issued
-from robocomp_py.deploy.keys import router_settings
 from robocomp_py.deploy.plan import Plan
-from robocomp_py.errors import ConfigurationError
+from robocomp_py.deploy.security import secured
+from robocomp_py.errors import ConfigurationError, Refused, Unreachable
 from robocomp_py.testing import everything as e
-from robocomp_py.testing.patience import SOON
+from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, Reply, Status, TransportConfig, TypeRef
-from robocomp_py.transports.zenoh import ZenohTransport
 from robocomp_py.transports.zenoh import session as sessions
+from robocomp_py.transports.zenoh.deployment import router
 from robocomp_py.transports.zenoh.tls import client_settings
+from robocomp_py.transports.zenoh.transport import ZenohTransport
 from tests.freeports import free_port
 
-from ..deploy.security_network import DAY, NOW, made, network, way
+from ..deploy.security_network import DAY, NOW, addressed, made, network, way
 from .test_zenoh import joined
 from .test_zeromq_far import Tap
 
@@ -53,6 +54,12 @@ def graph(port: int) -> Plan:
     )
 
 
+def guarded(plan: Plan, host: str, keys: Path) -> dict[str, Any]:
+    """The settings of the router of a host, with its keys."""
+    [helper] = (each for each in secured(plan, keys).helpers if each.host == host)
+    return dict(helper.options["router"])
+
+
 class World:
     """A router of a network, and who comes to it."""
 
@@ -63,9 +70,11 @@ class World:
         self.endpoint = f"tls/127.0.0.1:{self.port}"
         self._everything, self._numbers = contextlib.ExitStack(), itertools.count()
 
+    def router_settings(self) -> dict[str, Any]:
+        return guarded(self.plan, "", self.keys)
+
     def route(self, **more: Any) -> None:
-        settings = self.plan.routers[""]["router"] | router_settings(self.plan, "", self.keys) | more
-        self._everything.enter_context(sessions.named_router("Patrol", settings))
+        self._everything.enter_context(sessions.named_router("Patrol", self.router_settings() | more))
 
     def open(self, name: str, endpoint: str = "") -> ZenohTransport:
         """A component, as if on a host of its own: it shares no folder with others that tells what is served."""
@@ -156,6 +165,69 @@ def test_along_its_edges_a_component_calls_commands_and_hears(world: World) -> N
     assert [decode(heard.get(timeout=SOON))[0] for _ in range(1, 200)] == list(range(1, 200))
 
 
+def test_a_subscriber_to_any_instance_hears_every_publisher(folder: Path) -> None:
+    """Messages are counted at both ends; a reliable publisher also has to see its subscriber."""
+    world = World(folder)
+    anyone = "robot/*/Everything/news"
+    subscribed = (way("viewer", each, "news", Verb.SUBSCRIBES, looked_up=anyone) for each in ("camera", "other"))
+    world.plan = replace(world.plan, ways=tuple(subscribed))
+    made(world.plan, world.keys)
+    world.route()
+    try:
+        viewer, heard = world.open("viewer"), queue.Queue[Any]()
+        viewer.inlet(replace(NEWS, name=anyone), heard.put)
+        decode = viewer.codec.decoder(e.news.request)
+        for name in ("camera", "other"):
+            transport = world.open(name)
+            outlet = transport.outlet(replace(NEWS, name=f"robot/{name}/Everything/news"))
+            assert outlet.wait_peer(SOON)
+            for number in range(100):
+                outlet.send(transport.codec.encoder(e.news.request)((number, name)), SOON)
+            assert [decode(heard.get(timeout=SOON)) for _ in range(100)] == [(number, name) for number in range(100)]
+        assert heard.empty()
+    finally:
+        world.close()
+
+
+def test_components_of_one_process_call_and_hear_each_other(folder: Path) -> None:
+    world = World(folder)
+    ways = way("camera", "camera", "divide"), way("camera", "camera", "news", Verb.SUBSCRIBES)
+    world.plan = replace(world.plan, ways=ways)
+    made(world.plan, world.keys)
+    world.route()
+    try:
+        server, client, heard = world.open("camera"), world.open("camera"), queue.Queue[Any]()
+        divide(server)
+        assert quotient(client, 17, 5) == (3, 2)
+        client.inlet(NEWS, heard.put)
+        outlet = server.outlet(NEWS)
+        assert outlet.wait_peer(SOON)
+        outlet.send(server.codec.encoder(e.news.request)((1, "new")), SOON)
+        assert client.codec.decoder(e.news.request)(heard.get(timeout=SOON)) == (1, "new")
+    finally:
+        world.close()
+
+
+def test_what_the_keys_are_not_for_is_refused_at_once_and_told(world: World, caplog: pytest.LogCaptureFixture) -> None:
+    camera, other = world.open("camera"), world.open("other")
+    divide(camera)
+    camera.inlet(MOVE, lambda _: None)
+    camera.outlet(NEWS)
+    watching = world.open("viewer")
+    assert watching.caller(DIVIDE).wait_peer(SOON)
+    for link in (other.caller(DIVIDE), other.outlet(MOVE)):
+        wait_until(lambda link=link: link.faced())
+        with pytest.raises(Refused, match=rf"{link.channel.name}: the keys of this process .* rcdeploy keys"):
+            link.wait_peer(SOON)
+    with pytest.raises(Refused):
+        other.caller(DIVIDE).ask(b"", SOON)
+    with pytest.raises(Refused):
+        other.outlet(MOVE).send(b"", SOON)
+    other.inlet(NEWS, lambda _: None)
+    wait_until(lambda: any(NEWS.name in each.getMessage() for each in caplog.records))
+    assert watching.caller(COUNT).wait_peer(0.0) is False  # what is not there is not refused
+
+
 @pytest.mark.parametrize("who", ["other", "stranger"])
 def test_who_has_no_edge_for_it_reaches_nothing_though_its_certificate_is_good(world: World, who: str) -> None:
     executed: list[object] = []
@@ -216,6 +288,50 @@ def rewrite(world: World, name: str, issued: Issued) -> None:
 def refused(world: World, name: str = "viewer") -> None:
     with pytest.raises(zenoh.ZError):
         sessions.open_client(world.endpoint, client_settings(world.keys / name))
+
+
+@pytest.mark.parametrize(
+    ("what", "why"),
+    [
+        ("none", "it asks for a certificate, and this process has none; start it with --keys FOLDER"),
+        ("expired", "the certificate of this process has expired"),
+        ("foreign", "it knows another authority"),
+        ("foreign router", "it is not the router of this network"),
+        ("plain", "it speaks TLS only"),
+    ],
+)
+def test_whom_the_router_turns_away_is_told_why_and_not_that_none_answers(world: World, what: str, why: str) -> None:
+    foreign, past = certificates.make_authority("Patrol", NOW), NOW - 10 * DAY
+    match what:
+        case "expired":
+            rewrite(world, "viewer", certificates.issue(world.authority(), "viewer", (), past, 9, serves=False))
+        case "foreign":
+            rewrite(world, "viewer", certificates.issue(foreign, "viewer", (), NOW, 30, serves=False))
+        case "foreign router":
+            (world.keys / "viewer" / "ca.pem").write_bytes(foreign.certificate)
+    options = {"connect": world.endpoint, "keys": str(world.keys / "viewer")}
+    if what in ("none", "plain"):
+        options = {"connect": f"{'tls' if what == 'none' else 'tcp'}/127.0.0.1:{world.port}"}
+    with pytest.raises(Refused, match=f"turns this process away: {why}"):
+        ZenohTransport(TransportConfig(options))
+
+
+def test_a_router_that_comes_back_with_another_authority_is_told(
+    folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    world = World(folder)
+    try:
+        with sessions.named_router("Patrol", world.router_settings()):
+            viewer = world.open("viewer")
+        foreign = certificates.make_authority("x", NOW)
+        rewrite(world, "router@", certificates.issue(foreign, "router@", ("127.0.0.1",), NOW, 30, serves=True))
+        with sessions.named_router("Patrol", world.router_settings()):
+            told = "turns this process away: it is not the router of this network"
+            wait_until(lambda: told in caplog.text)
+            with pytest.raises(Unreachable):
+                viewer.caller(DIVIDE).ask(b"", 0.1)
+    finally:
+        world.close()
 
 
 def test_a_certificate_of_another_authority_is_refused(world: World) -> None:
@@ -320,11 +436,11 @@ def test_a_hosts_router_passes_on_what_its_own_processes_may_do_and_no_more(fold
     plan = world.plan = replace(
         world.plan,
         processes=tuple(replace(each, host=hosts.get(each.name, "")) for each in world.plan.processes),
-        routers={**world.plan.routers, "onboard": {"router": {"listen/endpoints": [there]}}},
+        helpers=(*world.plan.helpers, router("onboard", {"router": {"listen/endpoints": [there]}}, *addressed(there))),
     )
     made(plan, world.keys)
     onboard = {"listen/endpoints": [there], "connect/endpoints": [world.endpoint]}
-    with sessions.named_router("Onboard", onboard | router_settings(plan, "onboard", world.keys)):
+    with sessions.named_router("Onboard", onboard | guarded(plan, "onboard", world.keys)):
         world.route()
         try:
             executed: list[object] = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,12 +11,13 @@ import pytest
 import zmq
 import zmq.auth
 
+from robocomp_py.contract.interface import Pattern
 from robocomp_py.errors import ConfigurationError
 from robocomp_py.testing.patience import SOON, wait_until
-from robocomp_py.transports.base import TransportConfig
-from robocomp_py.transports.zeromq import ZeroMQTransport
+from robocomp_py.transports.base import Channel, TransportConfig, TypeRef
 from robocomp_py.transports.zeromq.curve import Curve, Secure, key_pair
 from robocomp_py.transports.zeromq.sockets import new_socket
+from robocomp_py.transports.zeromq.transport import ZeroMQTransport
 from tests.freeports import free_port
 
 from .test_zeromq_wire import DIVIDE, NAMED, Outsider, reply_of, serve_division
@@ -78,7 +80,8 @@ def asking(outsider: Outsider, address: str, secure: Secure | None, number: int 
     outsider.sockets.append(socket)
     socket.connect(address)
     request = head.pack_request(0, everything.divide.fingerprint, number, 1, None)
-    socket.send(NAMED + request + msgpack.packb([17, 5]))
+    with contextlib.suppress(zmq.Again):  # libzmq has already removed the connection if the server refused it
+        socket.send(NAMED + request + msgpack.packb([17, 5]), zmq.NOBLOCK)
     return socket
 
 
@@ -144,3 +147,11 @@ def test_what_is_wrong_with_keys_is_told_before_anything_is_opened(keys: Keys) -
     ):
         with pytest.raises(ConfigurationError, match=complaint):
             ZeroMQTransport(TransportConfig(good | change))
+
+
+def test_a_topic_whose_name_is_too_long_to_be_protected_is_refused(keys: Keys) -> None:
+    name = "r" * 240 + "/arm/Arm/moved"
+    with contextlib.closing(ZeroMQTransport(TransportConfig(keys.options(free_port()), "arm"))) as transport:
+        transport.outlet(Channel(name, Pattern.PUBLISH, TypeRef("", 1, ""))).close()
+        with pytest.raises(ConfigurationError, match="may have 255 octets"):
+            transport.outlet(Channel("ü" + name, Pattern.PUBLISH, TypeRef("", 1, "")))

@@ -22,11 +22,14 @@ from robocomp_py.errors import ConfigurationError, Timeout, Unreachable
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.parts import in_time
 from robocomp_py.testing.patience import SOON, wait_until
-from robocomp_py.transports.base import Channel, Reply, Status, TransportConfig, TypeRef
-from robocomp_py.transports.zeromq import ZeroMQTransport, remote
-from robocomp_py.transports.zeromq.curve import Curve, Rights, key_pair, read_public
+from robocomp_py.transports.base import Channel, Reply, Status, TransportConfig, TypeRef, wait_connected
+from robocomp_py.transports.directory import Entry
+from robocomp_py.transports.keyfiles import Rights, read_public
+from robocomp_py.transports.zeromq import remote
+from robocomp_py.transports.zeromq.curve import Curve, key_pair
 from robocomp_py.transports.zeromq.remote import DIRECTORY, host_of, read_record, record
 from robocomp_py.transports.zeromq.sockets import new_socket
+from robocomp_py.transports.zeromq.transport import ZeroMQTransport
 from robocomp_py.wire import header as head
 from tests.freeports import free_port
 
@@ -155,6 +158,73 @@ def test_who_is_started_again_is_found_again_and_calls_do_not_wait_for_the_dead(
         with pytest.raises(Unreachable):
             caller.ask([], SOON)
         caller.close()
+
+
+def test_who_listens_hears_the_first_words_of_a_publisher_that_starts_again(hosts: Hosts) -> None:
+    viewer, heard = hosts.user("viewer"), queue.Queue[Any]()
+    viewer.inlet(NEWS, heard.put)
+    for number in range(3):
+        camera = hosts.camera()
+        outlet = camera.outlet(NEWS)
+        assert wait_connected(outlet, SOON)
+        outlet.send(news(camera, number, "first"))
+        assert camera.codec.decoder(e.news.request)(heard.get(timeout=SOON)) == (number, "first")
+        camera.close()
+
+
+def test_who_has_just_come_hears_those_who_are_there(hosts: Hosts) -> None:
+    camera = hosts.camera()
+    outlet = camera.outlet(NEWS)
+    for number in range(3):
+        viewer, heard = hosts.user("viewer"), queue.Queue[Any]()
+        assert wait_connected(viewer.inlet(NEWS, heard.put), SOON)
+        outlet.send(news(camera, number, "next"))
+        assert camera.codec.decoder(e.news.request)(heard.get(timeout=SOON)) == (number, "next")
+        viewer.close()
+
+
+def test_who_asks_a_server_that_has_just_come_hears_what_that_publishes_because_of_it(hosts: Hosts) -> None:
+    viewer, heard = hosts.user("viewer"), queue.Queue[Any]()
+    viewer.inlet(NEWS, heard.put)
+    asking = viewer.caller(DIVIDE)
+    for number in range(5):
+        camera = hosts.camera()
+        outlet = camera.outlet(NEWS)
+
+        def service(
+            _payload: Any, _expires: float, outlet: Any = outlet, camera: Any = camera, n: int = number
+        ) -> Reply:
+            outlet.send(news(camera, n, "asked"))
+            return Reply(Status.OK, [])
+
+        camera.server(DIVIDE, service)
+        assert asking.wait_peer(SOON)
+        asking.ask([], SOON)
+        assert camera.codec.decoder(e.news.request)(heard.get(timeout=SOON)) == (number, "asked")
+        camera.close()
+        wait_until(lambda: not asking.wait_peer(0))
+
+
+def test_what_a_member_newly_serves_is_found_once_we_are_connected_to_its_topics(tmp_path: Path) -> None:
+    neighbours = remote.Neighbours(tmp_path)
+
+    def hear(*entries: Entry) -> None:
+        neighbours.hear(read_record(record("7-1", "eve", 7, entries), "eve", at="tcp://10.0.0.2:7501", rights=Rights()))
+
+    def found(name: str) -> bool:
+        return bool(neighbours.find("serves", name))
+
+    first, second = (Entry("serves", f"robot/camera/Everything/{name}", 1, "") for name in ("divide", "work"))
+    topic = Entry("publishes", NEWS.name, 1, "", "tcp://*:41000#0a1b2c")
+    hear(first, topic)
+    assert neighbours.find("publishes", NEWS.name)
+    assert not found(first.channel)
+    assert neighbours.settle(lambda member_id: False)
+    assert not found(first.channel)
+    assert not neighbours.settle(lambda member_id: member_id == "eve@7-1")
+    assert found(first.channel)
+    hear(first, topic, second)
+    assert (found(first.channel), found(second.channel)) == (True, False)
 
 
 def test_a_latched_topic_is_told_to_who_comes_later_and_a_reliable_one_loses_nothing(hosts: Hosts) -> None:
@@ -295,6 +365,14 @@ def test_a_server_that_has_not_the_key_we_know_is_not_talked_to(hosts: Hosts, ca
     assert not caller.wait_peer(0)
 
 
+def test_a_client_without_keys_is_told_that_it_needs_some(hosts: Hosts, caplog: pytest.LogCaptureFixture) -> None:
+    divide(hosts.camera())
+    caller = hosts.user("viewer", with_keys=False).caller(DIVIDE)
+    told = f"viewer: this process has no keys, and needs some (start it with --keys FOLDER) at {hosts.address} (camera)"
+    wait_until(lambda: told in caplog.text)
+    assert not caller.wait_peer(0)
+
+
 def test_without_a_key_of_a_server_nothing_is_opened(hosts: Hosts) -> None:
     (hosts.keys / "viewer" / "peers" / "camera.key").unlink()
     with pytest.raises(ConfigurationError, match=r"no public key of `camera` in .*camera\.key; make keys again"):
@@ -312,8 +390,6 @@ def test_what_a_server_has_no_right_to_offer_is_not_believed(hosts: Hosts) -> No
 
 
 def test_who_only_asks_cannot_say_that_it_serves() -> None:
-    from robocomp_py.transports.directory import Entry
-
     told = record("7-1", "eve", 7, [Entry(role, DIVIDE.name, 1, "", "tcp://6.6.6.6:1") for role in ("serves", "calls")])
     member = read_record(told, "eve", at="", rights=Rights())
     assert [entry.role for entry in member.entries] == ["calls"]
@@ -337,8 +413,6 @@ def test_who_was_held_up_itself_takes_nobody_for_gone(tmp_path: Path, monkeypatc
 
 
 def test_what_is_told_of_topics_is_taken_to_be_at_the_same_host() -> None:
-    from robocomp_py.transports.directory import Entry
-
     told = record("7-1", "eve", 7, [Entry("publishes", NEWS.name, 1, "", "tcp://6.6.6.6:41000#0a1b2c")])
     (entry,) = read_record(told, "eve", at="tcp://10.0.0.2:7501", rights=Rights()).entries
     assert entry.address == "tcp://10.0.0.2:41000#0a1b2c"

@@ -25,8 +25,8 @@ from robocomp_py.testing.conformance import answering, blob, command, query, top
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, Reply, Status, TransportConfig, TypeRef
 from robocomp_py.transports.directory import Entry, runtime_dir
-from robocomp_py.transports.zeromq import ZeroMQTransport
 from robocomp_py.transports.zeromq.topics import Subscriber
+from robocomp_py.transports.zeromq.transport import ZeroMQTransport
 from robocomp_py.wire import header
 from tests.freeports import free_port
 
@@ -423,7 +423,7 @@ from robocomp_py.errors import TransportError
 from robocomp_py.testing.conformance import answering, blob, query, topic, unblob
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import TransportConfig
-from robocomp_py.transports.zeromq import ZeroMQTransport
+from robocomp_py.transports.zeromq.transport import ZeroMQTransport
 here, there = ZeroMQTransport(TransportConfig()), ZeroMQTransport(TransportConfig())
 here.server(query("a/b/c"), answering(here, bytes.upper))
 caller = there.caller(query("a/b/c"))

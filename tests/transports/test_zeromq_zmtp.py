@@ -16,10 +16,11 @@ import zmq
 from robocomp_py.contract.types import FLOAT64, UINT8, Field, Sequence, Struct
 from robocomp_py.testing.conformance import query, topic
 from robocomp_py.testing.patience import SOON, wait_until
-from robocomp_py.transports.base import Reply, Status, TransportConfig, is_heard
-from robocomp_py.transports.zeromq import ZeroMQTransport, asking
+from robocomp_py.transports.base import Reply, Status, SupportsHeard, TransportConfig
+from robocomp_py.transports.zeromq import client
 from robocomp_py.transports.zeromq.frames import Frames
 from robocomp_py.transports.zeromq.sockets import Subscription
+from robocomp_py.transports.zeromq.transport import ZeroMQTransport
 from robocomp_py.transports.zeromq.zmtp import Feed, Garbled, Gone, Stream
 from robocomp_py.wire.values import snapshot
 
@@ -325,9 +326,10 @@ def test_who_publishes_notices_that_nobody_subscribes_any_more(
     outlet = there.outlet(topic("a/b/t"))
     inlet = here.inlet(topic("a/b/t"), lambda _: None)
     assert outlet.wait_peer(SOON)
-    assert is_heard(outlet)
+    assert isinstance(outlet, SupportsHeard)
+    assert outlet.heard
     inlet.close()
-    wait_until(lambda: not is_heard(outlet))
+    wait_until(lambda: not outlet.heard)
 
 
 def test_a_server_that_hangs_up_on_who_was_slow_to_greet_it_is_greeted_again(
@@ -344,6 +346,6 @@ def test_a_server_that_hangs_up_on_who_was_slow_to_greet_it_is_greeted_again(
             raise Gone("it has closed the connection")
         return Stream(path, wait)
 
-    monkeypatch.setattr(asking, "Stream", greet)
+    monkeypatch.setattr(client, "Stream", greet)
     assert caller.ask([b"?"], SOON).status is Status.OK
     assert len(greeted) == 2

@@ -108,8 +108,7 @@ def values(kind: Type) -> st.SearchStrategy[Any]:
 _SCALARS: dict[Primitive, st.SearchStrategy[Any]] = {
     BOOL: st.booleans(),
     STRING: st.text(),
-    TIME: st.integers(*integer_range(TIME)),
     FLOAT32: st.floats(width=32),
     FLOAT64: st.floats(),
-    **{kind: st.integers(*integer_range(kind)) for kind in INTEGERS},
+    **{kind: st.integers(*integer_range(kind)) for kind in Primitive if kind.python is int},
 }

@@ -45,7 +45,7 @@ class Generated:
     def of_idsl(self, idsl: str) -> Any:
         """The module of this text, in which it has the name `Any`."""
         name = next(self._names)
-        texts, said = in_format(self._folder, idsl.replace("module Any", f"module {name}", 1), "slice", underscore=True)
+        texts, said = in_format(self._folder, idsl.replace("module Any", f"module {name}", 1), "slice")
         assert set(said) <= {"lossy-in-slice"}
         self.load(texts)
         return self[name]

@@ -7,7 +7,7 @@ import struct
 from collections.abc import Callable
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robocomp_py.errors import DecodeError
@@ -38,7 +38,6 @@ def test_a_publication_is_laid_out_as_the_protocol_says() -> None:
     )
 
 
-@settings(deadline=None)
 @given(U8.filter(lambda flags: not flags & header.Flag.SENT), U64, U64, U64, st.integers(0, 2**32 - 2))
 def test_a_request_is_read_as_it_was_written(flags: int, fingerprint: int, client: int, number: int, ms: int) -> None:
     packed = header.pack_request(flags, fingerprint, client, number, ms / 1000)
@@ -47,13 +46,11 @@ def test_a_request_is_read_as_it_was_written(flags: int, fingerprint: int, clien
     assert abs(read.remaining_ms - ms) <= 1
 
 
-@settings(deadline=None)
 @given(U8, U64, U64, U64)
 def test_a_reply_is_read_as_it_was_written(status: int, client: int, number: int, server: int) -> None:
     assert header.read_reply(header.pack_reply(status, client, number, server)) == (1, status, client, number, server)
 
 
-@settings(deadline=None)
 @given(U64, U64, U64, I64)
 def test_a_publication_is_read_as_it_was_written(fingerprint: int, source: int, number: int, stamp: int) -> None:
     packed = header.pack_publication(fingerprint, source, number, stamp)
@@ -109,7 +106,6 @@ def test_a_header_of_another_version_or_length_is_refused(read: Callable[[bytes]
         read(packed + b"\x00")
 
 
-@settings(deadline=None)
 @given(st.binary(max_size=60))
 def test_junk_is_refused_or_read(junk: bytes) -> None:
     for read, packed in zip(READERS, PACKED, strict=True):

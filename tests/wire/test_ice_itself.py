@@ -117,7 +117,7 @@ def test_calls_with_all_that_the_language_has_are_the_same_octets(
     text = (MODELS / "Everything.idsl").read_text().replace("low = -1", "low = 1")
     (tmp_path / "Everything.idsl").write_text(text.replace("struct Nothing { };", "struct Nothing { int x; };"))
     (tmp_path / "Shapes.idsl").write_text((MODELS / "Shapes.idsl").read_text())
-    generated.load(exported(tmp_path / "Everything.idsl", "slice", underscore=True)[0])
+    generated.load(exported(tmp_path / "Everything.idsl", "slice")[0])
     check_all(ice, generated, tmp_path / "Everything.idsl")
 
 

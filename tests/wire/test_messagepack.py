@@ -33,6 +33,7 @@ from robocomp_py.errors import DecodeError, EncodeError
 from robocomp_py.testing.conformance import assert_same
 from robocomp_py.testing.everything import Colour, Nothing, Point
 from robocomp_py.wire.messagepack import APART, MAX_TREE, MessagePack
+from robocomp_py.wire.stream import PIECE
 
 from .test_codecs import one, there_and_back
 
@@ -191,7 +192,7 @@ WRONG: list[tuple[Type, Any, str]] = [
     (Sequence(INT16), b"ab", "expected an array of int16, found one of uint8"),
     (Sequence(INT16), [1, None], "expected an array of int16, found list"),
     (Sequence(INT16), [[1], [2]], "expected an array of int16, found list"),
-    (Sequence(INT16), ["a" * 1000] * 1000, "expected an array of int16, found list"),
+    (Sequence(INT16), ["a" * 1000] * 1000, "expected an array of numbers, found a list of something else"),
     (Sequence(INT16), [2**15], "values from 32768 to 32768"),
     (Sequence(INT16), [0.5], "float64 values"),
     (Sequence(INT16), None, "expected an array of int16, found NoneType"),
@@ -233,6 +234,51 @@ def test_what_is_not_a_large_array_has_a_limit_of_its_own() -> None:
         CODEC.decoder(one(STRING))([b"\x90" * (MAX_TREE + 1)])
     array = np.zeros(MAX_TREE + 1, np.uint8)
     assert_same(there_and_back(CODEC, Sequence(UINT8), array), array)
+
+
+LONG, TAGS = "x" * (PIECE + 1), Sequence(STRING)
+TAGGED = Struct("Test::Tagged", (Field("name", STRING), Field("tags", TAGS), Field("index", Dictionary(STRING, INT32))))
+LARGE: list[tuple[Type, Any]] = [
+    (STRING, LONG),
+    (TAGS, ["tag"] * PIECE),
+    (TAGS, ["a", LONG, "", LONG, *["b"] * 1000]),
+    (TAGS, ["tag" * 10_000] * 20),
+    (Sequence(TAGS), [["tag"] * PIECE, [], [LONG], *[["a", "b"]] * PIECE]),
+    (Dictionary(STRING, STRING), {f"key {n}": "value" for n in range(10_000)}),
+    (Dictionary(STRING, STRING), {"a": "b", LONG: LONG, "c": "d"}),
+    (Dictionary(INT32, TAGS), {1: ["a"], 2: ["tag"] * PIECE, 3: []}),
+    (TAGGED, ("name", ["tag"] * PIECE, {f"key {n}": n for n in range(10_000)})),
+    (Sequence(TAGGED), [("a", ["b"], {"c": 1}), (LONG, [], {}), *[("d", ["e", "f"], {"g": 2})] * 10_000]),
+    (Sequence(Sequence(INT16)), [np.arange(100, dtype=np.int16)] * 1000),
+]
+
+
+@pytest.mark.parametrize(("kind", "value"), LARGE, ids=lambda each: str(each)[:40])
+def test_values_of_any_size_come_back(kind: Type, value: Any) -> None:
+    message = Struct("Test::Message", (Field("before", INT32), Field("value", kind), Field("after", STRING)))
+    payload = CODEC.encoder(message)((1, value, "x"))
+    assert len(payload[0]) > PIECE
+    assert_same(list(CODEC.decoder(message)(payload)), [1, value, "x"])
+    longer = [msgpack.packb([*msgpack.unpackb(payload[0], strict_map_key=False), "more"])]
+    assert_same(list(CODEC.decoder(message, prefix=True)(longer)), [1, value, "x"])
+    for wrong in (longer[0], payload[0] + b"\x00", payload[0][:-1], b"\x94" + payload[0][1:]):
+        with pytest.raises(DecodeError):
+            CODEC.decoder(message)([wrong])
+
+
+@pytest.mark.parametrize("there", [10, 3_000, 100_000])
+def test_a_list_of_numbers_in_place_of_an_array_must_be_whole(there: int) -> None:
+    decode = CODEC.decoder(one(Sequence(INT16)))
+    assert len(decode([b"\x91\xdd" + struct.pack(">I", there) + b"\x01" * there])[0]) == there
+    with pytest.raises(DecodeError):
+        decode([b"\x91\xdd" + struct.pack(">I", there + 1) + b"\x01" * there])
+
+
+def test_numbers_in_a_list_that_is_larger_than_a_piece_are_an_array() -> None:
+    numbers = list(range(30_000))
+    assert_same(received(Sequence(INT16), numbers), np.array(numbers, np.int16))
+    arrays = received(Sequence(Sequence(INT16)), [[1], numbers, [2]])
+    assert_same(arrays, [np.array(each, np.int16) for each in ([1], numbers, [2])])
 
 
 def test_every_dtype_has_a_letter() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robocomp_py.wire.names import ANY, channel, is_namespace, is_segment, matches, resolve
@@ -63,14 +63,12 @@ def test_a_target_that_names_nothing_is_refused_with_what_to_write(target: str, 
         resolve(target, "home", "Laser")
 
 
-@settings(deadline=None)
 @given(NAMESPACES, SEGMENTS, SEGMENTS)
 def test_every_port_has_an_absolute_target(namespace: str, instance: str, interface: str) -> None:
     target = f"/{namespace}/{instance}/{interface}" if namespace else f"/{instance}/{interface}"
     assert resolve(target, "home", "Other") == (namespace, instance, interface)
 
 
-@settings(deadline=None)
 @given(NAMESPACES, SEGMENTS, SEGMENTS, SEGMENTS)
 def test_a_channel_matches_itself_and_any_instance(namespace: str, instance: str, interface: str, op: str) -> None:
     name = channel(namespace, instance, interface, op)

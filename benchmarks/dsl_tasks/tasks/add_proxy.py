@@ -51,8 +51,8 @@ class SpeechProxy(Proxy):
     )
     project.replace(
         worker,
-        '    middleware = "zeromq"\n',
-        '    middleware = "zeromq"\n\n    speech_proxy: RoboCompSpeech.SpeechProxy\n',
+        '    middleware = "auto"\n',
+        '    middleware = "auto"\n\n    speech_proxy: RoboCompSpeech.SpeechProxy\n',
     )
     _both(project)
 

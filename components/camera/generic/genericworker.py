@@ -39,7 +39,7 @@ class GenericWorker(Worker[Params]):
         period=0.1,
         description="Draws what a camera on the robot would see.",
     )
-    middleware = "zeromq"
+    middleware = "auto"
 
     camerasimplepub_proxy: RoboCompCameraSimplePub.CameraSimplePubPublisher
 

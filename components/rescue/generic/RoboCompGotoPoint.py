@@ -1,4 +1,5 @@
 # Generated from GotoPoint.idsl by rcgen 0.1.0: edits are lost.
+# ruff: noqa: N999, RUF100
 """Module RoboCompGotoPoint: what travels, and how to send it."""
 
 from __future__ import annotations
@@ -69,8 +70,7 @@ class GotoPointProxy(Proxy):
         deadline: float | None = None,
     ) -> None:
         """Go to a place: its name, which may be empty, its x and y on the floor in mm,
-        and where
-        to look there in rad.
+        and where to look there in rad.
 
         IDSL: void go(string nodo, float x, float y, float alpha)
         """

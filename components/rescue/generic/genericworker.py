@@ -62,7 +62,7 @@ class GenericWorker(Worker[Params]):
         period=0.1,
         description="The mission: find somebody, and do not run out of battery.",
     )
-    middleware = "zeromq"
+    middleware = "auto"
 
     speech_proxy: RoboCompSpeech.SpeechProxy
     gotopoint_proxy: RoboCompGotoPoint.GotoPointProxy

@@ -21,36 +21,19 @@ class GenericWorker(Worker[Params]):
         period=0.1,
         description="A voice that speaks in the log.",
     )
-    middleware = "zeromq"
+    middleware = "auto"
 
     @abstractmethod
-    def Speech_say(self, pin: RoboCompSpeech.datasayin) -> RoboCompSpeech.dataresponse:
-        """Begin to say something; not `ok` if something else is being said and may not
-        be broken off.
+    def Speech_say(self, text: str, overwrite: bool) -> bool:
+        """Say something: whether it was accepted. With `overwrite`, it replaces what is
+        being said.
 
-        IDSL: [query] void say(datasayin pin, out dataresponse pout)
+        IDSL: bool say(string text, bool overwrite)
         """
 
     @abstractmethod
-    def Speech_isBusy(self) -> RoboCompSpeech.dataresponse:
+    def Speech_isBusy(self) -> bool:
         """Whether something is being said.
 
-        IDSL: [query] void isBusy(out dataresponse pout)
-        """
-
-    @abstractmethod
-    def Speech_enableSynchronization(
-        self,
-        pin: RoboCompSpeech.dataenableSynchronization,
-    ) -> None:
-        """Show words as they are said, or the whole text when it begins.
-
-        IDSL: [command] void enableSynchronization(dataenableSynchronization pin)
-        """
-
-    @abstractmethod
-    def Speech_stop(self) -> None:
-        """Be silent at once.
-
-        IDSL: [command] void stop()
+        IDSL: bool isBusy()
         """

@@ -43,7 +43,7 @@ class GenericWorker(Worker[Params]):
         period=0.1,
         description="Drives a robot around, or to a place.",
     )
-    middleware = "zeromq"
+    middleware = "auto"
 
     laser_proxy: RoboCompLaser.LaserProxy
     differentialrobot_proxy: RoboCompDifferentialRobot.DifferentialRobotProxy
@@ -58,8 +58,7 @@ class GenericWorker(Worker[Params]):
     @abstractmethod
     def GotoPoint_go(self, nodo: str, x: float, y: float, alpha: float) -> None:
         """Go to a place: its name, which may be empty, its x and y on the floor in mm,
-        and where
-        to look there in rad.
+        and where to look there in rad.
 
         IDSL: void go(string nodo, float x, float y, float alpha)
         """

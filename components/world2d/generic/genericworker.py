@@ -52,7 +52,7 @@ class GenericWorker(Worker[Params]):
         period=0.05,
         description="A house with a robot in it, seen from above.",
     )
-    middleware = "zeromq"
+    middleware = "auto"
 
     differentialrobotpub_proxy: (
         RoboCompDifferentialRobotPub.DifferentialRobotPubPublisher

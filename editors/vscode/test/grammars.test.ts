@@ -124,7 +124,7 @@ for (const path of shipped) {
     });
 }
 
-for (const path of files(join(PROJECT, "docs", "languages")).filter((each) => each.endsWith(".md"))) {
+for (const path of files(join(PROJECT, "docs", "reference", "languages")).filter((each) => each.endsWith(".md"))) {
     test(`the examples of ${relative(PROJECT, path)} have nothing invalid, and nothing without a name`, async () => {
         const found = await tokens("markdown.robocomp.fences", readFileSync(path, "utf8"));
         const inside = found.filter((each) => each.scopes.some((scope) => within(scope, "meta.embedded.block")));

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import argparse
 import datetime
+import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..common import complain
+from ..network import override_words
 
 if TYPE_CHECKING:
     from ...deploy.plan import Plan
@@ -43,7 +45,7 @@ def with_keys(plan: Plan, options: argparse.Namespace) -> Plan:
         errors, warnings = _troubles(plan, options)
     except DeploymentError as exc:
         errors, warnings = [str(exc)], []
-    for each in (*(f"it cannot be started as it is: {error}" for error in errors), *warnings):
+    for each in (*(f"it cannot be started as it is: {error}" for error in (*errors, *_hindrances(plan))), *warnings):
         _warn(each)
     try:
         return security.secured(plan, keys_of(plan, options))
@@ -66,9 +68,20 @@ def guarded(plan: Plan, options: argparse.Namespace) -> Plan | int:
         return complain(f"rcdeploy: {exc}")
     for each in warnings:
         _warn(each)
+    errors += _hindrances(plan)
     for each in errors:
         complain(f"rcdeploy: {each}")
     return 1 if errors else security.secured(plan, keys_of(plan, options))
+
+
+def _hindrances(plan: Plan) -> list[str]:
+    from ...deploy.surroundings import hindrances
+    from ...errors import ConfigurationError, DeploymentError
+
+    try:
+        return hindrances(plan)
+    except (ConfigurationError, DeploymentError) as exc:
+        return [str(exc)]
 
 
 def _troubles(plan: Plan, options: argparse.Namespace) -> tuple[list[str], list[str]]:
@@ -79,7 +92,8 @@ def _troubles(plan: Plan, options: argparse.Namespace) -> tuple[list[str], list[
     if plan.security is not Security.LAN:
         return [], []
     now = datetime.datetime.now(datetime.UTC)
-    return troubles(plan, keys_of(plan, options), now, str(options.network))
+    network = shlex.join([str(options.network), *override_words(options)])
+    return troubles(plan, keys_of(plan, options), now, network)
 
 
 def _warn(text: str) -> None:

@@ -6,23 +6,25 @@ import shlex
 import sys
 from pathlib import Path
 
+from ...errors import ConfigurationError
 from ..common import FINE, WRONG, complain, show
 
 
 def import_network(path: Path, output: Path | None) -> int:
     """Write a network as DDSL. A file that is there is never written over: it may have been edited."""
-    from ...deploy.importers import FORMATS, import_deployment
-    from ...deploy.importers.finding import Finder
+    from ... import plugins
     from ...dsl.workspace import Workspace
 
-    if path.suffix.lower() not in FORMATS:
-        return complain(f"rcdeploy: --import {path}: give it rcmanager's XML (.xml) or a sub.toml (.toml)")
+    try:
+        importer = plugins.network_importer(path)
+    except ConfigurationError as exc:
+        return complain(f"rcdeploy: --import {exc}")
     if output and output.suffix.lower() != ".ddsl":
         return complain(f"rcdeploy: -o {output}: a network is a .ddsl file")
     workspace = Workspace()
     source = workspace.source(path)
     folder = output.parent if output else Path.cwd()
-    text = import_deployment(source, Finder(path), folder, workspace.report) if source else None
+    text = importer.to_ddsl(source, folder, workspace.report) if source else None
     show(workspace.report.diagnostics)
     if text is None:
         return WRONG

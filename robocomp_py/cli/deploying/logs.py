@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import argparse
 import sys
+import time
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from ..common import FINE, insist
+from ..common import FINE, complain, insist
 from .asking import add_network, asking, show
 
 if TYPE_CHECKING:
     from ...deploy.client import Connection
+    from ...deploy.ring import Line
 
 NAME = "logs"
 HELP = "show what the components of a network have printed"
@@ -23,7 +25,8 @@ examples:
   rcdeploy logs net.ddsl -f           ... and what comes then, until Ctrl-C or the end of the network
   rcdeploy logs net.ddsl rcdeploy     what rcdeploy itself had to say
 
-Of a network that does not run any more, what it has left is shown, if that was not written elsewhere by --log-dir.
+Each line has its time; lines of an earlier day have the date, too. Of a network that does not run any more, the
+output of its newest run is shown, wherever --log-dir had it written.
 Exit status: 0 fine, 1 the network does not run and has left nothing, 2 usage
 """
 
@@ -50,24 +53,39 @@ def _print(connection: Connection, options: argparse.Namespace) -> int:
 def _print_past(options: argparse.Namespace) -> int | None:
     """What a network that does not run any more has left; None if it has left nothing."""
     from ...deploy.client import network_of
-    from ...deploy.logs import recalled
-    from ...deploy.place import Place
+    from ...deploy.logs import recalled, writers
+    from ...deploy.place import Place, Run
 
     network = network_of(options.network)
-    folder = Place(network).logs
-    past = recalled(folder, options.names, options.lines)
-    if not past:
+    place = Place(network)
+    run = place.last_run() or Run(place.logs, 0.0)
+    there = writers(run.logs)
+    if not there:
+        if run.began:
+            return complain(f"rcdeploy: {network} does not run now, and {run.logs}, its last logs, holds none any more")
         return None
-    print(f"{network} does not run now; this is what it left in {folder}", file=sys.stderr)
+    unknown = [name for name in options.names if not writers(run.logs, [name])]
+    if unknown:
+        return complain(
+            f"rcdeploy: {network} does not run now, and has left nothing of {', '.join(unknown)} in {run.logs}; "
+            f"there is something of: {', '.join(there)}"
+        )
+    print(f"{network} does not run now; this is what its last run left in {run.logs}", file=sys.stderr)
+    past = recalled(run.logs, options.names, options.lines, run.began)
+    if not past and options.lines:
+        print(f"{', '.join(options.names) or 'it'} printed nothing in that run", file=sys.stderr)
     _show(past)
     return FINE
 
 
-def _show(lines: Iterable[tuple[str, str]]) -> None:
-    width = 0
-    for name, text in lines:
+def _show(lines: Iterable[Line]) -> None:
+    from ...deploy.table import clock_time, full_time
+
+    width, today = 0, full_time(time.time())[:10]
+    for at, name, text in lines:
         width = max(width, len(name))
-        show([(f"{name:>{width}} | ", "cyan" if name != "rcdeploy" else "bold"), (text, "")])
+        when = clock_time(at) if full_time(at).startswith(today) else full_time(at)
+        show([(f"{when} ", "dim"), (f"{name:>{width}} | ", "cyan" if name != "rcdeploy" else "bold"), (text, "")])
         sys.stdout.flush()
         insist()
 

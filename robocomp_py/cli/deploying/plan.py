@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
-import shlex
 import sys
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..common import FINE, complain
@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _write(plan: Plan, as_json: bool) -> None:
-    from ...deploy.overview import difference, overview
+    from ...deploy.overview import command_line, difference, overview
 
     news = _news(plan)
     if as_json:
@@ -73,11 +73,12 @@ def _write(plan: Plan, as_json: bool) -> None:
         show(line)
     print()
     for process in plan.processes:
-        show([(f"{process.name}: {shlex.join(process.command)}", "dim")])
+        show([(command_line(process, Path.cwd()), "dim")])
     if news is not None:
         print()
         differing = difference(news)
-        show([(f"{plan.name} runs" + ("; started anew, it would differ in this:" if news else " exactly so"), "bold")])
+        compared = "differs from the running network:" if news else "matches the running network"
+        show([(f"{plan.name} {compared}", "bold")])
         for line in differing:
             show(line)
 
@@ -85,12 +86,19 @@ def _write(plan: Plan, as_json: bool) -> None:
 def _news(plan: Plan) -> list[Change] | None:
     """What is different from what runs; None if it does not run."""
     from ...deploy.changes import changes
-    from ...deploy.client import running_plan
+    from ...deploy.client import Connection, NotRunning, running_plan
+    from ...deploy.contracts import running_contracts
     from ...errors import DeploymentError
 
     try:
         running = running_plan(plan.name)
+        if running is None:
+            return None
+        with Connection(plan.name) as connection:
+            told = running_contracts(connection.status().processes)
+    except NotRunning:
+        return None
     except DeploymentError as exc:
         print(f"rcdeploy: {exc}; what would change is not known", file=sys.stderr)
         return None
-    return None if running is None else changes(running, json.loads(json.dumps(plan.to_json())))
+    return changes(running, json.loads(json.dumps(plan.to_json())), told)

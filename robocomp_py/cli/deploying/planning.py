@@ -24,7 +24,7 @@ def planned(options: argparse.Namespace, *, as_json: bool = False) -> Plan | int
     `as_json` is for what is wrong then, one diagnostic a line on standard output.
     """
     from ...deploy.auto import usable
-    from ...deploy.hosts.addresses import found
+    from ...deploy.hosts.addresses import found, is_here
     from ...deploy.planner import make_plan
     from ...dsl.workspace import Workspace
 
@@ -34,7 +34,7 @@ def planned(options: argparse.Namespace, *, as_json: bool = False) -> Plan | int
         print(f"rcdeploy: {exc}", file=sys.stderr)
         return USAGE
     workspace = Workspace(options.include)
-    plan = make_plan(options.network, workspace, overrides, usable, found)
+    plan = make_plan(options.network, workspace, overrides, usable, found, is_here)
     if plan and not _check_generated(options.network, workspace):
         plan = None
     _show(workspace.report.diagnostics, as_json=as_json and plan is None)
@@ -62,7 +62,12 @@ def _show(diagnostics: Iterable[Diagnostic], *, as_json: bool) -> None:
 
 
 def _check_generated(path: Path, workspace: Workspace) -> bool:
-    """Whether every generic part is what its models come to; those that are not are reported."""
+    """Whether every generic part is up to date with its models, and every specific part has what it needs.
+
+    Reports what is wrong.
+    """
+    from ...usercode.check import check_worker
+
     model = workspace.deployment(path)
     paths = workspace.components_of(path)
     components = {linked.component.name.lower(): linked for each in paths if (linked := workspace.component(each))}
@@ -77,13 +82,16 @@ def _check_generated(path: Path, workspace: Workspace) -> bool:
             message = "\n  ".join((f"`{instance.component}` is not generated from its models as they are now", *lines))
             hint = f"run: rcgen {shlex.quote(str(path))}"
             workspace.report.error("out-of-date", message, instance.component.span, hint)
+        else:
+            check_worker(components[kind], workspace)
     return not workspace.report.errors
 
 
 def _outdated(linked: LinkedComponent) -> list[str]:
     from ... import __version__
-    from ...codegen.generate import DEFAULT_MIDDLEWARE, GenerationError, Model, Owner, generate
+    from ...codegen.generate import GenerationError, Model, Owner, generate
     from ...codegen.write import compare
+    from ...contract.middleware import AUTO
     from ...deploy.routes import generated_for
 
     folder = linked.path.parent
@@ -93,7 +101,7 @@ def _outdated(linked: LinkedComponent) -> list[str]:
         )
         if f" by rcgen {__version__}:" not in first:
             return []  # another version writes other text for the same models: nothing can be told from that
-        middleware = generated_for(folder) or DEFAULT_MIDDLEWARE
+        middleware = generated_for(folder) or AUTO
         artifacts = generate(Model(linked.component, linked.modules, linked.path.name, linked.params, middleware))
         return compare([each for each in artifacts if each.owner is Owner.GENERATOR], folder).lines(folder)
     except (OSError, GenerationError) as exc:

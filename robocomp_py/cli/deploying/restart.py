@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from typing import TYPE_CHECKING
 
 from ..common import FINE, complain
@@ -21,7 +22,8 @@ examples:
   rcdeploy restart net.ddsl laser camera  ... two of them
   rcdeploy restart net.ddsl left          ... all of a system
 
-What shares a process is restarted with it. Exit status: 0 all are ready again, or have done their work; 1 one is not;
+What shares a process is restarted with it. If an interface has changed since the network was started, what uses it has
+to be restarted together. Exit status: 0 all are ready again, or have done their work; 1 one is not;
 2 usage; 3 its host is out of reach
 """
 
@@ -43,6 +45,8 @@ def _restart(connection: Connection, options: argparse.Namespace) -> int:
     from ...deploy.client import restart
     from ...deploy.policy import State
 
+    if why := _hindrance(connection, options):
+        return complain(f"rcdeploy: {why}")
     done = restart(connection, options.names, options.within, _tell)
     failed = [each for each in done if each.state is State.FAILED]
     for each in done:
@@ -51,6 +55,28 @@ def _restart(connection: Connection, options: argparse.Namespace) -> int:
     for each in failed:
         complain(f"rcdeploy: {each.name} {each.how or 'has failed'}; see: rcdeploy logs {options.network} {each.name}")
     return 1 if failed else FINE
+
+
+def _hindrance(connection: Connection, options: argparse.Namespace) -> str:
+    """Why restarted instances would not understand those that keep running; "" if they would."""
+    from ...deploy import contracts
+    from ...deploy.client import running_plan
+    from ...deploy.naming import meant
+
+    plan, processes = running_plan(connection.network) or {}, connection.status().processes
+    running, current = contracts.running_contracts(processes), contracts.generated_contracts(plan)
+    asked = [name for each in meant(options.names, processes) for name in each.instances]
+    found = contracts.prospect(plan.get("links", ()), running, current, asked)
+    if not found.severed:
+        return ""
+    links = "\n".join(f"  {each.client} uses {each.interface} of {each.provider}" for each in found.severed)
+    says = f"nothing was started again, for these would not understand each other then:\n{links}\n"
+    if not found.together:
+        return f"{says}Generate them from the same interfaces: rcgen NET.ddsl"
+    older = contracts.outdated(running, current)
+    old = "; ".join(f"{name} runs an older contract of {', '.join(older[name])}" for name in found.together)
+    names = shlex.join((options.network, *options.names, *found.together))
+    return f"{says}{old}\nStart them again together: rcdeploy restart {names}"
 
 
 def _tell(missing: list[str]) -> None:

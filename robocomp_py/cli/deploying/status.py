@@ -24,11 +24,12 @@ _EXAMPLES = """\
 examples:
   rcdeploy status net.ddsl          a table of its processes
   rcdeploy status net.ddsl --watch  ... again every second, until Ctrl-C or the end of the network
+  rcdeploy status net.ddsl --ports  ... and whom each component uses, over what
   rcdeploy status net.ddsl --json   for machines, on one line
   rcdeploy status                   all networks of yours that run on this machine, a line each
 
-exit status: 0 everything is ready, or has done its work; 1 something is not, or the network does not run; 2 usage;
-3 a host is out of reach
+exit status: 0 everything is ready, or has done its work; 1 something is not, or two components have different contracts
+of an interface, or the network does not run; 2 usage; 3 a host is out of reach
 """
 
 _EVERY_S = 1.0
@@ -38,6 +39,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = "Show how a network that runs is.", _EXAMPLES
     to.add_argument("network", nargs="?", metavar=NETWORK, help="the network, by its file or by its name")
     to.add_argument("--watch", action="store_true", help="again every second")
+    to.add_argument("--ports", action="store_true", help="also the ports of the components, with their peers")
     to.add_argument("--json", action="store_true", help="for machines, on one line")
 
 
@@ -46,9 +48,10 @@ def run(options: argparse.Namespace) -> int:
 
     if options.network:
         return asking(options.network, lambda connection: _show(connection, options))
-    if options.watch:
-        print("rcdeploy status: --watch is for one network; say which", file=sys.stderr)
-        return USAGE
+    for option, is_given in (("--watch", options.watch), ("--ports", options.ports)):
+        if is_given:
+            print(f"rcdeploy status: {option} is for one network; say which", file=sys.stderr)
+            return USAGE
     found = networks()
     if not found and not options.json:
         print("no network of yours runs on this machine")
@@ -56,14 +59,34 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _show(connection: Connection, options: argparse.Namespace) -> int:
+    from ...deploy.client import running_plan
+
     while True:
         snapshot = connection.status()
-        _print(snapshot, as_json=options.json, again=options.watch)
+        plan = running_plan(snapshot.network) or {}
+        _print(snapshot, plan.get("ways", []) if options.ports else None, options)
+        is_severed = _tell_contracts(snapshot, options)
         sys.stdout.flush()
         if not options.watch:
-            return _code(snapshot)
+            return _code(snapshot) or (WRONG if is_severed else FINE)
         insist()
         time.sleep(_EVERY_S)
+
+
+def _tell_contracts(snapshot: Snapshot, options: argparse.Namespace) -> bool:
+    """Say which instances run an older contract. Returns whether two linked ones have different contracts."""
+    from ...deploy import contracts
+    from ...deploy.client import running_plan
+
+    plan = running_plan(snapshot.network) or {}
+    running = contracts.running_contracts(snapshot.processes)
+    severed = contracts.severed(plan.get("links", ()), running)
+    if options.json:
+        return bool(severed)
+    outdated = contracts.outdated(running, contracts.generated_contracts(plan))
+    for line in contracts.sentences(options.network, severed, outdated):
+        show([(line, "bold red" if severed else "yellow")])
+    return bool(severed)
 
 
 def _tell(connection: Connection, as_json: bool) -> int:
@@ -77,11 +100,12 @@ def _tell(connection: Connection, as_json: bool) -> int:
     return _code(snapshot)
 
 
-def _print(snapshot: Snapshot, *, as_json: bool, again: bool) -> None:
-    from ...deploy.table import summary, table
+def _print(snapshot: Snapshot, ways: list[dict[str, str]] | None, options: argparse.Namespace) -> None:
+    from ...deploy.table import ports, summary, table
 
-    if as_json:
-        print(json.dumps(asdict(snapshot)))
+    again = options.watch
+    if options.json:
+        print(json.dumps(asdict(snapshot) | ({} if ways is None else {"ways": ways})))
         return
     size = os.get_terminal_size(sys.stdout.fileno()) if sys.stdout.isatty() else None
     if size and again:
@@ -91,6 +115,10 @@ def _print(snapshot: Snapshot, *, as_json: bool, again: bool) -> None:
         snapshot, width=size.columns if size else None, height=size.lines - 2 if size and again else None
     ):
         show(line)
+    if ways is not None:
+        print()
+        for line in ports(ways) or [[("no instance of this network uses another one", "")]]:
+            show(line)
 
 
 def _code(snapshot: Snapshot) -> int:

@@ -37,9 +37,9 @@ def run(options: argparse.Namespace) -> int:
 
     try:
         check_ssh()
-        from ...deploy.hosts import trusting
+        from ...deploy.hosts import ssh, trusting
 
-        presented = trusting.presented(options.host)
+        presented = ssh.presented(options.host)
         if not _agreed(options, presented):
             return WRONG
         path = trusting.remember(presented)

@@ -63,12 +63,14 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _run(options: argparse.Namespace, parent: Parent | None = None) -> int:
+    from ...spelling import unknown
+
     plan = planned(options)
     if isinstance(plan, int):
         return plan
-    ending = {name for process in plan.processes for name in (process.name, *process.instances)}
+    ending = sorted({name for process in plan.processes for name in (process.name, *process.instances)})
     if options.until and options.until not in ending:
-        print(f"rcdeploy: --until {options.until}: there is no such instance", file=sys.stderr)
+        print(f"rcdeploy: --until {options.until}: {unknown('instance', options.until, ending)}", file=sys.stderr)
         return USAGE
     if not plan.processes:
         return complain(f"rcdeploy: nothing goes on: {plan.name} has no components") if parent else FINE
@@ -120,5 +122,5 @@ def seconds(text: str) -> float:
     except ValueError:
         value = -1.0
     if not 0 <= value < float("inf"):
-        raise argparse.ArgumentTypeError(f"`{text}` is no number of seconds; write it as in --for 30 or --for 0.5")
+        raise argparse.ArgumentTypeError(f"`{text}` is no number of seconds; write it as 30 or 0.5")
     return value

@@ -15,6 +15,7 @@ from typing import Any
 from ... import __version__
 from ...errors import DeploymentError
 from ...runtime.effective import toml
+from ...transports.network import Helper
 from ..plan import Host, Plan, Process
 from ..policy import Restart, When
 from ..relocation import places, relocate
@@ -25,12 +26,6 @@ APP, KEYS = "app", "keys"
 
 RUNTIME = "/run/robocomp"
 """The run-time folder in containers."""
-
-ROUTER = "zenoh-router"
-"""No instance is called so: names of instances have no dashes."""
-
-BROKER = "ice-storm"
-"""Likewise."""
 
 USER = 1000
 """Whose number the components have in containers."""
@@ -85,9 +80,9 @@ def sites_of(plan: Plan, below: Callable[[Host | None], str]) -> list[Site]:
         processes = tuple(process for process in plan.processes if process.host == name)
         host = known.get(name)
         keys = {process.name: found for process in processes if (found := _keys(process))}
-        router = plan.routers.get(name)
-        if router and (found_keys := _router_keys(router)):
-            keys[ROUTER] = found_keys
+        first = name == ("" if "" in names else next(iter(names)))  # where the network says that all others are
+        helpers = [each for each in plan.helpers if each.host == name or (first and each.host not in names)]
+        keys |= {each.name: Path(each.keys) for each in helpers if each.keys}
         moved: dict[Path, str] = {}
         if folder := below(host):
             apart = [
@@ -96,11 +91,8 @@ def sites_of(plan: Plan, below: Callable[[Host | None], str]) -> list[Site]:
             ]
             kept = f"{folder.removesuffix(APP)}{KEYS}"
             moved = places(apart, folder) | {path: f"{kept}/{path.name}" for path in keys.values()}
-        if router:
-            processes = _behind(_router(_relocated(router, moved), name), processes)
-        if name == ("" if "" in names else next(iter(names))):  # where the network tells everybody that it is
-            for number, storm in enumerate(plan.storms):
-                processes = _behind(_broker(storm, number, name), processes)
+        for helper in helpers:
+            processes = _behind(_process(helper, moved, name), processes)
         shown = name or "localhost" if len(names) > 1 else ""
         sites.append(Site(shown, host, processes, moved, keys))
     return sites
@@ -112,11 +104,6 @@ def _keys(process: Process) -> Path | None:
     return next((Path(folder) for word, folder in pairwise(words) if word == "--keys"), None)
 
 
-def _router_keys(options: Mapping[str, Any]) -> Path | None:
-    key = options.get("router", {}).get("transport/link/tls/listen_private_key")
-    return Path(key).parent if key else None
-
-
 def _relocated(value: Any, moved: Mapping[Path, str]) -> Any:
     """What is said of files, as it is there."""
     if isinstance(value, Mapping):
@@ -125,19 +112,12 @@ def _relocated(value: Any, moved: Mapping[Path, str]) -> Any:
     return f"{place}/{Path(value).name}" if place else value
 
 
-def _router(options: Mapping[str, Any], host: str) -> Process:
-    """What carries Zenoh's messages between this machine and the others."""
-    given = (part for key, value in options.items() for part in ("--set", f"transports.zenoh.{key}={toml(value)}"))
-    command = (sys.executable, "-m", "robocomp_py.cli.rc", "host", "zenoh", *given)
-    return Process(ROUTER, "Zenoh", command, Path.cwd(), host=host, restart=Restart(When.ALWAYS))
-
-
-def _broker(storm: str, number: int, host: str) -> Process:
-    """What carries topics over Ice, where nobody else does."""
-    given = ("--set", f"transports.ice.storm={toml(storm)}")
-    command = (sys.executable, "-m", "robocomp_py.cli.rc", "host", "ice", *given)
-    name = f"{BROKER}{number or ''}"
-    return Process(name, "IceStorm", command, Path.cwd(), host=host, restart=Restart(When.ALWAYS))
+def _process(helper: Helper, moved: Mapping[Path, str], host: str) -> Process:
+    """What runs a helper where `rcdeploy` does not."""
+    key, options = f"transports.{helper.middleware}", _relocated(helper.options, moved)
+    given = (part for name, value in options.items() for part in ("--set", f"{key}.{name}={toml(value)}"))
+    command = (sys.executable, "-m", "robocomp_py.cli.rc", "host", helper.middleware, *given)
+    return Process(helper.name, helper.title, command, Path.cwd(), host=host, restart=Restart(When.ALWAYS))
 
 
 def _behind(first: Process, processes: Iterable[Process]) -> tuple[Process, ...]:
@@ -168,7 +148,12 @@ def unique(names: Iterable[str], allowed: str, spelt: Callable[[str], str] = str
 
 def watches_itself(process: Process) -> bool:
     """Whether it feeds a watchdog. What only carries messages says that it is ready, and no more."""
-    return process.notifies and not process.is_program and not process.name.startswith((ROUTER, BROKER))
+    return process.notifies and not process.is_program and not is_helper(process)
+
+
+def is_helper(process: Process) -> bool:
+    """Whether a transport needs it: names of instances have no dashes."""
+    return "-" in process.name
 
 
 def grace(process: Process) -> float:

@@ -74,7 +74,9 @@ def _service(site: Site, process: Process, project: str, names: dict[str, str]) 
         }
     if environment:
         service["environment"] = environment
-    first = {names[other]: _condition(site, other) for other in process.after if other in names}
+    first = {
+        names[other]: _condition(site, other) for other in (*process.after, *process.ready_after) if other in names
+    }
     if first:
         service["depends_on"] = first
     mounts = [f"runtime:{RUNTIME}"]

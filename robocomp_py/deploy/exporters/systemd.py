@@ -13,14 +13,13 @@ from ..plan import Host, Plan, Process
 from ..policy import Restart, When
 from .base import (
     APP,
-    KEYS,
-    ROUTER,
     Export,
     Site,
     escalating,
     grace,
     heading,
     identifier,
+    is_helper,
     sites_of,
     told_once,
     unique,
@@ -65,10 +64,12 @@ WantedBy=default.target
 
 def _service(plan: Plan, site: Site, process: Process, whole: str, names: dict[str, str]) -> str:
     first = [names[other] for other in process.after if other in names]
-    order = f"\nWants={' '.join(first)}\nAfter={' '.join(first)}" if first else ""
+    order = f"\nWants={' '.join(first)}" if first else ""
+    if before := list(dict.fromkeys((*first, *(names[other] for other in process.ready_after if other in names)))):
+        order += f"\nAfter={' '.join(before)}"
     python = site.host.python if site.host else sys.executable
     ours = list(site.moved.values())
-    meant = ours if process.name == ROUTER else ()  # of what users say, only whole words are files
+    meant = ours if is_helper(process) else ()  # of what users say, only whole words are files
     words = site.command(process, python)
     command = " ".join(_word(each, [each] if each in ours else meant) for each in words)
     folder = _home(site.host, whole) if site.host else _specified(str(process.cwd))
@@ -128,18 +129,21 @@ def _steps(all_sites: list[Site], whole: str) -> Iterator[str]:
     for site in all_sites:
         folder = f"{site.name}/" if site.name else ""
         if site.host:
-            to = f"{site.host.user}@{site.host.address}" if site.host.user else site.host.address
-            there, port = site.host.workdir or whole, site.host.port
-            ssh, scp = (f"ssh -p {port}", f"scp -P {port}") if port else ("ssh", "scp")
-            yield f"{ssh} {to} mkdir -p {shlex.quote(there)} .config/systemd/user"
-            along = " ".join(f"{folder}{each}" for each in (APP, *([KEYS] if site.keys else [])))
-            yield f"{scp} -pr {along} {to}:{shlex.quote(there)}/"
-            yield f"{scp} {folder}{whole}* {to}:.config/systemd/user/"
-            yield f"{ssh} {to} systemctl --user enable --now {whole}.target"
+            there = shlex.quote(site.host.workdir or whole)
+            unpack = f"mkdir -p {there} && tar --extract --preserve-permissions --directory {there}"
+            units = f"mkdir -p .config/systemd/user && mv {there}/{whole}* .config/systemd/user/"
+            yield f"tar --create --directory {site.folder} . | {_on(site.host, unpack)}"
+            yield _on(site.host, f"{units} && systemctl --user enable --now {whole}.target")
         else:
             yield "mkdir -p ~/.config/systemd/user"
             yield f"cp {folder}{whole}* ~/.config/systemd/user/"
             yield f"systemctl --user enable --now {whole}.target"
+
+
+def _on(host: Host, script: str) -> str:
+    """The command that runs a script on a host. The shell there gets the script as one text, and splits it again."""
+    port = ["-p", str(host.port)] if host.port else []
+    return shlex.join(["ssh", *port, f"{host.user}@{host.address}" if host.user else host.address, script])
 
 
 # Quoting: systemd.syntax(7), systemd.service(5) and systemd.unit(5).

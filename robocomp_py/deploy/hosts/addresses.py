@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import socket
 from collections.abc import Mapping
+from ipaddress import ip_address
 
 from ..wiring import addresses_of
 
@@ -11,6 +13,28 @@ from ..wiring import addresses_of
 def found(hosts: Mapping[str, str]) -> Mapping[str, str]:
     """By name, from addresses as they are written; "" is this host. Raises OSError, naming the address."""
     return addresses_of(hosts, resolve, towards)
+
+
+def is_here(address: str) -> bool:
+    """Whether a number or a name is this machine's. Other names are looked up, which may take a while."""
+    if is_own(address):
+        return True
+    with contextlib.suppress(OSError):
+        return is_own(resolve(address))
+    return False
+
+
+def is_own(address: str) -> bool:
+    """Whether it is a number of this machine's, or the name that it has itself; nothing is looked up."""
+    name = socket.gethostname().lower()
+    short = name.partition(".")[0]
+    if address.lower().rstrip(".") in (name, short, f"{short}.local"):
+        return True
+    try:
+        number = ip_address(address)
+        return number.is_loopback or ip_address(towards(address)) == number
+    except (ValueError, OSError):  # another name, or no way there
+        return False
 
 
 def resolve(address: str) -> str:

@@ -58,13 +58,19 @@ def missing(needs: "dict[str, str]") -> "list[str]":
 def own(folder: str) -> None:
     """Have it, for nobody else: what is in it is run, and there are keys in it."""
     os.makedirs(folder, 0o700, exist_ok=True)
-    if os.stat(folder).st_uid != os.getuid():
-        refuse(f"{folder} belongs to another user; name a folder of your own: workdir")
-    os.chmod(folder, 0o700)
+    if os.path.islink(folder):
+        refuse(f"{folder} is a symbolic link; remove it, or name a folder of your own: workdir")
+    opened = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)  # what is checked is what is changed
+    try:
+        if os.fstat(opened).st_uid != os.getuid():
+            refuse(f"{folder} belongs to another user; name a folder of your own: workdir")
+        os.fchmod(opened, 0o700)
+    finally:
+        os.close(opened)
 
 
 def receive(folder: str, name: str) -> None:
-    """Unpack what is sent into the folder; it is there as a whole, or not at all."""
+    """Unpack what is sent into the folder, which then exists completely or not at all."""
     import hashlib
     import io
     import shutil

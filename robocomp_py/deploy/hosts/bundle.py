@@ -34,7 +34,6 @@ _NOT_THERE = (
     "lsp",
     "codegen",
     "testing",
-    "deploy/importers",
     "deploy/exporters",
     "interfaces",
     "graph",
@@ -107,8 +106,10 @@ def _package() -> Iterator[tuple[str, Content]]:
             yield f"robocomp_py/{inside}", _read(path)
     folder = f"robocomp_py-{__version__}.dist-info"
     yield f"{folder}/METADATA", Content(f"Metadata-Version: 2.1\nName: robocomp-py\nVersion: {__version__}\n".encode())
-    ours = {name: entry.value for name, entry in installed.transports().items() if _is_ours(entry.value)}
-    lines = ["[robocomp_py.transports]", *(f"{name} = {value}" for name, value in sorted(ours.items())), ""]
+    lines = []
+    for group in (installed.TRANSPORTS, installed.DEPLOYMENTS):
+        found = installed.entries(group).items()
+        lines += [f"[{group}]", *(f"{name} = {entry.value}" for name, entry in found if _is_ours(entry.value)), ""]
     yield f"{folder}/entry_points.txt", Content("\n".join(lines).encode())
 
 

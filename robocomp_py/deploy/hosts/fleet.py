@@ -10,32 +10,14 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ... import installed
 from ...errors import DeploymentError
+from ...transports.deployment import deployment_of
 from ..agents import Agent, Listener
-from ..iceplaces import ICE, LOOPBACK
 from ..plan import Host, Plan
 
 if TYPE_CHECKING:
     from .remote import Share
-
-_MODULES = {
-    "zeromq": ("zmq", "msgpack"),
-    "dds": ("cyclonedds",),
-    "zenoh": ("zenoh",),
-    "shm": ("iceoryx2",),
-    "ice": ("Ice",),
-}
-"""What our transports import."""
-
-_PACKAGES = {
-    "numpy": "numpy",
-    "zmq": "pyzmq",
-    "msgpack": "msgpack",
-    "cyclonedds": "cyclonedds",
-    "zenoh": "eclipse-zenoh",
-    "iceoryx2": "iceoryx2",
-    "Ice": "zeroc-ice",
-}
 
 
 def remote_agents(plan: Plan, listener: Listener, note: Callable[[str], None] | None = None) -> dict[str, Agent]:
@@ -89,6 +71,8 @@ class _Deaf(Listener):
 
     def left(self, name: str, instance: str) -> None: ...
 
+    def contract(self, name: str, instance: str, operations: Mapping[str, str]) -> None: ...
+
     def hung(self, name: str) -> None: ...
 
     def exited(self, name: str, code: int) -> None: ...
@@ -109,34 +93,31 @@ def share_of(plan: Plan, host: Host) -> Share:
     from .remote import Share
 
     processes = tuple(process for process in plan.processes if process.host == host.name)
-    carriers, router = _carriers(plan, host), plan.routers.get(host.name, {})
-    hosted: tuple[tuple[str, Mapping[str, Any]], ...]
-    hosted = (("zenoh", router),) if "zenoh" in carriers or router else ()
-    if ICE in carriers:  # whose topics go through a program on the one host that has that address
-        hosted += tuple((ICE, {"storm": storm}) for storm in plan.storms if LOOPBACK not in storm)
-    keys = _router_keys(router.get("router", {}))
-    files = sorted(path for path in keys.iterdir() if path.is_file()) if keys else []
-    return Share(plan.name, processes, hosted, needs(carriers), {path: path.name for path in files}, keys)
+    carriers = _carriers(plan, host)
+    helpers = [
+        each for each in plan.helpers if each.host == host.name or (each.host is None and each.middleware in carriers)
+    ]
+    helped = {each.middleware for each in helpers}
+    hosted: list[tuple[str, Mapping[str, Any]]]
+    hosted = [(name, {}) for name in carriers if name not in helped and deployment_of(name).shares]
+    hosted += [(each.middleware, each.options) for each in helpers]
+    folders = [Path(each.keys) for each in helpers if each.keys]
+    files = {path: path.name for folder in folders for path in sorted(folder.iterdir()) if path.is_file()}
+    return Share(plan.name, processes, tuple(hosted), needs(carriers), files, next(iter(folders), None))
 
 
 def needs(middlewares: Iterable[str]) -> Mapping[str, str]:
     """The modules that components need beyond Python, and what to install for each."""
-    modules = ["numpy", *(module for each in middlewares for module in _MODULES.get(each, ()))]
+    modules = dict((("numpy", "numpy"), *(each for name in middlewares for each in deployment_of(name).modules)))
     wanted = _requirements()
-    return {module: wanted.get(_PACKAGES[module], _PACKAGES[module]) for module in dict.fromkeys(modules)}
-
-
-def _router_keys(settings: Mapping[str, Any]) -> Path | None:
-    """The folder of the keys that a router is told to use, if it is; those of components are among their files."""
-    key = settings.get("transport/link/tls/listen_private_key")
-    return Path(key).parent if key else None
+    return {module: wanted.get(package, package) for module, package in modules.items()}
 
 
 def _carriers(plan: Plan, host: Host) -> list[str]:
     """The middlewares that instances of a host use."""
     there = {name for process in plan.processes if process.host == host.name for name in process.instances}
     used = {way.middleware for way in plan.ways if there & {way.client, way.provider}}
-    return sorted(used | ({plan.middleware} & _MODULES.keys()))
+    return sorted(used | ({plan.middleware} & installed.transports().keys()))
 
 
 def _requirements() -> dict[str, str]:

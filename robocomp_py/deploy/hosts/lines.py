@@ -1,8 +1,8 @@
 """What a controller and the agent of a host tell each other: objects of JSON, one a line.
 
     to the agent      open · start · stop · kill · close · alive, as `do`
-    from the agent    hello · opened · refused · started · failed · output · lost_lines · ready · status · left · hung ·
-                      exited · usage · closed, as `tell`
+    from the agent    hello · opened · refused · started · failed · output · lost_lines · ready · status · left ·
+                      contract · hung · exited · usage · closed, as `tell`
 
 Either side takes the other for gone when it has heard nothing for `SILENCE`.
 """
@@ -11,15 +11,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import fields
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from ...errors import DeploymentError
-from ..agents import Usage
-from ..process import Member, Process
+from ..agents import Life, Usage
+from ..asjson import from_json, to_json
+from ..process import Process
 
-VERSION = 2
+VERSION = 5
 
 BEAT = 1.0
 """Seconds between two signs of life."""
@@ -28,12 +29,20 @@ SILENCE = 5.0
 """Seconds without any after which the other side is gone."""
 
 LONGEST = 8 * 1024 * 1024
-"""Octets of a line."""
+"""Octets of a line of a controller, which tells environments."""
+
+LONGEST_TOLD = 1024 * 1024
+"""Octets of a line of an agent, which may be hostile. Its objects in memory take up to thirty times as much."""
 
 LONGEST_TEXT = 4096
 """Characters of what people are shown of a text."""
 
+_LARGEST = 2**63
+"""No number of a host is larger: we calculate with floating-point numbers, and show the results."""
+
 Message = dict[str, Any]
+
+N = TypeVar("N", int, float)
 
 _TOLD: Mapping[str, Mapping[str, type]] = {
     "boot": {"there": bool, "root": str, "python": str, "folder": str},
@@ -47,6 +56,7 @@ _TOLD: Mapping[str, Mapping[str, type]] = {
     "ready": {"name": str},
     "status": {"name": str, "text": str},
     "left": {"name": str, "instance": str},
+    "contract": {"name": str, "instance": str, "operations": dict},
     "hung": {"name": str},
     "exited": {"name": str, "code": int},
     "usage": {"of": dict},
@@ -66,24 +76,28 @@ class Misunderstood(DeploymentError):
 class Lines:
     """Takes what comes in pieces apart. Raises Misunderstood if it is none of ours."""
 
-    def __init__(self) -> None:
-        self._rest = b""
+    def __init__(self, longest: int) -> None:
+        """`longest`: octets that a line may have."""
+        self._longest, self._rest = longest, bytearray()
 
     def feed(self, data: bytes) -> Iterator[Message]:
-        *lines, self._rest = (self._rest + data).split(b"\n")
-        if len(self._rest) > LONGEST:
-            raise Misunderstood(f"a line of more than {LONGEST} octets")
+        self._rest += data
+        lines: list[bytearray] = []
+        if b"\n" in data:
+            *lines, self._rest = self._rest.split(b"\n")
+        if any(len(line) > self._longest for line in (*lines, self._rest)):
+            raise Misunderstood(f"a line of more than {self._longest} octets")
         for line in filter(None, lines):
             yield unpacked(line)
 
 
-def unpacked(line: bytes) -> Message:
+def unpacked(line: bytes | bytearray) -> Message:
     try:
         message = json.loads(line)
     except (ValueError, RecursionError) as exc:
-        raise Misunderstood(f"what was said is not understood: {line[:80]!r}") from exc
+        raise Misunderstood(f"what was said is not understood: {bytes(line[:80])!r}") from exc
     if not isinstance(message, dict):
-        raise Misunderstood(f"what was said is not understood: {line[:80]!r}")
+        raise Misunderstood(f"what was said is not understood: {bytes(line[:80])!r}")
     return message
 
 
@@ -91,9 +105,13 @@ def heard(message: Message) -> Message:
     """What an agent tells, checked: it may be anybody's. Raises Misunderstood."""
     what = message.get("tell")
     parts = _TOLD.get(what) if isinstance(what, str) else None
-    if parts is None or not all(isinstance(message.get(name), kind) for name, kind in parts.items()):
+    if parts is None or not all(_is(message.get(name), kind) for name, kind in parts.items()):
         raise Misunderstood(f"what the agent told is not understood: {str(message)[:80]!r}")
     return message
+
+
+def _is(value: Any, kind: type) -> bool:
+    return isinstance(value, kind) and not (isinstance(value, int) and abs(value) >= _LARGEST)
 
 
 def shown(text: str) -> str:
@@ -102,53 +120,64 @@ def shown(text: str) -> str:
 
 
 def told(process: Process, command: tuple[str, ...], folder: str) -> Message:
-    """A process, as the agent has to know it: with its command and its folder there."""
-    return {
-        "name": process.name,
-        "component": process.component,
-        "command": list(command),
-        "cwd": folder,
-        "env": dict(process.env),
-        "notifies": process.notifies,
-        "members": [[member.name, member.component] for member in process.members],
-        "host": process.host,
-        "grace": process.grace,
-        "system": list(process.system),
-    }
+    """A process, as the agent has to know it: with its command and its folder there.
+
+    What only its supervisor needs is left out. A process is started anew if it is told otherwise than before.
+    """
+    message: Message = to_json(replace(process, command=command, cwd=Path(folder)))
+    return {name: value for name, value in message.items() if name not in _OF_ITS_SUPERVISOR}
 
 
-def process_of(told: Mapping[str, Any]) -> Process:
+_OF_ITS_SUPERVISOR = {"after", "restart", "ready_after", "stops_before", "files", "is_program"}
+
+
+def process_of(told: Any) -> Process:
     """Raises DeploymentError."""
     try:
-        return Process(
-            str(told["name"]),
-            str(told["component"]),
-            tuple(map(str, told["command"])),
-            Path(told["cwd"]),
-            {str(name): str(value) for name, value in told["env"].items()},
-            notifies=bool(told["notifies"]),
-            members=tuple(Member(str(name), str(component)) for name, component in told["members"]),
-            host=str(told["host"]),
-            grace=None if told["grace"] is None else float(told["grace"]),
-            system=tuple(map(str, told["system"])),
-        )
-    except (KeyError, TypeError, ValueError, AttributeError) as exc:
+        return from_json(Process, told)
+    except ValueError as exc:
         raise DeploymentError(f"a process is not understood: {exc}") from exc
 
 
-_USAGE = tuple(each.name for each in fields(Usage))
-
-
 def usage_told(usage: Mapping[str, Usage]) -> Message:
-    return {name: [getattr(each, part) for part in _USAGE] for name, each in usage.items()}
+    return {name: list(asdict(each).values()) for name, each in usage.items()}
 
 
 def usage_of(told: Mapping[str, Any]) -> dict[str, Usage]:
     """Raises Misunderstood."""
     try:
         return {
-            name: Usage(int(pid), float(cpu), int(memory), float(calls), float(worst), float(at))
-            for name, (pid, cpu, memory, calls, worst, at) in told.items()
+            name: Usage(
+                _number(int(pid)),
+                _number(float(cpu)),
+                _number(int(memory)),
+                _number(float(calls)),
+                _number(float(worst)),
+                _number(float(at)),
+                _lives(lives),
+            )
+            for name, (pid, cpu, memory, calls, worst, at, lives) in told.items()
         }
-    except (TypeError, ValueError, OverflowError, AttributeError) as exc:
+    except (TypeError, ValueError, OverflowError, AttributeError, KeyError) as exc:
         raise Misunderstood(f"what processes use is not understood: {exc}") from exc
+
+
+def _lives(told: Mapping[str, Any]) -> dict[str, Life]:
+    """Raises the errors that `usage_of` expects for malformed input."""
+    return {
+        shown(name): Life(
+            shown(str(life["state"])),
+            _number(int(life["overruns"])),
+            _number(int(life["missed"])),
+            _number(int(life["lost"])),
+            shown(str(life["version"])),
+        )
+        for name, life in told.items()
+    }
+
+
+def _number(value: N) -> N:
+    """The same. Raises ValueError if no host has so much of anything, or if it is not a number at all."""
+    if not abs(value) < _LARGEST:
+        raise ValueError("a number is too large")
+    return value

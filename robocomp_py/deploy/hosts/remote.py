@@ -19,13 +19,27 @@ import asyncssh
 
 from ...errors import DeploymentError, HostUnreachable
 from ..agents import Agent, Listener, Usage
+from ..beside import beside
 from ..launcher.output import LINE
 from ..plan import Host
 from ..process import Process
 from ..relocation import places, relocate
 from . import ssh
 from .bundle import FILES, KEYS, Bundle, collect, pack
-from .lines import BEAT, SILENCE, VERSION, Lines, Message, Misunderstood, heard, packed, shown, told, usage_of
+from .lines import (
+    BEAT,
+    LONGEST_TOLD,
+    SILENCE,
+    VERSION,
+    Lines,
+    Message,
+    Misunderstood,
+    heard,
+    packed,
+    shown,
+    told,
+    usage_of,
+)
 
 log = logging.getLogger("robocomp.deploy")
 
@@ -92,7 +106,7 @@ class RemoteAgent(Agent):
 
     async def open(self) -> None:
         """Raises HostUnreachable; DeploymentError if the network runs there already, or cannot."""
-        self._bundle = self._bundle or await asyncio.to_thread(self._pack)
+        self._bundle = self._bundle or await beside(self._pack)
         await self._reach()
 
     async def start(self, process: Process) -> None:
@@ -282,6 +296,9 @@ class RemoteAgent(Agent):
                 self._listener.status(name, shown(message["text"]))
             case "left":
                 self._listener.left(name, message["instance"])
+            case "contract":
+                operations = {shown(str(each)): shown(str(said)) for each, said in message["operations"].items()}
+                self._listener.contract(name, message["instance"], operations)
             case "hung":
                 self._listener.hung(name)
             case "exited":
@@ -351,7 +368,7 @@ class _Told:
     """What comes from a host, in lines."""
 
     def __init__(self, channel: ssh.Channel) -> None:
-        self._channel, self._lines = channel, Lines()
+        self._channel, self._lines = channel, Lines(LONGEST_TOLD)
         self._waiting: deque[Message] = deque()
 
     async def next(self, *, noise: bool = False) -> Message | None:
@@ -369,6 +386,7 @@ class _Told:
 
 def _without_noise(data: bytes) -> bytes:
     """What a shell says at its start comes before anything of ours, which begins with a brace."""
-    while data and not data.startswith(b"{"):
-        _, _, data = data.partition(b"\n")
-    return data
+    if data.startswith(b"{"):
+        return data
+    _, newline, ours = data.partition(b"\n{")
+    return newline[1:] + ours

@@ -17,7 +17,7 @@ import asyncssh
 from ...errors import HostUnreachable
 from ..plan import Host
 from .lines import shown
-from .trusting import Presented, known_keys
+from .trusting import Presented, host_of, known_keys
 
 PATIENCE = 15.0
 """Seconds for a host to let us in."""
@@ -106,6 +106,11 @@ async def connect(host: Host, **options: Any) -> asyncssh.SSHClientConnection:
         hint = f"is it on, and does `ssh {_target(host)}` work?"
         raise HostUnreachable(f"{called(host)} cannot be reached: {_reason(exc)}; {hint}") from exc
     return connection
+
+
+def presented(target: str) -> Presented:
+    """The key that `[USER@]ADDRESS[:PORT]` shows. Raises HostUnreachable, DeploymentError."""
+    return asyncio.run(key_of(host_of(target)))
 
 
 async def key_of(host: Host, **options: Any) -> Presented:

@@ -8,11 +8,11 @@ A host that is in ours is what it is there: an older key of it in the user's cou
 
 from __future__ import annotations
 
-import asyncio
 import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import asyncssh
 
@@ -31,13 +31,6 @@ class Presented:
     fingerprint: str
     known: tuple[str, ...] = ()
     """Fingerprints of the keys that we know it by."""
-
-
-def presented(target: str) -> Presented:
-    """The key that `[USER@]ADDRESS[:PORT]` shows. Raises HostUnreachable, DeploymentError."""
-    from .ssh import key_of
-
-    return asyncio.run(key_of(host_of(target)))
 
 
 def host_of(target: str) -> Host:
@@ -60,8 +53,8 @@ def user_file() -> Path:
     return Path.home() / ".ssh" / "known_hosts"
 
 
-def known_keys(host: str, address: str, port: int | None) -> asyncssh.known_hosts._KnownHostsResult:
-    """What asyncssh asks: keys, authorities and what is revoked, of a host."""
+def known_keys(host: str, address: str, port: int | None) -> Any:
+    """What asyncssh asks, as its own tuple: keys, authorities and what is revoked, of a host."""
     for path in (own_file(), user_file()):
         found = _read(path).match(host, address, port if port != asyncssh.DEFAULT_PORT else None)
         if any(found):

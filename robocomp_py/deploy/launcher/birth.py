@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import fcntl
 import os
 import resource
 import signal
-import sys
 from dataclasses import dataclass
 
-from . import cgroups
+from . import cgroups, unsafe
 
-_PR_SET_PDEATHSIG = 1
-_PR_SET_CHILD_SUBREAPER = 36
 _F_SETSIG = 10
 
 PADDING = "-" * 4096
 """An argument of the zygote: room for the command line that a component shows."""
-
-_prctl = ctypes.PyDLL(None).prctl if sys.platform.startswith("linux") else lambda *arguments: -1
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +32,7 @@ class Birth:
     def prepare(self) -> None:
         """In the new process: a session, a group, and an end with those who launched it."""
         os.setsid()
-        _prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
+        unsafe.prctl(unsafe.PR_SET_PDEATHSIG, signal.SIGTERM)
         if os.getppid() != self.parent:  # it has ended already
             os._exit(1)
         if self.lifeline >= 0:
@@ -72,4 +66,4 @@ def lifeline_of_its_own(shared: int) -> int:
 
 def adopt_orphans(on: bool) -> None:
     """Whether those whose parents end become children of this process, rather than of the first one."""
-    _prctl(_PR_SET_CHILD_SUBREAPER, int(on), 0, 0, 0)
+    unsafe.prctl(unsafe.PR_SET_CHILD_SUBREAPER, int(on))

@@ -45,11 +45,13 @@ def enter(group: str) -> None:
 
 
 def populated(group: Path) -> bool:
-    """Whether somebody lives in it or below it."""
+    """Whether processes live in it or below it; True if that cannot be found out."""
     try:
         return "populated 1" in (group / "cgroup.events").read_text()
-    except OSError:
+    except (FileNotFoundError, NotADirectoryError):
         return False
+    except OSError:  # no descriptor is left, say
+        return True
 
 
 def kill(group: Path) -> None:
@@ -59,9 +61,12 @@ def kill(group: Path) -> None:
 
 
 def members(group: Path) -> list[int]:
-    """Who is in it, and below it."""
+    """The processes in it and below it, as far as they can be found out."""
+    files = [group / "cgroup.procs"]
+    with contextlib.suppress(OSError):  # no descriptor is left
+        files += group.glob("*/**/cgroup.procs")
     found: list[int] = []
-    for file in (group / "cgroup.procs", *group.glob("*/**/cgroup.procs")):
+    for file in files:
         with contextlib.suppress(OSError, ValueError):
             found += map(int, file.read_text().split())
     return found

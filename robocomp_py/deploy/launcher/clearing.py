@@ -9,18 +9,16 @@ import contextlib
 
 from ...errors import RobocompError
 
-_APART = ("shm",)
-"""Middlewares whose library keeps what only itself can find: opening and closing one of them removes it."""
-
 
 def clear_up() -> None:
     """Blocks for a moment. Nothing is raised: what stays is harmless, and removed by the next one who comes."""
     from ... import installed  # the keeper needs this at its end only
     from ...transports.base import TransportConfig, find_transport
+    from ...transports.deployment import deployment_of
     from ...transports.directory import clear, runtime_dir
 
     for name in installed.transports():
         with contextlib.suppress(OSError, RobocompError):
-            folder = runtime_dir() / name
-            if folder.is_dir() and clear(folder) and name in _APART:
+            folder = runtime_dir(name)
+            if folder.is_dir() and clear(folder) and deployment_of(name).leaves_memory:
                 find_transport(name)(TransportConfig(owner="rcdeploy")).close()

@@ -29,7 +29,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ...errors import DeploymentError
-from ..agents import Agent, Listener, Usage
+from ..agents import Agent, Life, Listener, Usage
+from ..beside import beside
 from ..place import Place, file_name
 from ..process import Process
 from . import birth, cgroups, traces
@@ -38,7 +39,7 @@ from .clearing import clear_up
 from .forking import Unavailable, Zygote, forkable
 from .keeping import Keeper
 from .leftovers import Record, load
-from .notes import Note
+from .notes import Contract, Note
 from .notified import Notified
 from .output import Output
 from .usage import Meter, Used
@@ -79,6 +80,8 @@ class _Running:
     stopping: bool = False
     access: str = "main"
     calls: tuple[float, float] = (0.0, 0.0)
+    lives: dict[str, Life] = field(default_factory=dict)
+    contracts: dict[str, Contract] = field(default_factory=dict)
     warned: bool = False
 
     @property
@@ -139,7 +142,7 @@ class Launcher(Agent):
     async def _open(self) -> None:
         self.place.take(self._command)
         self._undo.callback(self.place.release)
-        self._undo.push_async_callback(asyncio.to_thread, clear_up)
+        self._undo.push_async_callback(beside, clear_up)
         await self._sweep()
         self._raise_limits()
         birth.adopt_orphans(True)
@@ -173,7 +176,7 @@ class Launcher(Agent):
         """End what a launch of this network left that was killed together with its keeper."""
         left = load(self.place.leftovers)
         if left:
-            ended = await asyncio.to_thread(left.end)
+            ended = await beside(left.end)
             if ended:
                 log.warning("%s: %d processes were left by a launch that was killed; ended them", self._network, ended)
 
@@ -454,10 +457,21 @@ class Launcher(Agent):
         if note.status is not None:
             self._listener.status(running.name, note.status)
         running.calls = note.calls or running.calls
+        known = running.process.instances
+        running.lives |= {name: life for name, life in note.lives.items() if running.process.whole(name) in known}
+        for part in note.contracts:
+            self._note_contract(running, part)
         for instance in note.ended:
             self._listener.left(running.name, instance)
         if note.ready:
             self._ready(running)
+
+    def _note_contract(self, running: _Running, part: Contract) -> None:
+        if running.process.whole(part.instance) in running.process.instances:
+            known = running.contracts.setdefault(part.instance, Contract(part.instance, part.count, {}))
+            known.add(part)
+            if known.complete:
+                self._listener.contract(running.name, known.instance, known.operations)
 
     def _ready(self, running: _Running) -> None:
         if not running.ready:
@@ -517,8 +531,8 @@ class Launcher(Agent):
 
 def _usage(running: _Running, used: Used | None) -> Usage:
     if used is None:
-        return Usage(running.main, 0.0, 0, *running.calls)
-    return Usage(running.main, used.cpu_s, used.memory, *running.calls, used.at)
+        return Usage(running.main, 0.0, 0, *running.calls, lives=running.lives)
+    return Usage(running.main, used.cpu_s, used.memory, *running.calls, used.at, running.lives)
 
 
 def _send(handle: int, number: signal.Signals) -> None:

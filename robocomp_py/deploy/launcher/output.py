@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import codecs
 import os
 import time
 from collections.abc import Callable
@@ -31,7 +32,9 @@ class Output:
     def __init__(self, pipe: int, tell: Callable[[str], None]) -> None:
         self._pipe, self._tell = pipe, tell
         self._loop = asyncio.get_running_loop()
-        self._rest = b""
+        self._decoder = _new_decoder()
+        self._rest = ""
+        """The beginning of a line whose end has not come."""
         self._pause: asyncio.TimerHandle | None = None
         self._draining = False
         self.ended: asyncio.Future[None] = self._loop.create_future()
@@ -58,9 +61,7 @@ class Output:
         self._loop.remove_reader(self._pipe)
         os.close(self._pipe)
         self._pipe = -1
-        if self._rest:
-            self._print(self._rest)
-        self._rest = b""
+        self._take(b"", last=True)
         if not self.ended.done():
             self.ended.set_result(None)
 
@@ -94,17 +95,21 @@ class Output:
         self._pause = None
         self._loop.add_reader(self._pipe, self._turn)
 
-    def _take(self, chunk: bytes) -> None:
-        *lines, rest = (self._rest + chunk).split(b"\n")
-        self._rest = b""
-        while len(rest) > LINE:
+    def _take(self, chunk: bytes, *, last: bool = False) -> None:
+        """A character may arrive in two chunks: the decoder keeps its first part."""
+        *lines, rest = (self._rest + self._decoder.decode(chunk, last)).split("\n")
+        while len(rest) > LINE or (last and rest):
             lines.append(rest[:LINE])
             rest = rest[LINE:]
         self._rest = rest
         for line in lines:
             self._print(line)
 
-    def _print(self, line: bytes) -> None:
-        text = line.decode(errors="replace").rstrip("\r")
+    def _print(self, line: str) -> None:
+        text = line.rstrip("\r")
         for start in range(0, max(1, len(text)), LINE):
             self._tell(text[start : start + LINE])
+
+
+def _new_decoder() -> codecs.IncrementalDecoder:
+    return codecs.getincrementaldecoder("utf-8")(errors="replace")

@@ -12,10 +12,8 @@ handled, no logging configured. When the channel closes, this ends.
 
 from __future__ import annotations
 
-import atexit
 import codecs
 import contextlib
-import ctypes
 import gc
 import importlib
 import io
@@ -25,21 +23,19 @@ import select
 import signal
 import socket
 import sys
-import threading
-import weakref
-from collections.abc import Collection, Mapping, Sequence
-from types import ModuleType
-from typing import Any, NoReturn
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from ... import installed
 from ...contract.component import Component
 from ...errors import ConfigurationError
 from ...runtime.commonbehavior import port_of
-from ...runtime.files import write_out
 from ...runtime.ports import type_of
 from ...runtime.run import prepare, read_plain
 from ...runtime.worker import Worker
 from ...transports.base import find_transport
+from ...transports.deployment import Near, deployments
+from . import unsafe
 from .birth import PADDING, Birth, lifeline_of_its_own
 
 PROGRAM = "robocomp_py.cli.rc"
@@ -58,11 +54,6 @@ _MAX = 1 << 18
 _BROOD = 8
 """How many have one process in between; the first of them waits for the last."""
 
-_PR_SET_NAME = 15
-_PR_SET_MEMORY_MERGE = 67
-
-_libc = ctypes.PyDLL(None, use_errno=True)
-
 _WORDS_OF_CHANCE = 624
 """The state of the generator that numpy's functions use."""
 
@@ -71,7 +62,7 @@ def main() -> None:
     channel, lifeline = socket.socket(fileno=int(sys.argv[1])), int(sys.argv[2])
     get_ready(sys.argv[3:-1])
     shared = frozenset(sys.modules)
-    shown = _room_of_command()
+    shown = unsafe.room_of_command(len(PADDING))
     with installed.asked_once():  # what is installed is looked up here, for all
         request = serve(channel, lifeline)
         if request is None:
@@ -82,7 +73,7 @@ def main() -> None:
             if exc.code is not None and not isinstance(exc.code, int):
                 raise  # Python prints it
             code = exc.code or 0
-        end(code, shared)
+        unsafe.end(code, shared)
 
 
 def get_ready(middlewares: Sequence[str]) -> None:
@@ -93,8 +84,9 @@ def get_ready(middlewares: Sequence[str]) -> None:
         with contextlib.suppress(ConfigurationError):  # its components tell that
             find_transport(name)
     codecs.lookup("utf-8-sig")
-    _rehearse(middlewares[0] if middlewares else "inproc")
-    _libc.prctl(_PR_SET_MEMORY_MERGE, 1, 0, 0, 0)  # if the administrator has the kernel look for pages that are equal
+    inside = (name for name, each in deployments().items() if each.near is Near.PROCESS)
+    _rehearse(middlewares[0] if middlewares else next(inside))
+    unsafe.prctl(unsafe.PR_SET_MEMORY_MERGE, 1)  # if the administrator has the kernel look for pages that are equal
     gc.collect()
     gc.freeze()  # what is there now is not looked at, and so stays shared
     _stop_threads()
@@ -136,12 +128,15 @@ def serve(channel: socket.socket, lifeline: int) -> Mapping[str, Any] | None:
             return None
         if threads() > 1:  # whoever holds a lock now would never give it back
             _answer(channel, json.loads(message), error="the process that starts components has threads")
-        elif not (middle := _libc.fork()):  # what Python does at a fork is done at the second one
-            return _bear(channel, lifeline, message, pipes)
-        elif middle < 0:
-            _answer(channel, json.loads(message), error=os.strerror(ctypes.get_errno()))
         else:
-            os.waitpid(middle, 0)
+            try:
+                middle = unsafe.fork()
+            except OSError as exc:
+                _answer(channel, json.loads(message), error=exc.strerror)
+            else:
+                if not middle:
+                    return _bear(channel, lifeline, message, pipes)
+                os.waitpid(middle, 0)
         for pipe in pipes:
             os.close(pipe)
 
@@ -241,45 +236,10 @@ def become(request: Mapping[str, Any], shown: tuple[int, int]) -> int:
     sys.path.insert(0, request["cwd"])
     signal.signal(signal.SIGINT, signal.default_int_handler)
     _begin_anew(sys.modules["numpy"])
-    _show([sys.executable, "-m", PROGRAM, *arguments], request["name"], *shown)
+    unsafe.show_command([sys.executable, "-m", PROGRAM, *arguments], request["name"], *shown)
     program.__name__, sys.modules["__main__"] = "__main__", program
     code: int = program.main()
     return code
-
-
-def end(code: int, shared: Collection[str]) -> NoReturn:
-    """End as Python ends, but without taking apart the modules that were `shared` with the others.
-
-    Python would touch all of their memory for that, which would be copied first: it would take longer than all else
-    that a component does to end. So we do what can be seen of it: wait for threads, call what is registered to be
-    called, have objects of the component's own modules finalized (files are written out by that), and leave the rest
-    to the C library.
-    """
-    threading._shutdown()  # type: ignore[attr-defined]  # what the interpreter calls; it ends pools of threads, too
-    atexit._run_exitfuncs()
-    write_out()  # also of files that something shared knows
-    marks = [_marked(sys.modules.pop(name)) for name in sys.modules.keys() - shared]
-    gc.collect()
-    for namespace in [each for mark in marks if (there := mark()) for each in gc.get_referrers(there)]:
-        if isinstance(namespace, dict):  # of a module that something shared knows
-            namespace.clear()
-    gc.collect()
-    for stream in (sys.stdout, sys.stderr):
-        with contextlib.suppress(OSError, ValueError):
-            stream.flush()
-    _libc.exit(code)
-    raise AssertionError("exit does not return")
-
-
-class _Mark:
-    """Lives as long as the names of a module."""
-
-
-def _marked(module: object) -> weakref.ref[_Mark]:
-    mark = _Mark()
-    if isinstance(module, ModuleType):  # programs put other things among the modules, too
-        vars(module)["__mark__"] = mark
-    return weakref.ref(mark)
 
 
 def _renew_output() -> None:
@@ -300,24 +260,6 @@ def _begin_anew(numpy: Any) -> None:
     """
     key = numpy.frombuffer(os.urandom(4 * _WORDS_OF_CHANCE), numpy.uint32)
     numpy.random.set_state(("MT19937", key, _WORDS_OF_CHANCE))
-
-
-def _room_of_command() -> tuple[int, int]:
-    """From where to where the command line lies that others see; the same places if it cannot be written."""
-    with contextlib.suppress(OSError, ValueError, IndexError), open("/proc/self/stat", "rb") as stat:
-        words = stat.read().rpartition(b")")[2].split()
-        begin, end = int(words[45]), int(words[46])
-        if begin and len(PADDING) < end - begin < 1 << 20:
-            return begin, end
-    return 0, 0
-
-
-def _show(command: list[str], name: str, begin: int, end: int) -> None:
-    """Have `ps` show this command, if there is room for one, and `top` the name."""
-    _libc.prctl(_PR_SET_NAME, os.fsencode(name)[:15], 0, 0, 0)
-    if begin < end:
-        shown = b"\0".join(map(os.fsencode, command))[: end - begin - 1]
-        ctypes.memmove(begin, shown.ljust(end - begin, b"\0"), end - begin)
 
 
 if __name__ == "__main__":

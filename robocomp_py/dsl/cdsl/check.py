@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import keyword
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from ...contract.component import MAX_SECONDS, Port, numbers
+from ...contract.component import MAX_SECONDS, TAKEN, Port, numbers
 from ...contract.interface import Interface, Verb
 from ...contract.statemachine import StateMachine
 from ..diagnostics import Proposals, Report, did_you_mean
@@ -14,7 +15,7 @@ from . import model as m
 from .qos import read_qos
 
 OPTIONS = ("dsr", "agmagent", "innermodelviewer")
-"""Options that RoboComp's generators know; none of them has an effect here."""
+"""Options that RoboComp's generators know; only `agmagent` has an effect here."""
 
 FOREIGN = ("ros",)
 """Markers that RoboComp's generators know, which are read, and left without effect."""
@@ -35,7 +36,7 @@ class Surroundings:
     machine: StateMachine | None = None
     """Its own, if it has one without mistakes."""
     has_window: bool = False
-    """Whether its files are RoboComp's, which may have one."""
+    """Whether its files are such that a `gui` has an effect."""
 
 
 def check(model: m.Component, around: Surroundings, report: Report) -> None:
@@ -53,7 +54,10 @@ class _Checker:
         if self.model.name.text.startswith("__"):
             message = "names that begin with two underscores are Python's own"
             self.report.error("reserved-name", message, self.model.name.span, "give it another name")
-        for item in self.model.items:
+        elif keyword.iskeyword(self.model.name.text):
+            message = f"`{self.model.name}` is a word of Python, in which no module can be imported by that name"
+            self.report.warning("keyword-name", message, self.model.name.span, "give it another name")
+        for item in self.model.ports:
             self._check_item(item)
         self._check_port_names()
         self._check_attributes()
@@ -134,13 +138,15 @@ class _Checker:
             self.report.error("missing-import", f"interface `{name}` is not imported", name.span, hint)
             return
         hint = self.propose(name.text, [*self.around.importable, *self.around.interfaces])
+        if any(each.text.endswith(f"{name}.idsl") for each in self.model.imports):
+            hint = f"`{name}.idsl` is imported, but has no interface of this name" + (f"; {hint}" if hint else "")
         self.report.error("unknown-interface", f"unknown interface `{name}`", name.span, hint)
 
     def _check_port_names(self) -> None:
         """`Laser` used twice and `Laser1` would share a name."""
         seen: dict[tuple[bool, str], m.Item] = {}
-        uses = [(item.verb, item.interface.text) for item in self.model.items]
-        for item, number in zip(self.model.items, numbers(uses), strict=True):
+        uses = [(item.verb, item.interface.text) for item in self.model.ports]
+        for item, number in zip(self.model.ports, numbers(uses), strict=True):
             proxy = item.verb.has_proxy
             name = (item.interface.text.lower() if proxy else item.interface.text) + number
             first = seen.setdefault((proxy, name), item)
@@ -152,11 +158,15 @@ class _Checker:
     def _check_attributes(self) -> None:
         """`B_c` of `A` and `c` of `A_B` would be one method, `A_B_c`."""
         seen: dict[str, tuple[m.Item, Port, str]] = {}
-        uses = [(item.verb, item.interface.text) for item in self.model.items]
-        for item, number in zip(self.model.items, numbers(uses), strict=True):
+        uses = [(item.verb, item.interface.text) for item in self.model.ports]
+        for item, number in zip(self.model.ports, numbers(uses), strict=True):
             for interface in self.around.interfaces.get(item.interface.text, ())[:1]:
                 port = Port(item.verb, interface, number)
                 for name, what in _attributes(port):
+                    if name in TAKEN:
+                        message = f"{what} would be called `{name}` in Python, as a method that every component has"
+                        hint = "give the operation or the interface another name"
+                        self.report.error("same-attribute", message, item.interface.span, hint)
                     first, other, known = seen.setdefault(name, (item, port, what))
                     said = other.name == port.name and other.verb.has_proxy == port.verb.has_proxy  # of the ports
                     if first is not item and not said:
@@ -182,7 +192,9 @@ class _Checker:
                 related = ("first here", clauses[0].span)
                 self.report.error("duplicate", f"`{kind}` is given twice", extra.span, "", related)
         for option in (name for clause in self.model.all("options") for name in clause.names):
-            if option.text.lower() in OPTIONS:
+            if option.text.lower() == "agmagent":
+                self._check_agent(option)
+            elif option.text.lower() in OPTIONS:
                 self.report.warning("ineffective-option", f"option `{option}` has no effect here", option.span)
             else:
                 hint = did_you_mean(option.text, OPTIONS)
@@ -192,6 +204,12 @@ class _Checker:
         for clause in self.model.all("legacy"):
             message = f"`{clause.names[0]}` is from an older RoboComp and has no effect"
             self.report.warning("legacy-clause", message, clause.span, _instead_of(clause))
+
+    def _check_agent(self, option: Name) -> None:
+        missing = [f"{name}.idsl" for _, name in self.model.unnamed_agent_ports]
+        if missing:
+            message = f"option `{option}` adds no ports for {', '.join(missing)}: no such file is found"
+            self.report.warning("ineffective-option", message, option.span, "name their folder with -I")
 
     def _check_language(self) -> None:
         language = self.model.language
@@ -214,7 +232,7 @@ class _Checker:
             message = f"`{period.unit}` is no unit of time; there are {units}"
             self.report.error("bad-period", message, period.unit.span, did_you_mean(period.unit.text, m.SECONDS))
         elif not 0 < period.seconds <= MAX_SECONDS:
-            message = f"a period is longer than nothing, and at most {MAX_SECONDS:g} s"
+            message = f"a period must be positive, and at most {MAX_SECONDS:g} s"
             self.report.error("bad-period", message, period.span)
 
 

@@ -23,7 +23,7 @@ def link(
 ) -> Component:
     """The component a file describes."""
     ports = []
-    for item, number in zip(model.items, numbers((i.verb, i.interface.text) for i in model.items), strict=True):
+    for item, number in zip(model.ports, numbers((i.verb, i.interface.text) for i in model.ports), strict=True):
         ports.append(
             Port(
                 item.verb,

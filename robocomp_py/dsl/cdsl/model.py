@@ -10,6 +10,13 @@ from ..source import Name, Source, Span
 AGM = ("AGMExecutive.idsl", "AGMExecutiveTopic.idsl", "AGMCommonBehavior.idsl", "AGMWorldModel.idsl")
 """What RoboComp's generators import by themselves for a component with the option `agmagent`."""
 
+AGENT = (
+    (Verb.IMPLEMENTS, "AGMCommonBehavior"),
+    (Verb.REQUIRES, "AGMExecutive"),
+    (Verb.SUBSCRIBES, "AGMExecutiveTopic"),
+)
+"""The ports that they give to such a component, unless its file names them."""
+
 SECONDS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0}
 """The units of time."""
 
@@ -75,15 +82,33 @@ class Component:
     doc: str = ""
     skipped: frozenset[str] = frozenset()
     """The words that syntax errors left out of the model."""
+    implied: tuple[Item, ...] = ()
+    """The ports that an option adds."""
 
     def all(self, kind: str) -> list[Clause]:
         return [clause for clause in self.clauses if clause.kind == kind]
 
     @property
+    def ports(self) -> tuple[Item, ...]:
+        """All uses of interfaces."""
+        return *self.implied, *self.items
+
+    @property
+    def agent(self) -> Name | None:
+        """The option `agmagent`."""
+        options = (name for clause in self.all("options") for name in clause.names)
+        return next((name for name in options if name.text.lower() == "agmagent"), None)
+
+    @property
     def implied_imports(self) -> tuple[str, ...]:
         """The files that are imported without being named."""
-        options = {name.text.lower() for clause in self.all("options") for name in clause.names}
-        return AGM if "agmagent" in options else ()
+        return AGM if self.agent else ()
+
+    @property
+    def unnamed_agent_ports(self) -> list[tuple[Verb, str]]:
+        """What the option `agmagent` adds to the ports."""
+        named = {(item.verb, item.interface.text) for item in self.ports}
+        return [each for each in AGENT if each not in named] if self.agent else []
 
     @property
     def language(self) -> Name | None:

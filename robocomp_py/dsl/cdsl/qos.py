@@ -7,18 +7,15 @@ from dataclasses import replace
 from typing import Any
 
 from ...contract.component import MAX_SECONDS
-from ...contract.qos import PRESETS, Durability, History, Liveliness, QoS, Reliability
+from ...contract.qos import DEPTHS, PRESETS, TIMES, WORDS, History, Liveliness, QoS
 from ..diagnostics import Report, did_you_mean
 from . import model as m
 
 _FLAGS: dict[str, tuple[str, Any]] = {
-    str(value): (key, value)
-    for key, values in (("reliability", Reliability), ("durability", Durability), ("history", History))
-    for value in values
+    str(value): (key, value) for key, values in WORDS.items() if values is not Liveliness for value in values
 }
-_TIMES = ("deadline", "lifespan", "lease")
-_KNOWN = (*PRESETS, *_FLAGS, "depth", *_TIMES, "liveliness")
-_MOST = 1_000_000
+KNOWN = (*PRESETS, *_FLAGS, "depth", *TIMES, "liveliness")
+"""The words of which each begins a setting."""
 
 
 class _Wrong(ValueError):
@@ -35,8 +32,8 @@ def read_qos(settings: Sequence[m.Setting], report: Report) -> QoS:
     given: dict[str, m.Setting] = {}
     for setting in settings:
         name = setting.name.text.lower()
-        if name not in _KNOWN:
-            hint = did_you_mean(name, _KNOWN) or f"there are {', '.join(_KNOWN)}"
+        if name not in KNOWN:
+            hint = did_you_mean(name, KNOWN) or f"there are {', '.join(KNOWN)}"
             report.error("bad-qos", f"`{setting.name}` is no QoS setting", setting.name.span, hint)
             continue
         try:
@@ -77,7 +74,7 @@ def _values(name: str, setting: m.Setting) -> dict[str, Any]:
     if name == "depth" or (name == "keep_last" and setting.amount):
         keeps = {"history": History.KEEP_LAST} if name == "keep_last" else {}
         return {**keeps, "depth": _depth(setting)}
-    if name in _TIMES:
+    if name in TIMES:
         seconds = setting.amount.seconds if setting.amount else None
         if seconds is None or not 0 < seconds <= MAX_SECONDS:
             raise _Wrong(f"`{setting.name}` is a time of at most {MAX_SECONDS:g} s, as in `{name} 50 ms`")
@@ -95,6 +92,6 @@ def _values(name: str, setting: m.Setting) -> dict[str, Any]:
 
 def _depth(setting: m.Setting) -> int:
     amount = setting.amount
-    if amount is None or amount.unit or amount.number % 1 != 0 or not 1 <= amount.number <= _MOST:
-        raise _Wrong(f"`{setting.name}` takes a whole number of messages, 1 to {_MOST}")
+    if amount is None or amount.unit or amount.number % 1 != 0 or int(amount.number) not in DEPTHS:
+        raise _Wrong(f"`{setting.name}` takes a whole number of messages, 1 to {DEPTHS[-1]}")
     return int(amount.number)

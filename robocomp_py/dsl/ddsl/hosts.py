@@ -27,7 +27,7 @@ def check_hosts(model: m.Deployment, report: Report) -> None:
     _check_blocks(model, report)
     for instance in model.instances:
         _check_place(model, instance, report)
-    _check_ports(model, report)
+    check_ports(model, report)
 
 
 def _check_blocks(model: m.Deployment, report: Report) -> None:
@@ -104,7 +104,8 @@ def _check_place(model: m.Deployment, instance: m.Instance, report: Report) -> N
             report.warning("ineffective-ip", message, ip.span, "add, for example, `port 10003;`")
 
 
-def _check_ports(model: m.Deployment, report: Report) -> None:
+def check_ports(model: m.Deployment, report: Report) -> None:
+    """On one host, no two instances have one port."""
     seen: dict[tuple[str, int], Name] = {}
     for instance in model.instances:
         port, host = instance.port, host_of(model, instance)

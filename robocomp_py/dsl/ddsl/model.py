@@ -10,13 +10,14 @@ from ..source import Name, Source, Span
 
 @dataclass(frozen=True, slots=True)
 class Wiring:
-    """`requires Laser from laser1;`: which instance a port uses."""
+    """`requires Laser from laser1 middleware dds;`: which instance a port uses, and what carries their messages."""
 
     verb: Name
     port: Name
     instance: Name
     """Its whole name."""
     span: Span
+    middleware: Name | None = None
 
 
 @dataclass(frozen=True, slots=True)

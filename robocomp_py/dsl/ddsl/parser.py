@@ -107,12 +107,13 @@ class _Builder:
             case "env":
                 changed = {"env": (*instance.env, m.Variable(names[0], names[1], span))}
             case "wiring":
-                changed = {"wirings": (*instance.wirings, m.Wiring(names[0], names[1], names[2], span))}
+                verb, port, provider, *middleware = names
+                wiring = m.Wiring(verb, port, provider, span, middleware[0] if middleware else None)
+                changed = {"wirings": (*instance.wirings, wiring)}
             case "qos":
-                *verb, port = names
-                changed = {
-                    "qos": (*instance.qos, m.Quality(verb[0] if verb else None, port, self._settings(clause), span))
-                }
+                *verbs, port = names
+                quality = m.Quality(verbs[0] if verbs else None, port, self._settings(clause), span)
+                changed = {"qos": (*instance.qos, quality)}
             case "process":
                 changed = {"process": self._within(names[0], instance.system)}
             case _:

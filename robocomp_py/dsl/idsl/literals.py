@@ -22,17 +22,17 @@ def literal_value(kind: Primitive | m.Enum, literal: m.Literal) -> Any:
         if literal.quoted or short not in names or owner.rpartition("::")[2] not in ("", kind.name.text):
             raise ValueError(f"`{text}` is no enumerator of `{kind.name}`; there are {', '.join(names)}")
         return short
-    if kind is Primitive.STRING:
+    if kind.python is str:
         if not literal.quoted:
             raise ValueError("a string stands in double quotes")
         return text
     if literal.quoted:
         raise ValueError(f"a {kind} does not stand in quotes")
-    if kind is Primitive.BOOL:
+    if kind.python is bool:
         if text not in ("true", "false"):
             raise ValueError(f"`{text}` is no bool; write true or false")
         return text == "true"
-    if kind in (Primitive.FLOAT32, Primitive.FLOAT64):
+    if kind.python is float:
         return _float(kind, text)
     return _integer(kind, text)
 

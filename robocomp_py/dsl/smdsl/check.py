@@ -6,18 +6,21 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from ...contract.statemachine import label
 from ..diagnostics import Proposals, Report
 from ..source import Name, Span
 from ..syntax import MAX_NESTING
 from . import model as m
+from .ends import resolved, shared
 
 _IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
 def check(file: m.File, report: Report) -> None:
     """Say what is wrong in a file."""
-    found = Report()
-    _Checker(file, found).check()
+    found, ends = Report(), shared(file)
+    file = resolved(file)
+    _Checker(file, found, ends).check()
     if not any(each.span.source is file.source for each in (*report.errors, *found.errors)):
         _check_reach(file, found)
     report.extend(found.diagnostics)
@@ -27,6 +30,8 @@ def check(file: m.File, report: Report) -> None:
 class _Checker:
     file: m.File
     report: Report
+    ends: dict[str, dict[str, str]]
+    """See `shared`."""
     states: dict[str, m.State] = field(default_factory=dict)
     around: dict[str, str] = field(default_factory=dict)
     """The state that a state is in; "" for those of the machine itself."""
@@ -61,7 +66,7 @@ class _Checker:
             )
             return
         self.around[name.text] = block.parent.text if block.parent else ""
-        if not _IDENTIFIER.fullmatch(name.text):
+        if not _IDENTIFIER.fullmatch(name.text if self.is_scxml else label(name.text)):
             message = f"`{name}` cannot be part of a name in Python: `sm_{name}`"
             hint = f"call it `{re.sub('[^A-Za-z0-9_]', '_', name.text)}`"
             self.report.error("bad-state-name", message, name.span, hint)
@@ -123,7 +128,7 @@ class _Checker:
                 message, related = f"`{each.source} => {each.target}` is there twice", ("first here", first.target.span)
                 self.report.warning("repeated-transition", message, each.target.span, "remove it", related)
                 continue
-            trigger = f"t_{each.source}_to_{each.target}"
+            trigger = f"t_{each.source}_to_{label(each.target.text)}"
             other = triggers.setdefault(trigger, each)
             if (other.source.text, other.target.text) != (each.source.text, each.target.text):
                 message = f"this and `{other.source} => {other.target}` are both called `{trigger}` in Python"
@@ -158,11 +163,25 @@ class _Checker:
 
     def _known(self, name: Name) -> m.State | None:
         state = self.states.get(name.text)
+        if name.text in self.ends and state is None:
+            return self._known_end(name)
         if state is None and name.text not in self.file.skipped and name.span not in self.told:
             self.told.add(name.span)
             add = f'add it: `<state id="{name}"/>`' if self.is_scxml else "list it under `states`"
             hint = self.propose(name.text, self.states) or add
             self.report.error("unknown-state", f"there is no state `{name}`", name.span, hint)
+        return state
+
+    def _known_end(self, name: Name) -> m.State:
+        """One of several end states of a name; which one is not told by where the name stands."""
+        parents = self.ends[name.text]
+        state = self.states[next(iter(parents.values()))]
+        is_target = any(name is each.target for block in self.file.blocks for each in block.transitions)
+        if is_target and name.span not in self.told:
+            self.told.add(name.span)
+            message = f"there are end states `{name}` of {' and of '.join(f'`{each}`' for each in parents)}"
+            hint = "a transition leads to that of a state around its source: give the one you mean another name"
+            self.report.error("unknown-state", message, name.span, hint)
         return state
 
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from ...contract.statemachine import State, StateMachine, Transition
 from . import model as m
+from .ends import resolved
 
 
 def link(file: m.File) -> StateMachine:
     """The machine a file describes."""
+    file = resolved(file)
     inside = {block.parent.text if block.parent else "": block for block in file.blocks}
     return StateMachine(
         file.name.text,

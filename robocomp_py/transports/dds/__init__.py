@@ -13,10 +13,6 @@ publisher sends no more than its readers have said they take (`Credit`).
 Nothing is refused by a reader: what comes in is taken at once and waits here, so many of a link and
 no more. Whom that concerns is told (`BUSY`), or finds it counted.
 
-Threads. The leader of a `Crew` waits for all readers and runs sinks and services itself. A
+Threads. The leader of a `LeaderFollowers` waits for all readers and runs sinks and services itself. A
 synchronous call waits for its reply on its own thread.
 """
-
-from .transport import DDSTransport
-
-__all__ = ["DDSTransport"]

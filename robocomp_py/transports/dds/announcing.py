@@ -1,10 +1,14 @@
-"""Tells others of what is served here and has no reader or writer yet, since nobody has asked for it."""
+"""Tells others of links that have no reader or writer there.
+
+Those are servers that no client has asked yet, and clients with `*` for the instance. The latter make readers and
+writers only for peers of their contract. Other peers learn of them here, so that both sides report the difference.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import threading
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 
 from .bus import Bus, Writer
 from .endpoints import TOPIC, Said, user_data
@@ -20,17 +24,17 @@ class Announcing:
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
         self._lock = threading.Lock()
-        self._told: dict[int, Said] = {}
+        self._told: dict[Hashable, Said] = {}
         self._writer: Writer | None = None
         self._gathering = 0
         self._changed = False
 
-    def add(self, id: int, said: Said) -> None:
+    def add(self, id: Hashable, said: Said) -> None:
         with self._lock:
             self._told[id] = said
             self._tell()
 
-    def remove(self, id: int) -> None:
+    def remove(self, id: Hashable) -> None:
         with self._lock:
             if self._told.pop(id, None):
                 self._tell()

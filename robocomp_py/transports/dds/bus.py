@@ -50,6 +50,7 @@ from .library import (
     dds_create_readcondition,
     dds_create_waitset,
     dds_delete,
+    dds_dispose,
     dds_get_liveliness_changed_status,
     dds_get_matched_publications,
     dds_get_matched_subscriptions,
@@ -173,6 +174,15 @@ class Writer(_End):
                 return False
             time.sleep(0.002)
         return True
+
+    def greet(self, sample: bytes) -> bool:
+        """Send no data, only the news that the topic's one instance was disposed of; whether there was room for it.
+
+        The content of the sample does not matter. A reader is told which writer that was.
+        """
+        held = ctypes.c_char_p(sample)
+        container = Container(ctypes.cast(held, ctypes.c_void_p), len(sample))
+        return self._written(dds_dispose(self.ref, ctypes.byref(container)))
 
     def _written(self, code: int) -> bool:
         if code and code != TIMEOUT:

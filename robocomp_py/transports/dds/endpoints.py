@@ -19,7 +19,7 @@ from cyclonedds.core import InstanceState, Policy
 from cyclonedds.domain import DomainParticipant
 
 from ...wire.names import ANY as STAR
-from ...wire.names import matches
+from ...wire.names import is_namespace, matches
 from ..crew import Job
 from .library import (
     ANY,
@@ -59,6 +59,10 @@ class Endpoint:
     pid: int = 0
     traits: str = ""
     """Of its QoS, as `contract.qos.traits` writes them."""
+
+    @property
+    def key(self) -> tuple[int, int]:
+        return self.id, self.fingerprint
 
 
 Said = dict[str, Any]
@@ -127,6 +131,12 @@ class Endpoints:
         with self._lock:
             return list(self._topics.get(topic, ()))
 
+    def published_by_others(self, channel: str) -> list[str]:
+        """The channels meant by a name, which may have `*`, that programs without robocomp_py publish."""
+        with self._lock:
+            found = [_name(each) for each in self._index.get(("", _tail(channel)), ()) if each.writes]
+        return sorted({name for name in found if is_namespace(name) and matches(channel, name)})
+
     def there(self, endpoint: Endpoint) -> bool:
         return endpoint in self._known.get(endpoint.handle, ())
 
@@ -162,7 +172,7 @@ class Endpoints:
         return changed
 
     def _places(self, endpoint: Endpoint) -> Iterable[tuple[dict[Any, dict[Endpoint, None]], Any]]:
-        role, channel = endpoint.role, endpoint.channel
+        role, channel = endpoint.role, endpoint.channel or _name(endpoint)
         yield self._topics, endpoint.topic
         for key in {channel, _tail(channel), STAR + _tail(channel) if STAR in channel else channel}:
             yield self._index, (role, key)
@@ -172,11 +182,16 @@ TOPIC = "rc/"
 """What the names of our topics begin with."""
 
 
+def _name(endpoint: Endpoint) -> str:
+    """The channel of the topic of an endpoint."""
+    return endpoint.topic.removeprefix(TOPIC)
+
+
 def _channels(endpoint: Endpoint) -> set[str]:
     """The names of the channels that an endpoint may have to do with."""
     if endpoint.channel:
         return {endpoint.channel}
-    name = endpoint.topic.removeprefix(TOPIC)  # of others than ours
+    name = _name(endpoint)  # of others than ours
     return {name, *(name.removesuffix(end) for end in ("Request", "Reply", "Credit"))}
 
 

@@ -68,6 +68,7 @@ library.dds_set_log_mask(_FATAL | _ERROR)  # it warns of every packet that is no
 _int, _handles = ctypes.c_int32, ctypes.POINTER(ctypes.c_uint64)
 dds_delete = _function("dds_delete", _int)
 dds_write = _function("dds_write", _int, ctypes.c_void_p)
+dds_dispose = _function("dds_dispose", _int, ctypes.c_void_p)
 dds_create_waitset = _function("dds_create_waitset", _int)
 dds_waitset_attach = _function("dds_waitset_attach", _int, _int, ctypes.c_ssize_t)
 dds_waitset_detach = _function("dds_waitset_detach", _int, _int)

@@ -2,54 +2,42 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
 import threading
-import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from cyclonedds.core import Policy, Qos
 
+from ...contract.interface import Pattern
 from ...contract.qos import History, Liveliness, QoS, traits
-from ...errors import (
-    Closed,
-    ContractMismatch,
-    Timeout,
-)
+from ...wire.names import ANY
 from ..base import (
-    KEEP_ALL_DEPTH,
     Channel,
-    Statistics,
-    TypeRef,
+    about_to_block,
     depth_of,
-    mismatch,
-    step_aside,
 )
-from ..sparing import Sparing
+from ..directory import Entry
+from ..link import BaseLink
 from .endpoints import Endpoint, Said, user_data
 from .library import BLOCKING_MS
+from .limits import UNLIMITED, Limits
 
 if TYPE_CHECKING:
     from .transport import DDSTransport
 
 log = logging.getLogger("robocomp.transport.dds")
 
-BATCH = 32
-"""Messages taken from one reader before the others have their turn."""
-
 INTAKE = 2000
 """The same of those that would pile up in the reader while somebody is slow: more than can come in meanwhile."""
 
 STRANGERS = 100
-"""So many that mean something else by a channel's name are told about; the others are ignored."""
+"""Maximum number of topics of other programs, or of peers with another contract, that a link deals with."""
 
 SOON = 0.02
 """Seconds until the next look at what discovery has not finished."""
-
-
-_LOOK, _LONGEST_LOOK = 0.002, 0.05
-"""Seconds from one look for the other side to the next; more and more, until somebody comes or goes."""
 
 
 _RELIABLE = Policy.Reliability.Reliable(BLOCKING_MS * 1_000_000)
@@ -75,25 +63,27 @@ def endpoint_qos(history: Any, *more: Any, reliability: Any = _RELIABLE) -> Qos:
     )
 
 
-def topic_qos(channel: Channel, *more: Any, common: Callable[..., Qos] = endpoint_qos) -> Qos:
+def topic_qos(channel: Channel, limits: Limits, *more: Any, common: Callable[..., Qos] = endpoint_qos) -> Qos:
     qos = channel.qos
-    more = (*more, *_policies(qos))
-    newest = Policy.History.KeepLast(max(depth_of(channel.qos), 8))  # for a moment: what waits for a sink is the lane's
+    more = (*more, *_policies(qos, limits))
+    some = 8 if limits.room == UNLIMITED else min(8, limits.room)
+    newest = Policy.History.KeepLast(max(depth_of(qos), some))  # for a moment: what waits for a sink is the lane's
     if not qos.latched:
         return common(Policy.History.KeepAll if qos.reliable else newest, *more)
-    unlimited = -1
     return common(
         Policy.History.KeepAll if qos.reliable else newest,
         Policy.Durability.TransientLocal,
-        Policy.DurabilityService(0, Policy.History.KeepLast(qos.depth), unlimited, unlimited, unlimited),
+        Policy.DurabilityService(0, Policy.History.KeepLast(qos.depth), UNLIMITED, UNLIMITED, UNLIMITED),
         *more,
     )
 
 
-def _policies(qos: QoS) -> Iterator[Any]:
+def _policies(qos: QoS, limits: Limits) -> Iterator[Any]:
     """Those that mean the same in DDS."""
     if qos.history is History.KEEP_ALL:
-        yield Policy.ResourceLimits(KEEP_ALL_DEPTH, -1, KEEP_ALL_DEPTH)
+        limits = limits.keeping_all()
+    if limits != Limits():
+        yield Policy.ResourceLimits(*limits)
     if qos.deadline is not None:
         yield Policy.Deadline(_nanoseconds(qos.deadline))
     if qos.lifespan is not None:
@@ -111,78 +101,55 @@ def _nanoseconds(seconds: float) -> int:
 KEEP_ALL = Policy.History.KeepAll
 
 
-class Link:
-    """One end of a channel. `facing` is the role of the other."""
-
-    role: str
-    facing: str
+class Link(BaseLink["DDSTransport", Endpoint]):
+    """One end of a channel, announced by its reader or writer, which DDS discovers."""
 
     def __init__(self, transport: DDSTransport, channel: Channel) -> None:
-        self.transport, self.channel = transport, channel
+        super().__init__(transport, channel)
         self.bus = transport.bus
-        self.stats = Statistics()
-        self.closed = threading.Event()
         self.id = transport.new_id()
-        self._closing = threading.Lock()
+        self._told: Entry | None = None
+        """What the others of this host are told of this end of a topic."""
         self._looking = threading.RLock()
-        self._news = threading.Event()
-        """Set when somebody came or went, and when the link is closed."""
-        self._next_look = _LOOK
-        self._reported: set[object] = set()
-        self._sparing = Sparing()
+        self._shown: set[str] = set()
+        """The channels whose ends of another contract are told of us, with the lock of `_looking`."""
 
-    def open(self) -> None:
-        """Make what is needed."""
+    def opened(self) -> None:
+        if self.channel.pattern is Pattern.PUBLISH:
+            self._told = self.transport.tell_neighbours(self)
+        self.look()  # at the peers that were there before; those that come now are reported to all in the list
 
-    def look(self) -> None:
-        """Somebody came or went."""
+    def look(self) -> bool:
         with self._looking:
             if not self.closed.is_set():
-                self.looked(self.counterparts())
-        self._next_look = _LOOK
-        self._news.set()
+                there = self.counterparts()
+                self._show()
+                self.looked(there)
+        self.has_news()
+        return True
 
     def looked(self, there: list[Endpoint]) -> None:
         """`there` are those who face us and mean the same."""
 
-    def tick(self) -> float:
-        """Do what is due; the time of the next."""
-        return float("inf")
+    def connected(self) -> bool:
+        return self.transport.has_discovered and self.expected() <= self.reached()
 
-    def wait_peer(self, timeout: float) -> bool:
-        end = time.monotonic() + timeout
-        while True:
-            self.check_open()
-            self._news.clear()
-            if self.visible():
-                return True
-            if time.monotonic() >= end:
-                return False
-            self.await_news(end)
+    def expected(self) -> set[int]:
+        """The ids of the ends that this end of a topic faces, as far as DDS or the run-time folder reports them."""
+        return {endpoint.id for endpoint in self.counterparts()} | self.transport.neighbours(self.facing, self.channel)
 
-    def await_news(self, end: float) -> None:
-        """Wait until somebody comes or goes; a while only, for whom it knows but has not matched is not told."""
-        self._news.wait(min(self._next_look, max(0.0, end - time.monotonic())))
-        self._next_look = min(1.5 * self._next_look, _LONGEST_LOOK)
+    def reached(self) -> set[int]:
+        """The ids of those with which this end of a topic is connected."""
+        return set()
 
-    def visible(self) -> bool:
-        """Whether the other side is there. Raises ContractMismatch if only others are."""
-        return bool(self.counterparts(strict=True))
-
-    def close(self) -> None:
-        with self._closing:
-            if self.closed.is_set():
-                return
-            self.closed.set()
-        self._news.set()
-        self.transport.left(self)
+    def withdraw(self) -> None:
+        if self._told:
+            self.transport.leave_neighbours(self._told)
         with self._looking:  # so that nothing is made any more
             pass
-        if not self.bus.lost:
-            self.release()
-
-    def release(self) -> None:
-        """Let go of what this link holds; called once, when it is closed."""
+        with contextlib.ExitStack() as everything:
+            for name in self._shown:
+                everything.callback(self.transport.announcing.remove, (self.id, name))
 
     def lose(self) -> None:
         """Be closed, in a forked process."""
@@ -207,51 +174,23 @@ class Link:
             "pid": os.getpid(),
         }
 
-    def counterparts(self, *, strict: bool = False) -> list[Endpoint]:
-        """Those we face who mean the same by the name; the others are reported, once each.
-
-        With `strict`, raises ContractMismatch if there are only others.
-        """
-        named = [
-            endpoint
-            for endpoint in self.bus.endpoints.find(self.facing, self.channel.name)
-            if endpoint.channel == self.channel.name or not self.transport.owns(endpoint.id)
-        ]
+    def _show(self) -> None:
+        """Announce this link to peers of another contract if it names no instance: they would not see it otherwise."""
+        if ANY not in self.channel.name:
+            return
         mine = self.channel.type.fingerprint
-        same = [endpoint for endpoint in named if endpoint.fingerprint == mine]
-        for endpoint in named:
-            if endpoint.fingerprint != mine:
-                self.report_mismatch((endpoint.id, endpoint.fingerprint), type_of(endpoint))
-        if strict and named and not same:
-            raise ContractMismatch(mismatch(self.channel, type_of(named[0])))
-        return same
-
-    def check_open(self) -> None:
-        if self.closed.is_set() or self.transport.closed:
-            raise Closed(f"{self.channel.name}: {self.transport.gone}")
-
-    def report_mismatch(self, who: object, other: TypeRef) -> None:
-        if who not in self._reported and len(self._reported) < STRANGERS:
-            self._reported.add(who)
-            if self._sparing.may_tell():
-                log.error("%s", mismatch(self.channel, other))
-            self.stats.mismatched += 1  # at last: who sees the count finds the reason in the log
-
-    def malformed(self, why: object) -> None:
-        """Count a message that is none of ours; the first one is logged."""
-        self.stats.malformed += 1
-        if self.stats.malformed == 1:
-            log.warning("%s: dropped a malformed message (further ones are only counted): %s", self.channel.name, why)
-
-
-def type_of(endpoint: Endpoint) -> TypeRef:
-    return TypeRef("", endpoint.fingerprint, endpoint.text)
+        others = dict.fromkeys(endpoint.channel for endpoint in self.faced() if endpoint.fingerprint != mine)
+        strangers = set(list(others)[:STRANGERS])
+        for name in self._shown - strangers:
+            self.transport.announcing.remove((self.id, name))
+        for name in strangers - self._shown:
+            self.transport.announcing.add((self.id, name), self.said(channel=name))
+        self._shown = strangers
 
 
 def enter(link: Link, order: threading.Lock, deadline: float) -> None:
     """Take the lock of those who send by a link, who may hold it until deadlines of their own."""
     if order.acquire(blocking=False):
         return
-    step_aside()  # what they wait for may come in by this very thread
-    if not order.acquire(timeout=max(0.0, deadline)):
-        raise Timeout(f"{link.channel.name}: another thread was still sending after {deadline:g} s")
+    about_to_block()  # what they wait for may come in by this very thread
+    link.take_turn(order, deadline)

@@ -26,18 +26,20 @@ from ..base import (
     Channel,
     Sink,
     Source,
-    TypeRef,
+    SupportsHeard,
+    SupportsSources,
+    about_to_block,
     depth_of,
-    step_aside,
 )
 from ..crew import Job, Lane
 from ..directory import state_of
 from ..ledger import Ledger
+from ..limits import BATCH, BYTES_WAITING
 from ..reception import Reception
 from .bus import Reader, Writer
 from .endpoints import Endpoint
 from .library import LARGE
-from .link import BATCH, INTAKE, KEEP_ALL, SOON, Link, best_effort_qos, endpoint_qos, enter, topic_qos
+from .link import INTAKE, KEEP_ALL, SOON, STRANGERS, Link, best_effort_qos, endpoint_qos, enter, topic_qos
 from .types import (
     BEFORE_TAIL,
     START,
@@ -60,9 +62,6 @@ log = logging.getLogger("robocomp.transport.dds")
 MESSAGES_WAITING = 1000
 """Messages of a best-effort publisher that may wait for a reliable subscriber; more are dropped."""
 
-BYTES_WAITING = 64 * 1024 * 1024
-"""And so many bytes, beyond the subscriber's depth."""
-
 MOST_WAITING = 100_000
 """The same of all its publishers; those who count are told before that to wait."""
 
@@ -72,8 +71,13 @@ UNGREETED = 100
 _NONE = float("inf")
 """No limit."""
 
+_SELDOM = 1.0
+"""Seconds between two looks for a reader that DDS tells of, but has not connected for a while."""
 
-class Publisher(Link):
+_NO_DATA = bytes(64)
+
+
+class Publisher(Link, SupportsHeard):
     role, facing = "publishes", "subscribes"
 
     def __init__(self, transport: DDSTransport, channel: Channel) -> None:
@@ -91,12 +95,20 @@ class Publisher(Link):
         """The least of these."""
         self._greeted: set[int] = set()
         self._early: dict[int, Credit] = {}
+        self._greeted_handles: set[int] = set()
+        """The readers that have been told that they are connected."""
+        self._due = _NONE
+        """When to look for readers that are not connected yet."""
+        self._patience = SOON
         self._unmet: set[str] = set()
 
     def open(self) -> None:
         channel = self.channel
+        self.transport.limits.check(channel)
         kind = publication_type(channel.type.name, channel.type.request)
-        self._writer = self.bus.writer(f"rc/{channel.name}", kind, topic_qos(channel, self.about()))
+        self._writer = self.bus.writer(
+            f"rc/{channel.name}", kind, topic_qos(channel, self.transport.limits, self.about())
+        )
         if channel.qos.reliable:
             about = self.about("credited")
             self._credits = self.bus.reader(f"rc/{channel.name}Credit", credit_type(), endpoint_qos(KEEP_ALL, about))
@@ -126,7 +138,10 @@ class Publisher(Link):
         finally:
             self._order.release()
 
-    def tick(self) -> float:
+    def tick(self) -> float | None:
+        if time.monotonic() >= self._due:
+            with self._looking:
+                self._greet_readers()
         missing = self._writer.unmet() if self._writer else ""
         if missing and missing not in self._unmet:
             self._unmet.add(missing)
@@ -136,7 +151,7 @@ class Publisher(Link):
                 self.channel.name,
                 missing,
             )
-        return float("inf")
+        return self._due - time.monotonic()
 
     def visible(self) -> bool:
         same = {endpoint.handle for endpoint in self.counterparts(strict=True)}
@@ -148,7 +163,32 @@ class Publisher(Link):
     def heard(self) -> bool:
         return self.channel.qos.latched or bool(self._writer and self._writer.matched())
 
+    def reached(self) -> set[int]:
+        with self._looking:
+            if self.closed.is_set():
+                return set()
+            self._greet_readers()
+        return {endpoint.id for endpoint in self.counterparts() if endpoint.handle in self._greeted_handles}
+
+    def _greet_readers(self) -> None:
+        """Tell new readers that they are connected, by a sample without data, which is not delivered as a message.
+
+        What is latched is not disturbed by that: its readers get the history anyway.
+        """
+        assert self._writer
+        matched = self._writer.matched()
+        if matched <= self._greeted_handles or self.channel.qos.latched or self._writer.greet(_NO_DATA):
+            self._greeted_handles = matched
+        missing = {endpoint.id for endpoint in self.counterparts()} - {
+            endpoint.id for endpoint in self.counterparts() if endpoint.handle in self._greeted_handles
+        }
+        self._due = time.monotonic() + self._patience if missing else _NONE
+        self._patience = min(2 * self._patience, _SELDOM)
+        self.bus.loop.due(self._due)
+
     def looked(self, there: list[Endpoint]) -> None:
+        self._patience = SOON
+        self._greet_readers()
         counting = {endpoint.id for endpoint in there if endpoint.reliable}
         with self._room:
             for reader in self._limits.keys() - counting:
@@ -185,11 +225,11 @@ class Publisher(Link):
 
     def _pause(self) -> None:
         self.check_open()
-        step_aside()
+        about_to_block()
 
     def _await_credit(self, number: int, end: float) -> bool:
         """Wait until every reader takes a message of that number."""
-        step_aside()  # what we wait for may come in by this very thread
+        about_to_block()  # what we wait for may come in by this very thread
         with self._room:
             patience = max(0.0, end - time.monotonic())
             self._room.wait_for(lambda: number <= self._limit or self.closed.is_set(), patience)
@@ -232,7 +272,7 @@ class Publisher(Link):
 
 
 class _Heard:
-    """A topic that a subscriber hears: one, or with `*` all that are there."""
+    """A topic that a subscriber hears: one, or with `*` each that has a publisher."""
 
     def __init__(self, name: str, reader: Reader, credits: Writer | None) -> None:
         self.name, self.reader, self.credits = name, reader, credits
@@ -259,7 +299,7 @@ _Message = tuple[_Heard, int, int, int, Payload]
 """What was heard by what, from which source, its number, the size of the sample, and the payload."""
 
 
-class Subscriber(Link):
+class Subscriber(Link, SupportsSources):
     """A reliable one takes all that comes in, for its publishers know how much it takes (`Credit`).
 
     Others than ours do not, nor do those that publish best effort; of theirs, only so many may wait.
@@ -281,6 +321,10 @@ class Subscriber(Link):
         self._reception = Reception(channel, self.stats, self._through)
         self._ledger = Ledger(self.stats, ordered=True)
         self._heard: dict[str, _Heard] = {}
+        self._greeted: set[int] = set()
+        """The writers of which we have heard: they are connected."""
+        self._handles: set[int] = set()
+        """The writers that DDS told of when we last looked."""
         self._counting: dict[int, bool] = {}
         """By publisher: whether it counts, and waits for us."""
         self._put = self._consumed = 0
@@ -292,24 +336,29 @@ class Subscriber(Link):
         self._due = float("inf")
 
     def open(self) -> None:
+        self.transport.limits.check(self.channel)
         if ANY not in self.channel.name:
             self._hear(self.channel.name)
 
     def looked(self, there: list[Endpoint]) -> None:
         if ANY in self.channel.name:
             names = {endpoint.channel for endpoint in there}
+            names.update(self.bus.endpoints.published_by_others(self.channel.name)[:STRANGERS])
             for name in self._heard.keys() - names:
                 self._unhear(name)
             for name in names - self._heard.keys():
                 self._hear(name)
         self._counting = {endpoint.id: endpoint.reliable for endpoint in there}
+        handles = {endpoint.handle for endpoint in there}
+        self._greeted -= self._handles - handles
+        self._handles = handles
         if self._reliable:
             self._greet()
         self._reception.meet(map(_source, there))
         for endpoint in there:
             self._get_along_with(endpoint)
 
-    def tick(self) -> float:
+    def tick(self) -> float | None:
         if time.monotonic() >= self._due:
             with self._looking:
                 if not self.closed.is_set():
@@ -317,7 +366,19 @@ class Subscriber(Link):
         with self._looking:
             for heard in [] if self.closed.is_set() else self._heard.values():
                 self._notice_strangers(heard)
-        return self._due
+        return self._due - time.monotonic()
+
+    def reached(self) -> set[int]:
+        connected = set(self._greeted)
+        for heard in list(self._heard.values()):
+            for reader in heard.readers():
+                connected |= reader.matched() & self._latched
+        return {endpoint.id for endpoint in self.counterparts() if endpoint.handle in connected}
+
+    @property
+    def _latched(self) -> set[int]:
+        """The writers that send no greeting, since they have a history to give."""
+        return {endpoint.handle for endpoint in self.counterparts() if endpoint.latched}
 
     def sources(self) -> list[Source]:
         there = self.counterparts()
@@ -363,7 +424,8 @@ class Subscriber(Link):
 
     def _reader(self, name: str, channel: Channel, common: Callable[..., Qos] = endpoint_qos) -> Reader:
         kind = publication_type(channel.type.name, channel.type.request)
-        return self.bus.reader(f"rc/{name}", kind, topic_qos(channel, self.about("subscribes", name), common=common))
+        qos = topic_qos(channel, self.transport.limits, self.about("subscribes", name), common=common)
+        return self.bus.reader(f"rc/{name}", kind, qos)
 
     def _unhear(self, name: str) -> None:
         heard = self._heard.pop(name)
@@ -422,6 +484,9 @@ class Subscriber(Link):
     def _deliver(self, heard: _Heard, samples: list[tuple[bytes, Any]]) -> list[Job]:
         messages = []
         for sample, info in samples:
+            if info.publication_handle not in self._greeted:
+                self._greeted.add(info.publication_handle)
+                self._news.set()
             message = self._take(heard, sample) if info.valid_data else None
             if message is not None:
                 messages.append(message)
@@ -439,7 +504,7 @@ class Subscriber(Link):
             if start != START:
                 raise unreadable(sample)
             if fingerprint != self._fingerprint:
-                self.report_mismatch(source, TypeRef("", fingerprint))
+                self.report_mismatch((source, fingerprint), fingerprint)
                 return None
             payload = sample if self._message.plain else self._message.payload(sample)
         except (DecodeError, struct.error) as exc:

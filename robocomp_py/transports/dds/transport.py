@@ -7,12 +7,10 @@ import logging
 import os
 import threading
 import time
-from collections.abc import Callable, Set
-from typing import Any, TypeVar
+from collections.abc import Iterator, Set
+from typing import Any
 
-from ...contract.interface import Pattern
 from ...errors import (
-    Closed,
     ConfigurationError,
     TransportError,
 )
@@ -22,19 +20,20 @@ from ..base import (
     ANY_QOS,
     Capability,
     Channel,
-    Service,
-    Sink,
+    SupportsGathering,
     TransportConfig,
     options_of,
 )
-from ..crew import Crew, abandoned
-from ..directory import runtime_dir
+from ..crew import Job, LeaderFollowers
+from ..directory import Directory, Entry, Membership, runtime_dir
+from ..link import BaseLink, BaseTransport, Ends
 from .announcing import Announcing
-from .asking import Caller, CommandOutlet
 from .bus import Bus
-from .endpoints import concerned
+from .client import Caller, CommandOutlet
+from .endpoints import Endpoint, concerned
+from .limits import DEFAULTS, limits_of
 from .link import Link
-from .serving import CommandInlet, Server
+from .server import CommandInlet, Server
 from .topics import Publisher, Subscriber
 from .types import (
     CODEC,
@@ -48,10 +47,11 @@ LAST_DOMAIN = 230
 FIRST_USER = 1000
 """The number that Linux gives to the first user of a machine who is neither root nor a service."""
 
+DISCOVERY = 0.5
+"""Seconds that DDS is given to find those on other hosts that a new publisher, or subscriber, is to be connected to."""
+
 TICK = 0.5
 """Seconds between two looks whether somebody forgot to close us."""
-
-L = TypeVar("L", bound=Link)
 
 
 def domain_of_user(number: int) -> int:
@@ -62,19 +62,23 @@ def domain_of_user(number: int) -> int:
     return max(0, number - FIRST_USER) % (LAST_DOMAIN + 1)
 
 
-class DDSTransport:
+class DDSTransport(BaseTransport[Endpoint], SupportsGathering):
     """Options:
 
     `domain`      a number; of the user, on this host alone, else 0
     `interface`   its name, or its IPv4 address: "lo" is this host alone; "" lets Cyclone DDS choose
     `peers`       addresses of the hosts to meet, this one among them, instead of looking for them by multicast
     `many`        whether more than a few dozen processes meet; `rcdeploy` says so
+
+    and those of `limits.Limits`.
     """
 
+    ends = Ends(Publisher, CommandOutlet, Subscriber, CommandInlet, Caller, Server)
     capabilities = ANY_QOS | Capability.CROSS_PROCESS
 
     def __init__(self, config: TransportConfig) -> None:
-        options = options_of(config, domain=None, interface="lo", peers=[], many=False)
+        super().__init__()
+        options = options_of(config, domain=None, interface="lo", peers=[], many=False, **DEFAULTS)
         domain, interface = options["domain"], options["interface"]
         if domain is None:
             domain = domain_of_user(os.getuid()) if interface == "lo" else 0
@@ -88,6 +92,8 @@ class DDSTransport:
         many = options["many"]
         if type(many) is not bool:
             raise ConfigurationError(f"transport option `many` is true or false, not {many!r}")
+        self.limits = limits_of(options)
+        """Of the readers and writers of topics."""
         self.local = interface == "lo"
         """Whether all are on this host."""
         if not self.local:
@@ -95,52 +101,90 @@ class DDSTransport:
         self.codec: Codec = CODEC
         self.owner = config.owner
         self.incarnation = random_id()
-        self.folder = runtime_dir() / "dds" / f"served-{domain}"
+        self._domain = domain
+        self.folder = runtime_dir("dds", f"served-{domain}")
         """For claims of those who can meet."""
-        self.closed = False
-        self._lock = threading.RLock()
-        self._links: list[Link] = []
         self._ids: set[int] = set()
-        self.gone = "the link is closed"
         self.bus = Bus(domain, interface, tuple(peers), many)
         self.announcing = Announcing(self.bus)
-        self.gathering = self.announcing.gathering
+        self._gathering: contextlib.ExitStack | None = None
+        self._discovered_at = 0.0 if self.local else time.monotonic() + DISCOVERY
+        self._directory: Directory | None = None
+        self._member: Membership | None = None
+        """By which components of this host know of each other's ends of topics; once we have one, if all are here."""
         self.bus.on_loss = self._lose
         self.bus.endpoints.on_change = self._look
         self.bus.loop.tick = self._tick
-        self._crew = Crew("dds", self.bus.loop.receive, self.bus.loop.wake)
+        self._crew = LeaderFollowers("dds", self.bus.loop.receive, self.bus.loop.wake)
         try:
             self._crew.start()
-        except RuntimeError as exc:
-            self._crew.close()
+        except TransportError:
             self.bus.close()
-            raise TransportError(f"dds: cannot be opened: {exc}; allow for more threads (`ulimit -u`)") from exc
+            raise
 
-    def outlet(self, channel: Channel) -> Publisher | CommandOutlet:
-        kind = Publisher if channel.pattern is Pattern.PUBLISH else CommandOutlet
-        return self._open(lambda: kind(self, channel))
+    def release(self, everything: contextlib.ExitStack) -> None:
+        if self._member:
+            everything.callback(self._member.close)
+        everything.callback(self.bus.close)
+        everything.callback(self._crew.close)
+        everything.enter_context(self.announcing.gathering())
 
-    def inlet(self, channel: Channel, sink: Sink) -> Subscriber | CommandInlet:
-        kind = Subscriber if channel.pattern is Pattern.PUBLISH else CommandInlet
-        return self._open(lambda: kind(self, channel, sink))
+    @contextlib.contextmanager
+    def gathering(self) -> Iterator[None]:
+        """See `base.SupportsGathering`."""
+        with contextlib.ExitStack() as self._gathering:
+            self._gathering.enter_context(self.announcing.gathering())
+            if self._member:
+                self._gathering.enter_context(self._member.gathered())
+            yield
+        self._gathering = None
 
-    def caller(self, channel: Channel) -> Caller:
-        return self._open(lambda: Caller(self, channel))
+    @property
+    def has_discovered(self) -> bool:
+        """Whether DDS has had the time to find the peers that were there before us.
 
-    def server(self, channel: Channel, service: Service) -> Server:
-        return self._open(lambda: Server(self, channel, service))
+        DDS does not report when it has. On this host the run-time folder lists them, so there is no need to wait.
+        """
+        return time.monotonic() >= self._discovered_at
 
-    def close(self) -> None:
+    def tell_neighbours(self, link: Link) -> Entry | None:
+        """Announce an end of a topic to the components of this host, before DDS does."""
+        if not self.local:
+            return None
         with self._lock:
-            if self.closed:
-                return
-            self.closed = True
-        with contextlib.ExitStack() as everything:  # from the last line to the first, and all of it whatever fails
-            everything.callback(self.bus.close)
-            everything.callback(self._crew.close)
-            everything.enter_context(self.gathering())
-            for link in list(self._links):
-                everything.callback(link.close)
+            if self._directory is None or self._member is None:
+                self._directory = Directory(self.folder.parent)
+                self._member = self._directory.join(self.owner)
+                if self._gathering:
+                    self._gathering.enter_context(self._member.gathered())
+        entry = Entry(
+            self._of_domain(link.role), link.channel.name, link.channel.type.fingerprint, "", f"{link.id:016x}"
+        )
+        self._member.add(entry)
+        return entry
+
+    def leave_neighbours(self, entry: Entry) -> None:
+        if self._member:
+            self._member.remove(entry)
+
+    def neighbours(self, role: str, channel: Channel) -> set[int]:
+        """The ids of ends of a topic that components of this host have announced."""
+        if self._directory is None or self._member is None:
+            return set()
+        return {
+            int(entry.address, 16)
+            for member, entry in self._directory.find(self._of_domain(role), channel.name)
+            if entry.fingerprint == channel.type.fingerprint
+            and (entry.channel == channel.name or member.id != self._member.id)
+            and self._directory.alive(member.id)
+        }
+
+    def _of_domain(self, role: str) -> str:
+        """A role as the run-time folder, which all domains share, writes it."""
+        return f"{role} {self._domain}"
+
+    def do(self, job: Job) -> None:
+        self.bus.loop.do(job)
 
     def new_id(self) -> int:
         """A number for a link of ours."""
@@ -148,32 +192,16 @@ class DDSTransport:
         self._ids.add(number)
         return number
 
-    def owns(self, link: int) -> bool:
-        """Whether a link of that number is one of ours."""
-        return link in self._ids
+    def find(self, role: str, channel: str) -> list[Endpoint]:
+        return self.bus.endpoints.find(role, channel)
 
-    def left(self, link: Link) -> None:
-        with self._lock:
+    def is_own(self, peer: Endpoint) -> bool:
+        return peer.id in self._ids
+
+    def left(self, link: BaseLink[Any, Endpoint]) -> None:
+        super().left(link)
+        if isinstance(link, Link):
             self._ids.discard(link.id)
-            if link in self._links:
-                self._links.remove(link)
-
-    def _open(self, make: Callable[[], L]) -> L:
-        if self.closed:
-            raise Closed(f"the transport is closed: {self.gone}" if self.bus.lost else "the transport is closed")
-        link = make()
-        try:
-            link.open()
-            with self._lock:
-                self._links.append(link)
-            link.look()  # at those who were there before; those who come now are reported to all in the list
-        except BaseException:
-            link.close()
-            raise
-        if self.closed:
-            link.close()
-            raise Closed("the transport is closed")
-        return link
 
     def _lose(self) -> None:
         """In a process forked from ours, where nothing of this works."""
@@ -181,31 +209,17 @@ class DDSTransport:
         self._lock = threading.RLock()  # the former one may be held by a thread that is not here
         self.gone = "it was opened before this process was forked, which has to open its own"
         for link in self._links:
-            link.lose()
+            if isinstance(link, Link):
+                link.lose()
 
     # On the receiving thread, which must go on whatever happens.
 
     def _look(self, changed: Set[str]) -> None:
         for link in list(self._links):
             if concerned(link.channel.name, changed):
-                with self._guarded(link):
-                    link.look()
+                self._guarded(link.look, False)
 
     def _tick(self) -> float:
-        if abandoned():
-            log.warning("%s: not closed at the end of the program; closing", self.owner or "dds")
-            self.close()
+        if self.close_if_abandoned():
             return float("inf")
-        due = time.monotonic() + TICK
-        for link in list(self._links):
-            with self._guarded(link):
-                due = min(due, link.tick())
-        return due
-
-    @contextlib.contextmanager
-    def _guarded(self, link: Link) -> Any:
-        try:
-            yield
-        except Exception:
-            if not link.closed.is_set():
-                log.exception("%s: looking at who is there", link.channel.name)
+        return time.monotonic() + min([TICK, *self.tick_links()])

@@ -41,10 +41,11 @@ BEFORE_TAIL = -len(TAIL)
 
 DdsType = type[IdlStruct]
 
-_PRIMITIVES: dict[Primitive, Any] = {
-    kind: getattr(idl, kind.value, None) for kind in Primitive if kind not in (Primitive.BOOL, STRING, TIME)
-} | {Primitive.BOOL: bool, STRING: str}
-_SIZES = {"bool": 1, "int8": 1, "uint8": 1, "int16": 2, "uint16": 2, "int64": 8, "uint64": 8, "float64": 8}
+_NUMBERS: dict[str, Any] = {
+    "b": idl.int8, "B": idl.uint8, "h": idl.int16, "H": idl.uint16, "i": idl.int32, "I": idl.uint32,
+    "q": idl.int64, "Q": idl.uint64, "f": idl.float32, "d": idl.float64,
+}  # fmt: skip
+"""The library's types, by the letter of ours."""
 
 _made: dict[tuple[str, int], tuple[object, DdsType]] = {}
 _making = threading.RLock()
@@ -188,7 +189,7 @@ def _append_zero(kind: Type, out: bytearray) -> None:
         case Primitive() if kind is TIME:
             out += bytes((-len(out) & 3) + 8)
         case Primitive():
-            size = _SIZES.get(kind.value, 4)
+            size = struct.calcsize(kind.letter)
             out += bytes(-len(out) % size + size)
         case Enumeration() | Sequence() | Dictionary():
             out += bytes((-len(out) & 3) + 4)
@@ -276,7 +277,7 @@ def _type(kind: Type, made: dict[str, DdsType]) -> Any:
         case Primitive() if kind is TIME:
             return _once("robocomp::Time", lambda: {"sec": idl.int32, "nanosec": idl.uint32}, made)
         case Primitive():
-            return _PRIMITIVES[kind]
+            return _NUMBERS.get(kind.letter, kind.python)
         case Enumeration():
             return idl.int32
         case Struct(name=name):

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ...wire.codec import MAX_BYTES
 from ...wire.header import PUBLICATION_BYTES, VERSION, publication_fields
 from ...wire.names import ANY, matches
-from ..base import Reply, Status, step_aside
+from ..base import Reply, Status, about_to_block
 from ..crew import Job
 from . import library
 from .exchange import OURS, Exchange, Subscription, Topic
@@ -112,7 +112,7 @@ class Hearing:
         jobs = []
         for link in self._hearing(arrived.operation, header.channel if header else ""):
             if not (own and ANY in link.channel.name):
-                job = link.take(header, arrived.payload)
+                job = link.hear(header, arrived.payload)
                 if job:
                     jobs.append(job)
         return jobs
@@ -231,7 +231,7 @@ class Desk:
 
     def history(self, desk: str, source: int) -> list[tuple[tuple[int, int, int, int], bytes]] | None:
         """What a publisher has latched: headers, and payloads; nothing, if it has gone; None, if that took too long."""
-        step_aside()
+        about_to_block()
         try:
             proxy = self._proxy(desk).ice_invocationTimeout(INQUIRY_MS)
             ok, answer = proxy.ice_invoke("history", library.NORMAL, _wrapped(_ASKED.pack(source)))

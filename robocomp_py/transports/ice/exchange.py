@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ...errors import Closed, ConfigurationError, TransportError
+from ...threads import NO_THREAD, start_thread
 from ...wire.header import clock
 from ..crew import belongs
 from ..directory import runtime_dir
@@ -30,6 +31,9 @@ log = logging.getLogger("robocomp.transport.ice")
 
 OPEN_PATIENCE = 10.0
 """Seconds after which opening a topic gives up to reach IceStorm."""
+
+TOLD = 1.0
+"""Seconds after which it is told that opening a topic waits for IceStorm."""
 
 CALL_MS = 2000
 """IceStorm answers within so many milliseconds, or counts as gone."""
@@ -101,6 +105,8 @@ class Exchange:
         """Why IceStorm is not reached, if that was told."""
         self._why = ""
         self._reached = False
+        self._asked_for = False
+        """Whether it was told that a topic waits for IceStorm."""
         self._looked_at = 0.0
         folder = f"{clock()}{runtime_dir()}"
         self.neighbours = f"{hashlib.sha256(folder.encode()).hexdigest()[:8]}-"
@@ -146,7 +152,8 @@ class Exchange:
 
     def _wait(self, condition: Callable[[], bool]) -> None:
         """Raises TransportError, which says what to do, if that does not come true; Closed, if it need not any more."""
-        end = time.monotonic() + OPEN_PATIENCE
+        begun = time.monotonic()
+        end = begun + OPEN_PATIENCE
         while self._transport.wanted():
             with self._lock:
                 done = self._changed.wait_for(lambda: condition() or self._closed, library.SLICE)
@@ -155,6 +162,9 @@ class Exchange:
                 return
             if time.monotonic() >= end:
                 raise TransportError(self.absent())
+            if time.monotonic() - begun >= TOLD and not self._asked_for:
+                self._asked_for = True
+                log.warning("waiting up to %g s for IceStorm; %s", OPEN_PATIENCE, self.absent())
         raise Closed("ice: asked to end while waiting for IceStorm")
 
     def absent(self) -> str:
@@ -208,9 +218,11 @@ class Exchange:
         self._manager = IceStorm.TopicManagerPrx.uncheckedCast(proxy).ice_invocationTimeout(CALL_MS)
         self._no_such_topic, self._exists = IceStorm.NoSuchTopic, IceStorm.TopicExists
         self._subscribed_already = IceStorm.AlreadySubscribed
-        self._thread = threading.Thread(target=self._attend, name="ice-topics")
-        belongs(self._thread)
-        self._thread.start()
+        thread = threading.Thread(target=self._attend, name="ice-topics")
+        belongs(thread)
+        if not start_thread(thread):
+            raise TransportError(f"ice: topics: {NO_THREAD}")
+        self._thread = thread
 
     # On the thread of its own.
 

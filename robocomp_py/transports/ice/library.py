@@ -17,7 +17,7 @@ try:
     import Ice
 except ImportError as exc:
     raise ImportError(
-        f"Ice for Python is not there ({exc}): `pip install robocomp_py[ice]`, or Debian's package python3-zeroc-ice"
+        f"Ice for Python is not there ({exc}): `pip install 'robocomp-py[ice]'`, or Debian's package python3-zeroc-ice"
     ) from exc
 
 log = logging.getLogger("robocomp.transport.ice")

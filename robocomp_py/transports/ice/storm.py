@@ -24,7 +24,8 @@ import time
 from collections.abc import Iterator
 from functools import partial
 
-from ...errors import ConfigurationError
+from ...errors import ConfigurationError, TransportError
+from ...threads import NO_THREAD, start_thread
 from ...wire.codec import MAX_BYTES
 from ..directory import runtime_dir
 from ..exclusive import Claim, holder, sweep, try_claim
@@ -152,12 +153,14 @@ class _Keeper:
 
     def open(self) -> None:
         """Start it; returns once somebody's answers, or it is known why nobody's does."""
-        self._thread.start()
+        if not start_thread(self._thread):
+            raise TransportError(f"ice: IceStorm cannot be run: {NO_THREAD}")
         self._settled.wait(2 * START)
 
     def close(self) -> None:
         self._ending.set()
-        self._thread.join()
+        if self._thread.ident is not None:
+            self._thread.join()
 
     def _keep(self) -> None:
         """On a thread of its own, as the kernel ends the icebox when the thread that started it has ended."""
@@ -192,7 +195,7 @@ class _Keeper:
             self._complain(f"IceStorm does not answer at {self._place}, and there is no `icebox` to run it; {INSTALL}")
             return
         name = f"icestorm {self._place.host} {self._place.port}"
-        claims = runtime_dir() / "ice" / "storms"
+        claims = runtime_dir("ice", "storms")
         sweep(claims)
         self._claim = try_claim(claims, name, self._owner)
         if self._claim is None:

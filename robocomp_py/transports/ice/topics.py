@@ -20,12 +20,13 @@ from ...errors import Closed, Timeout, TransportError
 from ...wire import names
 from ...wire.codec import Payload
 from ...wire.header import pack_publication, random_id
-from ..announced import STRANGERS, AnnouncedLink
-from ..base import Channel, Sink, Source, TypeRef, depth_of
-from ..credit import BYTES_AHEAD, MOST_AHEAD, Credit
+from ..announced import AnnouncedLink
+from ..base import Channel, Sink, depth_of
+from ..credit import Credit
 from ..crew import Job, Lane
-from ..ledger import Ledger
-from ..reception import HISTORY_TRIES, Reception, living
+from ..limits import BYTES_AHEAD, MOST_AHEAD, PARTS, STRANGERS
+from ..reception import HISTORY_TRIES, Reception
+from ..topics import SubscribingLink
 from . import library
 from .desk import RC_CHANNEL, Header, Hearing
 from .exchange import Topic
@@ -44,9 +45,6 @@ _FEWEST_UNSENT = 8
 
 _MOST_UNSENT_BYTES = 64 * 1024 * 1024
 """While so many are, nothing more is sent; the last message may be of any size."""
-
-_PARTS = 4
-"""Subscribers tell what they took when that is such a part of what their publisher may be ahead."""
 
 _MOST_UNKNOWN = 1000
 """Of so many publishers that the directory does not tell of it is remembered what was taken."""
@@ -87,8 +85,8 @@ class Publisher(AnnouncedLink["IceTransport"]):
 
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
         end = time.monotonic() + deadline
-        if not (self._order.acquire(blocking=False) or self._order.acquire(timeout=max(0.0, deadline))):
-            raise Timeout(f"{self.channel.name}: another thread was still sending after {deadline:g} s")
+        if not self._order.acquire(blocking=False):
+            self.take_turn(self._order, deadline)
         try:
             self.check_open()
             data = payload if type(payload) is bytes else bytes(payload)
@@ -204,23 +202,15 @@ class Publisher(AnnouncedLink["IceTransport"]):
                 yield told[0], epoch << 32 | told[1]
 
 
-class Subscriber(AnnouncedLink["IceTransport"]):
-    role, facing = "subscribes", "publishes"
+class Subscriber(SubscribingLink["IceTransport"]):
     _hearing: Hearing | None = None
 
     def __init__(self, transport: IceTransport, channel: Channel, sink: Sink) -> None:
-        super().__init__(transport, channel)
-        qos = channel.qos
+        self._sink = sink
+        super().__init__(transport, channel, sink)
         self.id = random_id()
         self.operation = names.operation(channel.name)
-        self.lossless = qos.reliable
-        self._latched = qos.latched
-        self._sink = sink
-        depth = WAITING if self.lossless else depth_of(qos)
-        give = self._give_and_tell if self.lossless else self._give
-        self.lane = Lane(channel.name, give, depth, lossy=not self.lossless, stats=self.stats)
-        self._reception = Reception(channel, self.stats, self._through)
-        self._ledger = Ledger(self.stats, ordered=True)
+        self._latched = channel.qos.latched
         self._taking = threading.RLock()
         self._publishers: dict[int, _Told] = {}
         """By their ids."""
@@ -236,6 +226,14 @@ class Subscriber(AnnouncedLink["IceTransport"]):
         self._met: set[int] = set()
         """Publishers that mean something else."""
         self._heard_strangers = False
+
+    def lane_to(self, sink: Sink) -> Lane:
+        give = self._give_and_tell if self.lossless else self._give
+        depth = WAITING if self.lossless else self._depth
+        return Lane(self.channel.name, give, depth, lossy=not self.lossless, stats=self.stats)
+
+    def reception(self) -> Reception:
+        return Reception(self.channel, self.stats, self._through)
 
     def open(self) -> None:
         self._hearing = self.transport.desk.hear(self)
@@ -257,7 +255,7 @@ class Subscriber(AnnouncedLink["IceTransport"]):
     def look(self) -> bool:
         found = self.counterparts()
         there = {told.id: told for _, entry in found if (told := _publisher(entry.channel, entry.address))}
-        self._reception.meet(Source(entry.channel, from_traits(entry.traits)) for _, entry in found)
+        self.meet(found)
         with self._taking:
             self._publishers, self._looked = there, True
             for source, untold in list(self._untold.items()):
@@ -270,9 +268,6 @@ class Subscriber(AnnouncedLink["IceTransport"]):
             self.transport.do(job)
         return True
 
-    def sources(self) -> list[Source]:
-        return living(self.transport.directory, self.counterparts(), self.channel.qos)
-
     def visible(self) -> bool:
         if self._hearing is None or self._hearing.topic.publisher is None:
             return False
@@ -284,14 +279,14 @@ class Subscriber(AnnouncedLink["IceTransport"]):
 
     def release(self) -> None:
         try:
-            self.lane.close()
+            super().release()
         finally:
             if self._hearing:
                 self._hearing.leave(self)
 
     # On the thread that receives.
 
-    def take(self, header: Header | None, payload: Payload) -> Job | None:
+    def hear(self, header: Header | None, payload: Payload) -> Job | None:
         """One message; what is left to be done about it. Without a header it is a stranger's."""
         if header is None:
             self._heard_strangers = True
@@ -314,7 +309,7 @@ class Subscriber(AnnouncedLink["IceTransport"]):
         self.counterparts()
         entries = self.transport.directory.find(self.facing, self.channel.name)
         if not any(entry.fingerprint == header.fingerprint for _, entry in entries):
-            self.report_mismatch(header.source, TypeRef("", header.fingerprint))
+            self.report_mismatch(header.source, header.fingerprint)
 
     def _admit(self, header: Header, payload: Payload) -> Job | None:
         if not self._ledger.admit(header.source, header.sequence):
@@ -325,12 +320,12 @@ class Subscriber(AnnouncedLink["IceTransport"]):
         return self._put((header, octets, payload) if self.lossless else payload)
 
     def _put(self, item: Any) -> Job | None:
-        if not self.lane.put(item):
+        if not self._lane.put(item):
             self.stats.dropped += 1
             if self.stats.dropped == 1:
                 log.warning("%s: %d messages wait; dropping more", self.channel.name, WAITING)
             return None
-        return self.lane.drain if self.lane.summon() else None
+        return self._lane.drain if self._lane.summon() else None
 
     # On its way to the sink.
 
@@ -357,7 +352,7 @@ class Subscriber(AnnouncedLink["IceTransport"]):
                 self._tell(publisher, untold)
 
     def _tell(self, publisher: _Told, untold: _Untold) -> None:
-        if untold.messages * _PARTS >= publisher.ahead or untold.octets * _PARTS >= BYTES_AHEAD:
+        if untold.messages * PARTS >= publisher.ahead or untold.octets * PARTS >= BYTES_AHEAD:
             del self._untold[publisher.id]
             self.transport.desk.tell_taken(publisher.desk, publisher.id, self.id, untold.last)
 

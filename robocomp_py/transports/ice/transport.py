@@ -8,24 +8,23 @@ import logging
 import time
 from collections.abc import Callable, Iterable
 from functools import partial
-from typing import Any, TypeVar
 
-from ...contract.interface import Pattern
-from ...errors import Closed
+from ...errors import TransportError
 from ...wire.codec import MAX_BYTES, Codec
 from ...wire.ice import Ice
 from .. import iceoptions
-from ..announced import AnnouncedLink, Announcing
-from ..base import ANY_QOS, Capability, Channel, Service, Sink, TransportConfig
-from ..crew import Crew, Job, abandoned
+from ..announced import Announcing
+from ..base import ANY_QOS, Capability, SupportsHost, TransportConfig
+from ..crew import Job, LeaderFollowers
 from ..directory import Directory, runtime_dir
+from ..link import Ends
 from ..memory import keep_memory
-from ..served import ServingLink
-from .asking import Caller, CommandOutlet, Peer
+from ..server import ServingLink
+from .client import Caller, CommandOutlet, Peer
 from .desk import Desk
 from .library import communicator
 from .objects import Intake, Port, Take
-from .serving import CommandInlet, Offer, Server
+from .server import CommandInlet, Offer, Requests, Server
 from .storm import hosted
 from .topics import Publisher, Subscriber
 
@@ -34,15 +33,11 @@ log = logging.getLogger("robocomp.transport.ice")
 TICK = 0.25
 """Seconds between two looks at what should be as it was."""
 
-ROLL_CALL = 1.0
-"""Seconds between two looks whether those we deal with still live, of which the directory need not tell."""
 
-L = TypeVar("L", bound=AnnouncedLink[Any])
-
-
-class IceTransport(Announcing):
+class IceTransport(Announcing, SupportsHost):
     """Options: see `iceoptions`. A message that is larger than `message_size_max` is not taken, and not sent."""
 
+    ends = Ends(Publisher, CommandOutlet, Subscriber, CommandInlet, Caller, Server)
     capabilities = ANY_QOS | Capability.CROSS_PROCESS
 
     def __init__(self, config: TransportConfig) -> None:
@@ -54,15 +49,15 @@ class IceTransport(Announcing):
             self.capabilities |= Capability.CROSS_HOST
         self.codec: Codec = Ice()
         self.owner, self.wanted = config.owner, config.wanted
-        self.folder = runtime_dir() / "ice"
+        self.folder = runtime_dir("ice")
         self.served = self.folder / "served"
         self.directory = Directory(self.folder)
         self._numbers = itertools.count(1)
         self._offers: dict[str, Offer] = {}
-        self._peers: dict[tuple[str, str], Peer] = {}
         self._intake = Intake()
-        self._next_tick = self._call_at = 0.0
-        self._crew: Crew | None = None
+        self.requests = Requests(self.do)
+        self._next_tick = 0.0
+        self._crew: LeaderFollowers | None = None
         keep_memory()
         self.communicator = communicator(self.options, self.limit, self._tell)
         try:
@@ -71,43 +66,25 @@ class IceTransport(Announcing):
             self.communicator.destroy()
             raise
         self.desk = Desk(self)
-        self._crew = Crew("ice", self._receive, wake=self.look_soon)
-        self._crew.start()
+        self._crew = LeaderFollowers("ice", self._receive, wake=self.look_soon)
+        try:
+            self._crew.start()
+        except TransportError:
+            self.close()
+            raise
 
     @staticmethod
     def host(config: TransportConfig) -> contextlib.AbstractContextManager[None]:
-        """See `base.hosting`: run IceStorm, unless somebody does, or it is elsewhere."""
+        """See `base.SupportsHost`: run IceStorm, unless somebody does, or it is elsewhere."""
         return hosted(iceoptions.read(config.options), config.owner)
 
-    def outlet(self, channel: Channel) -> Publisher | CommandOutlet:
-        kind = Publisher if channel.pattern is Pattern.PUBLISH else CommandOutlet
-        return self._open(kind(self, channel))
-
-    def inlet(self, channel: Channel, sink: Sink) -> Subscriber | CommandInlet:
-        kind = Subscriber if channel.pattern is Pattern.PUBLISH else CommandInlet
-        return self._open(kind(self, channel, sink))
-
-    def caller(self, channel: Channel) -> Caller:
-        return self._open(Caller(self, channel))
-
-    def server(self, channel: Channel, service: Service) -> Server:
-        return self._open(Server(self, channel, service))
-
-    def close(self) -> None:
-        with self._lock:
-            if self.closed:
-                return
-            self.closed = True
-        crew = self._crew
-        assert crew
-        with contextlib.ExitStack() as everything:  # from the last line to the first, and all of it whatever fails
-            everything.callback(crew.close)
-            everything.callback(self.communicator.destroy)
-            everything.callback(self._close_peers)
-            everything.callback(self.desk.close)
-            everything.callback(self.member.close)
-            for link in list(self._links):
-                everything.callback(link.close)
+    def release(self, everything: contextlib.ExitStack) -> None:
+        assert self._crew
+        everything.callback(self._crew.close)
+        everything.callback(self.communicator.destroy)
+        everything.callback(self.close_peers)
+        everything.callback(self.desk.close)
+        everything.callback(self.member.close)
 
     # What links use.
 
@@ -155,19 +132,7 @@ class IceTransport(Announcing):
             offer.port.close()
 
     def peer(self, member_id: str, address: str) -> Peer:
-        with self._lock:
-            if self.closed:
-                raise Closed("the transport is closed")
-            key = member_id, address
-            if key not in self._peers:
-                self._peers[key] = Peer(self, member_id, address)
-            return self._peers[key]
-
-    def drop(self, peer: Peer) -> None:
-        """Its object is gone: nobody we wait for there will answer."""
-        with self._lock:
-            self._peers.pop((peer.id, peer.address), None)
-        peer.close()
+        return self.asked((member_id, address), partial(Peer, self, member_id, address))
 
     # On threads of the crew.
 
@@ -175,35 +140,9 @@ class IceTransport(Announcing):
         wait = self._next_tick - time.monotonic()
         if wait <= 0:
             self._next_tick = time.monotonic() + TICK  # what becomes due while we look is not missed
-            wait = self._tick()
+            wait = self.tick()
             self._next_tick = min(self._next_tick, time.monotonic() + wait)
         return self._intake.receive(wait)
-
-    def _tick(self) -> float:
-        """Do what is due; seconds until the next time."""
-        if abandoned():
-            log.warning("%s: not closed at the end of the program; closing", self.owner or "ice")
-            self.close()
-            return TICK
-        version = self.directory.version()
-        if version != self._known or time.monotonic() >= self._call_at:
-            self._call_at = time.monotonic() + ROLL_CALL
-            self._drop_the_dead()
-        return min([TICK, *self._look_after(version)])
-
-    def _drop_the_dead(self) -> None:
-        """Let go of what we hold for processes that have ended, whether or not anybody asks them again."""
-        with self._lock:
-            peers = list(self._peers.values())
-        for peer in peers:
-            if not peer.alive():
-                self.drop(peer)
-
-    def _close_peers(self) -> None:
-        with self._lock:
-            peers = list(self._peers.values())
-        for peer in peers:
-            peer.close()
 
     def _tell(self, level: int, message: str) -> None:
         """What Ice has to say; see `library.communicator`."""

@@ -5,13 +5,10 @@
     a reply              the queue of the thread that waits for it, or of its transport
 
 Who is there, and what is read where, stands in the directory of the run-time folder; iceoryx2 is not asked. How a
-message looks is in `samples`; `node` is all of iceoryx2 that the others know; decision 11 says why things are so.
+message looks is in `samples`; `node` is all of iceoryx2 that the others know; large payloads lie in a `heap`. Decisions
+11 and 41 say why things are so.
 
-Threads. One thread (the leader of a `Crew`) waits at the transport's bell, which everybody rings who sends it
-something, and runs what came in itself. A synchronous call: its thread takes a line out of a pool, has it to itself,
-and waits at the bell of that line. Nothing of iceoryx2 ever waits for others: it would do so holding the interpreter.
+Threads. One thread (the leader of a `LeaderFollowers`) waits at the transport's bell, which every sender rings, and
+runs what came in itself. A synchronous call: its thread takes a line out of a pool, has it to itself, and waits at
+the bell of that line. Nothing of iceoryx2 ever waits for others: it would do so holding the interpreter.
 """
-
-from .transport import ShmTransport
-
-__all__ = ["ShmTransport"]

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from ...errors import TransportError
 from ..inotify import Watch
-from .node import what_is_short
+from .room import what_is_short
 
 BELLS = 64
 """Different ways in which one bell can be rung."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
 import time
@@ -9,22 +10,36 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from ...errors import Closed, DecodeError, TransportError
-from ...wire.header import NO_DEADLINE, Flag, Request, pack_reply, reply_at, request_at
+from ...wire.header import NO_DEADLINE, Request, pack_reply, reply_at, request_at
 from ..base import Reply, Status
 from ..crew import Job
+from ..link import persist
+from ..server import dispatch
 from ..sparing import Sparing
-from .mail import HURRY, KNOCK, Mailbox, Post, packed, persist, unpacked
+from ..turns import Turns
+from .mail import HURRY, KNOCK, Mailbox, Post, packed, unpacked
+from .receipts import OPENED, Receipts
 from .samples import HEAD_BYTES, Message, size_of
 
 if TYPE_CHECKING:
-    from ..served import ServingLink
-    from .asking import Caller
+    from ..server import ServingLink
+    from .client import Caller
     from .transport import ShmTransport
 
 log = logging.getLogger("robocomp.transport.shm")
 
 INSISTING = 5.0
 """Seconds for which room is sought for a reply, if its caller has not said how long he waits."""
+
+
+ALONE = 16
+"""After so many letters in a row of the only sender that is known, it is looked whether there are others."""
+
+NOTED = 16
+"""After so many letters their sender is told that they were opened; sooner, if there are no more."""
+
+MOST = 4096
+"""Maximum number of letters that are read and wait to be opened."""
 
 
 class Desk:
@@ -37,6 +52,18 @@ class Desk:
         """By the number that letters to them bear."""
         self.callers: dict[int, Caller] = {}
         """By the client that replies to them name."""
+        self._turns: Turns[tuple[float, Message]] = Turns()
+        """Letters that were read, and when."""
+        self._in_a_row = 0
+        """The number of letters since there was none the last time."""
+        self._receipts: Receipts | None = None
+        """Where senders see how many of their letters were opened."""
+        self._opened: dict[int, int] = {}
+        """That number, by sender."""
+        self._noted: set[int] = set()
+        """Senders who can see it."""
+        self._unnoted: set[int] = set()
+        """Senders who do not see the last one of it yet."""
         self._posts: dict[tuple[int, int], Post] = {}
         self._lock = threading.Lock()
         self._closed = threading.Event()
@@ -44,13 +71,34 @@ class Desk:
         self._told = False
         """Whether it was said that there are malformed letters."""
 
+    def serve(self, number: int, link: ServingLink) -> None:
+        """Hand over the letters with that number."""
+        with self._lock, contextlib.suppress(TransportError):  # it is tried again when there is something to note
+            self._open_receipts()  # now, since later, the disk may be full
+        self.serving[number] = link
+
     def open_next(self) -> Job | None:
         """What is to be done about the next letter; None if there is none."""
-        message = self._mailbox.read()
-        if message is None:
-            return None
+        if self._turns:
+            self._read_all()  # first: a new sender need not wait for requests that wait already
+            read_at, message = self._turns.take()
+        else:
+            found = self._mailbox.read()
+            if found is None:
+                self._in_a_row = 0
+                self.note()
+                return None
+            read_at, message = time.monotonic(), found
+            self._in_a_row += 1
+            if len(self._opened) > 1 or self._in_a_row > ALONE:
+                self._turns.add(_lane(message), (read_at, message))
+                self._read_all()
+                read_at, message = self._turns.take()
         try:
-            return (self._accept(message) if message.to else self._forward(message)) or _nothing
+            if not message.to:
+                return self._forward(message) or _nothing
+            self._count(message.member)
+            return self._accept(message, read_at) or _nothing
         except DecodeError as exc:
             self._malformed(message, exc)
             return _nothing
@@ -77,42 +125,87 @@ class Desk:
         key = packed(member_id)
         with self._lock:
             gone = [self._posts.pop(each) for each in list(self._posts) if each[0] == key]
+            self._opened.pop(key, None)
+            self._unnoted.discard(key)
+            if self._receipts and key in self._noted:
+                self._noted.discard(key)
+                self._receipts.end(key)
         for post in gone:
             post.close()
 
     def correspondents(self) -> set[str]:
         """To whom we have written."""
         with self._lock:
-            return {unpacked(member) for member, _ in self._posts}
+            return {unpacked(member) for member in {member for member, _ in self._posts} | self._opened.keys()}
 
     def close(self) -> None:
         self._closed.set()
         with self._lock:
             posts = list(self._posts.values())
             self._posts.clear()
+            if self._receipts:
+                self._receipts.close()
         for post in posts:
             post.close()
 
-    def _accept(self, message: Message) -> Job | None:
+    def _read_all(self) -> None:
+        """Read what waits, of all senders: none of them can be ahead by more than `AHEAD`."""
+        read_at = time.monotonic()
+        while len(self._turns) < MOST:
+            message = self._mailbox.read()
+            if message is None:
+                return
+            self._turns.add(_lane(message), (read_at, message))
+
+    def _count(self, member: int) -> None:
+        """A letter of that sender is opened."""
+        self._opened[member] = opened = self._opened.get(member, 0) + 1
+        self._unnoted.add(member)
+        if opened % NOTED == 0:
+            self.note()
+
+    def note(self) -> None:
+        """Let senders see how many of their letters were opened. If that fails, it is to be called again."""
+        unnoted = self._unnoted
+        while unnoted:
+            member = next(iter(unnoted))
+            if member not in self._noted:
+                try:
+                    self._begin_to_note(member)
+                except TransportError as exc:  # no file descriptor, for one: the letter is handled all the same
+                    if self._sparing.may_tell():
+                        log.warning("a sender is not told which requests were taken; trying again: %s", exc)
+                    return
+            unnoted.discard(member)
+            if self._receipts:
+                self._receipts.took(member, self._opened[member])
+
+    def _begin_to_note(self, member: int) -> None:
+        with self._lock:
+            if self._closed.is_set():
+                return
+            self._open_receipts().begin(member)
+            self._noted.add(member)
+
+    def _open_receipts(self) -> Receipts:
+        if self._receipts is None:
+            self._receipts = Receipts(self._transport.receipts(self._transport.member.id, OPENED))
+        return self._receipts
+
+    def _accept(self, message: Message, read_at: float) -> Job | None:
         request = request_at(message.octets, HEAD_BYTES)
         if message.to == KNOCK:
             return partial(self.reply, message.member, message.line, request, 0.0, Reply(Status.OK))
         link = self.serving.get(message.to)
-        limited = request.remaining_ms != NO_DEADLINE
-        expires = time.monotonic() + request.remaining_ms / 1000 if limited else float("inf")
         line = message.line
         if line & HURRY:
             line ^= HURRY
             post = self._posts.get((message.member, line))
             if post:
                 post.announce()
+        expires = read_at + request.remaining_ms / 1000 if request.remaining_ms != NO_DEADLINE else float("inf")
         answer = partial(self.reply, message.member, line, request, expires)
-        if link is None:
-            return None if request.flags & Flag.ONEWAY else partial(answer, Reply(Status.REFUSED))
-        if request.fingerprint != link.channel.type.fingerprint:
-            link.refuse_stranger(request)
-            return partial(answer, Reply(Status.MISMATCH, link.channel.type.text.encode()))
-        return link.take(request, message.payload, expires, answer)
+        return dispatch(link, request, message.payload, read_at, answer)
 
     def _forward(self, message: Message) -> Job | None:
         header = reply_at(message.octets, HEAD_BYTES)
@@ -153,6 +246,11 @@ class Desk:
         elif not self._told:
             self._told = True
             log.warning("dropped a malformed letter (further ones are dropped silently): %s", why)
+
+
+def _lane(message: Message) -> int:
+    """The queue that a letter takes its turn in: replies have one apart from the requests of their sender."""
+    return message.member if message.to else -message.member
 
 
 def _nothing() -> None: ...

@@ -6,14 +6,14 @@ answer has a line of its own: a queue, with a bell, that nobody else reads.
 
 from __future__ import annotations
 
-import threading
-import time
-from collections.abc import Callable
+import itertools
 
 from ...errors import TransportError
 from ...wire.codec import Payload
 from .bells import MAIL, SOON, Bell, Rope, bell_path
 from .node import PORTS, Node
+from .receipts import Reader as Receiver
+from .room import Full
 from .samples import Reader, Writer
 
 WAITING = 128
@@ -36,6 +36,15 @@ HURRY = 1 << 31
 
 LINGER = 1.5
 """Seconds for which closing waits for what was sent last to be taken."""
+
+AHEAD = WAITING
+"""Requests and commands of one sender that may wait at a transport until it opens them. All senders' are read before
+the next one is opened, so that none waits behind the others; this bounds what was read."""
+
+FEW_AHEAD, BYTES_AHEAD = 4, 8 * 1024 * 1024
+"""The same of large ones: so many bytes, but at least so many of them."""
+
+_SMALL = BYTES_AHEAD // AHEAD
 
 _LONGEST_PAUSE = 0.005
 """Seconds between two attempts to send, when there is no room."""
@@ -60,9 +69,18 @@ class Mailbox:
     """The queue that everybody writes to. Its bell is the one that wakes the transport."""
 
     def __init__(self, node: Node, member_id: str) -> None:
-        self._reader = Reader(node.new_queue(queue_of(member_id, 0), WAITING, KEPT + 1, PORTS, lossy=False), KEPT)
+        queue = node.new_queue(queue_of(member_id, 0), WAITING, KEPT + 1, PORTS, lossy=False)
+        self._node, self._name = node, queue_of(member_id, 0)
+        self._reader = Reader(queue, KEPT, node.heaps)
         self.read = self._reader.read
         self.close = self._reader.close
+
+    def reconnect(self) -> None:
+        """Have the library connect to senders to which it could not connect when they came.
+
+        The library does not report that it could not, and tries again only when a further sender comes: this one.
+        """
+        self._node.queue(self._name, 1)
 
 
 class Line:
@@ -70,7 +88,8 @@ class Line:
 
     def __init__(self, node: Node, member_id: str, number: int) -> None:
         self.number = number
-        self._reader = Reader(node.new_queue(queue_of(member_id, number), ANSWERS, KEPT + 1, 2, lossy=True), KEPT)
+        queue = node.new_queue(queue_of(member_id, number), ANSWERS, KEPT + 1, 2, lossy=True)
+        self._reader = Reader(queue, KEPT, node.heaps)
         self._bell = Bell(bell_path(node.folder, member_id, number))
         self.read, self.rung = self._reader.read, self._bell.rung
 
@@ -80,25 +99,49 @@ class Line:
 
 
 class Post:
-    """By which letters are sent to one queue, from any thread."""
+    """Sends letters to one queue, from any thread."""
 
-    def __init__(self, node: Node, own: int, member_id: str, line: int) -> None:
+    def __init__(self, node: Node, own: int, member_id: str, line: int, opened: Receiver | None = None) -> None:
+        """`opened` says how many letters were opened there, if we may only be a limited number ahead of that."""
         self._own = own
         self._closed = False
+        self._receiver = opened
+        self._opened_before = opened.taken() if opened else 0
+        self._numbers = itertools.count(1)
+        self._sent = self._opened = 0
+        """The number of letters that we sent, and of those that were opened when we last looked."""
+        self.hindrance = ""
+        """What was wrong when nothing could be sent for want of memory; "" if that never happened."""
         self._rope = Rope(bell_path(node.folder, member_id, line))
-        self._writer = Writer(node.queue(queue_of(member_id, line), _LOANS))
+        self._writer = Writer(node.queue(queue_of(member_id, line), _LOANS), node.heap)
 
     def send(self, line: int, to: int, header: bytes, payload: Payload, size: int) -> bool:
         """Whether it was sent; if not, there is no room now, or nobody reads there any more."""
+        if self._receiver and self._is_too_far_ahead(size):
+            return False
         try:
             if not self._writer.send(self._own, line, to, header, payload, size):
                 return False
+        except Full as exc:
+            self.hindrance = f": {exc}"
+            if self._writer.waits:  # what is sent is taken, and then there is some
+                return False
+            raise
         except TransportError:
             if self._closed:  # meanwhile, since nobody reads there any more
                 return False
             raise
+        self._sent = next(self._numbers)
         self._rope.ring(MAIL)
         return True
+
+    def _is_too_far_ahead(self, size: int) -> bool:
+        ahead = AHEAD if size < _SMALL else max(FEW_AHEAD, BYTES_AHEAD // size)
+        if self._sent - self._opened < ahead:
+            return False
+        assert self._receiver
+        self._opened = self._receiver.taken() - self._opened_before
+        return self._sent - self._opened >= ahead
 
     def announce(self) -> None:
         """Wake who will read what is about to be sent."""
@@ -108,16 +151,3 @@ class Post:
         self._closed = True
         self._writer.close()
         self._rope.close()
-
-
-def persist(send: Callable[[], bool], end: float, still: Callable[[], object], closed: threading.Event) -> bool:
-    """Try to send until `end`; `still` is called meanwhile, and may raise."""
-    pause = 0.0001
-    while not send():
-        left = end - time.monotonic()
-        if left <= 0:
-            return False
-        still()
-        closed.wait(min(pause, left))
-        pause = min(2 * pause, _LONGEST_PAUSE)
-    return True

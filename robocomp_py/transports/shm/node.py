@@ -3,9 +3,11 @@
     a queue     one reads, several write; what finds no room in it is not taken
     a topic     one writes, several read; who is slow loses the oldest
 
-What iceoryx2 keeps in files is below a folder of the user's own, and what it keeps in shared memory has
-names that begin with a prefix made of that folder: users, and run-time folders, do not meet. What killed
-processes have left there is removed by the next node.
+What iceoryx2 keeps in files is below a folder of the user's own. What it keeps in shared memory has names that begin
+with a prefix made of that folder and of a secret in it, so users, and run-time folders, do not meet. `/dev/shm` is open
+to all users: without the secret, another one could make files of these names first. Names can be seen there, so the
+secret is a new one each time that the first node of a folder opens. What killed processes have left is removed by the
+next node.
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ import ctypes
 import fcntl
 import hashlib
 import os
-import resource
+import re
+import secrets
 import shutil
 import time
 from collections.abc import Iterator
@@ -25,6 +28,8 @@ from typing import Any
 import iceoryx2
 
 from ...errors import ConfigurationError, TransportError
+from .heap import Heap, Heaps, remove_dead
+from .room import OPENING, SHARED_MEMORY, check_room, hindrance, what_is_short
 
 PORTS = 512
 """So many may write to one queue: other transports of this host, and threads of theirs."""
@@ -32,19 +37,11 @@ PORTS = 512
 READERS = 128
 """So many may read one topic."""
 
-OPENING = 8 * 1024 * 1024
-"""Bytes of shared memory that must be free when something is opened. It takes a small part of that."""
-
-SHARED_MEMORY = "/dev/shm"
-
-FIRST_BYTES = 4096
-"""Size of the samples that a port begins with; it grows by powers of two."""
+SLOT_BYTES = 4096
+"""Size of the slots of a port. Payloads that do not fit lie in a heap."""
 
 _LONGEST_FOLDER = 100
 """Bytes in the path of a run-time folder: iceoryx2 adds up to 140 to it, and panics beyond 255."""
-
-_FILES = 32
-"""So many files may be opened at once, by what fails for want of them, and then closes what it has opened."""
 
 _PATIENCE = 5.0
 """Seconds for which we wait for those who enter or leave just now."""
@@ -65,29 +62,23 @@ def as_transport_error(doing: str) -> Iterator[None]:
         raise TransportError(f"shm: {doing}: {exc}{what_is_short()}") from exc
 
 
-def what_is_short() -> str:
-    """What iceoryx2 calls an internal failure, and can be mended."""
-    limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    try:
-        used = len(os.listdir("/proc/self/fd"))
-    except OSError:  # not even this one
-        used = limit
-    if used + _FILES < limit:
-        return ""
-    return f"; this process has {used} files open, and may have {limit}: let it have more (ulimit -n 4096)"
+_SECRET = re.compile(r"[0-9a-f]{16}")
 
 
 def prefix(folder: Path) -> str:
-    """What the names of all that is in shared memory begin with, for a folder and its user."""
+    """The prefix of all names in shared memory, for a folder and its user. The secret follows it."""
     return "rc" + hashlib.sha256(f"{os.getuid()}:{folder.resolve()}".encode()).hexdigest()[:8] + "_"
 
 
 class Node:
-    """This process, or one of its transports, as iceoryx2 sees it. Names are unique among all nodes of the folder."""
+    """This process, or one of its transports, as iceoryx2 sees it, and its heap.
 
-    def __init__(self, folder: Path) -> None:
+    Names and the number are unique among all nodes of the folder.
+    """
+
+    def __init__(self, folder: Path, number: int) -> None:
         self.folder, self._root = folder, folder / "i"
-        self._prefix = prefix(folder)
+        self._family, self._secret = prefix(folder), folder / "secret"
         length = len(os.fsencode(folder.parent))
         if length > _LONGEST_FOLDER:
             raise ConfigurationError(
@@ -100,23 +91,30 @@ class Node:
                 f"{SHARED_MEMORY}), or choose another middleware"
             )
         check_room(OPENING)
-        config = iceoryx2.config.default()
-        settings = config.global_cfg
-        settings.root_path = iceoryx2.Path.new(str(self._root))
-        settings.prefix = iceoryx2.FileName.new(self._prefix)
-        settings.creation_timeout = iceoryx2.Duration.from_millis(_PATIENCE_MS)
-        builder = iceoryx2.NodeBuilder.new().config(config)
-        builder = builder.signal_handling_mode(iceoryx2.SignalHandlingMode.Disabled)  # signals are Python's business
         self._lock = _Lock(folder / "nodes.lock")
-        with self._lock.taken(), as_transport_error("opening a node"):
-            self._config = config
-            self._clear()
-            self._node: Any = builder.create(iceoryx2.ServiceType.Ipc)
-            for shared in self._common():
-                shared.chmod(0o600)
+        with self._lock.taken():
+            known = self._known_secret()
+            self._use(known or secrets.token_hex(8))
+            if self._clear() or not known:
+                self._use(self._new_secret())
+            builder = iceoryx2.NodeBuilder.new().config(self._config)
+            builder = builder.signal_handling_mode(
+                iceoryx2.SignalHandlingMode.Disabled
+            )  # signals are Python's business
+            self.heap, self.heaps = Heap(self._prefix, number), Heaps(self._prefix)
+            try:
+                with as_transport_error("opening a node"):
+                    self._node: Any = builder.create(iceoryx2.ServiceType.Ipc)
+                for shared in self._common():
+                    shared.chmod(0o600)
+            except (TransportError, OSError) as exc:
+                self.heap.close()
+                raise TransportError(f"{exc}{self._in_the_way()}") from exc
 
     def close(self) -> None:
         """Leave. Idempotent. What is still in use, as a sample is by an array over it, goes when that does."""
+        self.heap.close()
+        self.heaps.close()
         if not self._root.exists():  # somebody has removed the folder
             self._node = None
             return
@@ -124,24 +122,63 @@ class Node:
             self._node = None
             self._clear()
 
-    def _clear(self) -> None:
-        """If nobody is here, remove what nobody owns, and what iceoryx2 does not find of those who were killed.
+    def _use(self, secret: str) -> None:
+        self._own_secret, self._prefix = secret, f"{self._family}{secret}_"
+        self._config = iceoryx2.config.default()
+        settings = self._config.global_cfg
+        settings.root_path = iceoryx2.Path.new(str(self._root))
+        settings.prefix = iceoryx2.FileName.new(self._prefix)
+        settings.creation_timeout = iceoryx2.Duration.from_millis(_PATIENCE_MS)
 
-        For whoever holds the lock: nobody else can come meanwhile.
+    def _known_secret(self) -> str:
+        """The one that nodes of this folder have in their names; "" if there is none, or only half of one."""
+        try:
+            text = self._secret.read_text("ascii", "replace")
+        except FileNotFoundError:
+            return ""
+        except OSError as exc:
+            raise TransportError(f"shm: {self._secret}: {exc.strerror}{hindrance(self._secret)}") from exc
+        return text if _SECRET.fullmatch(text) else ""
+
+    def _new_secret(self) -> str:
+        secret = secrets.token_hex(8)
+        try:
+            self._secret.unlink(missing_ok=True)
+            with open(os.open(self._secret, os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_CLOEXEC, 0o600), "w") as file:
+                file.write(secret)
+        except OSError as exc:
+            raise TransportError(f"shm: {self._secret}: {exc.strerror}{hindrance(self._secret)}") from exc
+        return secret
+
+    def _in_the_way(self) -> str:
+        """Why another user's file with one of our names is in the way; "" if there is none."""
+        return next(filter(None, map(hindrance, sorted(Path(SHARED_MEMORY).glob(f"{self._prefix}*")))), "")
+
+    def _clear(self) -> bool:
+        """If no node is alive, remove what has no owner, and what iceoryx2 does not find of killed processes.
+
+        Returns whether no node was alive. The caller holds the lock, so no other node can open meanwhile.
         """
+        if self._known_secret() not in ("", self._own_secret):
+            return False  # the folder was removed, and other processes are in a new one: we would not find them
         try:
             found = iceoryx2.Node.list(iceoryx2.ServiceType.Ipc, self._config)
         except _FAILURES:
-            return  # somebody is leaving, who will look himself
-        if all(isinstance(each, iceoryx2.NodeState.Dead) for each in found):
-            self._sweep()
-            shutil.rmtree(self._root, ignore_errors=True)
+            return False  # another node is leaving, and will look itself
+        if not all(isinstance(each, iceoryx2.NodeState.Dead) for each in found):
+            return False
+        self._sweep()
+        shutil.rmtree(self._root, ignore_errors=True)
+        with contextlib.suppress(OSError):  # it is another user's, which the next node to open reports
+            self._secret.unlink(missing_ok=True)
+        return True
 
     def bury(self) -> None:
         """Remove what killed processes have left. Their samples and ports do not count any more."""
         if self._node is not None:
             with contextlib.suppress(*_FAILURES):  # another one is doing so
                 self._node.try_cleanup_dead_nodes()
+            remove_dead(self._prefix)
 
     def new_queue(self, name: str, depth: int, share: int, writers: int, *, lossy: bool) -> Any:
         """One of which we are the reader. With `lossy`, one that is full gives up its oldest message."""
@@ -153,13 +190,13 @@ class Node:
             return service.history_size(0).create().subscriber_builder().create()
 
     def queue(self, name: str, loans: int) -> Any:
-        """Another's, to write to."""
+        """A port of another node, to which as many threads may write at once as there are `loans`."""
         check_room(OPENING)
         with as_transport_error(f"opening {name}"):
             service = _bytes(self._service(name)).open()
             limits = service.static_config
             samples = limits.subscriber_max_buffer_size + limits.subscriber_max_borrowed_samples + loans
-            return _writer(service, loans, samples)
+            return _writer(service, samples)
 
     def new_topic(self, name: str, depth: int, history: int, share: int, borrowed: int, loans: int) -> tuple[Any, Any]:
         """The service, and the port by which we write to it. So many may be `borrowed` by all readers together."""
@@ -169,7 +206,7 @@ class Node:
             service = service.max_subscribers(READERS).max_publishers(1).max_nodes(READERS + 1)
             service = service.subscriber_max_buffer_size(depth).subscriber_max_borrowed_samples(share)
             service = service.history_size(history).create()
-            return service, _writer(service, loans, depth + history + borrowed + loans + 1)
+            return service, _writer(service, depth + history + borrowed + loans + 1)
 
     def topic(self, name: str, missed: int) -> tuple[Any, Any]:
         """Another's service, and the port by which we read from it; `missed` is how much of its history we want."""
@@ -185,11 +222,11 @@ class Node:
         return self._node.service_builder(iceoryx2.ServiceName.new(name))
 
     def _sweep(self) -> None:
-        """Remove what was left by processes whose folder is gone, and with it what iceoryx2 would find them by.
+        """Remove what processes left whose folder is gone, and with it the secret by which to find them.
 
         An array that is still over a sample keeps its memory: only the name goes.
         """
-        for left in Path(SHARED_MEMORY).glob(f"{self._prefix}*"):
+        for left in Path(SHARED_MEMORY).glob(f"{self._family}*"):
             with contextlib.suppress(OSError):  # another time
                 left.unlink()
 
@@ -202,34 +239,14 @@ def _bytes(service: Any) -> Any:
     return service.publish_subscribe(iceoryx2.Slice[ctypes.c_uint8])
 
 
-def _writer(service: Any, loans: int, samples: int) -> Any:
-    """Never one that waits for readers: iceoryx2 would do so in the middle of the interpreter, and stop it."""
+def _writer(service: Any, slots: int) -> Any:
+    """Never one that waits for readers: iceoryx2 would do so in the middle of the interpreter, and stop it.
+
+    All of its slots may be loaned at once, so that those that are free can be found.
+    """
     port = service.publisher_builder().backpressure_strategy(iceoryx2.BackpressureStrategy.DiscardData)
-    port = port.allocation_strategy(iceoryx2.AllocationStrategy.PowerOfTwo).initial_max_slice_len(FIRST_BYTES)
-    return port.max_loaned_samples(loans).override_sample_preallocation(samples).create()
-
-
-def check_room(size: int) -> None:
-    """Raise TransportError if there is not so much shared memory left: who writes to more than there is, is killed."""
-    left = free()
-    if left < size:
-        raise full(size, left)
-
-
-def free() -> int:
-    """Bytes of shared memory that are left."""
-    try:
-        found = os.statvfs(SHARED_MEMORY)
-    except OSError as exc:
-        raise TransportError(f"shm: {SHARED_MEMORY}: {exc.strerror}") from exc
-    return found.f_bavail * found.f_frsize
-
-
-def full(size: int, left: int) -> TransportError:
-    return TransportError(
-        f"shm: {size} bytes of shared memory are needed, and {left} are left in {SHARED_MEMORY}; make it larger "
-        f"(mount -o remount,size=2G {SHARED_MEMORY}; for a container, --shm-size=2g), or choose another middleware"
-    )
+    port = port.allocation_strategy(iceoryx2.AllocationStrategy.Static).initial_max_slice_len(SLOT_BYTES)
+    return port.max_loaned_samples(slots).override_sample_preallocation(slots).create()
 
 
 class _Lock:
@@ -243,7 +260,7 @@ class _Lock:
         try:
             held = os.open(self._path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600)
         except OSError as exc:
-            raise TransportError(f"shm: {self._path}: {exc.strerror}") from exc
+            raise TransportError(f"shm: {self._path}: {exc.strerror}{hindrance(self._path)}") from exc
         try:
             end = time.monotonic() + _PATIENCE
             while True:

@@ -24,6 +24,9 @@ from ...errors import TransportError
 SLOTS = 1024
 """So many publishers a subscriber can hear reliably."""
 
+OPENED = 0
+"""The number, which no link has, of the file in which a transport notes how many letters of each sender it opened."""
+
 _SLOT = struct.Struct("<QQQ")
 _NUMBER = struct.Struct("<Q")
 _TAKEN, _CALL = 8, 16
@@ -43,8 +46,12 @@ class Receipts:
         self._slots: dict[int, int] = {}
         self._free = list(range(SLOTS))[::-1]
         with _mapping(path, os.O_CREAT | os.O_EXCL | os.O_RDWR) as descriptor:
-            os.ftruncate(descriptor, _SIZE)
-            self._map = mmap.mmap(descriptor, _SIZE)
+            try:
+                os.posix_fallocate(descriptor, 0, _SIZE)  # on a full disk, else, the first write would kill the process
+                self._map = mmap.mmap(descriptor, _SIZE)
+            except BaseException:
+                self.close()
+                raise
 
     def begin(self, source: int) -> None:
         """Before that publisher can be heard. Raises TransportError if there are too many."""
@@ -100,6 +107,8 @@ class Reader:
 
     def _find(self) -> bool:
         with contextlib.suppress(TransportError), _mapping(self._path, os.O_RDWR) as descriptor:
+            if os.fstat(descriptor).st_size < _SIZE:
+                return False  # it is just being made
             found = mmap.mmap(descriptor, _SIZE)
             for at in range(0, _SIZE, _SLOT.size):
                 if _NUMBER.unpack_from(found, at)[0] == self._source:

@@ -1,10 +1,12 @@
 """What a message looks like in shared memory, and how it gets in and out.
 
-    begin u32 · size u32 · member u64 · line u32 · to u32 · header · free · payload · free
+    begin u32 · size u32 · member u64 · line u32 · to u32 · header · free · payload
+    0 u32 · size u32 · member u64 · line u32 · to u32 · header · free · heap u64 · offset u64
 
-The header is that of every middleware (`wire.header`); the payload begins at `begin` and has `size` octets,
-and its first field lies at a multiple of 64 in memory, unless who wrote it in place chose otherwise. `to` is
-whom the message is for among those who read together, and `member` and `line` are where an answer goes.
+The header is that of every middleware (`wire.header`). A small payload begins at `begin` of its slot and has `size`
+octets. A larger one lies in the heap of that number. Its first field lies at a multiple of 64 in memory, unless the
+program that wrote it in place chose otherwise. `to` says which of the links that read together the message is for;
+`member` and `line` are where an answer goes.
 
 What is read is a view of the shared memory, which nobody can write to through it, and the sample stays
 where it is as long as there is such a view, or an array over it. Who keeps more of them than may be out is
@@ -15,9 +17,10 @@ from __future__ import annotations
 
 import ctypes
 import gc
-import mmap
+import logging
 import operator
 import struct
+import threading
 from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
@@ -28,7 +31,11 @@ import numpy as np
 from ...errors import TransportError
 from ...wire.codec import MAX_BYTES, Payload
 from .codec import Parts
-from .node import FIRST_BYTES, as_transport_error, check_room, free, full
+from .heap import Heap, Heaps
+from .node import SLOT_BYTES, as_transport_error
+from .room import PAGE, is_owned, own
+
+log = logging.getLogger("robocomp.transport.shm")
 
 HEAD = struct.Struct("<IIQII")
 HEAD_BYTES = HEAD.size
@@ -37,7 +44,16 @@ _HEADER_BYTES = 36
 _BEFORE = HEAD_BYTES + _HEADER_BYTES
 """Octets in front of the earliest payload. Its fields come four octets later, behind the encapsulation."""
 
-_ALIGNED = 64
+_APART = struct.Struct("<QQ")
+_APART_BYTES = _BEFORE + _APART.size
+"""A slot that says where its payload lies: in which heap, and where in there."""
+
+_IN_PAGE = 576
+"""Octets of the first page of a payload in a heap that are in front of its first field. Large arrays begin near the
+beginning of a page, and copying is a fifth slower to where it is at the same place in its page as what is copied."""
+
+_SMALL = SLOT_BYTES - _BEFORE
+"""A payload of more octets does not fit into a slot."""
 
 _FREE = tuple(bytes(_HEADER_BYTES - header) for header in range(_HEADER_BYTES + 1))
 """What fills up headers."""
@@ -47,33 +63,19 @@ _SHORT = 16 * 1024
 _LONG = 256 * 1024
 """While so many octets are copied, other threads may run."""
 
-_PAGE = mmap.PAGESIZE
-_POPULATE_WRITE = 23
-"""To have memory now, or be told that there is none, rather than be killed when it is written to."""
-
-_SAMPLE_HEAD = 48
-"""Octets of iceoryx2's in front of each sample. It writes there when it gives us one, which is before we can ask for
+_SLOT_HEAD = 48
+"""Octets of iceoryx2's in front of each slot. It writes there when it gives us one, which is before we can ask for
 that memory."""
 
+_STEP = SLOT_BYTES + _SLOT_HEAD
+"""From one slot to the next."""
+
 _AHEAD = 16
-"""So many threads may be given samples at once; the heads of the next ones have memory before they are."""
+"""So many threads may be given slots at once; the heads of the next ones have memory before they are."""
 
-_ROOM = 1024 * 1024
-"""What has to be free besides, when a pool grows: for the heads, and for what iceoryx2 notes of it."""
-
-_library = ctypes.CDLL(None, use_errno=True)
-_madvise = _library.madvise
-_madvise.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int)
 _copy = ctypes.PyDLL(None).memmove  # keeps other threads from running meanwhile: for what takes no time
 _copy.argtypes = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t)
 _copy.restype = None
-_mremap = ctypes.PyDLL(None).mremap
-_mremap.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_size_t, ctypes.c_int, ctypes.c_void_p)
-_mremap.restype = ctypes.c_void_p
-_MAY_MOVE, _FIXED = 1, 2
-_REFUSED = ctypes.c_void_p(-1).value
-
-_NOTHING = memoryview(b"")
 
 
 class Message(NamedTuple):
@@ -87,64 +89,74 @@ class Message(NamedTuple):
 
 
 class Writer:
-    """A port to write by. Its memory grows with the messages; whether there is some is asked before it is touched."""
+    """A port for sending. Small messages lie in its slots, larger ones in the heap. Pages that are bound to a slot are
+    in use as long as the slot is."""
 
-    def __init__(self, port: Any) -> None:
-        self._port = port
+    def __init__(self, port: Any, heap: Heap, loans: int = 0) -> None:
+        """So many loans may there be at once."""
+        self._port, self._heap, self._loans = port, heap, loans
+        self.lent: list[None] = []
+        """One for each loan that there is."""
         # Without the checks of the public methods, which take as long as all the rest; with them, should these go away.
         self._loan = getattr(port, "__loan_slice_uninit", port.loan_slice_uninit)
-        self._largest = 0
-        self._memory: dict[int, memoryview] = {}
-        """What we were given so far, by its address: as much of each piece as we have touched."""
-        self._mapped: dict[int, memoryview] = {}
+        self._owned: dict[int, int] = {}
+        """Octets of each slot that have memory, by its address."""
+        self._bound: dict[int, tuple[int, int]] = {}
+        """By the address of a slot, the pages of its payload: where they begin, and how many they are."""
+        self._finding = threading.Lock()
 
     def send(self, member: int, line: int, to: int, header: bytes, payload: Payload, size: int) -> int | None:
-        """How many readers had room for it; None if all of our memory is in use.
+        """Returns how many readers had room for it; None if all slots are in use.
 
-        The payload is octets, or parts. Raises TransportError if there is no more memory.
+        The payload is octets, or parts. Raises `Full` if there is no more memory.
         """
-        if size < _SHORT:
-            sample, address, _ = self._room(_BEFORE + size)
+        if size <= _SMALL:
+            sample, address = self._slot(_BEFORE + size)
             if sample is None:
                 return None
+            if self._bound:
+                self._unbind(address)
             whole = b"".join((HEAD.pack(_BEFORE, size, member, line, to), header, _FREE[len(header)], payload))
             _copy(address, whole, len(whole))
             return _send(sample)
-        sample, address, memory = self._room(_BEFORE + _ALIGNED + size)
+        sample, address = self._slot(_APART_BYTES)
         if sample is None:
             return None
-        begin = _BEFORE + (-address - _BEFORE - 4) % _ALIGNED
-        head = HEAD.pack(begin, size, member, line, to) + header
-        _copy(address, head, len(head))
-        at = begin
-        for part in payload if type(payload) is Parts else (payload,):
-            if type(part) is np.ndarray:
-                end = at + part.nbytes
-                octets: Any = part if part.dtype == np.uint8 else part.view(np.uint8)
-                if part.nbytes < _LONG:
-                    memory[at:end] = octets
+        try:
+            offset, memory = self._bind(address, _IN_PAGE - 4, size)
+        except TransportError:
+            del sample  # or the error would keep it as long as a log, say, keeps the error
+            raise
+        if type(payload) is Parts:
+            end = 0
+            for part in payload:
+                begin = end
+                if type(part) is np.ndarray:
+                    end += part.nbytes
+                    octets: Any = part if part.dtype == np.uint8 else part.view(np.uint8)
+                    if part.nbytes < _LONG:
+                        memory[begin:end] = octets
+                    else:
+                        np.copyto(np.frombuffer(memory[begin:end], np.uint8), octets)
                 else:
-                    np.copyto(np.frombuffer(memory[at:end], np.uint8), octets)
-            else:
-                end = at + len(part)
-                memory[at:end] = part
-            at = end
+                    end += len(part)
+                    memory[begin:end] = part
+        else:
+            memory[:] = payload
+        self._point(address, offset, size, member, line, to, header)
         return _send(sample)
 
     def lend(self, size: int) -> Loaned | None:
         """Memory for a payload that somebody writes himself; None if all of ours is in use. Raises as `send` does."""
-        whole = _BEFORE + _ALIGNED + size
-        sample, address, _ = self._room(whole)
+        sample, address = self._slot(_APART_BYTES) if len(self.lent) < self._loans else (None, 0)
         if sample is None:
             return None
-        if len(self._mapped.get(address, b"")) < whole:
-            try:
-                self._mapped[address] = _mapped(address, whole)
-            except TransportError:
-                del sample  # as below
-                raise
-        at = _BEFORE + (-address - _BEFORE) % _ALIGNED
-        return Loaned(sample, address, at, self._mapped[address][at : at + size])
+        try:
+            offset, memory = self._bind(address, _IN_PAGE, size)
+        except TransportError:
+            del sample  # as above
+            raise
+        return Loaned(self, sample, address, offset, memory)
 
     def greet(self) -> None:
         """Give the history to those who have begun to read."""
@@ -153,56 +165,115 @@ class Writer:
             with as_transport_error("greeting readers"):
                 port.update_connections()
 
-    def close(self) -> None:
-        """Let go of the port; it is gone once nobody uses it any more."""
-        self._port = None
-        self._loan = _closed
+    @property
+    def waits(self) -> bool:
+        """Whether there will be more memory once readers give some back."""
+        return bool(self._bound)
 
-    def _room(self, whole: int) -> tuple[Any, int, memoryview]:
-        """A sample of that size, where it lies, and its memory; or None, if all of ours are in use."""
-        if whole > self._largest:
-            self._grow(whole)
+    def find_free(self) -> None:
+        """See `heap.Borrower`."""
+        with self._finding:
+            found = []
+            try:
+                while self._bound:
+                    sample = self._loan(1)
+                    found.append(sample)
+                    address = sample.payload_ptr
+                    if address not in self._owned:
+                        break  # it was never used; nor were the ones after it
+                    self._unbind(address)
+            except (iceoryx2.LoanError, TransportError):  # those were all; or we are closed
+                pass
+            while found:  # in this order, the one that was returned last is still given out first
+                found.pop()
+        if self._port is None and not self._bound:
+            self._heap.borrowers.discard(self)
+            self.end()
+
+    def close(self) -> None:
+        """Let go of the port; it is gone once it is not used any more. What readers still have is not used again."""
+        self._port = None
+        with self._heap.lock:
+            self.find_free()
+
+    def end(self) -> None:
+        """See `heap.Borrower`."""
+        self._port, self._loan = None, _closed
+
+    def _slot(self, whole: int) -> tuple[Any, int]:
+        """A slot for this many octets, and its address; None if all slots are in use."""
+        if self._port is None:
+            _closed(whole)
         try:
             sample = self._loan(whole)
         except iceoryx2.LoanError as exc:
-            if str(exc) in _ALL_IN_USE:
-                return None, 0, _NOTHING
-            raise TransportError(f"shm: {whole} bytes cannot be had: {exc}") from exc
+            sample = self._try_again(whole, exc)
+            if sample is None:
+                return None, 0
         address = sample.payload_ptr
-        memory = self._memory.get(address, _NOTHING)
-        if len(memory) < whole:
+        owned = self._owned.get(address, 0)
+        if owned < whole:
             try:
-                _own(address + len(memory), whole - len(memory))
-                _own_heads(address, step(self._largest), 1 if not self._memory else _AHEAD)
+                own(address + owned, whole - owned, whole - owned)
+                _own_heads(address, 1 if not self._owned else _AHEAD)
             except TransportError:
-                del sample  # or the error would keep it as long as somebody, such as a log, keeps the error
+                del sample  # as in `send`
                 raise
-            self._memory[address] = memory = memoryview((ctypes.c_uint8 * whole).from_address(address)).cast("B")
-        return sample, address, memory
+            self._owned[address] = whole
+        return sample, address
 
-    def _grow(self, whole: int) -> None:
-        if whole > MAX_BYTES + _BEFORE + _ALIGNED:
-            raise TransportError(f"shm: {whole} bytes; a message may have {MAX_BYTES}")
-        if not self._largest or step(whole) > step(self._largest):
-            check_room(whole + _ROOM)
-            self._memory.clear()  # it lies elsewhere now
-        self._largest = whole
-        self._mapped.clear()
+    def _try_again(self, whole: int, why: iceoryx2.LoanError) -> Any:
+        """Another thread may hold all free slots, to find out which are free."""
+        if str(why) not in _ALL_IN_USE:
+            raise TransportError(f"shm: {whole} bytes cannot be had: {why}") from why
+        with self._finding:
+            try:
+                return self._loan(whole)
+            except iceoryx2.LoanError:
+                return None
+
+    def _bind(self, address: int, begin: int, size: int) -> tuple[int, memoryview]:
+        """Get memory for a payload that begins this many octets after a page: where in the heap, and the memory."""
+        if size > MAX_BYTES:
+            raise TransportError(f"shm: {size} bytes; a message may have {MAX_BYTES}")
+        heap, count = self._heap, -(-(begin + size) // PAGE)
+        bound = self._bound.get(address)
+        if bound is None or bound[1] != count:
+            if bound:
+                self._unbind(address)
+            heap.borrowers.add(self)
+            bound = self._bound[address] = heap.take(count), count
+        offset = bound[0] * PAGE + begin
+        return offset, heap.memory(offset, size)
+
+    def _unbind(self, address: int) -> None:
+        """This slot is free, or about to be used for something else."""
+        bound = self._bound.pop(address, None)
+        if bound:
+            self._heap.give(*bound)
+
+    def _point(self, address: int, offset: int, size: int, member: int, line: int, to: int, header: bytes) -> None:
+        """Write into a slot where in the heap its payload lies."""
+        apart = _APART.pack(self._heap.number, offset)
+        whole = b"".join((HEAD.pack(0, size, member, line, to), header, _FREE[len(header)], apart))
+        _copy(address, whole, len(whole))
 
 
-class Loaned(NamedTuple):
+class Loaned:
     """Memory that somebody writes to, ours until it is sent or forgotten."""
 
-    sample: Any
-    address: int
-    at: int
-    data: memoryview
+    def __init__(self, writer: Writer, sample: Any, address: int, offset: int, data: memoryview) -> None:
+        self._writer, self._sample, self.address, self._offset, self.data = writer, sample, address, offset, data
+        writer.lent.append(None)
+
+    def __del__(self) -> None:
+        self._writer.lent.pop()
 
     def send(self, header: bytes, begin: int, end: int) -> int:
         """Send what was written from `begin` to `end`; how many readers had room for it."""
-        head = HEAD.pack(self.at + begin, end - begin, 0, 0, 0) + header
-        _copy(self.address, head, len(head))
-        return _send(self.sample)
+        self._writer._point(self.address, self._offset + begin, end - begin, 0, 0, 0, header)
+        sample, self._sample = self._sample, None
+        return _send(sample)
 
 
 _ready = operator.methodcaller("__assume_init" if hasattr(iceoryx2.SampleMutUninit, "__assume_init") else "assume_init")
@@ -230,77 +301,22 @@ def size_of(payload: Payload) -> int:
     return payload.size if type(payload) is Parts else len(payload)
 
 
-def _own(address: int, size: int) -> None:
-    """Have memory behind these addresses. Raises TransportError if there is not enough."""
-    start = address - address % _PAGE
-    length = address + size - start
-    if size >= _LONG and (left := free()) < length:  # it would take what is left, and then fail
-        raise full(size, left)
-    if _madvise(start, length, _POPULATE_WRITE) == 0:
-        return
-    error = ctypes.get_errno()
-    left = free()
-    if error != _INVALID or left < length:  # invalid: the kernel is older than this request (Linux 5.14)
-        raise full(size, left)
+def _own_heads(address: int, first: int) -> None:
+    """Have memory for the heads of slots after this one, from the `first` of them on.
 
-
-_INVALID, _NOT_MAPPED = 22, 12
-
-
-def step(largest: int) -> int:
-    """From one sample to the next, where the largest that was asked for has so many octets."""
-    if largest <= FIRST_BYTES:
-        return FIRST_BYTES + _SAMPLE_HEAD
-    return 1 << (largest + _SAMPLE_HEAD - 1).bit_length()
-
-
-def _own_heads(address: int, step: int, first: int) -> None:
-    """Have memory for the heads of samples after this one, from the `first` of them on.
-
-    Samples are given out in the order of their addresses, unless one was given back. So those that were never given
+    Slots are given out in the order of their addresses, unless one was given back. So those that were never given
     out, and have no memory yet, are met here before it is their turn.
     """
     for number in range(first, _AHEAD + 1):
-        head = address + number * step - _SAMPLE_HEAD
-        start = head - head % _PAGE
-        length = head + _SAMPLE_HEAD - start
-        if _madvise(start, length, _POPULATE_WRITE) == 0:
-            continue
-        error = ctypes.get_errno()
-        if error in (_INVALID, _NOT_MAPPED):  # an older kernel; or that was the last one
-            return
-        raise full(_PAGE, free())
-
-
-def _mapped(address: int, size: int) -> memoryview:
-    """The same memory once more, for as long as somebody has an array over it: iceoryx2 may end its own view of it."""
-    try:
-        start, _, (_, _, offset, _, _, path) = _mapping(address)
-        return _view(path, int(offset, 16) + address - start, size)
-    except (OSError, ValueError, LookupError) as exc:
-        raise TransportError(f"shm: memory cannot be lent: {exc}") from exc
-
-
-def _mapping(address: int) -> tuple[int, int, list[str]]:
-    """Where the memory around an address begins and ends, and what the kernel says of it."""
-    with open("/proc/self/maps") as maps:
-        for line in maps:
-            start, end = (int(each, 16) for each in line.partition(" ")[0].split("-"))
-            if start <= address < end:
-                return start, end, line.rstrip("\n").split(None, 5)
-    raise LookupError("it is not there")
-
-
-def _view(path: str, offset: int, size: int) -> memoryview:
-    before = offset % mmap.ALLOCATIONGRANULARITY
-    with open(path, "r+b") as file:
-        return memoryview(mmap.mmap(file.fileno(), before + size, offset=offset - before))[before:]
+        if not is_owned(address + number * _STEP - _SLOT_HEAD, _SLOT_HEAD):
+            return  # that was the last one
 
 
 class Reader:
     """A port to read from. `share` is how many samples may be out at once."""
 
-    def __init__(self, port: Any, share: int) -> None:
+    def __init__(self, port: Any, share: int, heaps: Heaps) -> None:
+        self._heaps = heaps
         self._receive: Callable[[], Any] = port.receive
         self._has_samples: Callable[[], bool] = port.has_samples
         self.share = share
@@ -317,23 +333,37 @@ class Reader:
             if sample is None:
                 return None
             address, whole = sample.payload_ptr, _length(sample)
-            octets = ctypes.string_at(address, whole if whole < _SHORT else _BEFORE)
+            octets = ctypes.string_at(address, whole)
             if whole < _BEFORE:
                 continue
             begin, size, member, line, to = HEAD.unpack_from(octets)
-            if begin + size > whole:
-                continue
-            if whole < _SHORT:
+            if begin:
+                if begin + size > whole:
+                    continue
                 payload = memoryview(octets)[begin : begin + size]
-            elif size < _SHORT or len(self._out) >= self.share:
-                before = begin % 8  # so that what was aligned stays so
-                payload = memoryview(ctypes.string_at(address + begin - before, before + size))[before:]
+            elif (found := self._apart(sample, octets, size)) is not None:
+                payload = found
             else:
-                self._out.append(None)
-                lent = _Lent.from_address(address + begin)
-                lent.sample, lent.out = sample, self._out
-                payload = memoryview(lent).cast("B")[:size].toreadonly()
+                continue
             return _message((to, member, line, octets, payload))
+
+    def _apart(self, sample: Any, octets: bytes, size: int) -> memoryview | None:
+        """A payload that lies in a heap; None if it does not."""
+        try:
+            number, offset = _APART.unpack_from(octets, _BEFORE)
+            address, owner = self._heaps.of(number).at(offset, size)
+        except (struct.error, ValueError):
+            return None  # it is no message of ours
+        except TransportError as exc:
+            log.info("a message of %d bytes is lost: its sender has ended (%s)", size, exc)
+            return None
+        if size < _SHORT or len(self._out) >= self.share:
+            before = offset % 8  # so that what was aligned stays so
+            return memoryview(ctypes.string_at(address - before, before + size))[before:]
+        self._out.append(None)
+        lent = _Lent.from_address(address)
+        lent.sample, lent.out, lent.owner = sample, self._out, owner
+        return memoryview(lent).cast("B")[:size].toreadonly()
 
     def has_more(self) -> bool:
         """Whether there are messages to read."""
@@ -364,6 +394,7 @@ class _Lent(ctypes.c_uint8 * MAX_BYTES):  # type: ignore[misc]  # a class that c
     frozen = True  # nobody writes here: see `wire.values.snapshot`
     sample: Any
     out: list[None]
+    owner: object
 
     def __del__(self) -> None:
         self.sample = None
@@ -373,15 +404,7 @@ class _Lent(ctypes.c_uint8 * MAX_BYTES):  # type: ignore[misc]  # a class that c
 def let_go() -> None:
     """Give back all that is still looked at, when the process ends; or what it belongs to would stay behind.
 
-    Whoever goes on looking (a daemon thread, a finaliser) still finds it there: iceoryx2 takes its view of the
-    memory away, and gets a second one to take, which is put in place of the first.
+    The memory stays as long as anything (a daemon thread, a finaliser) uses it: its mapping is ours.
     """
     for lent in [each for each in gc.get_objects() if type(each) is _Lent]:
-        try:
-            start, end, _ = _mapping(ctypes.addressof(lent))
-        except (OSError, ValueError, LookupError):
-            continue
-        again = _mremap(start, 0, end - start, _MAY_MOVE, None)  # of no size: a second view of the same memory
-        if again != _REFUSED:
-            lent.sample = None
-            _mremap(again, end - start, end - start, _MAY_MOVE | _FIXED, start)
+        lent.sample = None

@@ -8,17 +8,17 @@ import time
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from ...contract.qos import from_traits
 from ...errors import DecodeError, Timeout, TransportError
 from ...wire.codec import Payload
 from ...wire.header import pack_publication, publication_at, random_id
 from ..announced import AnnouncedLink
-from ..base import Channel, Sink, Source, TypeRef, depth_of
-from ..crew import Job, Lane
+from ..base import Channel, Sink, SupportsHeard, SupportsLoan, depth_of
+from ..crew import Job
 from ..directory import Member
-from ..ledger import Ledger
-from ..reception import Reception, living
+from ..limits import BATCH
+from ..topics import SubscribingLink
 from .bells import LOOK, Rope, bell_of
+from .mail import packed
 from .node import READERS
 from .receipts import Credit, Receipts
 from .receipts import Reader as Receiver
@@ -26,9 +26,6 @@ from .samples import HEAD_BYTES, Loaned, Message, Reader, Writer, size_of
 
 if TYPE_CHECKING:
     from .transport import ShmTransport
-
-BATCH = 32
-"""Messages taken from one publisher before the others have their turn, and at most as many as the lane has room for."""
 
 LEAST_AHEAD, MOST_AHEAD = 32, 256
 """So many messages, at least and at most, may be on their way to a reader; the depth, if it is between them."""
@@ -57,7 +54,7 @@ PAUSE = 0.001
 """Seconds between two attempts to have memory, when all of it is in use."""
 
 
-class Publisher(AnnouncedLink["ShmTransport"]):
+class Publisher(AnnouncedLink["ShmTransport"], SupportsHeard, SupportsLoan):
     role, facing = "publishes", "subscribes"
     _number = 0
     _writer: Writer | None = None
@@ -74,7 +71,11 @@ class Publisher(AnnouncedLink["ShmTransport"]):
         self._readers: dict[tuple[str, str], _Known] = {}
         self._ropes: list[tuple[Rope, int]] = []
         self._seen = 0
-        """Of how many readers iceoryx2 knew when we last looked."""
+        """The number of readers that iceoryx2 knew when we last looked."""
+        self._missing = False
+        """Whether that was another number than that of the subscribers in the directory."""
+        self._looked_at = -1
+        """The version of the directory when we last looked."""
         self._number = self.transport.number()
         service, port = self.transport.node.new_topic(
             f"{self.transport.member.id}.{self._number}",
@@ -85,7 +86,7 @@ class Publisher(AnnouncedLink["ShmTransport"]):
             LOANS,
         )
         self._dynamic = service.dynamic_config
-        self._writer = Writer(port)
+        self._writer = Writer(port, self.transport.node.heap, LOANS)
         self.transport.attend_to(self._number, self)
         self.announce(f"{self._number}/{self._source:016x}")
         self.look()
@@ -130,8 +131,10 @@ class Publisher(AnnouncedLink["ShmTransport"]):
         with self._looking:
             if self._writer is None or self.closed.is_set():
                 return True
+            self._looked_at = self.transport.directory.version()
             self._seen = self._present()
             there = {(member.id, entry.address): (member, entry) for member, entry in self.counterparts()}
+            self._missing = self._seen != len(there)
             for gone in self._readers.keys() - there.keys():
                 del self._readers[gone]
             for key in there.keys() - self._readers.keys():
@@ -153,8 +156,7 @@ class Publisher(AnnouncedLink["ShmTransport"]):
     def on_input(self, *, one: bool = False) -> tuple[Job, ...]:
         """A subscriber has rung: it begins to read, or it has read as much as was waited for."""
         self._credit.called()
-        if self._seen != self._present():
-            self.look()
+        self._meet_new_readers()
         return ()
 
     def visible(self) -> bool:
@@ -163,8 +165,16 @@ class Publisher(AnnouncedLink["ShmTransport"]):
         self.look()
         return bool(self._ropes) and self._seen > 0
 
+    def connected(self) -> bool:
+        if self.look() and not self._missing:
+            return True
+        for rope, _ in self._ropes:
+            rope.ring(LOOK)  # its subscriber need not wait for its next look into the directory
+        return False
+
     @property
     def heard(self) -> bool:
+        self._meet_new_readers()
         return bool(self._ropes) or self._history > 0
 
     def close(self) -> None:
@@ -185,8 +195,7 @@ class Publisher(AnnouncedLink["ShmTransport"]):
     def _take_turn(self, deadline: float) -> float:
         """One message after the other. When there is no more time; the turn has to be given back."""
         end = time.monotonic() + deadline
-        if not self._order.acquire(timeout=max(0.0, deadline)):
-            raise Timeout(f"{self.channel.name}: another thread was still sending after {deadline:g} s")
+        self.take_turn(self._order, deadline)
         if self.closed.is_set() or self.transport.closed:
             self._order.release()
             self.check_open()
@@ -194,9 +203,8 @@ class Publisher(AnnouncedLink["ShmTransport"]):
 
     def _is_to_be_written(self, size: int, end: float, deadline: float) -> bool:
         """Whether there is anybody to read it, once all who are to read it have room for it."""
+        self._meet_new_readers()
         if self._lossless:
-            if self._seen != self._present():
-                self.look()  # who reads from now on is counted from now on
             ahead = self._ahead if size < _SMALL else max(FEW_AHEAD, min(self._ahead, BYTES_AHEAD // size))
             if self._sent >= self._credit.slowest + ahead and not self._credit.wait(
                 self._sent, ahead, end, self._still
@@ -226,6 +234,11 @@ class Publisher(AnnouncedLink["ShmTransport"]):
     def _pause(self) -> None:
         self.closed.wait(PAUSE)
         self.check_open()
+
+    def _meet_new_readers(self) -> None:
+        """Update the readers, if they have changed: a connected subscriber hears what is sent from now on."""
+        if self._seen != self._present() or (self._missing and self._looked_at != self.transport.directory.version()):
+            self.look()
 
     def _present(self) -> int:
         """How many read, or are about to, as iceoryx2 knows."""
@@ -270,27 +283,23 @@ class _Loan:
         self._loaned = None
 
 
-class Subscriber(AnnouncedLink["ShmTransport"]):
-    role, facing = "subscribes", "publishes"
+class Subscriber(SubscribingLink["ShmTransport"]):
     _number = 0
     _receipts: Receipts | None = None
 
     def __init__(self, transport: ShmTransport, channel: Channel, sink: Sink) -> None:
-        super().__init__(transport, channel)
-        self._lossless = channel.qos.reliable
-        self._depth = depth_of(channel.qos)
-        self._lane = Lane(channel.name, sink, self._depth, lossy=not self._lossless, stats=self.stats)
-        self._reception = Reception(channel, self.stats, self._lane.through)
-        self._ledger = Ledger(self.stats, ordered=True)
+        super().__init__(transport, channel, sink)
         self._heard: dict[tuple[str, str], _Heard] = {}
         self._looking = threading.RLock()
         self._paused = False
+        self._turn = 0
+        """The publisher that is read first; then it is the next one's turn: one that fills the lane does so once."""
 
     def open(self) -> None:
         self._number = self.transport.number()
-        if self._lossless:
+        if self.lossless:
             self._receipts = Receipts(self.transport.receipts(self.transport.member.id, self._number))
-        self.announce(f"{self._number}/counted" if self._lossless else str(self._number))
+        self.announce(f"{self._number}/counted" if self.lossless else str(self._number))
         self.look()
         self.transport.attend_to(self._number, self)
 
@@ -299,7 +308,7 @@ class Subscriber(AnnouncedLink["ShmTransport"]):
             if self.closed.is_set():
                 return True
             found = self.counterparts()
-            self._reception.meet(Source(entry.channel, from_traits(entry.traits)) for _, entry in found)
+            self.meet(found)
             there = {(member.id, entry.address): (member, entry.channel) for member, entry in found}
             for key in self._heard.keys() - there.keys():
                 self._hear_out(self._heard.pop(key))
@@ -310,8 +319,12 @@ class Subscriber(AnnouncedLink["ShmTransport"]):
         self.transport.attend(self)
         return self._heard.keys() >= there.keys()
 
-    def sources(self) -> list[Source]:
-        return living(self.transport.directory, self.counterparts(), self.channel.qos)
+    def connected(self) -> bool:
+        try:
+            return self.look()
+        except TransportError:  # said by the thread that looks after the links
+            self.check_open()
+            return False
 
     def visible(self) -> bool:
         publishers = self.counterparts(strict=True)
@@ -319,7 +332,7 @@ class Subscriber(AnnouncedLink["ShmTransport"]):
 
     def release(self) -> None:
         try:
-            self._lane.close()
+            super().release()
         finally:
             self.transport.forget(self._number, self)
             with self._looking:
@@ -331,7 +344,11 @@ class Subscriber(AnnouncedLink["ShmTransport"]):
 
     def on_input(self, *, one: bool = False) -> tuple[Job, ...]:
         taken = 0
-        for heard in tuple(self._heard.values()):
+        all_heard = tuple(self._heard.values())
+        if len(all_heard) > 1:
+            self._turn = turn = (self._turn + 1) % len(all_heard)
+            all_heard = all_heard[turn:] + all_heard[:turn]
+        for heard in all_heard:
             for _ in range(min(BATCH, self._depth)):
                 self._paused = True  # before looking: whoever makes room later sees this, and has us go on
                 self._paused = self._lane.full
@@ -385,9 +402,17 @@ class Subscriber(AnnouncedLink["ShmTransport"]):
             if self.transport.directory.alive(member.id):
                 raise TransportError(f"{channel}: {exc}") from exc
             return
-        reader = Reader(port, _share(service))
+        reader = Reader(port, _share(service), self.transport.node.heaps)
+        self.transport.node.heaps.meet(packed(member.id))  # what is sent before it leaves is heard afterwards, too
         self._heard[key] = _Heard(service, reader, channel, int(source, 16), partial(rope.ring, bell_of(int(number))))
         rope.ring(bell_of(int(number)))
+
+    def reconnect(self) -> None:
+        """Subscribe anew to the publishers from which nothing was heard."""
+        with self._looking:
+            for key in [key for key, heard in self._heard.items() if not heard.last]:
+                self._hear_out(self._heard.pop(key))
+        self.look()
 
     def _hear_out(self, heard: _Heard) -> None:
         """A publisher has left: what it has said before is still heard."""
@@ -407,16 +432,10 @@ class Subscriber(AnnouncedLink["ShmTransport"]):
         except DecodeError as exc:
             self.malformed(exc)
             return False
-        if header.fingerprint != self.channel.type.fingerprint:
-            self.report_mismatch(header.source, TypeRef("", header.fingerprint))
-            return False
-        heard.last = header.sequence
-        if not self._ledger.admit(header.source, header.sequence):
-            return False
-        payload = message.payload
-        if self._reception.on:
-            payload = self._reception.admit(heard.channel, header.stamp, payload)
-        return self._lane.put(payload)
+        if header.fingerprint == self._fingerprint:
+            heard.last = header.sequence
+        payload = self.admitted(heard.channel, header, message.payload)
+        return payload is not None and self._lane.put(payload)
 
     def _drain(self) -> None:
         self._lane.drain()

@@ -7,36 +7,33 @@ import contextlib
 import logging
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
-from ...contract.interface import Pattern
-from ...errors import Closed, TransportError
+from ...errors import TransportError
 from ...wire.codec import Codec
 from ...wire.header import random_id
-from ..announced import Announcing
-from ..base import ANY_QOS, Capability, Channel, Service, Sink, TransportConfig, options_of
-from ..crew import Crew, Job, abandoned
+from ..announced import Announcing, Reached
+from ..base import ANY_QOS, Capability, TransportConfig, options_of
+from ..crew import Job, LeaderFollowers
 from ..directory import Directory, Member, runtime_dir
 from ..exclusive import sweep
 from ..inotify import Watch
-from ..served import CommandInlet, Server, ServingLink
-from .asking import Caller, CommandOutlet, Peer
-from .bells import Bell, Rope, bell_of, bell_path
+from ..limits import IDLE_TICK
+from ..link import Ends
+from ..server import CommandInlet, Server, ServingLink
+from .bells import MAIL, Bell, Rope, bell_of, bell_path
+from .client import Caller, CommandOutlet, Peer
 from .codec import ApartCdr
 from .desk import Desk
 from .loop import TICK, Attending, Loop
-from .mail import LINGER, Line, Mailbox
+from .mail import LINGER, Line, Mailbox, packed
 from .node import Node
+from .room import FILES, spare_files
 from .samples import let_go
 from .topics import Publisher, Subscriber
 
 log = logging.getLogger("robocomp.transport.shm")
-
-IDLE_TICK = 1.0
-"""Seconds between two looks at what should be as it was."""
-
-ROLL_CALL = 1.0
-"""Seconds between two looks whether those we deal with still live; who is killed does not take leave."""
 
 BURYING = 0.5
 """Seconds after which what the dead have left is removed."""
@@ -45,6 +42,7 @@ BURYING = 0.5
 class ShmTransport(Announcing):
     """Takes no options."""
 
+    ends = Ends(Publisher, CommandOutlet, Subscriber, CommandInlet, Caller, Server)
     capabilities = ANY_QOS | Capability.CROSS_PROCESS
 
     def __init__(self, config: TransportConfig) -> None:
@@ -52,20 +50,20 @@ class ShmTransport(Announcing):
         options_of(config)
         self.codec: Codec = ApartCdr()
         self.incarnation = random_id()
-        self.owner, self.folder = config.owner, runtime_dir() / "shm"
+        self.owner, self.folder = config.owner, runtime_dir("shm")
         self.served = self.folder / "served"
         self._numbers = 0
         self._lines = 0
         self._ropes: dict[str, Rope] = {}
-        self._peers: dict[str, Peer] = {}
         self._bury_at = 0.0
-        self._call_at = 0.0
+        self._was_short = False
+        """Whether this process could open no file at the last look."""
         self._settled = self._settled_together = float("inf")
         self.directory = Directory(self.folder)
         with contextlib.ExitStack() as undo:
             self.member = self.directory.join(config.owner)
             undo.callback(self.member.close)
-            self.node = Node(self.folder)
+            self.node = Node(self.folder, packed(self.member.id))
             sweep(self.served)
             undo.callback(self.node.close)
             self._watch = Watch(self.folder)
@@ -81,45 +79,26 @@ class ShmTransport(Announcing):
             self._loop = Loop(self._bell, self._own, self._tick, self.desk.open_next)
             self.afterwards = self._loop.afterwards
             self.directory.heed(self._watch, self._loop.wake)
-            self._crew = Crew("shm", self._loop.receive, self._loop.wake)
+            self._crew = LeaderFollowers("shm", self._loop.receive, self._loop.wake)
             undo.pop_all()
-        self._crew.start()
+        try:
+            self._crew.start()
+        except TransportError:
+            self.close()
+            raise
 
-    def outlet(self, channel: Channel) -> Publisher | CommandOutlet:
-        kind = Publisher if channel.pattern is Pattern.PUBLISH else CommandOutlet
-        return self._open(kind(self, channel))
-
-    def inlet(self, channel: Channel, sink: Sink) -> Subscriber | CommandInlet:
-        kind = Subscriber if channel.pattern is Pattern.PUBLISH else CommandInlet
-        return self._open(kind(self, channel, sink))
-
-    def caller(self, channel: Channel) -> Caller:
-        return self._open(Caller(self, channel))
-
-    def server(self, channel: Channel, service: Service) -> Server:
-        return self._open(Server(self, channel, service))
-
-    def close(self) -> None:
-        with self._lock:
-            if self.closed:
-                return
-            self.closed = True
-            self._settled = min(self._settled_together, time.monotonic() + LINGER)
-        with contextlib.ExitStack() as everything:  # from the last line to the first, and all of it whatever fails
-            everything.callback(self._leave)
-            everything.callback(self._let_go)
-            everything.callback(self.desk.close)
-            everything.callback(self._crew.close)
-            everything.callback(self.member.close)
-            everything.callback(self.directory.heed_no_more)
-            everything.callback(self._settle)
-            for link in list(self._links):
-                everything.callback(link.close)
+    def release(self, everything: contextlib.ExitStack) -> None:
+        self._settled = min(self._settled_together, time.monotonic() + LINGER)
+        everything.callback(self._leave)
+        everything.callback(self._let_go)
+        everything.callback(self.desk.close)
+        everything.callback(self._crew.close)
+        everything.callback(self.member.close)
+        everything.callback(self.directory.heed_no_more)
+        everything.callback(self._settle)
 
     def _settle(self) -> None:
-        with self._lock:
-            peers = list(self._peers.values())
-        for peer in peers:
+        for peer in self.known_peers():
             try:
                 peer.settle(self.settling())
             except TransportError:  # they have what they have
@@ -158,8 +137,7 @@ class ShmTransport(Announcing):
     def rope(self, member: Member) -> Rope | None:
         """By which somebody's bell is rung; None if he has just left."""
         with self._lock:
-            if self.closed:
-                raise Closed("the transport is closed")
+            self.check_open()
             if member.id not in self._ropes:
                 try:
                     self._ropes[member.id] = Rope(bell_path(self.folder, member.id))
@@ -185,17 +163,12 @@ class ShmTransport(Announcing):
 
     def peer(self, member: Member) -> Peer | None:
         """Somebody who serves; None if he has just left."""
-        with self._lock:
-            if self.closed:
-                raise Closed("the transport is closed")
-            if member.id not in self._peers:
-                try:
-                    self._peers[member.id] = Peer(self, member)
-                except TransportError:
-                    if self.directory.alive(member.id):
-                        raise
-                    return None
-            return self._peers[member.id]
+        try:
+            return self.asked(packed(member.id), partial(Peer, self, member))
+        except TransportError:
+            if self.closed or self.directory.alive(member.id):
+                raise
+            return None
 
     def new_line(self) -> Line:
         with self._lock:
@@ -203,11 +176,8 @@ class ShmTransport(Announcing):
             number = self._lines
         return Line(self.node, self.member.id, number)
 
-    def drop(self, peer: Peer) -> None:
-        """Its process is dead: nobody we wait for there will answer."""
-        with self._lock:
-            self._peers.pop(peer.id, None)
-        peer.close()
+    def drop(self, peer: Reached) -> None:
+        super().drop(peer)
         self.died()
 
     def receipts(self, member_id: str, number: int) -> Path:
@@ -230,7 +200,7 @@ class ShmTransport(Announcing):
 
     def enlist(self, link: ServingLink) -> str:
         number = self.number()
-        self.desk.serving[number] = link
+        self.desk.serve(number, link)
         return str(number)
 
     def delist(self, link: ServingLink) -> None:
@@ -239,15 +209,18 @@ class ShmTransport(Announcing):
 
     def _tick(self) -> float:
         """Do what is due; seconds until the next time."""
-        if abandoned():
-            log.warning("%s: not closed at the end of the program; closing", self.owner or "shm")
-            self.close()
+        if self.close_if_abandoned():
             return TICK
         version = self.directory.version()
-        if version != self._known or time.monotonic() >= self._call_at:
-            self._call_at = time.monotonic() + ROLL_CALL
+        called = self.is_roll_call(version)
+        self._look_for_files(called)
+        if called:
             self._forget_the_gone()
+        self.desk.note()  # in case it failed before
         waits = self._look_after(version)
+        if called:  # after links have heard the last messages of peers that have left
+            self.node.heaps.forget_left()
+            self.node.heap.tidy()
         if self._bury_at and time.monotonic() >= self._bury_at:
             self._bury_at = 0.0
             self.node.bury()
@@ -258,13 +231,36 @@ class ShmTransport(Announcing):
         usual = self.directory.pause or IDLE_TICK if self._known == version else TICK
         return min([usual, *waits])
 
+    def _look_for_files(self, called: bool) -> None:
+        """Reconnect once there are enough descriptors again, and at each roll call as long as there are a few."""
+        spare = spare_files(FILES if self._was_short else 1)
+        if self._was_short and (spare == FILES or (called and spare)):
+            try:
+                self._reconnect()
+            except TransportError as exc:
+                log.debug("%s; trying again", exc)
+                return
+        self._was_short = spare < (FILES if self._was_short else 1)
+
+    def _reconnect(self) -> None:
+        """Connect to peers that came while there were no descriptors, which the library does not do itself."""
+        self._mailbox.reconnect()
+        with self._lock:
+            peers, lines, links = list(self._peers.values()), self._lines, list(self._links)
+        for peer in peers:
+            peer.renew(lines)
+        for link in links:
+            if isinstance(link, Subscriber):
+                link.reconnect()
+        self._own.ring(MAIL)
+
     def _forget_the_gone(self) -> None:
         with self._lock:
-            known = self._ropes.keys() | self._peers.keys() | self.desk.correspondents()
+            known = self._ropes.keys() | {peer.id for peer in self.known_peers()} | self.desk.correspondents()
         for member_id in known:
             if not self.directory.alive(member_id):
                 with self._lock:
-                    held = [self._ropes.pop(member_id, None), self._peers.pop(member_id, None)]
+                    held = [self._ropes.pop(member_id, None), self._peers.pop(packed(member_id), None)]
                 for each in held:
                     if each:
                         each.close()

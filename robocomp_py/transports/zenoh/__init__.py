@@ -16,13 +16,9 @@ Zenoh drops messages, or closes the connection, where a reader is slow. What mus
 acknowledge what they took, and a sender is at most so many messages ahead (`Credit`).
 
 Threads. Callbacks run on Zenoh's own threads, and one that is slow delays everybody. So they only
-queue what came in, and a `Crew` does the rest. They must not log either: `logging` would have
+queue what came in, and a `LeaderFollowers` does the rest. They must not log either: `logging` would have
 `threading` take them for ours. What comes often goes without them: publications, and the answers
 to who waits, lie in channels of Zenoh's until a thread of ours takes them (`Reader`, `asking`).
 
 Priorities. Calls, answers and acknowledgements that are small, and all commands, overtake the rest.
 """
-
-from .transport import ZenohTransport
-
-__all__ = ["ZenohTransport"]

@@ -7,25 +7,24 @@ import logging
 import os
 import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Hashable, Iterable, Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import zenoh
 
-from ...errors import Closed, ContractMismatch, DecodeError, Timeout, TransportError
+from ...errors import Closed, DecodeError, Refused, TransportError
 from ...wire.codec import Payload
 from ...wire.names import ANY
 from ..base import (
+    LONGEST_CONTRACT,
     Channel,
-    Statistics,
-    TypeRef,
-    mismatch,
 )
-from ..crew import STUCK, Lane
+from ..crew import STUCK, CommandLane
 from ..exclusive import Claim
 from ..ledger import Ledger
-from ..sparing import Sparing
+from ..limits import STRANGERS
+from ..link import BaseLink
 from .messages import Inbox, Message, direct
 from .table import Token
 
@@ -41,46 +40,30 @@ IDLE_TICK = 0.5
 """The same where nobody subscribes and the router has a home: there is neither. What is due is not kept waiting."""
 
 
-STRANGERS = 100
-"""So many that mean something else by a channel's name are told about; the others are ignored."""
-
 INBOX = 10_000
 """Messages that may wait for the crew at one inlet; more are dropped."""
 
 
-class Link:
+class Link(BaseLink["ZenohTransport", Token]):
     """One end of a channel: announced by a token, and looking in the table for those it faces."""
 
-    role: str
-    facing: str
     traits = "-"
-    glance = 0.2
-    """Seconds after which who waits for the other side looks for what the table does not tell: that it is closed."""
 
     def __init__(self, transport: ZenohTransport, channel: Channel) -> None:
-        self.transport, self.channel = transport, channel
+        super().__init__(transport, channel)
         self.id = transport.new_id()
         self.key = transport.key("rc", channel.name)
-        self.stats = Statistics()
-        self.closed = threading.Event()
-        self._closing = threading.Lock()
         self._token: zenoh.LivelinessToken | None = None
         self._claim: Claim | None = None
         self._declared: list[Any] = []
-        self._reported: set[int] = set()
-        self._sparing = Sparing()
-        self._texts: dict[int, str] = {}
+        self._met_earlier = False
+        self._texts: dict[Hashable, str] = {}
 
-    def open(self) -> None:
-        """Become ready; others see this link only afterwards."""
-
-    def tick(self) -> float | None:
-        """Do what is due; seconds until the next time, if not a tick."""
-        return None
-
-    def look(self) -> None:
-        """Links came or went."""
-        self.counterparts()
+    def opened(self) -> None:
+        self.transport.lines[self.id] = self  # before others hear of it, and tell it what they have to
+        token = Token(self.role, self.traits, self.channel.type.fingerprint, os.getpid(), self.id, self.channel.name)
+        self._token = self.transport.session.liveliness().declare_token(self.transport.key("rc_lv", token.key_expr()))
+        self.look()
 
     def answer(self, what: str) -> Iterable[tuple[bytes, Payload]]:
         """What this link tells others who ask for it."""
@@ -89,34 +72,11 @@ class Link:
     def acknowledged(self, by: int, sequence: int) -> None:
         """On a thread of Zenoh: a message of ours was taken."""
 
-    def wait_peer(self, timeout: float) -> bool:
-        end, table = time.monotonic() + timeout, self.transport.table
-        while True:
-            self.check_open()
-            version = table.version
-            if self.visible():
-                return True
-            left = end - time.monotonic()
-            if left <= 0:
-                return False
-            with table.changed:
-                if table.version == version:
-                    table.changed.wait(min(left, self.glance))
-
-    def visible(self) -> bool:
-        """Whether the other side is there. Raises ContractMismatch if only others are."""
-        return bool(self.counterparts(strict=True))
-
-    def close(self) -> None:
-        with self._closing:
-            if self.closed.is_set():
-                return
-            self.closed.set()
-        self.transport.left(self)
-        for declared in (self._token, *self._declared):
-            if declared:
-                self._undeclare(declared)
-        self.release()
+    def withdraw(self) -> None:
+        with contextlib.ExitStack() as everything:  # from the last line to the first, and all of it whatever fails
+            for declared in reversed((self._token, *self._declared)):
+                if declared:
+                    everything.callback(self._undeclare, declared)
 
     def _undeclare(self, declared: Any) -> None:
         """Zenoh refuses that while another thread uses the object; none begins to, once the link is closed."""
@@ -132,45 +92,41 @@ class Link:
                     return None
                 time.sleep(0.001)
 
-    def release(self) -> None:
-        """Let go of what this link holds; called once, when it is closed."""
-
     def declare(self, declared: Any) -> Any:
         """Undeclare this at the end."""
         self._declared.append(declared)
         return declared
 
-    def announce(self) -> None:
-        token = Token(self.role, self.traits, self.channel.type.fingerprint, os.getpid(), self.id, self.channel.name)
-        self._token = self.transport.session.liveliness().declare_token(self.transport.key("rc_lv", token.key()))
+    def meet_earlier(self) -> None:
+        """Return once the table has all who were announced before this link was. Does so once."""
+        if not self._met_earlier:
+            with self.using_the_session():
+                self.transport.watching.meet_earlier(self.role, self.channel.name)
+            self._met_earlier = True
 
     def counterparts(self, *, strict: bool = False) -> list[Token]:
-        """Those we face who mean the same by the name; the others are reported, once each.
+        """The same; with `strict`, also raises Refused if our keys are for none of those that are there."""
+        if strict:
+            faced = self.faced()
+            if faced and not any(map(self.transport.may_use, faced)):
+                self._report_refused(faced)
+                raise Refused(_refused(faced[0].channel))
+        return super().counterparts(strict=strict)
 
-        With `strict`, raises ContractMismatch if there are only others.
-        """
-        named = [token for token in self.faced() if self.transport.reaches(token)]
-        same = [token for token in named if token.fingerprint == self.channel.type.fingerprint]
-        if len(same) == len(named):
-            return same
-        others = [token for token in named if token.fingerprint != self.channel.type.fingerprint]
-        for token in others:
-            self.report_mismatch(token.link, token.fingerprint)
-        if strict and not same:
-            raise ContractMismatch(mismatch(self.channel, self._type_of(others[0].link, others[0].fingerprint)))
-        return same
+    def usable(self, peers: list[Token]) -> list[Token]:
+        """Those that our keys let us use, and that can be reached."""
+        allowed = [token for token in peers if self.transport.may_use(token)]
+        if len(allowed) < len(peers):
+            self._report_refused([token for token in peers if token not in allowed])
+        return [token for token in allowed if self.transport.reaches(token)]
 
-    def faced(self) -> list[Token]:
-        """Those whose channels meet ours. With `*`, none of our own transport: Zenoh tells them nothing of us."""
-        return [
-            token
-            for token in self.transport.table.find(self.facing, self.channel.name)
-            if token.channel == self.channel.name or not self.transport.owns(token.link)
-        ]
-
-    def check_open(self) -> None:
-        if self.closed.is_set() or self.transport.closed:
-            raise Closed(f"{self.channel.name}: the link is closed")
+    def _report_refused(self, tokens: Iterable[Token]) -> None:
+        """Log, once each, that our keys do not let us use what is there."""
+        with self._reporting:
+            new = [token for token in tokens if token.link not in self._reported][: STRANGERS - len(self._reported)]
+            self._reported.update(token.link for token in new)
+        for token in new:
+            log.error("%s", _refused(token.channel))
 
     @contextlib.contextmanager
     def using_the_session(self) -> Iterator[None]:
@@ -186,50 +142,31 @@ class Link:
             return Closed(f"{self.channel.name}: the link is closed")
         return TransportError(f"zenoh: {self.channel.name}: {why}")
 
-    def report_mismatch(self, link: int, fingerprint: int) -> None:
-        """Count and log, once, that another link means something else. May wait for its answer."""
-        with self._closing:
-            if link in self._reported or len(self._reported) >= STRANGERS:
-                return
-            self._reported.add(link)
-        if self._sparing.may_tell():
-            log.error("%s", mismatch(self.channel, self._type_of(link, fingerprint)))
-        self.stats.mismatched += 1
-
     def meet_stranger(self, link: int, fingerprint: int) -> None:
-        """The same, without waiting."""
+        """Report a mismatch without waiting."""
         if link not in self._reported and len(self._reported) < STRANGERS:
             self.transport.do(partial(self.report_mismatch, link, fingerprint))
 
-    def malformed(self, why: object) -> None:
-        """Count a message that is none of ours; the first one is logged."""
-        self.stats.malformed += 1
-        if self.stats.malformed == 1:
-            log.warning("%s: dropped a malformed message (further ones are only counted): %s", self.channel.name, why)
-
-    def _type_of(self, link: int, fingerprint: int) -> TypeRef:
+    def definition_of(self, key: Hashable) -> str:
         """What another link means by the name, in its own words."""
-        if not self._texts.get(link):
-            answers, _ = self.transport.inquire(link, "text")
-            self._texts[link] = answers[0].payload.to_bytes().decode(errors="replace") if answers else ""
-        return TypeRef("", fingerprint, self._texts[link])
+        if not self._texts.get(key) and isinstance(key, int):
+            answers, _ = self.transport.inquire(key, "text")
+            octets = answers[0].payload.to_bytes() if answers else b""
+            self._texts[key] = octets[: LONGEST_CONTRACT + 1].decode(errors="replace")
+        return self._texts.get(key, "")
 
 
-@contextlib.contextmanager
-def within(lock: threading.Lock, late: Timeout, end: float) -> Iterator[None]:
-    """Hold a lock; raises `late` if that cannot be had until `end`."""
-    if not lock.acquire(timeout=max(0.0, end - time.monotonic())):
-        raise late
-    try:
-        yield
-    finally:
-        lock.release()
+def _refused(channel: str) -> str:
+    return (
+        f"{channel}: the keys of this process are not for it, so the router does not let it through; "
+        "wire the two in the network's file, and make its keys again: rcdeploy keys"
+    )
 
 
 class Receiving(Link):
     """An inlet: messages go from the inbox into the lane as it has room, and are acknowledged then."""
 
-    lane: Lane
+    lane: CommandLane
     _ledger: Ledger
 
     def __init__(self, transport: ZenohTransport, channel: Channel) -> None:

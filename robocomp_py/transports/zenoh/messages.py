@@ -16,10 +16,6 @@ if TYPE_CHECKING:
     from .transport import ZenohTransport
 
 
-QUERIES_WAITING = 1000
-"""Requests that may wait at one server, or be under way there; more are turned away."""
-
-
 BLOCK, DROP = zenoh.CongestionControl.BLOCK, zenoh.CongestionControl.DROP
 SMALL = 32 * 1024
 """Up to so many bytes, calls and answers overtake what is larger, and publications: half a batch of Zenoh's."""

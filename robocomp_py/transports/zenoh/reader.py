@@ -19,9 +19,11 @@ from typing import Any
 
 import zenoh
 
+from ...errors import TransportError
+from ...threads import NO_THREAD, start_thread
 from ..base import Sink, Statistics, receives
-from ..credit import MOST_AHEAD
 from ..crew import STUCK, belongs
+from ..limits import BYTES_WAITING, MOST_AHEAD
 
 log = logging.getLogger("robocomp.transport.zenoh")
 
@@ -30,9 +32,6 @@ Admit = Callable[[Any], Any]
 
 AT_LEAST, TIMES = 4096, 8
 """If lossy, the channel holds so many messages at least, and so many times the depth; then it gives up the oldest."""
-
-BYTES_WAITING = 64 * 1024 * 1024
-"""So many bytes of a sender that does not count may wait beyond the depth, and `MOST_AHEAD` messages."""
 
 STALE = 0.01
 """Seconds that a sink may keep the channel from being read until what waits there beyond the depth is given up."""
@@ -75,7 +74,10 @@ class Reader:
     def start(self, handler: zenoh.Handler[Any]) -> None:
         """Begin to read the channel; `recv` raises ZError when nothing will come any more."""
         self._receive, self._receive_now = handler.recv, handler.try_recv
-        self._hire()
+        with self.lock:
+            started = self._hire()
+        if not started:
+            raise TransportError(f"{self._name}: {NO_THREAD}")
 
     def feed(self, messages: Callable[[], Iterable[Any]]) -> None:
         """Have these admitted and delivered before all that has not been read yet. None is held back."""
@@ -113,7 +115,7 @@ class Reader:
         if turn and turn.ident not in (me, stuck):
             turn.join(STUCK)
 
-    def _step_aside(self) -> None:
+    def _about_to_block(self) -> None:
         self._replace(threading.get_ident())
 
     def _replace(self, reading: int) -> None:
@@ -123,14 +125,19 @@ class Reader:
             if turn is not None and turn.ident == reading == self._drainer and not self._closed:
                 self._hire()
 
-    def _hire(self) -> None:
+    def _hire(self) -> bool:
+        """With the lock. If no thread can be started, the present one goes on reading after its sink."""
         thread = threading.Thread(target=self._read, name=f"zenoh {self._name}")
         belongs(thread)
-        self._turn = thread
-        thread.start()
+        started = start_thread(thread)
+        if started:
+            self._turn = thread
+        return started
 
     def _read(self) -> None:
-        receives(self._step_aside)
+        receives(self._about_to_block)
+        with self.lock:
+            pass  # `_hire` has said whose turn it is
         me, receive = threading.current_thread(), self._receive
         with contextlib.suppress(zenoh.ZError):  # the subscription has ended
             while self._turn is me and not self._closed:

@@ -25,9 +25,9 @@ from typing import Any
 
 import zenoh
 
-from ...errors import Closed, ConfigurationError, TransportError
+from ...errors import Closed, ConfigurationError, Refused, TransportError
 from ...wire.codec import MAX_BYTES
-from ..directory import runtime_dir
+from ..directory import LONGEST_SOCKET, runtime_dir
 from ..exclusive import Claim, holder, try_claim
 
 log = logging.getLogger("robocomp.transport.zenoh")
@@ -143,10 +143,11 @@ def named_router(name: str, settings: Mapping[str, Any]) -> Iterator[None]:
             session = zenoh.open(_config("router", {**apart, **settings, "listen/endpoints": listen}))
         yield
     finally:
-        if session:
-            session.close()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
-        socket.unlink(missing_ok=True)
-        claim.close()
+        with contextlib.ExitStack() as everything:  # from the last line to the first, and all of it whatever fails
+            everything.callback(claim.close)
+            everything.callback(socket.unlink, missing_ok=True)
+            if session:
+                everything.callback(session.close)
 
 
 def resolved(connect: str) -> str:
@@ -175,9 +176,16 @@ class Network:
         owner: str,
         settings: Mapping[str, Any] | None = None,
         wanted: Callable[[], bool] = lambda: True,
+        why_refused: Callable[[str], str] = lambda endpoint: "",
+        do: Callable[[Callable[[], object]], object] = lambda job: job(),
     ) -> None:
-        """`settings` are more of a client's, in Zenoh's own words; `wanted`: see `base.TransportConfig`."""
-        self._owner, self._settings, self._wanted = owner, settings, wanted
+        """`settings` are more of a client's, in Zenoh's own words; `wanted`: see `base.TransportConfig`.
+
+        `why_refused` tells why the router at an endpoint does not let us in; "" if it is not known to refuse. That may
+        take seconds, so `tick` has it done by `do`.
+        """
+        self._do = do
+        self._owner, self._settings, self._wanted, self._why_refused = owner, settings, wanted, why_refused
         self._router = None if connect else _SharedRouter(owner)
         self._here = connect.startswith(f"{HERE}/")
         self.endpoint = resolved(connect) if connect else _SharedRouter.endpoint()
@@ -213,20 +221,25 @@ class Network:
         self._run_router()
         if not self._told and time.monotonic() - self._connected_at >= LOST:
             self._told = True
-            log.warning(
-                "%s: no Zenoh router answers at %s; until it does, nobody is reached",
-                self._owner or "zenoh",
-                self._where(),
-            )
+            self._do(self._tell_lost)
+
+    def _tell_lost(self) -> None:
+        who, where = self._owner or "zenoh", self._where()
+        if why := self._why_refused(self.endpoint):
+            log.error("%s: the Zenoh router at %s turns this process away: %s", who, where, why)
+        else:
+            log.warning("%s: no Zenoh router answers at %s; until it does, nobody is reached", who, where)
 
     def close(self) -> None:
-        if not self.at_home:
-            with contextlib.suppress(zenoh.ZError):
-                self.session.close()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
-        self._close_router()
+        try:
+            if not self.at_home:
+                with contextlib.suppress(zenoh.ZError):
+                    self.session.close()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
+        finally:
+            self._close_router()
 
     def _open(self) -> zenoh.Session:
-        begun, attempt = time.monotonic(), _ATTEMPT_MS
+        begun, attempt, attempts = time.monotonic(), _ATTEMPT_MS, 0
         while True:
             self._run_router()
             if self._router and self._router.session:
@@ -241,6 +254,11 @@ class Network:
             except zenoh.ZError as exc:
                 if not self._wanted():
                     raise Closed("zenoh: asked to end while waiting for a router") from exc
+                if why := self._why_refused(self.endpoint):
+                    raise Refused(f"the Zenoh router at {self._where()} turns this process away: {why}") from exc
+                if attempts == 0 and not busy:
+                    log.info("%s: waiting for a Zenoh router at %s", self._owner or "zenoh", self._where())
+                attempts += 1
                 if time.monotonic() - begun >= (_BUSY_PATIENCE if busy else OPEN_PATIENCE):
                     raise TransportError(f"no Zenoh router answers at {self._where()}") from exc
 
@@ -302,21 +320,22 @@ class _SharedRouter:
     def close(self) -> None:
         with self._lock:
             self._closed = True
-            if self.session:
-                self.session.close()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
-                (self._folder / "router.sock").unlink(missing_ok=True)
-            for claim in (self._apart, self._claim):
-                if claim:
-                    claim.close()
+            with contextlib.ExitStack() as everything:  # from the last line to the first, and all of it whatever fails
+                for claim in (self._claim, self._apart):
+                    if claim:
+                        everything.callback(claim.close)
+                if self.session:
+                    everything.callback((self._folder / "router.sock").unlink, missing_ok=True)
+                    everything.callback(self.session.close)
 
 
 def _folder(socket_name: str = "router.sock") -> Path:
-    folder = runtime_dir() / "zenoh"
+    folder = runtime_dir("zenoh")
     socket = folder / socket_name
-    if len(os.fsencode(socket)) > 107:
+    if len(os.fsencode(socket)) > LONGEST_SOCKET:
         raise ConfigurationError(
             f"run-time folder {folder}: the path of the socket in it would have {len(os.fsencode(socket))} bytes, "
-            "and 107 is the limit; set ROBOCOMP_RUNTIME_DIR to a shorter path"
+            f"and {LONGEST_SOCKET} is the limit; set ROBOCOMP_RUNTIME_DIR to a shorter path"
         )
     folder.mkdir(mode=0o700, exist_ok=True)
     return folder

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import logging
 import re
 import threading
 from typing import NamedTuple
 
 from ...wire import names
+
+log = logging.getLogger("robocomp.transport.zenoh")
+
+MOST, MOST_OF_OPERATION = 50_000, 4_000
+"""Links that a table knows: of all operations, and in one role of one operation. A hostile program may announce any
+number of them."""
 
 _AHEAD = re.compile(r"w([0-9]{1,9})")
 
@@ -35,7 +42,16 @@ class Token(NamedTuple):
         found = _AHEAD.search(self.traits)
         return int(found[1]) if found else 1
 
-    def key(self) -> str:
+    @property
+    def key(self) -> int:
+        return self.link
+
+    @property
+    def text(self) -> str:
+        """A token does not say what its contract is."""
+        return ""
+
+    def key_expr(self) -> str:
         channel = self.channel.replace(names.ANY, ".")
         return f"{self.role}/{self.traits}/{self.fingerprint:016x}/{self.pid}/{self.link:016x}/{channel}"
 
@@ -51,8 +67,10 @@ class Table:
 
     def __init__(self) -> None:
         self.changed = threading.Condition()
-        self.version = 0
+        self.version = self._count = 0
         self._index: dict[tuple[str, str], dict[int, Token]] = {}
+        self._full = False
+        """Whether it was told that there are too many."""
 
     def hear(self, key: str, there: bool) -> bool:
         """Note that a token came or went; whether that is news."""
@@ -63,14 +81,22 @@ class Table:
         with self.changed:
             place = token.role, _tail(token.channel)
             known = self._index.get(place, {})
-            if (token.link in known) == there:
+            noted = known.get(token.link)
+            if noted if there else noted is None or noted._replace(since=0, reached=False) != token:
+                return False  # an end of another token, though it is said to be of the same link, ends nothing
+            if there and (self._count >= MOST or len(known) >= MOST_OF_OPERATION):
+                if not self._full:
+                    self._full = True
+                    log.warning("more ends of %s are announced than are taken note of", token.channel)
                 return False
             self._index[place] = known
             self.version += 1
             if there:
                 known[token.link] = token._replace(since=self.version)
+                self._count += 1
             else:
                 del known[token.link]
+                self._count -= 1
                 if not known:
                     del self._index[place]
             self.changed.notify_all()

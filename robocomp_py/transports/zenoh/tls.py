@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import ConfigurationError
+from ..keyfiles import Rights, rights_to_use
 from ..private import insist_private
 
 _FILES = "ca.pem", "certificate.pem", "key.pem", "identity.json"
@@ -43,6 +44,11 @@ def number(folder: Path) -> int:
     if type(found) is not int or not 0 <= found < 1 << NUMBER_BITS:
         raise ConfigurationError(f"zenoh: `keys`: {path}: `number` is {found!r}")
     return found
+
+
+def rights(folder: Path) -> Rights:
+    """What its process may use of others. The router enforces the same, but drops what it refuses silently."""
+    return rights_to_use(folder / "peers")
 
 
 def client_settings(folder: Path | None) -> dict[str, Any]:

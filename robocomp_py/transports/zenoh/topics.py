@@ -26,10 +26,13 @@ from ..base import (
     Channel,
     Sink,
     Source,
+    SupportsHeard,
+    SupportsSources,
     depth_of,
 )
-from ..credit import BYTES_AHEAD, MOST_AHEAD, Credit
+from ..credit import Credit
 from ..ledger import Ledger
+from ..limits import BYTES_AHEAD, MOST_AHEAD, PARTS
 from ..reception import HISTORY_TRIES, Reception
 from .link import INBOX, TICK, Link
 from .messages import BLOCK, DROP, Message
@@ -42,10 +45,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("robocomp.transport.zenoh")
 
-_PARTS = 4
-"""Readers tell what they took when that is such a part of what their sender may be ahead."""
-
-_MUCH = BYTES_AHEAD // _PARTS
+_MUCH = BYTES_AHEAD // PARTS
 """And when it is so many bytes."""
 
 _LOOK = 0.01
@@ -61,9 +61,8 @@ _REFUSED = zenoh.ZError, RuntimeError
 """What a publisher of Zenoh raises once it is undeclared, and while it is being."""
 
 
-class Publisher(Link):
+class Publisher(Link, SupportsHeard):
     role, facing = "publishes", "subscribes"
-    glance = 0.02  # nor that Zenoh has found the way
 
     def __init__(self, transport: ZenohTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
@@ -93,8 +92,7 @@ class Publisher(Link):
         begun = 0.0
         if not order.acquire(blocking=False):
             begun = time.monotonic()
-            if not order.acquire(timeout=max(0.0, deadline)):
-                raise self._too_slow(deadline)
+            self.take_turn(order, deadline)
         try:
             if not credit.claim(len(payload)):
                 self._wait_for_credit((begun or time.monotonic()) + deadline, len(payload), deadline)
@@ -129,6 +127,10 @@ class Publisher(Link):
     def visible(self) -> bool:
         return bool(self.counterparts(strict=True)) and self._matches()
 
+    def connected(self) -> bool:
+        self.meet_earlier()
+        return not self.counterparts() or self._matches()
+
     @property
     def heard(self) -> bool:
         return bool(self._history.maxlen) or self._matches()
@@ -162,7 +164,7 @@ class Publisher(Link):
         return Timeout(f"{self.channel.name}: a subscriber did not keep up for {deadline:g} s")
 
 
-class Subscriber(Link):
+class Subscriber(Link, SupportsSources):
     role, facing = "subscribes", "publishes"
 
     def __init__(self, transport: ZenohTransport, channel: Channel, sink: Sink) -> None:
@@ -199,6 +201,8 @@ class Subscriber(Link):
         self._since: dict[int, int] = {}
         """Of each publisher that is there, since when: any number that is another one if it went and came back."""
         self._heard: dict[int, int] = {}
+        self._connected: set[tuple[int, int]] = set()
+        """Publishers that have answered since we subscribed, and since when they were there."""
 
     def open(self) -> None:
         from_whom = zenoh.Locality.REMOTE if ANY in self.channel.name else zenoh.Locality.ANY
@@ -206,9 +210,11 @@ class Subscriber(Link):
         subscription = self.declare(subscribe(self.key, self._reader.channel(), allowed_origin=from_whom))
         self._reader.start(subscription.handler)  # not its own `recv`, during which it cannot be undeclared
 
-    def look(self) -> None:
+    def look(self) -> bool:
         with self._looking:  # or who looked first, and was interrupted, would have the last word
             self._look()
+        self.has_news()
+        return True
 
     def _look(self) -> None:
         tokens = self.counterparts()
@@ -232,6 +238,25 @@ class Subscriber(Link):
                 }
                 for source in there:
                     self._catch_up(source)
+
+    def wait_connected(self, timeout: float) -> bool:
+        """See `base.SupportsConnected`.
+
+        Our subscription was sent before the question, on the same path: a publisher that answers knows of both.
+        """
+        end = time.monotonic() + timeout
+        self.meet_earlier()
+        there = {(token.link, token.since) for token in self.counterparts() if not self.transport.is_own(token)}
+        self._connected &= there
+        for publisher in there - self._connected:
+            self.check_open()
+            answers, _ = self.transport.inquire(publisher[0], "text")
+            if answers:
+                self._connected.add(publisher)
+            if time.monotonic() >= end:
+                break
+        self.check_open()
+        return there <= self._connected
 
     def sources(self) -> list[Source]:
         return [Source(token.channel, from_traits(token.traits)) for token in self.counterparts()]
@@ -293,7 +318,7 @@ class Subscriber(Link):
 
     def _many(self, source: int) -> int:
         """After so many of its messages a sender is told that they were taken."""
-        return -(-self._ahead.get(source, 1) // _PARTS)
+        return -(-self._ahead.get(source, 1) // PARTS)
 
     def _acknowledge(self) -> None:
         taken = {}

@@ -10,17 +10,16 @@ import queue
 import re
 import secrets
 import struct
-import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from math import inf
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import zenoh
 
-from ...contract.interface import Pattern
-from ...errors import Closed, ConfigurationError
+from ...errors import ConfigurationError, TransportError
 from ...wire.cdr import Cdr
 from ...wire.codec import Codec, Payload
 from ...wire.header import (
@@ -29,37 +28,38 @@ from ...wire.header import (
 from ..base import (
     ANY_QOS,
     Capability,
-    Channel,
-    Service,
-    Sink,
+    SupportsHost,
     TransportConfig,
     options_of,
 )
-from ..crew import Crew, Job, abandoned
+from ..crew import Job, LeaderFollowers
 from ..directory import runtime_dir
 from ..exclusive import is_claimed
+from ..keyfiles import Rights
+from ..limits import QUERIES_WAITING
+from ..link import BaseLink, BaseTransport, Ends
 from ..memory import keep_memory
-from .asking import Caller, CommandOutlet
+from .client import Caller, CommandOutlet
 from .link import IDLE_TICK, TICK, Link
-from .messages import BLOCK, DATA, NO_CONSOLIDATION, QUERIES_WAITING, SMALL, URGENT, Inbox, Message, Query, direct
+from .messages import BLOCK, DATA, NO_CONSOLIDATION, SMALL, URGENT, Inbox, Message, Query, direct
 from .reaching import Reaching
-from .serving import CommandInlet, Server
+from .refusal import why_refused
+from .server import CommandInlet, Server
 from .session import HERE, Network, as_transport_error, named_router, shared_router
 from .table import Table, Token
-from .tls import NUMBER_BITS, checked, client_settings, number
+from .tls import NUMBER_BITS, checked, client_settings, number, rights
 from .topics import Publisher, Subscriber
-from .watching import INQUIRY, Watching
+from .watching import INQUIRY, PROVIDING, Watching
 
 log = logging.getLogger("robocomp.transport.zenoh")
 
-L = TypeVar("L", bound=Link)
 _ACK = struct.Struct("<QQ")  # who took it · sequence
 _GONE = b"gone"
 """What a transport answers about a link that it does not have, or not any more."""
 _Cancellation: Any = zenoh.CancellationToken  # its stub lacks types
 
 
-class ZenohTransport:
+class ZenohTransport(BaseTransport[Token], SupportsHost):
     """Options:
 
     `connect`   the endpoint of a router to use instead of the one of this run-time folder, as Zenoh
@@ -75,47 +75,52 @@ class ZenohTransport:
     (about 1 MB): handing it over may take up to 2 s longer; a best-effort one is dropped after 1 s.
     """
 
+    ends = Ends(Publisher, CommandOutlet, Subscriber, CommandInlet, Caller, Server)
     capabilities = ANY_QOS | Capability.CROSS_PROCESS
 
     def __init__(self, config: TransportConfig) -> None:
+        super().__init__()
         connect, self.domain = _options(config)
         self.codec: Codec = Cdr()
         if connect and not connect.startswith("unix"):
             self.capabilities |= Capability.CROSS_HOST
         self.owner, self.incarnation = config.owner, random_id()
-        self.closed = False
         self.table = Table()
         keys = checked(config.options.get("keys", "")) if connect.startswith("tls/") else None
         self._id, self._numbers = secrets.randbits(40), itertools.count(1)
         self._keyed = keys is not None
+        self._rights = rights(keys) if keys else Rights()
         if keys:  # the router's rules name its links by its number
             self._id = number(keys) << (40 - NUMBER_BITS) | secrets.randbits(40 - NUMBER_BITS)
         self._reaching = Reaching(self._ask_for_a_word, self.table.holds, self._reach, self.due)
-        self._links: dict[int, Link] = {}
-        self._lock = threading.RLock()
         self._work: queue.SimpleQueue[Job] = queue.SimpleQueue()
         self._looking = False
         self._next_tick = 0.0
         self._inquiries, self._giving_up = Inbox(QUERIES_WAITING), _Cancellation()
         self.lines: dict[int, Link] = {}
-        """Whose the numbers are that are no link's own."""
+        """By number: the links, which also have numbers beside their own."""
         self.claims, self._elsewhere = _claims(connect, self.domain), bool(connect)
         keep_memory()
-        self._network = Network(connect, config.owner, client_settings(keys), config.wanted)
+        why = partial(why_refused, keys=keys)
+        self._network = Network(connect, config.owner, client_settings(keys), config.wanted, why, self.do)
         self.session = self._network.session
-        self._watching = Watching(self.session, self.domain, self._on_token)
+        self.watching = Watching(self.session, self.domain, self._on_token)
         try:
             with as_transport_error("joining"):
                 self._join()
         except BaseException:
             self._network.close()
             raise
-        self._crew = Crew("zenoh", self._receive, wake=lambda: self._work.put(_nothing))
-        self._crew.start()
+        self._crew = LeaderFollowers("zenoh", self._receive, wake=lambda: self._work.put(_nothing))
+        try:
+            self._crew.start()
+        except TransportError:
+            self.close()
+            raise
 
     @staticmethod
     def host(config: TransportConfig) -> contextlib.AbstractContextManager[None]:
-        """See `base.hosting`: run the router, unless it is one elsewhere, or somebody runs it."""
+        """See `base.SupportsHost`: run the router, unless it is one elsewhere, or somebody runs it."""
         connect, _ = _options(config)
         kind, _, name = connect.partition("/")
         router = config.options.get("router")
@@ -123,30 +128,10 @@ class ZenohTransport:
             return named_router(name, router)
         return contextlib.nullcontext() if connect else shared_router(config.owner)
 
-    def outlet(self, channel: Channel) -> Publisher | CommandOutlet:
-        kind = Publisher if channel.pattern is Pattern.PUBLISH else CommandOutlet
-        return self._open(kind(self, channel))
-
-    def inlet(self, channel: Channel, sink: Sink) -> Subscriber | CommandInlet:
-        kind = Subscriber if channel.pattern is Pattern.PUBLISH else CommandInlet
-        return self._open(kind(self, channel, sink))
-
-    def caller(self, channel: Channel) -> Caller:
-        return self._open(Caller(self, channel))
-
-    def server(self, channel: Channel, service: Service) -> Server:
-        return self._open(Server(self, channel, service))
-
-    def close(self) -> None:
-        with self._lock:
-            if self.closed:
-                return
-            self.closed = True
-        for link in reversed(list(self._links.values())):
-            link.close()
-        self._giving_up.cancel()
-        self._crew.close()
-        self._network.close()
+    def release(self, everything: contextlib.ExitStack) -> None:
+        everything.callback(self._network.close)
+        everything.callback(self._crew.close)
+        everything.callback(self._giving_up.cancel)
 
     # What links use.
 
@@ -161,13 +146,22 @@ class ZenohTransport:
         """Whether a channel is not served any more on this host; its server's token may still tell that it is."""
         return not (self._elsewhere or is_claimed(self.claims, channel))
 
-    def owns(self, link: int) -> bool:
-        """Whether a link of that number is one of ours."""
-        return link >> 24 == self._id
+    def find(self, role: str, channel: str) -> list[Token]:
+        return self.table.find(role, channel)
+
+    def is_own(self, peer: Token) -> bool:
+        return peer.link >> 24 == self._id
+
+    def may_use(self, token: Token) -> bool:
+        """Whether our keys let us use what a link provides. The router silently drops what they do not allow."""
+        if not self._keyed or token.role not in PROVIDING:
+            return True
+        of_our_process = token.link >> (64 - NUMBER_BITS) == self._id >> (40 - NUMBER_BITS)
+        return of_our_process or self._rights.allow(token.channel)
 
     def reaches(self, token: Token) -> bool:
         """Whether what is sent to a link gets there; if that is not known, it will be soon."""
-        if token.reached or not self._elsewhere or self.owns(token.link):
+        if token.reached or not self._elsewhere or self.is_own(token):
             return True
         self._reaching.seek(token)
         return False
@@ -210,7 +204,7 @@ class ZenohTransport:
         Zenoh may tell who joins of a token that goes just then, and never that it went. It may find it, too, if it is
         asked for it, so its transport is asked first; only of links that nobody speaks for the token itself has to do.
         """
-        key = self.key("rc_lv", token.key())
+        key = self.key("rc_lv", token.key_expr())
         with contextlib.suppress(zenoh.ZError):
             replies = self._inquire(token.link, "text")
             gone = any(_is_gone(reply) for reply in replies)
@@ -235,9 +229,9 @@ class ZenohTransport:
         if when < self._next_tick:
             self.do(self._forget_the_clock)
 
-    def left(self, link: Link) -> None:
+    def left(self, link: BaseLink[Any, Token]) -> None:
+        super().left(link)
         with self._lock:
-            self._links.pop(link.id, None)
             for number in [number for number, owner in list(self.lines.items()) if owner is link]:
                 del self.lines[number]
 
@@ -306,24 +300,18 @@ class ZenohTransport:
         On the thread that receives for everybody: nothing may stop it.
         """
         try:
-            if abandoned():
-                log.warning("%s: not closed at the end of the program; closing", self.owner or "zenoh")
-                self.close()
+            if self.close_if_abandoned():
                 return TICK
             self._network.tick()
         except Exception:
             log.exception("housekeeping")
-        waits = [self._reaching.tick(time.monotonic()), *(link.tick() for link in list(self._links.values()))]
+        waits = [self._reaching.tick(time.monotonic()), *self.tick_links()]
         usual = IDLE_TICK if self._network.settled else TICK
         return min([usual, *(wait for wait in waits if wait is not None)])
 
     def _look(self) -> None:
         self._looking = False
-        for link in list(self._links.values()):
-            try:
-                link.look()
-            except Exception:
-                log.exception("%s: looking who is there", link.channel.name)
+        self.look_at_peers()
 
     def _answer(self) -> None:
         query = self._inquiries.get()
@@ -341,25 +329,13 @@ class ZenohTransport:
             id_ = self._id << 24 | int(number, 16)
         except ValueError:
             return None
-        return self._links.get(id_) or self.lines.get(id_)
+        return self.lines.get(id_)
 
-    def _open(self, link: L) -> L:
-        if self.closed:
-            raise Closed("the transport is closed")
-        try:
-            with as_transport_error(f"{link.channel.name}: opening"):
-                self._watching.watch(link.role, link.channel.name)
-                link.open()
-                with self._lock:
-                    self._links[link.id] = link  # only now: those it deals with are told of to all of these
-                link.announce()
-            if self.closed:
-                raise Closed("the transport is closed")
-            link.look()
-        except BaseException:
-            link.close()
-            raise
-        return link
+    @contextlib.contextmanager
+    def opening(self, link: BaseLink[Any, Token]) -> Iterator[None]:
+        with as_transport_error(f"{link.channel.name}: opening"):
+            self.watching.watch(link.role, link.channel.name)
+            yield
 
 
 def _is_gone(reply: zenoh.Reply) -> bool:
@@ -386,4 +362,4 @@ def _options(config: TransportConfig) -> tuple[str, int]:
 def _claims(connect: str, domain: int) -> Path:
     """The folder for claims of those who can meet."""
     where = hashlib.sha256(connect.encode()).hexdigest()[:8] if connect else "here"
-    return runtime_dir() / "zenoh" / f"served-{domain}-{where}"
+    return runtime_dir("zenoh", f"served-{domain}-{where}")

@@ -36,7 +36,7 @@ class Watching:
 
         Raises ZError.
         """
-        keys = [f"rc_lv/{self._domain}/*/*/*/*/*/{each}/*" for each in neighbourhoods(role, channel)]
+        keys = self._keys(role, channel)
         with self._lock:
             known = [self._watched[key] for key in keys if key in self._watched]
             new = {key: threading.Event() for key in keys if key not in self._watched}
@@ -54,13 +54,29 @@ class Watching:
         for told in known:
             told.wait(INQUIRY)
 
+    def meet_earlier(self, role: str, channel: str) -> None:
+        """Return once those that a link may face, and that were announced before it was, have been told.
+
+        So of two links that were announced at the same time, one at least knows the other.
+        Raises ZError.
+        """
+        self._wait_for(self._keys(role, channel))
+
+    def _keys(self, role: str, channel: str) -> list[str]:
+        return [f"rc_lv/{self._domain}/*/*/*/*/*/{each}/*" for each in neighbourhoods(role, channel)]
+
     def _begin(self, keys: list[str]) -> None:
         liveliness, hear = self._session.liveliness(), direct(self._hear)
         for key in keys:
             liveliness.declare_subscriber(key, hear, history=True)
+        self._wait_for(keys)
+
+    def _wait_for(self, keys: list[str]) -> None:
+        """What is told to the subscribers comes first: once these questions are answered, we know who is there."""
+        liveliness = self._session.liveliness()
         for replies in [liveliness.get(key, timeout=INQUIRY) for key in keys]:
             for _ in replies:
-                pass  # what is told to the subscribers comes first: once this has ended, we know who is there
+                pass
 
 
 def neighbourhoods(role: str, channel: str) -> list[str]:

@@ -4,16 +4,12 @@
     a request, a command   DEALER → ROUTER
     a reply                ROUTER → DEALER
 
-How these look is in `frames`, and on the page docs/protocol-zeromq.md. Who serves what, and where, stands in the
+The frames are described in `frames` and in docs/reference/protocol-zeromq.md. Who serves what, and where, stands in the
 directory of the run-time folder, beside the sockets' `ipc://` files. A late subscriber of a latched topic also
 subscribes to a name of its own, and gets under it what it missed.
 
 Threads. Who asks and waits has a connection to itself, taken out of a pool, and speaks ZMTP on it (`zmtp.Stream`).
-What is served has a crew of its own, which waits inside that socket (`serving.Router`). For all else one thread (the
-leader of a `Crew`) sleeps on many descriptors: of subscriptions (`zmtp.Feed`), and of those ZeroMQ sockets that several
-threads use, which they may only under a lock, and nobody must sleep holding it (`sockets.Socket`).
+What is served has a crew of its own, which waits inside that socket (`server.Router`). For all else one thread (the
+leader of a `LeaderFollowers`) sleeps on many descriptors: of subscriptions (`zmtp.Feed`), and of those ZeroMQ sockets
+that several threads use, which they may only under a lock, and nobody must sleep holding it (`sockets.Socket`).
 """
-
-from .transport import ZeroMQTransport
-
-__all__ = ["ZeroMQTransport"]

@@ -26,8 +26,8 @@ import zmq
 from zmq.utils import z85
 
 from ...errors import ConfigurationError
-from ...wire.names import matches
-from ..private import insist_private
+from ..keyfiles import Rights, key_in, read_public
+from ..private import read_private
 
 log = logging.getLogger("robocomp.transport.zeromq")
 
@@ -39,26 +39,15 @@ ZAP = "inproc://zeromq.zap.01"
 _DOMAIN = b"robocomp"
 """For sockets behind which more than one channel is; one for a single channel has its name as domain."""
 
+_LONGEST_DOMAIN = 255
+"""Octets; ZeroMQ's limit."""
+
 _REASONS = {
     zmq.EVENT_HANDSHAKE_FAILED_AUTH: "its key is not admitted",
     zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL: "it does not use CURVE, or has a wrong key of ours",
     zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL: "it did not finish the handshake; perhaps it does not use CURVE",
 }
 """Why somebody is not let in, by the event that a socket's monitor tells."""
-
-
-@dataclass(frozen=True)
-class Rights:
-    """What somebody with a key may use of ours, or offer us."""
-
-    channels: frozenset[str] | None = None
-    """None: everything."""
-
-    def allow(self, channel: str) -> bool:
-        """Whether a channel is among them; it may have `*` for its instance."""
-        if self.channels is None or channel in self.channels:
-            return True
-        return any(matches(channel, each) for each in self.channels)
 
 
 @dataclass(frozen=True)
@@ -71,10 +60,16 @@ class Curve:
     peers: Path | None = None
 
     def serve(self, socket: zmq.Socket[Any], channel: str = "") -> None:
-        """Let in whom we admit; if it is for one channel, those who may use that."""
+        """Let in whom we admit; if it is for one channel, those who may use that. Raises ConfigurationError."""
+        domain = channel.encode() or _DOMAIN
+        if len(domain) > _LONGEST_DOMAIN:
+            raise ConfigurationError(
+                f"zeromq: the name of a topic that keys protect may have {_LONGEST_DOMAIN} octets, and {channel} has "
+                f"{len(domain)}; choose a shorter name of the instance"
+            )
         socket.setsockopt(zmq.CURVE_SERVER, 1)
         socket.setsockopt(zmq.CURVE_SECRETKEY, self.secret)
-        socket.setsockopt(zmq.ZAP_DOMAIN, channel.encode()[:255] or _DOMAIN)
+        socket.setsockopt(zmq.ZAP_DOMAIN, domain)
 
     def ask(self, server: bytes) -> Secure:
         """For sockets that connect to one who has that public key."""
@@ -159,26 +154,15 @@ def configured(options: Mapping[str, Any]) -> Curve | None:
 def key_pair(path: Path) -> tuple[bytes, bytes]:
     """A public and a secret key from a file that nobody else may read; raises ConfigurationError."""
     try:
-        insist_private(path, "`curve_key`")
-        text = path.read_text(encoding="utf-8")
+        text = read_private(path, "`curve_key`")
     except (OSError, UnicodeDecodeError) as exc:
         raise ConfigurationError(f"`curve_key`: {path} cannot be read: {exc}") from exc
-    public, secret = _key(text, "public-key"), _key(text, "secret-key")
+    public, secret = key_in(text, "public-key"), key_in(text, "secret-key")
     if not public or not secret:
         raise ConfigurationError(
             f"`curve_key`: {path} has no key pair; zmq.auth.create_certificates(FOLDER, NAME) makes NAME.key_secret"
         )
     return public, secret
-
-
-def read_public(path: Path) -> tuple[bytes, Rights]:
-    """The public key in a file, and what it is good for; an empty key if there is none."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
-        return b"", Rights()
-    channels = _value(text, "channels")
-    return _key(text, "public-key"), Rights() if channels is None else Rights(frozenset(channels.split()))
 
 
 def why_not(event: list[Any]) -> str:
@@ -189,18 +173,3 @@ def why_not(event: list[Any]) -> str:
 
 WATCHED = int(sum(int(event) for event in _REASONS))
 """The events that a monitor is to tell."""
-
-
-def _key(text: str, name: str) -> bytes:
-    """Forty characters of Z85, as ZeroMQ takes them."""
-    found = (_value(text, name) or "").encode(errors="replace")
-    return found if len(found) == 40 else b""
-
-
-def _value(text: str, name: str) -> str | None:
-    """From lines like `public-key = "…"`."""
-    for line in text.splitlines():
-        key, equals, value = line.strip().partition("=")
-        if equals and key.strip() == name:
-            return value.strip().strip('"')
-    return None

@@ -3,6 +3,7 @@
     request, command, publication     channel's name · NUL · header · packed values
     reply                             header · packed values
     publication for one latecomer     NUL · eight octets, its own topic · header · packed values
+    welcome to one subscriber         octet 1 · eight octets, what it subscribed to
 
 One frame instead of three is less work for both sides and for ZeroMQ's own threads, which short calls notice.
 """
@@ -40,6 +41,19 @@ _SHORT = 4096
 def topic(channel: str) -> bytes:
     """What the messages of a channel begin with."""
     return channel.encode() + b"\0"
+
+
+def welcome_topic(subscriber: str) -> bytes:
+    """What a subscriber of that address subscribes to, to be told that it is connected; empty if that is no address."""
+    try:
+        return b"\1" + int(subscriber, 16).to_bytes(8, "little")
+    except (ValueError, OverflowError):  # of another program, which wants no welcome
+        return b""
+
+
+def is_welcome(named: Any) -> bool:
+    """Whether that is what a subscriber is told by, or subscribes to."""
+    return len(named) == OWN_TOPIC_BYTES and named[0] == 1
 
 
 def topic_of(first: Any) -> bytes:

@@ -12,6 +12,7 @@ What is told of a topic bears the port of its own at the same host: `tcp://*:401
 
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
 import re
@@ -22,15 +23,17 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import zmq
 
 from ...errors import DecodeError
 from ...wire.header import Flag, pack_request, random_id
 from ..crew import Job
-from ..directory import Directory, Entry, Member, member_of, told_of
-from .curve import WATCHED, Rights, Secure
+from ..directory import Directory, Entry, Found, Member, member_of, told_of
+from ..keyfiles import Rights
+from .bounds import Kind
+from .curve import Secure
 from .frames import Frames, joined, read_reply_frames, topic
 from .sockets import Socket, as_transport_error, new_socket, receive_frames, send_frames
 from .zmtp import SLICE_MS, Wait
@@ -51,20 +54,35 @@ _EAGER, _USUAL = 0.1, 0.5
 _UNANSWERED = 3.0
 """Seconds without an answer after which that is told."""
 
-_MOST = 250
-"""So many may ask us; each is a few kilobytes."""
+ACQUAINTED = 0.5
+"""Seconds in which those who look for each other at an address have met: a connection is tried every 0.2 s at most."""
+
+_SETTLING = 1.0
+"""Seconds for which what a member newly serves is held back, unless we are connected to its topics before."""
+
+_MOST, MOST_ENTRIES = 250, 50_000
+"""Members on other hosts that we know, and entries of all of them together: each takes some hundred octets."""
 
 _LONGEST = 1024 * 1024
 """Octets of what somebody tells of itself."""
 
-_OFFERING, _WANTING = ("serves", "receives", "publishes"), ("calls", "commands", "subscribes")
+_SERVING = ("serves", "receives")
+_OFFERING, _WANTING = (*_SERVING, "publishes"), ("calls", "commands", "subscribes")
 
 _BEAT = SILENT / 4
 """Seconds between two looks at who is silent; more do not count, since we may have been held up ourselves."""
 
-_AT_FAR = {"HEARTBEAT_IVL": 500, "HEARTBEAT_TIMEOUT": 5000}
-"""A line that was cut is noticed. Times in milliseconds. Who is silent is noticed sooner, and so is that it was us who
-were held up, which the library does not."""
+_AT_FAR = {
+    "TCP_KEEPALIVE": 1,
+    "TCP_KEEPALIVE_IDLE": 2,
+    "TCP_KEEPALIVE_INTVL": 1,
+    "TCP_KEEPALIVE_CNT": 3,
+    "TCP_MAXRT": 5000,
+}
+"""The kernel notices a connection that was cut, within five seconds. A silent member is noticed sooner.
+
+ZeroMQ's heartbeats would do the same, but end the process ("Assertion failed: !_io_error", libzmq 4.3.5) if the other
+side closes a connection whose messages we do not take for half a second."""
 
 _TO_FAR = {
     "IMMEDIATE": 1,  # no queueing for who is not there
@@ -105,15 +123,18 @@ class Neighbours(Directory):
         """With the time of its last word, as `_heeded` counts it."""
         self._listened = 0.0, time.monotonic()
         """For how long others could be heard, up to the last look; and when that was."""
+        self._held_back: dict[str, tuple[frozenset[Entry], float]] = {}
+        """What members newly serve, and until when at most it is not found: see `settle`."""
         self._changes = 0
         self._noting = threading.Lock()
 
     def version(self) -> int:
         return super().version() + self._changes
 
-    def find(self, role: str, channel: str) -> list[tuple[Member, Entry]]:
+    def find(self, role: str, channel: str) -> list[Found]:
         near = super().find(role, channel)
-        return near + [found for member, _ in list(self._far.values()) for found in member.facing(role, channel)]
+        far = [found for member, _ in list(self._far.values()) for found in member.facing(role, channel)]
+        return near + [found for found in far if found.entry not in self._held_back_of(found.member.id)]
 
     def alive(self, member_id: str) -> bool:
         if "@" not in member_id:
@@ -143,9 +164,35 @@ class Neighbours(Directory):
             if known is None and len(self._far) >= _MOST:
                 return False
             news = known is None or known[0] != member
+            if news:
+                entries = sum(len(each.entries) for each, _ in self._far.values() if each.id != member.id)
+                if entries + len(member.entries) > MOST_ENTRIES:
+                    return False
+                self._hold_back(member, known[0].entries if known else ())
             self._far[member.id] = member, self._heeded()
             self._changes += news
         return news
+
+    def settle(self, connected: Callable[[str], bool]) -> bool:
+        """Let what members newly serve be found, if we are connected to their topics; whether any are still left.
+
+        So what a server publishes because we have asked it, or commanded it, is heard.
+        """
+        for member_id, (_, end) in list(self._held_back.items()):
+            if time.monotonic() >= end or connected(member_id):
+                with self._noting:
+                    self._held_back.pop(member_id, None)
+                    self._changes += 1
+        return bool(self._held_back)
+
+    def _hold_back(self, member: Member, known: tuple[Entry, ...]) -> None:
+        fresh = {entry for entry in member.entries if entry.role in _SERVING and entry not in known}
+        if fresh:
+            fresh |= self._held_back_of(member.id)
+            self._held_back[member.id] = frozenset(fresh), time.monotonic() + _SETTLING
+
+    def _held_back_of(self, member_id: str) -> frozenset[Entry]:
+        return self._held_back.get(member_id, (frozenset(), 0.0))[0]
 
     def lose(self, gone: Callable[[Member], bool]) -> None:
         """Forget who is like that, and who has been silent for too long."""
@@ -153,6 +200,7 @@ class Neighbours(Directory):
             for member, _ in list(self._far.values()):
                 if gone(member) or not self.alive(member.id):
                     del self._far[member.id]
+                    self._held_back.pop(member.id, None)
                     self._changes += 1
 
     def deny(self, member_id: str, role: str, channel: str) -> None:
@@ -212,30 +260,27 @@ class Inquirer:
         self.secure, self._rights = transport.secure_for(name)
         self._client, self._sequence = random_id(), 0
         self._asked = self._answered = time.monotonic() - _USUAL
-        self._there = self._told = False
+        self._told = False
         self._id = ""
         self._why = "nobody answers"
-        monitor = f"inproc://monitor of {name}"
-        options = to_far(address) | {"SNDHWM": 4, "RCVHWM": 16}
+        options = to_far(address) | {"SNDHWM": 4, "RCVHWM": 16, "RECONNECT_IVL_MAX": 0}
         self._socket = transport.socket(zmq.DEALER, self._on_answer, self.secure, **options)
-        self._events = transport.socket(zmq.PAIR, self._on_event)
-        with as_transport_error(f"connecting to {address}"):
-            with self._socket.lock:
-                self._socket.raw.monitor(monitor, WATCHED)
-            with self._events.lock:
-                self._events.raw.connect(monitor)
-                self._events.look()
-            with self._socket.lock:
-                self._socket.raw.connect(address)
+        transport.watch(self._socket, told=self._on_event)
+        with as_transport_error(f"connecting to {address}"), self._socket.lock:
+            self._socket.raw.connect(address)
+
+    @property
+    def knows(self) -> bool:
+        """Whether it has ever had an answer."""
+        return bool(self._id)
 
     def tick(self) -> float:
         """Ask if it is time to; seconds until it is."""
         now = time.monotonic()
-        self._there = self._there and now - self._answered < SILENT
-        wait = self._asked + (_USUAL if self._there else _EAGER) - now
+        wait = self._asked + (_USUAL if self._answered >= self._asked else _EAGER) - now
         if wait <= 0:
             self._ask()
-            wait = _USUAL if self._there else _EAGER
+            wait = _EAGER
         if not self._told and now - self._answered > _UNANSWERED:
             self._told = True
             log.warning("%s: %s at %s (%s)", self._transport.owner or "zeromq", self._why, self.address, self.name)
@@ -264,7 +309,7 @@ class Inquirer:
             self._answered = time.monotonic()
             if self._told:
                 log.info("%s: %s answers again", self._transport.owner or "zeromq", self.name)
-            self._there, self._told, self._why = True, False, "nobody answers any more"
+            self._told, self._why = False, "nobody answers any more"
             if self._id != member.id:  # it was started again
                 self._transport.directory.lose(partial(_is, self._id))
                 self._id = member.id
@@ -272,16 +317,16 @@ class Inquirer:
                 self._transport.within(0.0)
         return []
 
-    def _on_event(self, socket: Socket) -> list[Job]:
-        while (event := socket.receive()) is not None:
-            number, _ = struct.unpack("=hi", event[0])
-            if number == zmq.EVENT_HANDSHAKE_FAILED_AUTH:
-                self._why = "our key is not admitted"
-            elif number == zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL:
-                self._why = "somebody answers who has not the key that we know"
-            else:
-                self._why = "somebody answers who does not use CURVE"
-        return []
+    def _on_event(self, event: list[bytes]) -> None:
+        number, _ = struct.unpack("=hi", event[0])
+        if number == zmq.EVENT_HANDSHAKE_FAILED_AUTH:
+            self._why = "our key is not admitted"
+        elif number == zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL and self.secure is None:
+            self._why = "this process has no keys, and needs some (start it with --keys FOLDER)"
+        elif number == zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL:
+            self._why = "a server answers that does not have the key that we know"
+        elif self.secure is not None:
+            self._why = "a server answers that does not use CURVE"
 
 
 def _is(member_id: str, member: Member) -> bool:
@@ -291,14 +336,17 @@ def _is(member_id: str, member: Member) -> bool:
 class FarStream:
     """What `zmtp.Stream` is for a socket in a file: one thread's own way to a server. It reconnects by itself."""
 
-    def __init__(self, context: zmq.Context[Any], address: str, secure: Secure | None) -> None:
-        self._socket = new_socket(context, zmq.DEALER, secure, **(to_far(address) | {"LINGER": 0}))
-        try:
+    def __init__(self, transport: ZeroMQTransport, address: str, secure: Secure | None) -> None:
+        assert transport.guard  # of every transport that connects
+        self._guard = transport.guard
+        self._socket = new_socket(transport.context, zmq.DEALER, secure, **(to_far(address) | {"LINGER": 0}))
+        with contextlib.ExitStack() as undo:
+            undo.callback(self._socket.close)
+            self._watched = self._guard.watch(self._socket, Kind.MESSAGES)
+            undo.callback(self._guard.forget, self._watched)
             with as_transport_error(f"connecting to {address}"):
                 self._socket.connect(address)
-        except BaseException:
-            self._socket.close()
-            raise
+            undo.pop_all()
 
     def readable(self, seconds: float) -> bool:
         with as_transport_error("receiving"):
@@ -318,9 +366,12 @@ class FarStream:
         with as_transport_error("receiving"):
             if not self._socket.poll(SLICE_MS):
                 raise BlockingIOError
-            return receive_frames(self._socket, int(zmq.NOBLOCK))
+            frames = receive_frames(self._socket, int(zmq.NOBLOCK))
+            self._watched.took(frames)
+            return frames
 
     def close(self) -> None:
+        self._guard.forget(self._watched)
         self._socket.close()
 
 
@@ -328,18 +379,21 @@ class FarFeed:
     """What `zmtp.Feed` is for a socket in a file: a subscription, which never waits."""
 
     def __init__(
-        self, context: zmq.Context[Any], address: str, topics: Iterable[bytes], secure: Secure | None, depth: int
+        self, transport: ZeroMQTransport, address: str, topics: Iterable[bytes], secure: Secure | None, depth: int
     ) -> None:
-        self.more = False
-        self._socket = new_socket(context, zmq.SUB, secure, **(to_far(address) | {"LINGER": 0, "RCVHWM": depth}))
-        try:
+        assert transport.guard  # of every transport that connects
+        self.more, self._guard = False, transport.guard
+        options = to_far(address) | {"LINGER": 0, "RCVHWM": depth}
+        self._socket = new_socket(transport.context, zmq.SUB, secure, **options)
+        with contextlib.ExitStack() as undo:
+            undo.callback(self._socket.close)
+            self._watched = self._guard.watch(self._socket, Kind.MESSAGES, queue=depth)
+            undo.callback(self._guard.forget, self._watched)
             with as_transport_error(f"connecting to {address}"):
                 for each in topics:
                     self._socket.setsockopt(zmq.SUBSCRIBE, each)
                 self._socket.connect(address.partition("#")[0])
-        except BaseException:
-            self._socket.close()
-            raise
+            undo.pop_all()
 
     def fileno(self) -> int:
         return int(self._socket.FD)
@@ -352,6 +406,7 @@ class FarFeed:
             except zmq.Again:
                 self.more = False
                 raise BlockingIOError from None
+            self._watched.took(frames)
             self.more = bool(int(self._socket.get(zmq.EVENTS)) & int(zmq.POLLIN))
             return frames
 
@@ -360,4 +415,5 @@ class FarFeed:
         return self.more
 
     def close(self) -> None:
+        self._guard.forget(self._watched)
         self._socket.close()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import logging
 import os
 import select
@@ -13,6 +14,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, Protocol
 
 import zmq
+from zmq.utils import garbage
 
 from ...errors import (
     TransportError,
@@ -24,9 +26,14 @@ from .frames import Frames
 from .zmtp import Feed, Gone
 
 if TYPE_CHECKING:
+    from .guard import Watched
     from .remote import FarFeed
 
 log = logging.getLogger("robocomp.transport.zeromq")
+
+ctypes.pythonapi.Py_IncRef(ctypes.py_object(garbage.gc))
+"""pyzmq ends this object's thread when the program ends. Its destructor does so again while the interpreter takes its
+modules apart, and complains of a name that is gone (`NameError: getpid`). Nothing is left to do: it need not run."""
 
 LINGER_MS = 500
 """How long closing may wait for what was sent last to leave."""
@@ -51,11 +58,15 @@ def new_socket(context: zmq.Context[Any], kind: int, secure: Secure | None = Non
     """All of our sockets are made here; `secure` is for those that others than our own user can reach."""
     with as_transport_error("opening a socket"):
         socket: zmq.Socket[Any] = context.socket(kind)
-        settings = {"LINGER": LINGER_MS, "MAXMSGSIZE": MAX_BYTES + 65536, "HANDSHAKE_IVL": 2000} | options
-        for name, value in settings.items():
-            socket.setsockopt(getattr(zmq, name), value)
-        if secure:
-            secure(socket)
+        try:
+            settings = {"LINGER": LINGER_MS, "MAXMSGSIZE": MAX_BYTES + 65536, "HANDSHAKE_IVL": 2000} | options
+            for name, value in settings.items():
+                socket.setsockopt(getattr(zmq, name), value)
+            if secure:
+                secure(socket)
+        except BaseException:
+            socket.close()
+            raise
         return socket
 
 
@@ -110,13 +121,16 @@ def _memory(frame: zmq.Frame) -> memoryview:
     return frame.buffer.toreadonly()
 
 
-def receive_signed(socket: zmq.Socket[Any]) -> tuple[str, Frames]:
-    """The same, and who sent it, as those are called whom `curve.Gate` lets in; "" for who comes from this process."""
+def receive_watched(socket: zmq.Socket[Any], watched: Watched, signed: bool) -> tuple[str, Frames]:
+    """The same, and if it is `signed`, the user that sent it, as `curve.Gate` calls those that it lets in."""
     frame = socket.recv(0, copy=False)
     frames: Frames = [frame.bytes]
     while frame.more:
         frame = socket.recv(0, copy=False)
         frames.append(frame.bytes if len(frame) < _SHORT else _memory(frame))
+    watched.took(frames, frame)
+    if not signed:
+        return "", frames
     try:
         return str(frame.get("User-Id")), frames
     except zmq.ZMQError:
@@ -141,6 +155,8 @@ class Socket:
         self.awaited = False
         """Whether it will be looked at anyway."""
         self.on_input = on_input
+        self.watched: Watched | None = None
+        """What a guard knows of its connections, if they lead to other hosts."""
         self._attend = attend
 
     def send(self, frames: Frames) -> bool:
@@ -192,7 +208,18 @@ class Socket:
             if self.closed:
                 return None
             try:
-                return receive_frames(self.raw, _NOBLOCK)
+                frames = receive_frames(self.raw, _NOBLOCK)
+            except zmq.Again:
+                return None
+            if self.watched:
+                self.watched.took(frames)
+            return frames
+
+    def receive_subscription(self) -> zmq.Frame | None:
+        """What a publisher's socket tells: that a subscription begins or ends, and to what."""
+        with self.lock:
+            try:
+                return None if self.closed else self.raw.recv(_NOBLOCK, copy=False)
             except zmq.Again:
                 return None
 
@@ -211,23 +238,6 @@ class Socket:
             if not self.closed:
                 self.closed = True
                 self.raw.close()
-
-
-def persist(send: Callable[[], bool], end: float, still: Callable[[], None], closed: threading.Event) -> bool:
-    """Try to send until `end`; `still` is called meanwhile, and may raise.
-
-    A socket cannot be asked when there will be room: others use it, and a publisher's always claims to
-    have some.
-    """
-    pause, patient = 0.0001, time.monotonic() + _SHORTLY
-    while not send():
-        left = end - time.monotonic()
-        if left <= 0:
-            return False
-        still()
-        closed.wait(min(pause, left))
-        pause = min(2 * pause, _SHORT_PAUSE if time.monotonic() < patient else LONGEST_PAUSE)
-    return True
 
 
 class Subscription:
@@ -294,6 +304,8 @@ class Loop:
         self._poller = select.poll()
         self._sockets: dict[int, Attended] = {}
         self._ready: deque[Attended] = deque()
+        self._resting: dict[Socket, tuple[float, bool]] = {}
+        """Sockets that are not attended to: until when, and whether they were watched."""
         self._jobs: deque[Job] = deque()
         self._next_tick = self._ticked = 0.0
         self._due = False
@@ -323,8 +335,13 @@ class Loop:
         """Wait for its input no more, until it is added again."""
         if self._sockets.get(socket.fileno) is socket:
             del self._sockets[socket.fileno]
-            with contextlib.suppress(KeyError):  # it was not watched
-                self._poller.unregister(socket.fileno)
+            self._unregister(socket)
+
+    def rest(self, socket: Socket, seconds: float) -> None:
+        """Leave its input where it is for so long, whatever its file descriptor says. From `on_input` only."""
+        with socket.lock:
+            if not socket.closed:
+                self._resting[socket] = time.monotonic() + seconds, self._unregister(socket)
 
     def attend(self, socket: Attended) -> None:
         """Look at this socket next, whatever its file descriptor says."""
@@ -353,9 +370,10 @@ class Loop:
             self._due = False  # first: what becomes due from now on may not be seen by this tick
             self._next_tick = time.monotonic() + self._tick()
             self._ticked = time.monotonic()
+        end = self._end_rests() if self._resting else self._next_tick
         self._sleeping = True  # before looking at what is ready: whoever adds to it later sees this, and interrupts
         busy = self._ready or self._jobs or self._due
-        timeout = 0.0 if busy else max(0.0, self._next_tick - time.monotonic())
+        timeout = 0.0 if busy else max(0.0, end - time.monotonic())
         events = self._poller.poll(timeout * 1000)
         self._sleeping = False
         for descriptor, _ in events:
@@ -379,6 +397,24 @@ class Loop:
             self._closed = True
             os.close(self._wake_out)
             os.close(self._wake_in)
+
+    def _end_rests(self) -> float:
+        """Attend again to sockets that have rested; when the next one has, or something else is due."""
+        for socket, (end, watched) in list(self._resting.items()):
+            if end <= time.monotonic():
+                del self._resting[socket]
+                with socket.lock:
+                    if not socket.closed:
+                        self.add(socket, watched=watched)
+        return min([self._next_tick, *(end for end, _ in self._resting.values())])
+
+    def _unregister(self, socket: Attended) -> bool:
+        """Whether it was watched."""
+        try:
+            self._poller.unregister(socket.fileno)
+        except KeyError:
+            return False
+        return True
 
     def _interrupt(self) -> None:
         with self._pipe:  # a handler that is stuck may come here after we were closed

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import zmq
 
-from ...contract.qos import from_traits
 from ...errors import (
     DecodeError,
     Timeout,
@@ -27,18 +26,18 @@ from ...wire.header import (
 from ..base import (
     Channel,
     Sink,
-    Source,
-    TypeRef,
+    SupportsHeard,
     depth_of,
 )
-from ..crew import Job, Lane
-from ..directory import Member
-from ..ledger import Ledger
-from ..reception import Reception, living
-from .frames import OWN_TOPIC_BYTES, Frames, joined, read_publication_frames, topic
+from ..crew import Job
+from ..directory import Entry, Member
+from ..limits import BATCH
+from ..link import persist
+from ..topics import SubscribingLink
+from .frames import OWN_TOPIC_BYTES, Frames, is_welcome, joined, read_publication_frames, topic, welcome_topic
 from .link import TICK, Link
 from .remote import FarFeed, is_far
-from .sockets import Socket, Subscription, as_transport_error, persist
+from .sockets import Socket, Subscription, as_transport_error
 from .zmtp import Feed, Garbled, Gone
 
 if TYPE_CHECKING:
@@ -48,12 +47,22 @@ if TYPE_CHECKING:
 _LAST_WORDS = 1.0
 """Seconds for which somebody on another host who has left is still heard."""
 
-BATCH = 32
-"""Messages taken from one socket before the others have their turn."""
+_AT_FIRST, _SELDOM = 0.005, 1.0
+"""Seconds between two looks for a subscriber that is expected, and for one that has not come for a while."""
+
+_MOST_WELCOMED = 10_000
+"""Maximum number of subscribers that a publisher remembers to have welcomed."""
+
+WELCOMES = "h"
+"""The mark of a publisher that tells its subscribers that they are connected."""
+
+_TOGETHER, _BREATH = 16, 0.002
+"""Subscriptions noted at one go, and seconds until the next ones: the guard has time to notice a flood of them, which
+takes little time from other input."""
 
 
-class Publisher(Link):
-    role, facing = "publishes", "subscribes"
+class Publisher(Link, SupportsHeard):
+    role, facing, marks = "publishes", "subscribes", WELCOMES
     _socket: Socket | None = None
     _far: Socket | None = None
     """For those on other hosts, if there may be any."""
@@ -67,10 +76,17 @@ class Publisher(Link):
         self._source, self._sequence = random_id(), itertools.count(1)
         self._begin = publications_of(self._topic, self.channel.type.fingerprint, self._source)
         self._history: deque[Frames] = deque(maxlen=qos.depth if qos.latched else 0)
-        self._subscribers = 0
+        self._subscribed: set[Socket] = set()
+        """The sockets by which a subscriber hears us."""
+        self._welcomed: set[bytes] = set()
+        """What subscribers that are connected have subscribed to, to be told so."""
+        self._expected: set[bytes] = set()
+        """The same of all subscribers in the directory."""
+        self._pause = _AT_FIRST
+        """Seconds until the next look for subscribers that are expected."""
         self._order = threading.Lock()
         self._lossy = not qos.reliable
-        options = {"SNDHWM": depth, "XPUB_VERBOSER": 1, "XPUB_NODROP": 1}
+        options = {"SNDHWM": depth, "XPUB_VERBOSE": 1, "XPUB_NODROP": 1}
         # Its descriptor also tells of every few messages that they have left; and only latched topics must know at once
         # who subscribes.
         self._socket = self.transport.socket(zmq.XPUB, self._on_subscription, None, qos.latched, **options)
@@ -92,8 +108,7 @@ class Publisher(Link):
         end = 0.0
         if not self._order.acquire(blocking=False):  # which is quicker than with a timeout
             end = time.monotonic() + deadline
-            if not self._order.acquire(timeout=max(0.0, deadline)):
-                raise Timeout(f"{self.channel.name}: another thread was still sending after {deadline:g} s")
+            self.take_turn(self._order, deadline)
         try:
             frames = joined(self._begin(next(self._sequence), time.time_ns()), payload)
             if not self._at_once(frames):
@@ -107,20 +122,34 @@ class Publisher(Link):
         finally:
             self._order.release()
 
+    def look(self) -> bool:
+        self._expected = {named for _, entry in self.counterparts() if (named := welcome_topic(entry.address))}
+        self._pause = _AT_FIRST
+        return True
+
     def tick(self) -> float | None:
         self._count()  # so that no more subscriptions pile up than come between two ticks
-        return super().tick()
+        if self._expected <= self._welcomed:
+            return super().tick()
+        self._pause = min(2 * self._pause, _SELDOM)
+        return self._pause
 
     def visible(self) -> bool:
         self.counterparts(strict=True)
         self._count()
-        return self._subscribers > 0
+        return bool(self._subscribed)
+
+    def connected(self) -> bool:
+        if self._far and not self.transport.may_be_known:
+            return False
+        self._count()
+        return self.look() and self._expected <= self._welcomed
 
     @property
     def heard(self) -> bool:
-        if not self._subscribers:
+        if not self._subscribed:
             self._count()
-        return self._subscribers > 0 or bool(self._history.maxlen)
+        return bool(self._subscribed or self._history.maxlen)
 
     def release(self) -> None:
         if self._far:
@@ -136,7 +165,7 @@ class Publisher(Link):
             if not self._send_here(frames):
                 return False
             self._sent_here = frames
-        self._on_subscription(self._far)
+        self._take_subscriptions(self._far)
         return self._far.send_only(frames) or (self._lossy and self._far.send_to_some(frames))
 
     def _send_here(self, frames: Frames) -> bool:
@@ -144,7 +173,8 @@ class Publisher(Link):
         if not self._history.maxlen:
             return self._socket.send_only(frames) or (self._lossy and self._socket.send_to_some(frames))
         with self._socket.lock:  # in one go: a subscriber that comes now gets this one as news or as history
-            self._on_subscription(self._socket)
+            if self._take_subscriptions(self._socket):
+                return False
             sent = self._socket.send(frames) or (self._lossy and self._socket.send_to_some(frames))
             if sent:
                 first, *arrays = frames
@@ -154,31 +184,44 @@ class Publisher(Link):
     def _count(self) -> None:
         """Take note of subscriptions now, whether or not we were told that there are some."""
         for socket in (self._socket, self._far):
-            if socket:
-                self._on_subscription(socket)
+            if socket and self._take_subscriptions(socket):
+                self.transport.attend(socket)
 
     def _on_subscription(self, socket: Socket) -> list[Job]:
-        with socket.lock:
-            while (frames := socket.receive()) is not None:
-                begins, named = frames[0][:1] == b"\1", frames[0][1:]
-                if named == self._topic:
-                    self._subscribers += 1 if begins else -1
-                elif begins and named[:1] == b"\0" and len(named) == OWN_TOPIC_BYTES:
-                    for first, *arrays in list(self._history):  # to those on other hosts while a thread sends here
-                        socket.send([named + first, *arrays])
+        if self._take_subscriptions(socket):
+            self.transport.rest(socket, _BREATH)
         return []
 
+    def _take_subscriptions(self, socket: Socket) -> bool:
+        """Note some subscriptions; whether there may be more."""
+        with socket.lock:
+            for _ in range(_TOGETHER):
+                frame = socket.receive_subscription()
+                if frame is None:
+                    return False
+                self._note(socket, frame)
+        return not self.closed.is_set()
 
-class Subscriber(Link):
-    role, facing = "subscribes", "publishes"
+    def _note(self, socket: Socket, frame: zmq.Frame) -> None:
+        octets = frame.bytes
+        begins, named = octets[:1] == b"\1", octets[1:]
+        if not begins and _comes_from_far(frame):
+            return
+        if named == self._topic:
+            (self._subscribed.add if begins else self._subscribed.discard)(socket)
+        elif not begins:
+            self._welcomed.discard(named)
+        elif named[:1] == b"\0" and len(named) == OWN_TOPIC_BYTES:
+            for first, *arrays in list(self._history):  # to those on other hosts while a thread sends here
+                socket.send([named + first, *arrays])
+        elif is_welcome(named) and len(self._welcomed) < _MOST_WELCOMED:
+            self._welcomed.add(named)
+            socket.send([named])
 
+
+class Subscriber(SubscribingLink["ZeroMQTransport"]):
     def __init__(self, transport: ZeroMQTransport, channel: Channel, sink: Sink) -> None:
-        super().__init__(transport, channel)
-        qos = channel.qos
-        self._depth, self._fingerprint = depth_of(qos), channel.type.fingerprint
-        self._lane = Lane(channel.name, sink, self._depth, lossy=not qos.reliable, stats=self.stats)
-        self._reception = Reception(channel, self.stats, self._lane.through)
-        self._ledger = Ledger(self.stats, ordered=True)
+        super().__init__(transport, channel, sink)
         self._looking = threading.RLock()
         self._feeds: dict[str, Subscription] = {}
         """By the address of their publisher."""
@@ -189,12 +232,15 @@ class Subscriber(Link):
         self._channels: dict[str, str] = {}
         """By what the address of a publisher ends with."""
         self._muted: deque[Subscription] = deque()
+        self._id = f"{random_id():016x}"
+        self._welcomed: set[str] = set()
+        """The addresses of publishers that have said that we are connected."""
         self._ending: dict[str, float] = {}
         """Addresses on other hosts where nobody is any more, and until when we listen all the same."""
 
     def open(self) -> None:
         self.look()
-        self.announce()
+        self.announce(self._id)
 
     def look(self) -> bool:
         with self._looking:  # of two who look, the later one must not connect the earlier
@@ -204,7 +250,7 @@ class Subscriber(Link):
             connected = {address[-6:] for address in self._feeds}  # some have left, and are heard to their last word
             self._channels = {end: channel for end, channel in self._channels.items() if end in connected}
             self._channels |= {address[-6:]: channel for address, channel in there.items()}
-            self._reception.meet(Source(entry.channel, from_traits(entry.traits)) for _, entry in found)
+            self.meet(found)
             self._garbled &= there.keys()
             if self.closed.is_set():
                 return True
@@ -225,8 +271,16 @@ class Subscriber(Link):
         self.look()
         return TICK
 
-    def sources(self) -> list[Source]:
-        return living(self.transport.directory, self.counterparts(), self.channel.qos)
+    def connected(self) -> bool:
+        self.look()
+        return self.transport.knows_others and all(self._hears(entry) for _, entry in self.counterparts())
+
+    def hears(self, member_id: str) -> bool:
+        """Whether we are connected to all that this member publishes for us."""
+        return all(self._hears(entry) for member, entry in self.counterparts() if member.id == member_id)
+
+    def _hears(self, entry: Entry) -> bool:
+        return entry.address in self._welcomed or WELCOMES not in entry.traits
 
     def visible(self) -> bool:
         publishers = self.counterparts(strict=True)
@@ -234,7 +288,7 @@ class Subscriber(Link):
 
     def release(self) -> None:
         try:
-            self._lane.close()
+            super().release()
         finally:
             with self._looking:
                 for address in list(self._feeds):
@@ -253,11 +307,12 @@ class Subscriber(Link):
         topics = [topic(channel)]
         if self.channel.qos.latched:
             topics.append(b"\0" + random_id().to_bytes(8, "little"))
+        topics.append(welcome_topic(self._id))  # last: once it is welcome, the others are known, too
         feed: Feed | FarFeed
         try:
             if is_far(address):
-                secure, context = self.transport.secure_to(member), self.transport.context
-                feed = FarFeed(context, address, topics, secure, max(self._depth, 8))
+                secure = self.transport.secure_to(member)
+                feed = FarFeed(self.transport, address, topics, secure, max(self._depth, 8))
             else:
                 feed = Feed(address.removeprefix("ipc://"), topics)
         except (ConnectionError, FileNotFoundError, BlockingIOError):
@@ -269,6 +324,7 @@ class Subscriber(Link):
 
     def _leave(self, address: str) -> None:
         with self._looking:
+            self._welcomed.discard(address)
             if feed := self._feeds.pop(address, None):
                 self.transport.forget(feed)
 
@@ -288,7 +344,7 @@ class Subscriber(Link):
             return []
         if feed.more:
             self.transport.attend(feed)
-        admitted = [payload for frames in messages if (payload := self._admitted(frames)) is not None]
+        admitted = [payload for frames in messages if (payload := self._admitted(address, frames)) is not None]
         if len(admitted) == 1:  # as a rule
             return [self._drain] if self._lane.put(admitted[0]) else []
         return [self._drain] if self._lane.put_all(admitted) else []
@@ -307,27 +363,36 @@ class Subscriber(Link):
             while True:
                 self.transport.hear(self._muted.popleft())
 
-    def _admitted(self, frames: Frames) -> Payload | None:
+    def _admitted(self, address: str, frames: Frames) -> Payload | None:
         """What is to be delivered of a message, if anything is."""
         try:
-            (_, fingerprint, source, sequence, stamp), payload = read_publication_frames(frames)
+            header, payload = read_publication_frames(frames)
         except DecodeError as exc:
-            self.malformed(exc)
+            if is_welcome(frames[0]):
+                self._welcomed.add(address)
+                if is_far(address):
+                    self.transport.within(0.0)  # what its publisher serves may have been held back until now
+            else:
+                self.malformed(exc)
             return None
-        if fingerprint != self._fingerprint:
-            self.report_mismatch(source, TypeRef("", fingerprint))
-            return None
-        if not self._ledger.admit(source, sequence):
-            return None
-        if self._reception.on:
-            name = self._channels.get(_ending(source), self.channel.name)
-            payload = self._reception.admit(name, stamp, payload)
-        return payload
+        name = self._channels.get(_ending(header[2]), self.channel.name) if self._reception.on else ""
+        return self.admitted(name, header, payload)
 
     def _drain(self) -> None:
         self._lane.drain()
         if self._muted:
             self._hear_all()
+
+
+def _comes_from_far(ends: zmq.Frame) -> bool:
+    """Whether a connection of another host says that a subscription ends; otherwise its last connection is gone.
+
+    ZeroMQ passes that on although the connection never had the subscription, and others still have it.
+    """
+    try:
+        return bool(ends.get("Peer-Address"))
+    except zmq.ZMQError:
+        return False
 
 
 def _ending(source: int) -> str:

@@ -11,13 +11,11 @@ from dataclasses import replace
 from functools import partial
 from ipaddress import ip_address
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import zmq
 
-from ...contract.interface import Pattern
 from ...errors import (
-    Closed,
     ConfigurationError,
     TransportError,
 )
@@ -26,42 +24,43 @@ from ...wire.header import (
     random_id,
 )
 from ...wire.messagepack import MessagePack
-from ..announced import AnnouncedLink, Announcing
+from ..announced import Announcing
 from ..base import (
     ANY_QOS,
     Capability,
     Channel,
-    Service,
-    Sink,
     TransportConfig,
     options_of,
 )
-from ..crew import Crew, Job
-from ..directory import Entry, Member, runtime_dir
+from ..crew import Job, LeaderFollowers
+from ..directory import LONGEST_SOCKET, Entry, Member, runtime_dir
 from ..inotify import Watch
+from ..keyfiles import Rights
+from ..limits import IDLE_TICK
+from ..link import Ends, L
 from ..memory import keep_memory
-from ..served import CommandInlet, Server, ServingLink
-from .asking import Caller, CommandOutlet, Peer
-from .curve import ZAP, Gate, Rights, Secure, configured, why_not
+from ..server import CommandInlet, Server, ServingLink
+from .bounds import Kind
+from .client import Caller, CommandOutlet, Peer
+from .curve import WATCHED, ZAP, Gate, Secure, configured, why_not
+from .deployment import ZeroMQDeployment
+from .guard import Guard
 from .link import TICK
-from .remote import SILENT, FarFeed, Inquirer, Neighbours, at_far, host_of, is_far, read_record, record
-from .serving import Router
+from .remote import ACQUAINTED, SILENT, FarFeed, Inquirer, Neighbours, at_far, host_of, is_far, read_record, record
+from .server import Router
 from .sockets import Attended, Loop, Socket, Subscription, as_transport_error, new_socket
 from .topics import Publisher, Subscriber
 from .zmtp import Feed
 
 log = logging.getLogger("robocomp.transport.zeromq")
 
-IDLE_TICK = 1.0
-"""Seconds between two looks at what should be as it was."""
-
-ROLL_CALL = 1.0
-"""Seconds between two looks whether those we deal with still live, of which the directory need not tell."""
+_FROM_SUBSCRIBERS = {"RCVBUF": 16 * 1024, "RCVHWM": 2}
+"""Octets that the kernel holds of what a subscriber says, and messages that ZeroMQ holds. The thread that receives one
+stores all of them, and goes on while the connection brings more: the fewer there are, the sooner that ends. With 1,
+nothing arrives over CURVE (libzmq 4.3.5)."""
 
 _MOMENT = 0.01
 """Seconds between two looks into a directory that keeps changing."""
-
-L = TypeVar("L", bound=AnnouncedLink[Any])
 
 
 class ZeroMQTransport(Announcing):
@@ -73,6 +72,7 @@ class ZeroMQTransport(Announcing):
     `keys`, `curve_key`, `curve_admitted`, `curve_peers`: see `curve`; for these addresses alone.
     """
 
+    ends = Ends(Publisher, CommandOutlet, Subscriber, CommandInlet, Caller, Server)
     capabilities = ANY_QOS | Capability.CROSS_PROCESS
     directory: Neighbours
 
@@ -99,12 +99,11 @@ class ZeroMQTransport(Announcing):
         self._topic_ports: dict[str, str] = {}
         """By the addresses of topics on this host: where others get them."""
         self._told_entries: tuple[Entry, ...] = ()
-        self._told_at = self._call_at = 0.0
+        self._told_at = 0.0
         self.codec: Codec = MessagePack()
         self.incarnation = random_id()
-        self.owner, self.folder = config.owner, _short_enough(runtime_dir() / "zeromq")
+        self.owner, self.folder = config.owner, _short_enough(runtime_dir("zeromq"))
         self.served = self.folder / "served"
-        self._peers: dict[str, Peer] = {}
         self._routers: list[Router] = []
         self.directory = Neighbours(self.folder)
         self.member = self.directory.join(config.owner)
@@ -117,56 +116,49 @@ class ZeroMQTransport(Announcing):
         self.directory.heed(self._watch, self._loop.wake)
         keep_memory()
         self.context = zmq.Context()
+        self.guard: Guard | None = None
         self._changes = _Changes(self._watch, self._loop)
         if self._watch.able:
             self._loop.add(self._changes)
         self._inquirers: list[Inquirer] = []
+        self._opened = time.monotonic()
+        """Since when we look for others, and, if we do, listen to them."""
         try:
+            if self._bind or connect:
+                self.guard = Guard(self.context, config.owner)
             for name, address in connect.items():
                 self._inquirers.append(Inquirer(self, name, address))
         except BaseException:
             self._close_unstarted()
             raise
-        self._crew = Crew("zeromq", self._loop.receive, self._loop.wake)
-        self._crew.start()
+        self._crew = LeaderFollowers("zeromq", self._loop.receive, self._loop.wake)
+        try:
+            self._crew.start()
+        except TransportError:
+            self.close()
+            raise
 
     def _close_unstarted(self) -> None:
         for each in self._loop.sockets():
             each.close()
+        if self.guard:
+            self.guard.close()
         self.context.destroy(linger=0)
         self.member.close()
         self._loop.close()
+        self._watch.close()
 
-    def outlet(self, channel: Channel) -> Publisher | CommandOutlet:
-        kind = Publisher if channel.pattern is Pattern.PUBLISH else CommandOutlet
-        return self._open(kind(self, channel))
-
-    def inlet(self, channel: Channel, sink: Sink) -> Subscriber | CommandInlet:
-        kind = Subscriber if channel.pattern is Pattern.PUBLISH else CommandInlet
-        return self._open(kind(self, channel, sink))
-
-    def caller(self, channel: Channel) -> Caller:
-        return self._open(Caller(self, channel))
-
-    def server(self, channel: Channel, service: Service) -> Server:
-        return self._open(Server(self, channel, service))
-
-    def close(self) -> None:
-        with self._lock:
-            if self.closed:
-                return
-            self.closed = True
-        with contextlib.ExitStack() as everything:  # from the last line to the first, and all of it whatever fails
-            everything.callback(self._watch.close)
-            everything.callback(self._loop.close)
-            everything.callback(self.context.term)
-            everything.callback(self._close_sockets)
-            everything.callback(self._crew.close)
-            everything.callback(self._close_routers)
-            everything.callback(self.member.close)
-            everything.callback(self.directory.heed_no_more)
-            for link in list(self._links):
-                everything.callback(link.close)
+    def release(self, everything: contextlib.ExitStack) -> None:
+        everything.callback(self._watch.close)
+        everything.callback(self._loop.close)
+        everything.callback(self.context.term)
+        if self.guard:
+            everything.callback(self.guard.close)
+        everything.callback(self._close_sockets)
+        everything.callback(self._crew.close)
+        everything.callback(self._close_routers)
+        everything.callback(self.member.close)
+        everything.callback(self.directory.heed_no_more)
 
     def _close_routers(self) -> None:
         for router in self._routers[1:]:
@@ -175,13 +167,10 @@ class ZeroMQTransport(Announcing):
             router.close()
 
     def _close_sockets(self) -> None:
-        with self._lock:
-            peers = list(self._peers.values())
         with contextlib.ExitStack() as everything:
             for socket in self._loop.sockets():  # those of links that could not be closed
                 everything.callback(socket.close)
-            for peer in peers:
-                everything.callback(peer.close)
+            everything.callback(self.close_peers)
 
     # What links use.
 
@@ -208,10 +197,25 @@ class ZeroMQTransport(Announcing):
     def forget(self, socket: Socket | Subscription) -> None:
         with socket.lock:
             self._loop.remove(socket)
+            if self.guard and isinstance(socket, Socket) and socket.watched:
+                self.guard.forget(socket.watched)
             socket.close()
+
+    def watch(
+        self, socket: Socket, kind: Kind = Kind.MESSAGES, told: Callable[[list[bytes]], object] | None = None
+    ) -> None:
+        """Have the guard watch the connections of a socket that leads to other hosts, before it is connected or bound.
+
+        `told` is called with the events of connections that were not let in.
+        """
+        if self.guard:
+            socket.watched = self.guard.watch(socket.raw, kind, told=told, also=WATCHED if told else 0)
 
     def attend(self, socket: Attended) -> None:
         self._loop.attend(socket)
+
+    def rest(self, socket: Socket, seconds: float) -> None:
+        self._loop.rest(socket, seconds)
 
     def mute(self, subscription: Subscription) -> None:
         """Nobody attends to it, until it is heard again."""
@@ -254,24 +258,35 @@ class ZeroMQTransport(Announcing):
         for router in self._routers:
             router.remove(link)
 
+    @property
+    def may_be_known(self) -> bool:
+        """Whether those on other hosts who looked for us before we came have had the time to find us."""
+        return time.monotonic() >= self._opened + ACQUAINTED
+
+    @property
+    def knows_others(self) -> bool:
+        """Whether those on other hosts whom we look for have told of themselves, or have had the time to."""
+        return all(each.knows for each in self._inquirers) or time.monotonic() >= self._opened + ACQUAINTED
+
+    def hears(self, member_id: str) -> bool:
+        """Whether all our subscribers are connected to what this member publishes for them."""
+        with self._lock:
+            subscribers = [link for link in self._links if isinstance(link, Subscriber)]
+        return all(each.hears(member_id) for each in subscribers)
+
     def _far_router(self) -> Router:
+        self._opened = time.monotonic()
         if self._curve is None or self._gate is None:
-            return Router(self, [self._bind], introduce=self._introduce)
-        monitor = "inproc://monitor"
-        asked, told = self.socket(zmq.REP, self._judge), self.socket(zmq.PAIR, self._tell)
+            return Router(self, [self._bind], introduce=self._introduce, guard=self.guard)
+        asked = self.socket(zmq.REP, self._judge)
         try:
             with as_transport_error(f"guarding {self._bind}"), asked.lock:
                 asked.raw.bind(ZAP)
                 asked.look()  # what is done with a socket may swallow that there is input
-            router = Router(self, [self._bind], self._curve.serve, monitor, self._introduce, self._gate)
-            with as_transport_error(f"guarding {self._bind}"), told.lock:
-                told.raw.connect(monitor)
-                told.look()
+            return Router(self, [self._bind], self._curve.serve, self._introduce, self._gate, self.guard)
         except BaseException:
             self.forget(asked)
-            self.forget(told)
             raise
-        return router
 
     def far_topic(
         self, channel: Channel, here: str, ending: str, on_input: Callable[[Socket], list[Job]], **options: int
@@ -281,7 +296,8 @@ class ZeroMQTransport(Announcing):
             return None
         self.routers()  # which tells them, and lets them in
         secure = partial(self._curve.serve, channel=channel.name) if self._curve else None
-        socket = self.socket(zmq.XPUB, on_input, secure, **(at_far(self._bind) | options))
+        socket = self.socket(zmq.XPUB, on_input, secure, **(at_far(self._bind) | options | _FROM_SUBSCRIBERS))
+        self.watch(socket, Kind.SUBSCRIPTIONS)
         with as_transport_error(f"binding a port of {host_of(self._bind)}"), socket.lock:
             socket.raw.bind(f"tcp://{host_of(self._bind)}:*")
             bound = socket.raw.getsockopt_string(zmq.LAST_ENDPOINT)
@@ -341,39 +357,21 @@ class ZeroMQTransport(Announcing):
                 socket.send(self._gate.judge(frames))
         return []
 
-    def _tell(self, socket: Socket) -> list[Job]:
-        """Who is not let in, and why; at most once in a second."""
-        while (event := socket.receive()) is not None:
-            if time.monotonic() >= self._told_at + 1:
-                self._told_at = time.monotonic()
-                log.warning("%s: somebody was not let in: %s", self._bind, why_not(event))
-        return []
+    def tell(self, event: list[bytes]) -> None:
+        """Log that a connection was not let in, and why; at most once in a second."""
+        if time.monotonic() >= self._told_at + 1:
+            self._told_at = time.monotonic()
+            log.warning("%s: somebody was not let in: %s", self._bind, why_not(event))
 
     def peer(self, member: Member, address: str) -> Peer:
-        with self._lock:
-            if self.closed:
-                raise Closed("the transport is closed")
-            if member.id not in self._peers:
-                secure = self.secure_to(member) if is_far(address) else None
-                self._peers[member.id] = Peer(self, member.id, address, secure)
-            return self._peers[member.id]
+        def make() -> Peer:
+            secure = self.secure_to(member) if is_far(address) else None
+            return Peer(self, member.id, address, secure)
 
-    def drop(self, peer: Peer) -> None:
-        """Its process is dead: nobody we wait for there will answer."""
-        with self._lock:
-            self._peers.pop(peer.id, None)
-        peer.close()
+        return self.asked(member.id, make)
 
-    def _drop_the_dead(self) -> None:
-        """Let go of what we hold for processes that have ended, whether or not anybody asks them again."""
-        with self._lock:
-            peers = list(self._peers.values())
-        for peer in peers:
-            if not peer.alive():
-                self.drop(peer)
-
-    def _open(self, link: L) -> L:
-        super()._open(link)
+    def _open(self, make: Callable[[], L]) -> L:
+        link = super()._open(make)
         if not self.gathers:
             self._loop.wake()
         return link
@@ -383,18 +381,21 @@ class ZeroMQTransport(Announcing):
 
     def _tick(self) -> float:
         """Do what is due; seconds until the next time."""
+        if self.close_if_abandoned():
+            return TICK
         self.directory.heed_others()
+        held_back = False
         if self.directory.has_far_ones:
             self.directory.lose(lambda _: False)
+            held_back = self.directory.settle(self.hears)
         version = self.directory.version()
-        if version != self._known or time.monotonic() >= self._call_at:
-            self._call_at = time.monotonic() + ROLL_CALL
-            self._drop_the_dead()
+        if self.is_roll_call(version):
+            self.drop_the_dead()
         if self._bind or self._inquirers:
             self._tell_news()
         waits = self._look_after(version)
         waits += [inquirer.tick() for inquirer in self._inquirers]
-        waits += [SILENT / 4] if self.directory.has_far_ones else []
+        waits += [TICK] if held_back else [SILENT / 4] if self.directory.has_far_ones else []
         usual = self.directory.pause or IDLE_TICK if self._known == version else TICK
         return min([usual, *waits])
 
@@ -440,10 +441,10 @@ def _is_loopback(address: str) -> bool:
 
 def _short_enough(folder: Path) -> Path:
     """The folder, if the paths of sockets in it are not too long for the kernel."""
-    longest = len(os.fsencode(folder / "4194304-01234567-router"))
-    if longest > 107:
+    longest = len(os.fsencode(folder.parent / ZeroMQDeployment.longest_socket))
+    if longest > LONGEST_SOCKET:
         raise ConfigurationError(
-            f"run-time folder {folder}: paths of sockets in it would have {longest} bytes, and 107 is the limit; "
-            "set ROBOCOMP_RUNTIME_DIR to a shorter path"
+            f"run-time folder {folder}: paths of sockets in it would have {longest} bytes, and {LONGEST_SOCKET} is the "
+            "limit; set ROBOCOMP_RUNTIME_DIR to a shorter path"
         )
     return folder

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from robocomp_py.deploy.agent import Agent, Session, _tidy
+from robocomp_py.deploy.agent import Agent, Session, _connected_to, _tidy
 from robocomp_py.deploy.hosts.lines import Message, packed, told
 from robocomp_py.deploy.process import Process
 from robocomp_py.deploy.sockets import connected, listening
@@ -180,3 +180,16 @@ def test_who_ends_removes_nothing_of_an_agent_that_came_afterwards(tmp_path: Pat
     (tmp_path / "agent").unlink()
     _tidy(tmp_path / "agent")
     assert not tmp_path.exists()
+
+
+def test_an_agent_that_is_busy_is_not_taken_for_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("robocomp_py.deploy.agent.SILENCE", 0.05)
+    path = tmp_path / "agent"
+    assert _connected_to(path) is None
+    with socket.socket(socket.AF_UNIX) as busy, socket.socket(socket.AF_UNIX) as waiting:
+        busy.bind(str(path))
+        busy.listen(0)
+        waiting.connect(str(path))  # the queue is full now
+        with pytest.raises(TimeoutError):
+            _connected_to(path)
+    assert _connected_to(path) is None, "nothing listens there any more"

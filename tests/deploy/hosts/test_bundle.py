@@ -52,7 +52,7 @@ def test_a_bundle_is_called_by_the_sha256_of_its_archive():
 
 def test_what_runs_is_sent_and_what_generates_is_not():
     parts = {name.split("/")[1] for name in collect({}) if name.startswith("robocomp_py/")}
-    assert {"runtime", "transports", "compat"} <= parts
+    assert {"runtime", "transports"} <= parts
     assert not {"codegen", "lsp", "graph"} & parts
 
 
@@ -123,6 +123,10 @@ def test_the_folder_on_a_host_is_closed_to_others_and_never_one_of_theirs(
     folder.chmod(0o777)
     bootstrap.own(str(folder))
     assert folder.stat().st_mode & 0o777 == 0o700
+    (tmp_path / "link").symlink_to(folder)
+    with pytest.raises(SystemExit):
+        bootstrap.own(str(tmp_path / "link"))
+    assert "is a symbolic link" in capfd.readouterr().out
     monkeypatch.setattr(os, "getuid", lambda: folder.stat().st_uid + 1)
     with pytest.raises(SystemExit):
         bootstrap.own(str(folder))

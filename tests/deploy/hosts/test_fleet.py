@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -17,16 +15,19 @@ from robocomp_py.deploy.hosts.fleet import check_ssh, keeping, needs, share_of
 from robocomp_py.deploy.plan import Host, Plan
 from robocomp_py.deploy.process import Process
 from robocomp_py.errors import DeploymentError
+from robocomp_py.transports.ice.deployment import storm
+from robocomp_py.transports.network import Helper
+from robocomp_py.transports.zenoh.deployment import router
 
 ROBOT, BASE = Host("robot", "10.0.0.10"), Host("base", "10.0.0.11")
 
 
-def plan(middleware: str, routers: Mapping[str, Mapping[str, Any]] | None = None) -> Plan:
+def plan(middleware: str, *helpers: Helper) -> Plan:
     processes = tuple(
         Process(name, name, ("x",), Path("/"), host=host) for name, host in (("laser", "robot"), ("map", "base"))
     )
     way = Way("map", "laser", "laser", Verb.REQUIRES, "Laser", "getLaserData", middleware, "")
-    return Plan("Patrol", "auto", processes, (), ways=(way,), hosts=(ROBOT, BASE), routers=routers or {})
+    return Plan("Patrol", "auto", processes, (), ways=(way,), hosts=(ROBOT, BASE), helpers=helpers)
 
 
 def test_a_host_gets_its_own_processes():
@@ -48,25 +49,25 @@ def test_what_is_needed_is_named_with_the_versions_that_we_need():
 
 def test_an_agent_runs_the_router_of_its_host():
     options = {"connect": "here/Patrol", "router": {"listen/endpoints": ["tcp/10.0.0.10:20000"]}}
-    assert share_of(plan("zenoh", {"robot": options}), ROBOT).hosted == (("zenoh", options),)
+    assert share_of(plan("zenoh", router("robot", options)), ROBOT).hosted == (("zenoh", options),)
     assert share_of(plan("zeromq"), ROBOT).hosted == ()
 
 
 def test_an_agent_runs_icestorm_for_those_who_use_ice_if_it_has_an_address_that_others_reach():
     abroad, loopback = (f"IceStorm/TopicManager:tcp -h {host} -p 9999" for host in ("10.0.0.10", "127.0.0.1"))
-    network = replace(plan("ice"), storms=(abroad, loopback))
+    network = replace(plan("ice"), helpers=(storm(abroad), storm(loopback, 1, "")))
     assert share_of(network, ROBOT).hosted == (("ice", {"storm": abroad}),)
-    assert share_of(replace(plan("zeromq"), storms=(abroad,)), ROBOT).hosted == ()
+    assert share_of(replace(plan("zeromq"), helpers=(storm(abroad),)), ROBOT).hosted == ()
 
 
 def test_a_host_gets_the_keys_of_its_own_router_alone(tmp_path: Path):
-    routers = {}
+    helpers = []
     for name in ("robot", "base"):
         folder = tmp_path / name
         folder.mkdir()
         (folder / "key.pem").write_text(name)
-        routers[name] = {"router": {"transport/link/tls/listen_private_key": f"{folder}/key.pem"}}
-    share = share_of(plan("zenoh", routers), ROBOT)
+        helpers.append(replace(router(name, {}), keys=str(folder)))
+    share = share_of(plan("zenoh", *helpers), ROBOT)
     assert share.keys == {tmp_path / "robot" / "key.pem": "key.pem"}
     assert share.keys_folder == tmp_path / "robot"
 

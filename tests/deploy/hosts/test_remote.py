@@ -8,7 +8,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -47,6 +47,9 @@ class Heard(Listener):
 
     def left(self, name: str, instance: str) -> None:
         self.told.append(("left", name, instance))
+
+    def contract(self, name: str, instance: str, operations: Mapping[str, str]) -> None:
+        self.told.append(("contract", name, instance, operations))
 
     def hung(self, name: str) -> None:
         self.told.append(("hung", name))
@@ -544,6 +547,10 @@ def impostor(folder: Path, *said: object) -> str:
         {"tell": "failed", "name": "laser", "why": None},
         {"tell": "usage", "of": {"laser": [1, "much", 1, 1, 1]}},
         {"tell": "usage", "of": {"laser": 1}},
+        {"tell": "usage", "of": {"laser": [1, 1, 10**400, 1, 1, 1, {}]}},
+        {"tell": "usage", "of": {"laser": [1, float("inf"), 1, 1, 1, 1, {}]}},
+        {"tell": "usage", "of": {"laser": [1, 1, 1, 1, float("nan"), 1, {}]}},
+        {"tell": "exited", "name": "laser", "code": -(10**4000)},
         {"tell": ["output"]},
         {"do": "start"},
     ],
@@ -589,10 +596,11 @@ def test_a_host_speaks_of_its_own_processes_only_a_line_at_a_time(tmp_path: Path
             {"tell": "exited", "name": "sonar", "code": 0},
             {"tell": "ready", "name": ""},
             {"tell": "usage", "name": ["laser"], "of": {}},
-            {"tell": "usage", "of": {"sonar": [1] * 6, "laser": [1] * 6}},
+            {"tell": "usage", "of": {"sonar": [*[1] * 6, {}], "laser": [*[1] * 6, {}]}},
         ]
         own = [
             {"tell": "status", "name": "laser", "text": "\x1b[2Jfine"},
+            {"tell": "contract", "name": "laser", "instance": "laser", "operations": {"M::I.a\x1b[2J": "1"}},
             {"tell": "output", "name": "laser", "line": "a\nb" + 10_000 * "c"},
         ]
         async with serving(tmp_path) as server:
@@ -602,6 +610,7 @@ def test_a_host_speaks_of_its_own_processes_only_a_line_at_a_time(tmp_path: Path
             *_, line = await heard.hears("output", "laser")
             assert (line[:4], len(line), list(agent.usage())) == ("a bc", 4096, ["laser"])
             assert heard.told[0] == ("status", "laser", " [2Jfine")
+            assert heard.told[1] == ("contract", "laser", "laser", {"M::I.a [2J": "1"})
             server.cut()
             await agent.close()
 

@@ -7,22 +7,15 @@ import os
 import re
 import shutil
 import signal
-import subprocess
-import sys
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from robocomp_py.cli.rcgen import main as rcgen
-from robocomp_py.testing.patience import SOON, wait_until
-from tests.deploy.laboratory import Host, Laboratory, SshServer, make_key
+from tests.deploy.hosts.site import Site, generate, gone
+from tests.deploy.laboratory import Laboratory
 
 pytestmark = pytest.mark.tool
-
-LONG = 4 * SOON
-"""Hosts are reached, components started, and each other found."""
 
 IDSL = """
 module RoboCompEcho
@@ -66,154 +59,9 @@ ASKING = """
 def components(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("components")
     (root / "Echo.idsl").write_text(IDSL)
-    for name, model, code in (("echo", ECHO, ECHOING), ("asker", ASKER, ASKING)):
-        path = root / name / f"{name}.cdsl"
-        path.parent.mkdir()
-        path.write_text(model)
-        assert rcgen([str(path)]) == 0
-        worker = path.parent / "specificworker.py"
-        text = worker.read_text()
-        worker.write_text(text[: text.index("    def ")] + code)
+    generate(root, "echo", ECHO, ECHOING)
+    generate(root, "asker", ASKER, ASKING)
     return root
-
-
-class Site:
-    """A laboratory, hosts in it, and a user of this machine who is let in there."""
-
-    def __init__(self, laboratory: Laboratory, folder: Path, components: Path) -> None:
-        self._laboratory, self.folder, self._components = laboratory, folder, components
-        self.hosts: dict[str, Host] = {}
-        self.servers: dict[str, SshServer] = {}
-        self._runs: list[Rcdeploy] = []
-        own = folder / "me" / ".ssh"
-        own.mkdir(parents=True)
-        self._key = own / "id_ed25519"
-        make_key(self._key)
-        run = folder / "run"
-        run.mkdir(mode=0o700)
-        dropped = ("XDG_CONFIG_HOME", "SSH_AUTH_SOCK", "XDG_RUNTIME_DIR")
-        self._environment = {name: value for name, value in os.environ.items() if name not in dropped}
-        self._environment |= {"HOME": str(folder / "me"), "ROBOCOMP_RUNTIME_DIR": str(run), "COLUMNS": "200"}
-
-    def host(self, name: str, *, serves: bool = True, trusted: bool = True) -> Host:
-        self.hosts[name] = host = self._laboratory.host(name)
-        if serves:
-            self.servers[name] = SshServer(host, self.folder / name, self._key)
-        if serves and trusted:
-            with (self.folder / "me" / ".ssh" / "known_hosts").open("a") as known:
-                known.write(f"{host.address} {self.servers[name].public_key}\n")
-        return host
-
-    def network(self, instances: str, said: str = "", **of_hosts: str) -> Path:
-        """One of these instances, on all hosts that there are; `of_hosts` are further settings of those."""
-        blocks = "".join(
-            f'host {name} {{ address "{host.address}"; user "root"; python "{sys.executable}"; '
-            f"{of_hosts.get(name, '')} }};\n"
-            for name, host in self.hosts.items()
-        )
-        path = self.folder / "net.ddsl"
-        path.write_text(
-            f'import "{self._components}/echo/echo.cdsl";\nimport "{self._components}/asker/asker.cdsl";\n'
-            f"Deployment Lab {{\n{said or 'security open;'}\n{blocks}{instances}\n}};\n"
-        )
-        return path
-
-    def run(self, *arguments: object) -> Rcdeploy:
-        self._runs.append(Rcdeploy(self._environment, self.folder, *map(str, arguments)))
-        return self._runs[-1]
-
-    def close(self) -> None:
-        """End what a test that failed has left."""
-        for run in self._runs:
-            run.kill()
-
-    def done(self, *arguments: object) -> Rcdeploy:
-        """Run to its end."""
-        running = self.run(*arguments)
-        running.wait(LONG)
-        return running
-
-    def echoes(self, name: str) -> set[int]:
-        """The processes of components called so on a host."""
-        found = set()
-        for pid in self.hosts[name].pids():
-            with contextlib.suppress(OSError):
-                if "--name\0echo" in Path(f"/proc/{pid}/cmdline").read_text():
-                    found.add(pid)
-        return found
-
-    def left(self, name: str) -> list[str]:
-        """What runs on a host, but for its SSH server."""
-        found = []
-        for pid in self.hosts[name].pids():
-            try:
-                words = Path(f"/proc/{pid}/cmdline").read_text().replace("\0", " ").strip()
-            except OSError:
-                continue
-            if words and not words.startswith(("sshd", "/usr/sbin/sshd")):
-                found.append(words)
-        return found
-
-
-class Rcdeploy:
-    """`rcdeploy`, and what it has said so far."""
-
-    def __init__(self, environment: dict[str, str], folder: Path, *arguments: str) -> None:
-        command = [sys.executable, "-m", "robocomp_py.cli.rcdeploy", *arguments]
-        pipe = subprocess.PIPE
-        self._process = subprocess.Popen(
-            command,
-            env=environment,
-            cwd=folder,
-            stdin=subprocess.DEVNULL,
-            stdout=pipe,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        self.lines: list[str] = []
-        self._reader = threading.Thread(target=self._read)
-        self._reader.start()
-
-    @property
-    def text(self) -> str:
-        return "\n".join(self.lines)
-
-    def says(self, pattern: str, times: int = 1) -> None:
-        def found() -> bool:
-            if self._process.poll() is not None and not self._reader.is_alive():
-                assert len(re.findall(pattern, self.text)) >= times, f"{pattern!r} in\n{self.text}"
-            return len(re.findall(pattern, self.text)) >= times
-
-        wait_until(found, LONG, f"{pattern!r}")
-
-    def signal(self, number: signal.Signals) -> None:
-        self._process.send_signal(number)
-
-    def kill(self) -> None:
-        if self._process.poll() is None:
-            self._process.kill()
-        self._process.wait()
-        self._reader.join(SOON)
-
-    def wait(self, seconds: float = LONG) -> int:
-        try:
-            code = self._process.wait(seconds)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            raise AssertionError(f"it goes on\n{self.text}") from None
-        finally:
-            self._reader.join(SOON)
-        return code
-
-    @property
-    def code(self) -> int:
-        return self.wait()
-
-    def _read(self) -> None:
-        assert self._process.stdout
-        with self._process.stdout as output:
-            for line in output:
-                self.lines.append(line.rstrip("\n"))
 
 
 @pytest.fixture
@@ -226,10 +74,6 @@ def site(tmp_path: Path, components: Path) -> Iterator[Site]:
         assert laboratory.left() == []
     finally:
         shutil.rmtree(short, ignore_errors=True)
-
-
-def gone(site: Site, *names: str) -> None:
-    wait_until(lambda: not any(site.left(name) for name in names), LONG, f"{[site.left(name) for name in names]}")
 
 
 @pytest.mark.parametrize("middleware", ["zeromq", "zenoh", "dds"])

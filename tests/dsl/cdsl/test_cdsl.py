@@ -160,6 +160,34 @@ def test_an_agent_imports_the_interfaces_of_agents_without_a_word() -> None:
     assert [module.name for module in linked.modules] == ["Agents"]
 
 
+WHOLE = {
+    "AGMCommonBehavior.idsl": "module Common { interface AGMCommonBehavior { bool activateAgent(); }; };",
+    "AGMExecutive.idsl": "module Executive { interface AGMExecutive { void activate(); }; };",
+    "AGMExecutiveTopic.idsl": "module Agents { interface AGMExecutiveTopic { void changed(); }; };",
+}
+
+
+@pytest.mark.parametrize("ports", ["", "Communications { requires AGMExecutive; };"])
+def test_an_agent_has_the_ports_that_robocomp_gives_it(ports: str) -> None:
+    found = workspace(**{"arm.cdsl": f"Component arm {{ {ports} language python; options agmagent; }};", **WHOLE})
+    linked = found.component(FOLDER / "arm.cdsl")
+    assert linked
+    assert not found.report.diagnostics
+    assert sorted((str(port.verb), port.interface.short, port.name) for port in linked.component.ports) == [
+        ("implements", "AGMCommonBehavior", "AGMCommonBehavior"),
+        ("requires", "AGMExecutive", "agmexecutive"),
+        ("subscribesTo", "AGMExecutiveTopic", "AGMExecutiveTopic"),
+    ]
+
+
+def test_an_agent_without_its_interfaces_is_told_which_are_missing() -> None:
+    found = workspace(**{"arm.cdsl": "Component arm { language python; options agmagent; };"})
+    assert found.component(FOLDER / "arm.cdsl") is not None
+    [warning] = found.report.diagnostics
+    assert (warning.code, warning.span.text) == ("ineffective-option", "agmagent")
+    assert "AGMCommonBehavior.idsl, AGMExecutive.idsl, AGMExecutiveTopic.idsl" in warning.message
+
+
 def test_who_is_no_agent_has_to_import_the_interfaces_of_agents() -> None:
     text = "Component arm { Communications { subscribesTo AGMExecutiveTopic; }; language python; };"
     found = workspace(**{"arm.cdsl": text, **AGENTS})

@@ -74,6 +74,13 @@ SEEDS = [
     Seed("an array as in C", "syntax", _ARM, {"float angle;": "float angle«[»3];"}),
     Seed("two fields in one", "syntax", _ARM, {"float angle;": "float angle«,» speed;"}),
     Seed("a semicolon too many", "stray-semicolon", _ARM, {"float angle;": "float angle;«;»"}, "warning"),
+    Seed(
+        "the end of an include guard",
+        "stray-endif",
+        "Geometry.idsl",
+        {"    sequence<Point> Path;\n};": "    sequence<Point> Path;\n};\n«#endif»"},
+        "warning",
+    ),
     Seed("a line for the preprocessor", "stray-directive", _ARM, {"// The arm of the robot.": "«#pragma once»"}),
     Seed(
         "a second module in one file",

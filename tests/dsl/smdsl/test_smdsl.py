@@ -107,6 +107,64 @@ def test_a_transition_may_lead_to_any_state_of_the_machine() -> None:
     assert found.transitions == (Transition("a", "d"), Transition("d", "a"))
 
 
+ENDS = """
+work {
+    initial_state sweep;
+    states grip;
+    end_state done;
+    transitions { sweep => grip; grip => done; };
+};
+:sweep { initial_state turn; end_state done; transitions { turn => done; }; };
+:grip { initial_state close; states open; end_state done; transitions { close => open, done; open => done; }; };
+"""
+
+
+def test_end_states_of_one_name_belong_to_their_parents() -> None:
+    assert machine(ENDS) == StateMachine(
+        "work",
+        (
+            State("sweep", (State("turn"), State("sweep.done", final=True)), "turn"),
+            State("grip", (State("close"), State("open"), State("grip.done", final=True)), "close"),
+            State("done", final=True),
+        ),
+        "sweep",
+        (
+            Transition("sweep", "grip"),
+            Transition("grip", "done"),
+            Transition("turn", "sweep.done"),
+            Transition("close", "open"),
+            Transition("close", "grip.done"),
+            Transition("open", "grip.done"),
+        ),
+    )
+
+
+def test_a_transition_leads_to_the_end_state_around_its_source_wherever_it_is_written() -> None:
+    moved = ENDS.replace("grip => done;", "grip => done; turn => done;").replace("transitions { turn => done; };", "")
+    assert set(machine(moved).transitions) == set(machine(ENDS).transitions)
+
+
+def test_end_states_of_one_name_share_a_method_and_triggers_have_the_name_of_the_file() -> None:
+    found = machine(ENDS)
+    assert found.methods() == ["sm_sweep", "sm_turn", "sm_done", "sm_grip", "sm_close", "sm_open"]
+    assert {"t_turn_to_done", "t_close_to_done", "t_grip_to_done"} < found.triggers().keys()
+
+
+def test_a_transition_to_one_of_several_end_states_that_are_not_around_its_source_is_refused() -> None:
+    text = ENDS.replace("end_state done;\n    transitions { sweep => grip; grip", "transitions { sweep => grip; sweep")
+    found = workspace(**{"arm.smdsl": text})
+    assert found.statemachine(FOLDER / "arm.smdsl") is None
+    (told,) = found.report.errors
+    assert told.message == "there are end states `done` of `sweep` and of `grip`"
+
+
+@pytest.mark.parametrize("wrong", ["states done;", "initial_state done;"])
+def test_only_end_states_may_share_a_name(wrong: str) -> None:
+    found = workspace(**{"arm.smdsl": f"{ENDS} :open {{ initial_state on; {wrong} }};"})
+    assert found.statemachine(FOLDER / "arm.smdsl") is None
+    assert "state `done` is there twice" in rendered(found)
+
+
 def test_a_transition_that_is_there_twice_is_there_once() -> None:
     found = workspace(**{"arm.smdsl": ROUND.replace("compute => compute", "compute => compute, compute")})
     assert found.statemachine(FOLDER / "arm.smdsl") == machine(ROUND)

@@ -19,15 +19,15 @@ from robocomp_py.contract.qos import QoS, Reliability
 from robocomp_py.runtime.ports import type_of
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, TransportConfig
-from robocomp_py.transports.dds import DDSTransport
+from robocomp_py.transports.dds.transport import DDSTransport
 from tests.codegen.generated import linked
+from tests.transports.domains import DOMAIN
 
 pytestmark = pytest.mark.tool
 
 HERE = Path(__file__).parent
 STATION = linked(HERE / "station.cdsl").component
 READING, ANSWER = (operation for port in STATION.ports for operation in port.interface.operations)
-DOMAIN = 66
 
 WALL = ("wall", 1, (1.5, 2.25), [(0.5, -1.0), (0.25, 1e-9)], ["a", "", "Häuser"], 1_700_000_000_123_456_789)
 NOTHING = ("", 0, (0.0, 0.0), [], [], 0)
@@ -76,8 +76,12 @@ def running(program: Path, *arguments: str) -> Iterator[list[Any]]:
             reader.join()
 
 
-@pytest.mark.parametrize("octets", [3, 200_000], ids=["in one packet", "in fragments"])
-def test_fast_dds_hears_our_topic_and_is_heard_value_by_value(relay: Path, octets: int) -> None:
+@pytest.mark.parametrize(
+    ("octets", "instance"),
+    [(3, "*"), (200_000, "relay")],
+    ids=["in one packet, by any name", "in fragments, by its name"],
+)
+def test_fast_dds_hears_our_topic_and_is_heard_value_by_value(relay: Path, octets: int, instance: str) -> None:
     sent = reading(bytes(range(256)) * (octets // 256) + bytes(octets % 256))
     answers: list[Any] = []
     with (
@@ -86,7 +90,9 @@ def test_fast_dds_hears_our_topic_and_is_heard_value_by_value(relay: Path, octet
     ):
         encode, decode = transport.codec.encoder(READING.request), transport.codec.decoder(ANSWER.request)
         outlet = transport.outlet(topic("station/Readings/reading", READING))
-        link = transport.inlet(topic("relay/Answers/answer", ANSWER), lambda payload: answers.append(decode(payload)))
+        link = transport.inlet(
+            topic(f"{instance}/Answers/answer", ANSWER), lambda payload: answers.append(decode(payload))
+        )
         assert outlet.wait_peer(SOON)
         assert link.wait_peer(SOON)
 

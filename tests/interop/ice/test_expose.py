@@ -49,4 +49,4 @@ def test_without_it_who_chooses_ice_is_told_what_to_install() -> None:
     program = "import sys; sys.modules['Ice'] = None\nfrom robocomp_py.transports.base import find_transport as find"
     done = run(sys.executable, "-c", f"{program}\ntry: find('ice')\nexcept Exception as exc: print(repr(exc))")
     assert "ConfigurationError(\"middleware 'ice' is not usable here: Ice for Python is not there" in done.stdout
-    assert "`pip install robocomp_py[ice]`, or Debian's package python3-zeroc-ice" in done.stdout
+    assert "`pip install 'robocomp-py[ice]'`, or Debian's package python3-zeroc-ice" in done.stdout

@@ -76,8 +76,9 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (folder / "specificworker.py").write_text(code)
         (folder / "etc" / "config.toml").unlink()
     (root / "slice").mkdir()
-    native = root / "worker" / "generic" / "ice" / "RoboCompGauge.ice"
-    subprocess.run(["slice2py", "--output-dir", str(root / "slice"), str(native)], check=True)
+    assert rcgen([str(root / "Gauge.idsl"), "--to", "slice", "-o", str(root / "slice")]) == 0
+    slices = [str(path) for path in (root / "slice").glob("*.ice")]
+    subprocess.run(["slice2py", "--output-dir", str(root / "slice"), *slices], check=True)
     return root
 
 

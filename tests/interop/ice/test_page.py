@@ -1,10 +1,11 @@
-"""The programs of docs/protocol-ice.md, run as that page says, and the octets that it shows."""
+"""The programs of examples/ice, run as docs/reference/protocol-ice.md says, and the bytes that it shows."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,11 +15,11 @@ import pytest
 
 from robocomp_py.testing.patience import SOON
 from robocomp_py.wire.header import Flag, read_request
-from tests.docs.pages import ROOT, Command, File, blocks, steps
+from tests.docs.pages import ROOT, Command, blocks, steps
 
 pytestmark = pytest.mark.tool
 
-PAGE = ROOT / "docs" / "protocol-ice.md"
+PAGE = ROOT / "docs" / "reference" / "protocol-ice.md"
 
 
 def shell(command: str, folder: Path) -> subprocess.Popen[str]:
@@ -41,11 +42,7 @@ def stop(program: subprocess.Popen[str]) -> None:
 
 
 def test_the_programs_of_the_page_ask_and_are_asked(tmp_path: Path) -> None:
-    for step in steps(PAGE):
-        if isinstance(step, File):
-            path = tmp_path / step.path
-            path.parent.mkdir(exist_ok=True)
-            path.write_text(step.text, encoding="utf-8")
+    shutil.copytree(ROOT / "examples" / "ice", tmp_path, dirs_exist_ok=True)
     with contextlib.ExitStack() as running:
         for step in steps(PAGE):
             if not isinstance(step, Command):

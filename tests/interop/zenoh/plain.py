@@ -1,4 +1,4 @@
-"""Talks to components over Zenoh as docs/protocol-zenoh.md says, with Zenoh's library and nothing of ours.
+"""Talks to components over Zenoh as docs/reference/protocol-zenoh.md says, with Zenoh's library and nothing of ours.
 
     plain.py ENDPOINT hear CHANNEL                            one message of a topic
     plain.py ENDPOINT ask CHANNEL FINGERPRINT A B             a / b, and what remains

@@ -1,4 +1,4 @@
-"""A program with nothing but Zenoh's library hears, asks, publishes and serves, as docs/protocol-zenoh.md says."""
+"""A program with only Zenoh's library does all that docs/reference/protocol-zenoh.md describes."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from robocomp_py.testing import everything
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, Reply, Status, TransportConfig
 from robocomp_py.transports.directory import runtime_dir
-from robocomp_py.transports.zenoh import ZenohTransport
+from robocomp_py.transports.zenoh.transport import ZenohTransport
 from robocomp_py.wire.cdr import Cdr
 from robocomp_py.wire.header import read_reply, read_request
 from tests.docs.pages import ROOT, blocks
 from tests.docs.test_native import PAGE as NATIVE
 
 HERE = Path(__file__).parent
-PAGE = ROOT / "docs" / "protocol-zenoh.md"
+PAGE = ROOT / "docs" / "reference" / "protocol-zenoh.md"
 NONE_OF_OURS = "modules of ours:"
 
 divide, news = everything.divide, everything.news

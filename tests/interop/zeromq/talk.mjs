@@ -1,4 +1,4 @@
-// Hears and asks the sonar of docs/native.md, by what docs/protocol-zeromq.md says.
+// Hears and asks the sonar of docs/guides/native.md, by what docs/reference/protocol-zeromq.md says.
 //     node talk.mjs RUN_TIME_FOLDER CHANNELS_JSON
 import { randomBytes } from "node:crypto";
 import { readFileSync, readdirSync } from "node:fs";

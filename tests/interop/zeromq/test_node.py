@@ -1,4 +1,4 @@
-"""A program of Node hears a topic of ours, and asks; it follows docs/protocol-zeromq.md, and so do these examples."""
+"""A Node.js program subscribes and calls, as docs/reference/protocol-zeromq.md describes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.docs.test_native import PAGE as NATIVE
 from tests.docs.test_native import started
 
 HERE = Path(__file__).parent
-PAGE = ROOT / "docs" / "protocol-zeromq.md"
+PAGE = ROOT / "docs" / "reference" / "protocol-zeromq.md"
 
 
 @pytest.mark.tool

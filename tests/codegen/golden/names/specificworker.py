@@ -128,7 +128,7 @@ class SpecificWorker(GenericWorker):
         """
         return lambda_.T()
 
-    def Odd_l(self, l: class_.I, O: class_.O, I: NDArray[np.float32]) -> class_.I:  # noqa: E741
+    def Odd_l(self, l: class_.I, O: class_.O, I: NDArray[np.float32]) -> class_.I:  # noqa: E741, RUF100
         """`l` of class.Odd.
 
         IDSL: I l(I l, O O, sequence<float> I)

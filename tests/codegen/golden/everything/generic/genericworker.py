@@ -79,7 +79,7 @@ class GenericWorker(Worker[Params]):
         params=PARAMS,
         period=0.02,
     )
-    middleware = "zeromq"
+    middleware = "auto"
 
     store_proxy: Everything.StoreProxy
     store1_proxy: Everything.StoreProxy

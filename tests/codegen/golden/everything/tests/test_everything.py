@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from robocomp_py.testing.components import ComponentTest, load_component
+from robocomp_py.testing.components import ComponentTest, load_component, stand_ins
 
 SpecificWorker = load_component(Path(__file__).parents[1])
 
-CONFIG: dict[str, object] = {
-    "params.device": "/dev/tty\\USB0",
-}
-
 
 def test_everything_starts_computes_and_stops() -> None:
-    with ComponentTest(SpecificWorker, CONFIG) as component:
+    with ComponentTest(SpecificWorker, stand_ins(SpecificWorker)) as component:
         component.wait_for_computes(3)
     assert component.fine

@@ -1,4 +1,5 @@
 # Generated from Names.idsl by rcgen 0.1.0: edits are lost.
+# ruff: noqa: PYI042, RUF009, UP040, RUF100
 """Module class: what travels, and how to send it."""
 
 from __future__ import annotations
@@ -242,12 +243,12 @@ Struct_.__contract__ = Struct(
 
 
 @dataclass(slots=True)
-class I:  # noqa: E742
+class I:  # noqa: E742, RUF100
     """I of module class."""
 
-    l: float = 0.0  # noqa: E741
-    O: float = 0.0  # noqa: E741
-    I: str = "a text that is so long that no line is wide enough for it, not even one of its own"  # noqa: E501, E741
+    l: float = 0.0  # noqa: E741, RUF100
+    O: float = 0.0  # noqa: E741, RUF100
+    I: str = "a text that is so long that no line is wide enough for it, not even one of its own"  # noqa: E501, E741, RUF100
 
     __contract__: ClassVar[Struct]
 
@@ -260,19 +261,19 @@ I.__contract__ = Struct(
         Field(
             "I",
             STRING,
-            "a text that is so long that no line is wide enough for it, not even one of its own",  # noqa: E501
+            "a text that is so long that no line is wide enough for it, not even one of its own",  # noqa: E501, RUF100
         ),
     ),
     I,
 )
 
 
-class O(IntEnum):  # noqa: E742
+class O(IntEnum):  # noqa: E742, RUF100
     """O of module class."""
 
-    I = 0  # noqa: E741
-    O = 1  # noqa: E741
-    l = 2  # noqa: E741
+    I = 0  # noqa: E741, RUF100
+    O = 1  # noqa: E741, RUF100
+    l = 2  # noqa: E741, RUF100
 
     __contract__: ClassVar[Enumeration]
 
@@ -808,11 +809,11 @@ class OddProxy(Proxy):
         """`class` without waiting: a Future that ends within the deadline."""
         return self._ask_async(_Odd_class, (), deadline)
 
-    def l(  # noqa: E743
+    def l(  # noqa: E743, RUF100
         self,
-        l: I,  # noqa: E741
-        O: O,  # noqa: E741
-        I: ArrayLike,  # noqa: E741
+        l: I,  # noqa: E741, RUF100
+        O: O,  # noqa: E741, RUF100
+        I: ArrayLike,  # noqa: E741, RUF100
         *,
         deadline: builtins.float | None = None,
     ) -> I:
@@ -824,9 +825,9 @@ class OddProxy(Proxy):
 
     def lAsync(
         self,
-        l: I,  # noqa: E741
-        O: O,  # noqa: E741
-        I: ArrayLike,  # noqa: E741
+        l: I,  # noqa: E741, RUF100
+        O: O,  # noqa: E741, RUF100
+        I: ArrayLike,  # noqa: E741, RUF100
         *,
         deadline: builtins.float | None = None,
     ) -> _Future[I]:

@@ -35,7 +35,7 @@ class GenericWorker(Worker[Params]):
         params=PARAMS,
         period=0.1,
     )
-    middleware = "zeromq"
+    middleware = "auto"
 
     odd_proxy: class_.OddProxy
     point_proxy: lambda_.PointProxy
@@ -150,7 +150,7 @@ class GenericWorker(Worker[Params]):
         """
 
     @abstractmethod
-    def Odd_l(self, l: class_.I, O: class_.O, I: NDArray[np.float32]) -> class_.I:  # noqa: E741
+    def Odd_l(self, l: class_.I, O: class_.O, I: NDArray[np.float32]) -> class_.I:  # noqa: E741, RUF100
         """`l` of class.Odd.
 
         IDSL: I l(I l, O O, sequence<float> I)

@@ -1,4 +1,5 @@
 # Generated from lambda.idsl by rcgen 0.1.0: edits are lost.
+# ruff: noqa: UP040, RUF100
 """Module lambda: what travels, and how to send it."""
 
 from __future__ import annotations

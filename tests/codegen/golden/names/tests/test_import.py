@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from robocomp_py.testing.components import ComponentTest, load_component
+from robocomp_py.testing.components import ComponentTest, load_component, stand_ins
 
 SpecificWorker = load_component(Path(__file__).parents[1])
 
 
 def test_import_starts_computes_and_stops() -> None:
-    with ComponentTest(SpecificWorker) as component:
+    with ComponentTest(SpecificWorker, stand_ins(SpecificWorker)) as component:
         component.wait_for_computes(3)
     assert component.fine

@@ -73,7 +73,7 @@ class GenericWorker(Worker[None]):
             ),
         ),
     )
-    middleware = "zeromq"
+    middleware = "auto"
 
     drawing_proxy: Shapes.DrawingProxy
 

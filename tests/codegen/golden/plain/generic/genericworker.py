@@ -13,4 +13,4 @@ class GenericWorker(Worker[None]):
         "plain",
         period=0.1,
     )
-    middleware = "zeromq"
+    middleware = "auto"

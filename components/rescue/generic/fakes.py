@@ -1,0 +1,47 @@
+# Generated from rescue.cdsl by rcgen 0.1.0: edits are lost.
+"""What a test of rescue may fake, for ComponentTest: by port, then by operation."""
+
+from __future__ import annotations
+
+from typing import TypedDict
+
+from robocomp_py.testing.fakes import Fake
+
+from . import RoboCompGenericBase
+
+
+class SpeechFakes(TypedDict, total=False):
+    """What the other side of `speech` does."""
+
+    say: Fake[bool]
+    isBusy: Fake[bool]
+
+
+class GotoPointFakes(TypedDict, total=False):
+    """What the other side of `gotopoint` does."""
+
+    go: Fake[None]
+    turn: Fake[None]
+    stop: Fake[None]
+    atTarget: Fake[bool]
+
+
+class DifferentialRobotFakes(TypedDict, total=False):
+    """What the other side of `differentialrobot` does."""
+
+    getBaseState: Fake[RoboCompGenericBase.TBaseState]
+    getBasePose: Fake[tuple[int, int, float]]
+    setSpeedBase: Fake[None]
+    stopBase: Fake[None]
+    resetOdometer: Fake[None]
+    setOdometer: Fake[None]
+    setOdometerPose: Fake[None]
+    correctOdometer: Fake[None]
+
+
+class Fakes(TypedDict, total=False):
+    """The other sides of all ports."""
+
+    speech: SpeechFakes
+    gotopoint: GotoPointFakes
+    differentialrobot: DifferentialRobotFakes

@@ -1,0 +1,69 @@
+"""A parser of arguments that refuses empty values and says in plain words what is wrong; for all our commands."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Iterator, Sequence
+from typing import Any, NoReturn
+
+from .spelling import closest
+
+
+class Parser(argparse.ArgumentParser):
+    def parse_known_args(  # type: ignore[override]  # of its overloads, which differ only in the namespace
+        self, args: Sequence[str] | None = None, namespace: Any = None
+    ) -> tuple[Any, list[str]]:
+        given = list(sys.argv[1:] if args is None else args)
+        if wrong := next(_empty(given), ""):
+            self.error(wrong)
+        return super().parse_known_args(given, namespace)
+
+    def error(self, message: str) -> NoReturn:
+        super().error(self._plain(message))
+
+    def _plain(self, message: str) -> str:
+        """In words of ours, what argparse says in its own."""
+        if found := _NO_VALUE.fullmatch(message):
+            return f"{found[1]} needs a value"
+        if found := _NO_FLAG.fullmatch(message):
+            return f"{found[1]} takes no value"
+        if found := _NO_CHOICE.fullmatch(message):
+            what, given, known = found[1], found[2], re.findall(r"[\w.-]+", found[3])
+            name = f"no command `{given}`" if what == "COMMAND" else f"{what}: there is no `{given}`"
+            near = closest(given, known)
+            return f"{name}; " + (f"did you mean `{near}`?" if near else f"there are: {', '.join(known)}")
+        if found := _UNKNOWN.fullmatch(message):
+            option = found[1].partition("=")[0]
+            if option.startswith("-"):
+                near = closest(option, self._options())
+                return f"no option {option}; " + (f"did you mean {near}?" if near else f"see: {self.prog} --help")
+        if found := _EXCLUDED.fullmatch(message):
+            return f"{found[1]} and {found[2]} exclude each other"
+        return message.removeprefix("argument ")
+
+    def _options(self) -> list[str]:
+        actions = self._actions  # what argparse offers no other way to
+        return [text for each in actions for text in each.option_strings if text.startswith("--")]
+
+
+_NO_VALUE = re.compile(r"argument (\S+): expected (?:one|at least one) argument")
+_EXCLUDED = re.compile(r"argument (\S+): not allowed with argument (\S+)")
+_NO_FLAG = re.compile(r"argument (\S+): ignored explicit argument .*", re.DOTALL)
+_NO_CHOICE = re.compile(r"argument (\S+): invalid choice: '?(.*?)'? \(choose from (.*)\)", re.DOTALL)
+_UNKNOWN = re.compile(r"unrecognized arguments: (\S+).*", re.DOTALL)
+_EMPTY_OPTION = re.compile(r"(--[\w-]+)=")
+
+
+def _empty(given: Sequence[str]) -> Iterator[str]:
+    """What is wrong with arguments that say nothing, as an unset variable of a shell leaves them."""
+    before = ""
+    for each in given:
+        if each == "--":
+            return
+        if found := _EMPTY_OPTION.fullmatch(each):
+            yield f"{found[1]} has an empty value"
+        elif not each.strip():
+            yield f"{before} has an empty value" if before.startswith("-") else "an argument is empty"
+        before = each

@@ -1,0 +1,101 @@
+"""What a file comes to: programs to start, and whatever else is said about them."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from dataclasses import dataclass, field
+from pathlib import PurePosixPath
+
+
+@dataclass(frozen=True)
+class Said:
+    """A text of the file, and its line."""
+
+    text: str
+    line: int
+
+
+@dataclass
+class Program:
+    name: str
+    line: int
+    command: Said | None = None
+    folder: str = ""
+    """Where it is started; "" where that is not said."""
+    host: str = ""
+    """The machine it is started on, if not this one."""
+    endpoint: Said | None = None
+    """`laser:tcp -h localhost -p 10003`: how Ice finds it."""
+    needs: list[Said] = field(default_factory=list)
+    """The names of those that have to run before."""
+    notes: list[Said] = field(default_factory=list)
+    """What could not be carried over."""
+
+
+@dataclass
+class Listing:
+    """A file."""
+
+    path: str
+    programs: list[Program] = field(default_factory=list)
+    notes: list[Said] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Address:
+    host: str
+    port: str
+
+
+def address(endpoint: str) -> Address:
+    """Where `laser:tcp -h localhost -p 10003` listens; what it does not say is ""."""
+    host = re.search(r"(?:^|\s)-h\s*(\S+)", endpoint)
+    port = re.search(r"(?:^|\s)-p\s*(\d+)", endpoint)
+    return Address(host[1] if host else "", port[1] if port else "")
+
+
+@dataclass(frozen=True)
+class CommandLine:
+    """What a command starts."""
+
+    words: tuple[str, ...]
+
+    @property
+    def python(self) -> bool:
+        """Whether it runs a file of Python, given to an interpreter or by itself."""
+        return self._interpreted or self.words[0].endswith(".py")
+
+    @property
+    def name(self) -> str:
+        return PurePosixPath(self.words[0]).name
+
+    @property
+    def file(self) -> str:
+        """The program, or the file of Python that it runs."""
+        return self.words[1] if self._interpreted else self.words[0]
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """What stands behind it."""
+        return self.words[2:] if self._interpreted else self.words[1:]
+
+    @property
+    def _interpreted(self) -> bool:
+        return bool(_PYTHON.match(self.name)) and len(self.words) > 1 and not self.words[1].startswith("-")
+
+
+HERE = ("localhost", "127.0.0.1", "::1")
+"""How this machine is called."""
+
+_PYTHON = re.compile(r"python(\d(\.\d+)?)?\Z")
+_SHELL = re.compile(r"[;&|<>$`*?()\n]")
+
+
+def command_line(text: str) -> CommandLine | None:
+    """The words of a command; None of one that only a shell understands."""
+    try:
+        words = shlex.split(text)
+    except ValueError:
+        return None
+    return CommandLine(tuple(words)) if words and not _SHELL.search(text) else None

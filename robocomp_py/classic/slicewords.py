@@ -1,0 +1,70 @@
+"""The words of Slice: what types are called there, which names are taken, how comments are written."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Iterable, Iterator
+
+from ..codegen.layout import printable
+from ..contract.types import Primitive
+
+WIDTH = 100
+
+SPELLED = {
+    Primitive.BOOL: "bool",
+    Primitive.INT8: "byte",
+    Primitive.UINT8: "byte",
+    Primitive.INT16: "short",
+    Primitive.UINT16: "int",
+    Primitive.INT32: "int",
+    Primitive.UINT32: "long",
+    Primitive.INT64: "long",
+    Primitive.UINT64: "long",
+    Primitive.FLOAT32: "float",
+    Primitive.FLOAT64: "double",
+    Primitive.STRING: "string",
+    Primitive.TIME: "long",
+}
+NOTED = {
+    Primitive.INT8: "int8",
+    Primitive.UINT16: "uint16",
+    Primitive.UINT32: "uint32",
+    Primitive.UINT64: "uint64",
+    Primitive.TIME: "time: nanoseconds since 1970",
+}
+"""What a reader would not know from the type that is written."""
+
+KEYWORDS = frozenset(
+    re.findall(
+        r"\w+",
+        """
+    bool byte class const dictionary double enum exception extends false float idempotent implements int interface
+    local LocalObject long module Object optional out sequence short string struct throws true Value void
+    """,
+    )
+)
+TYPES_OF_ITS_OWN = ("LocalObject", "Object", "Value")
+"""What even escaped names mean."""
+
+
+SUFFIXES = ("Prx", "Ptr", "Helper", "Holder")
+
+
+def macro(stem: str) -> str:
+    """The name of a file as one that the preprocessor takes: `año` → `A_F1O`."""
+    found = re.sub(r"[^A-Za-z0-9_]", lambda char: "_" if char[0].isascii() else f"_{ord(char[0]):X}", stem).upper()
+    return f"_{found}" if found[:1].isdigit() else found
+
+
+def escaped(name: str) -> str:
+    return f"\\{name}" if name in KEYWORDS else name
+
+
+def comment(text: str, indent: int) -> Iterator[str]:
+    for line in textwrap.wrap(printable(text), WIDTH - indent - 3, break_long_words=False, break_on_hyphens=False):
+        yield f"// {line}".rstrip("\\ ")  # a backslash would make the next line part of the comment
+
+
+def indented(lines: Iterable[str]) -> Iterator[str]:
+    yield from (f"    {line}" for line in lines)

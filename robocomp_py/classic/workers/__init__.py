@@ -1,0 +1,26 @@
+"""Components that RoboComp's own generator made in Python: the plug-in that runs them. See `existing`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .kind import accepts as accepts
+from .kind import component as component
+
+if TYPE_CHECKING:
+    from ...dsl.workspace import LinkedComponent, Workspace
+    from ...runtime.worker import Worker
+    from ..findings import Findings
+
+
+def load(folder: Path, package: str, *, alone: bool) -> type[Worker[Any]]:
+    from .existing import existing_worker  # loads what the component's files may use
+
+    return existing_worker(folder, package, alone)
+
+
+def adopted(linked: LinkedComponent, folder: Path, workspace: Workspace, middleware: str) -> Findings:
+    from ..findings import find  # needs the build half
+
+    return find(linked, folder, workspace, middleware)

@@ -1,0 +1,78 @@
+"""What a component is configured with, as RoboComp's main programs hand it over.
+
+until 2024   setParams(params): every key of the file, values as text, as Ice's properties are
+since 2025   configData: nested tables by the dots of the keys, values as what they look like
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ...contract.parameters import Key
+from ...runtime.document import Document, parsed
+from ...runtime.settings import Settings
+from .. import configuration as classic
+
+Entries = dict[tuple[str, ...], Any]
+
+
+def entries(settings: Settings) -> tuple[dict[str, str], dict[str, Any]]:
+    """The parameters as texts, and as tables; what was set over the file is in both."""
+    texts: dict[str, str] = {}
+    values: Entries = {}
+    document = settings.document or Document()
+    for names, text, value in _of_file(document):
+        texts[".".join(names)], values[names] = text, value
+    overridden = [key for key, _ in document.overrides]
+    for key, value in _set(document.data, overridden):
+        texts[".".join(key)], values[key] = _text(value), value
+    return texts, _nested(values, settings)
+
+
+def _of_file(document: Document) -> list[tuple[tuple[str, ...], str, Any]]:
+    if document.path is None:
+        return []
+    if document.path.suffix == ".toml" and not classic.is_of_2025(parsed(document.text, document.path)):
+        params = document.data.get("params", {})
+        return [(key, _text(value), value) for key, value in _flat(params if isinstance(params, Mapping) else {})]
+    return classic.as_written(document.text, Path(document.path))
+
+
+def _set(data: Mapping[str, Any], overridden: list[Key]) -> list[tuple[tuple[str, ...], Any]]:
+    """What the command line, the environment or a deployment have set of what a component's own code looks at."""
+    found: list[tuple[tuple[str, ...], Any]] = []
+    for key in overridden:
+        value: Any = data
+        for part in key:
+            value = value[part]
+        if key == ("component", "period"):
+            found.append((("Period", "Compute"), round(value * 1000)))
+        elif key[0] == "params" and len(key) > 1:
+            found.append((tuple(map(str, key[1:])), value))
+    return found
+
+
+def _nested(values: Entries, settings: Settings) -> dict[str, Any]:
+    tables: dict[str, Any] = {"Period": {"Compute": round(settings.period * 1000), "Emergency": 500}}
+    for names, value in values.items():
+        table = tables
+        for name in names[:-1]:
+            below = table.setdefault(name, {})
+            if not isinstance(below, dict):
+                below = table[name] = {}  # `a = 1` and `a.b = 2`: what comes later counts
+            table = below
+        table[names[-1]] = value
+    return tables
+
+
+def _flat(table: Mapping[str, Any], at: tuple[str, ...] = ()) -> list[tuple[tuple[str, ...], Any]]:
+    found: list[tuple[tuple[str, ...], Any]] = []
+    for name, value in table.items():
+        found += _flat(value, (*at, name)) if isinstance(value, Mapping) else [((*at, name), value)]
+    return found
+
+
+def _text(value: Any) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)

@@ -1,0 +1,152 @@
+"""Mutexes of Qt. Who waits for one lets the component's handlers in, so that none waits for another in vain.
+
+RoboComp's components ran on several threads, and guard what these share by a mutex; here they run on one at a time.
+One that has locked a mutex and waits for an answer from another component lets others in, who may want the same mutex:
+they step outside until it is free.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from typing import Any, ClassVar
+
+from ....errors import Closed
+
+_LOOK_S = 1.0
+"""After so long, who waits looks whether the component ends."""
+
+
+class Keeper:
+    """What the mutexes of one component have in common."""
+
+    def __init__(
+        self, outside: Callable[[], AbstractContextManager[None]], freed: Callable[[], object] = lambda: None
+    ) -> None:
+        """`freed` is called when none is locked any more."""
+        self.outside = outside
+        self.closed = False
+        self._freed = freed
+        self._lock = threading.Lock()
+        self._locked = 0
+
+    @property
+    def any_locked(self) -> bool:
+        return self._locked > 0
+
+    def count(self, change: int) -> None:
+        with self._lock:
+            self._locked += change
+            is_free = not self._locked
+        if is_free:
+            self._freed()
+
+
+class Mutex:
+    """`QMutex`, as PySide2 has it: `QMutex(QMutex.Recursive)` may be locked several times by the same thread."""
+
+    NonRecursive, Recursive = 0, 1
+
+    keeper: ClassVar[Keeper]
+
+    def __init__(self, mode: int = NonRecursive) -> None:
+        self._recursive = mode == self.Recursive
+        self._lock = threading.Lock()
+        self._owner: int | None = None
+        self._times = 0
+
+    def isRecursive(self) -> bool:
+        return self._recursive
+
+    def lock(self) -> None:
+        if self.try_lock(0):
+            return
+        if self._owner == threading.get_ident():
+            raise RuntimeError(
+                "this thread has locked this QMutex already, and it is not recursive: it would wait forever"
+            )
+        with self.keeper.outside():
+            while not self.try_lock(_LOOK_S):
+                if self.keeper.closed:
+                    raise Closed("the component ends while it waits for a QMutex")
+
+    def tryLock(self, timeout: int = 0) -> bool:
+        """`timeout` in milliseconds; negative: as `lock`."""
+        if timeout < 0:
+            self.lock()
+            return True
+        if self.try_lock(0):
+            return True
+        if not timeout or self._owner == threading.get_ident():
+            return False
+        with self.keeper.outside():
+            return self.try_lock(timeout / 1000)
+
+    def try_lock(self, seconds: float) -> bool:
+        me = threading.get_ident()
+        if self._recursive and self._owner == me:
+            self._times += 1
+            return True
+        if not (self._lock.acquire(timeout=seconds) if seconds else self._lock.acquire(blocking=False)):
+            return False
+        self._owner, self._times = me, 1
+        self.keeper.count(1)
+        return True
+
+    def unlock(self) -> None:
+        if not self._times:
+            raise RuntimeError("this QMutex is not locked")
+        self._times -= 1
+        if not self._times:
+            self._owner = None
+            self.keeper.count(-1)
+            self._lock.release()
+
+
+class RecursiveMutex(Mutex):
+    """`QRecursiveMutex`, as that is called since Qt 6."""
+
+    def __init__(self) -> None:
+        super().__init__(self.Recursive)
+
+
+class MutexLocker:
+    """`QMutexLocker`: locks at once, unlocks when a `with` ends, or nobody has it any more."""
+
+    _locked = False
+
+    def __init__(self, mutex: Mutex | None) -> None:
+        self._mutex = mutex
+        self.relock()
+
+    def mutex(self) -> Mutex | None:
+        return self._mutex
+
+    def relock(self) -> None:
+        if self._mutex and not self._locked:
+            self._mutex.lock()
+            self._locked = True
+
+    def unlock(self) -> None:
+        if self._mutex and self._locked:
+            self._locked = False
+            self._mutex.unlock()
+
+    def __enter__(self) -> MutexLocker:
+        return self
+
+    def __exit__(self, *exc: Any) -> None:
+        self.unlock()
+
+    def __del__(self) -> None:
+        self.unlock()
+
+
+def mutexes(keeper: Keeper) -> dict[str, type]:
+    """The classes for one component, by the names its files have for them."""
+    return {
+        "QMutex": type("QMutex", (Mutex,), {"keeper": keeper}),
+        "QRecursiveMutex": type("QRecursiveMutex", (RecursiveMutex,), {"keeper": keeper}),
+        "QMutexLocker": type("QMutexLocker", (MutexLocker,), {}),
+    }

@@ -1,0 +1,213 @@
+"""The loop of a component that uses real Qt: PySide6, by whatever name and from whatever year its files know Qt."""
+
+from __future__ import annotations
+
+import importlib.abc
+import importlib.util
+import re
+import subprocess
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from functools import cache, partial
+from pathlib import Path
+from types import ModuleType
+from typing import Any, TypeVar
+
+from ....errors import ComponentError
+from .core import rand
+from .front import Front, Joined, qt
+from .mutex import Keeper, mutexes
+from .needs import Need
+from .served import ALL, Served
+
+T = TypeVar("T")
+
+_SISTERS = ("QtCore", "QtGui", "QtWidgets", "QtStateMachine", "QtOpenGLWidgets", "QtSvgWidgets", "QtPrintSupport")
+"""Where a name may be nowadays that another module of Qt had in former years."""
+
+ADDONS = "pip install PySide6"
+"""Has charts, 3D, multimedia, which are no part of what `gui` installs."""
+
+_MOVED = {
+    "QtWidgets": (
+        "QAction",
+        "QActionGroup",
+        "QFileSystemModel",
+        "QShortcut",
+        "QUndoCommand",
+        "QUndoGroup",
+        "QUndoStack",
+    ),
+    "QtCore": ("QState", "QFinalState", "QStateMachine", "QSignalTransition"),
+}
+"""Of these, `import *` has to know, if they are installed."""
+
+_HEADER = re.compile(r"(<header[^<>]*>[^<>]*?)\.py\s*(?=</header>)")
+"""Where a widget of the user's is, written as a file of Python's: Qt's compiler wants a module, or a file of C++'s."""
+
+_ASK_S = 1.0
+"""So often the main thread is asked whether it still answers."""
+
+_REST_S = 2.0
+"""So long a slot or a handler that waits may take to get done, in the end."""
+
+
+class Real:
+    """See `Loop`."""
+
+    missed = 0
+    """Qt does not tell."""
+
+    def __init__(
+        self,
+        need: Need,
+        tell: Callable[[BaseException], None],
+        folder: Path,
+        name: str,
+        outside: Callable[[], AbstractContextManager[None]],
+    ) -> None:
+        try:
+            self._front = Front.there(need.screen, name)
+        except ComponentError as exc:
+            raise ComponentError(f"{exc}\n(it needs Qt: {need.why})") from exc
+        self._outside = outside
+        self._keeper = Keeper(self.outside, self._front.freed)
+        self._own = self._names()
+        self.base: type = self._base(need.window)
+        self.builtins: dict[str, Any] | None = None
+        """Those of the component's files: what `import` means in them."""
+        self.modules: Mapping[str, ModuleType] = Served(self._look_up, self._exported, self._forms(folder))
+        joined = Joined(folder, tell, lambda: self._keeper.any_locked)
+        self._leave: Callable[[], None] | None = self._front.join(joined)
+        self._asked = 0.0
+
+    @property
+    def in_front(self) -> Callable[[Callable[[], bool], Callable[[], None]], bool]:
+        return self._front.live
+
+    def outside(self) -> AbstractContextManager[None]:
+        """Around a wait for a lock. The main thread has nothing to step out of: who has it call something has. While a
+        lock is taken it would call nothing anyway."""
+        return nullcontext() if self._front.here else self._outside()
+
+    def due(self, now: float) -> float:
+        return max(0.0, self._asked + _ASK_S - now)
+
+    def run(self, now: float) -> None:
+        """Wait until the main thread answers: as long as it does not, this component does not get on."""
+        self._asked = now
+        self._front.call(lambda: None, self._outside, always=True)
+
+    def locked(self, change: int) -> None:
+        self._keeper.count(change)
+
+    def call(self, function: Callable[..., T], *arguments: Any) -> T:
+        return self._front.call(partial(function, *arguments), self._outside)
+
+    def wait_for(self, function: Callable[[], T]) -> T:
+        return self._front.wait_for(function)
+
+    def post(self, call: Callable[[], object]) -> None:
+        self._front.post(call)
+
+    def close(self) -> None:
+        if self._leave is None:
+            return
+        leave, self._leave = self._leave, None
+        self._keeper.closed = True
+        self._front.call(leave, self._outside, always=True)
+        with self._outside():  # who waits comes back in
+            self._front.rest(_REST_S)
+
+    # What its files find.
+
+    def _names(self) -> dict[str, Any]:
+        core = qt("QtCore")
+        return {
+            "pyqtSignal": core.Signal,
+            "pyqtSlot": core.Slot,
+            "pyqtProperty": core.Property,
+            "qApp": self._front.application,
+            **mutexes(self._keeper),
+            **rand(),
+        }
+
+    @staticmethod
+    def _base(window: str) -> type:
+        if not window:
+            found: Any = qt("QtCore").QObject
+        else:
+            found = getattr(qt("QtWidgets"), window, None)
+            if not (isinstance(found, type) and issubclass(found, qt("QtWidgets").QWidget)):
+                raise ComponentError(
+                    f"its .cdsl says `gui Qt({window});`, and Qt has no such window: QWidget, QMainWindow"
+                )
+        base: type = found
+        return base
+
+    def _look_up(self, root: str, module: str, name: str) -> Any:
+        if module in ALL and name in self._own:
+            return self._own[name]
+        if _module(module) is None:
+            raise ImportError(f"{root}.{module} is served by PySide6.{module} here, which is not installed: {ADDONS}")
+        for sister in (module, *_SISTERS):
+            found = getattr(_module(sister), name, None)
+            if found is not None:
+                return found
+        if name == module:  # as in `from PySide2.QtCharts import QtCharts`
+            return self.modules[f"{root}.{module}"]
+        raise AttributeError(f"{root}.{module} is served by PySide6 here, which has no {name}")
+
+    def _exported(self, root: str, module: str) -> list[str]:
+        modules = ("QtGui", "QtWidgets") if root in ("PySide", "PyQt4") and module == "QtGui" else (module,)
+        names = [name for each in modules for name in dir(_module(each)) if not name.startswith("_")]
+        moved = [name for name in _MOVED.get(module, ()) if any(hasattr(_module(each), name) for each in _SISTERS)]
+        return list(dict.fromkeys([*names, *moved, *(self._own if module == "QtCore" else ())]))
+
+    def _forms(self, folder: Path) -> dict[str, Callable[[], ModuleType]]:
+        return {f"ui_{file.stem}": partial(self._form, file) for file in sorted(folder.glob("src/*.ui"))}
+
+    def _form(self, file: Path) -> ModuleType:
+        """What Qt's compiler makes of an .ui file: a module with its `Ui_guiDlg`."""
+        name = f"ui_{file.stem}"
+        spec = importlib.util.spec_from_loader(name, _Text(_compiled(file)), origin=str(file))
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        if self.builtins is not None:
+            module.__builtins__ = self.builtins  # type: ignore[attr-defined]  # promoted widgets are its own files
+        spec.loader.exec_module(module)
+        return module
+
+
+class _Text(importlib.abc.InspectLoader):
+    """Loads a module from its text."""
+
+    def __init__(self, text: str) -> None:
+        self._text = text
+
+    def get_source(self, fullname: str) -> str:
+        return self._text
+
+
+def _compiled(file: Path) -> str:
+    compiler = Path(qt("QtCore").__file__).parent / "Qt" / "libexec" / "uic"
+    try:
+        text = _HEADER.sub(r"\1", file.read_text())
+        done = subprocess.run(
+            [compiler, "-g", "python"], input=text, capture_output=True, text=True, timeout=60, check=True
+        )
+    except (OSError, UnicodeError, subprocess.SubprocessError) as exc:
+        why = (getattr(exc, "stderr", None) or str(exc)).strip()
+        raise ComponentError(f"{file} cannot be made into a window: {why}") from exc
+    return done.stdout
+
+
+@cache
+def _module(name: str) -> ModuleType | None:
+    """A module of PySide6, if this installation has it."""
+    try:
+        found: ModuleType = qt(name)
+    except ComponentError:
+        return None
+    return found

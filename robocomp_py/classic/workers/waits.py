@@ -1,0 +1,341 @@
+"""What waits in Python's library, for one component: who waits there lets its handlers in, as at a call.
+
+RoboComp runs handlers beside `compute`, and users guard what both use by locks, or have one wait for the other. Here
+they take turns; so a wait has to be a turn's end, or a handler that wants a lock which is held by who waits for an
+answer would keep both from going on.
+
+    a lock                lets them in if it is taken
+    whatever else waits   lets them in each time: who works off a queue that is never empty need not wait, and would
+                          keep them out forever
+"""
+
+from __future__ import annotations
+
+import concurrent.futures.thread
+import queue
+import threading
+import time
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, suppress
+from functools import partial
+from types import ModuleType, TracebackType
+from typing import Any, Protocol, TypeVar
+from weakref import WeakSet
+
+from ...threads import NO_THREAD, start_thread
+
+T = TypeVar("T")
+
+BELOW = ("concurrent.futures.thread", "concurrent.futures.process")
+"""What is below these modules, and stays as it is."""
+
+
+class Loop(Protocol):
+    """What lets others in."""
+
+    def outside(self) -> AbstractContextManager[None]:
+        """Around a wait for a lock, which has to be on the thread that will have it."""
+
+    def wait_for(self, function: Callable[[], T]) -> T:
+        """Call a function that waits, on whatever thread: others are let in meanwhile."""
+
+    def locked(self, change: int) -> None:
+        """A lock was taken (1), or given back (-1): what may want it is not called on the same thread meanwhile."""
+
+
+Pool = concurrent.futures.ThreadPoolExecutor
+
+
+class Begun:
+    """What a component's code has begun, and would keep a process of its own from ending; ours it does not."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._threads: list[threading.Thread] = []
+        self._pools: WeakSet[Pool] = WeakSet()
+
+    def thread(self, thread: threading.Thread) -> None:
+        with self._lock:
+            self._threads = [*(each for each in self._threads if each.is_alive()), thread]
+
+    def pool(self, pool: Pool) -> None:
+        with self._lock:
+            self._pools.add(pool)
+
+    def pools(self) -> list[Pool]:
+        """Those that somebody has."""
+        with self._lock:
+            return list(self._pools)
+
+    def end(self, pools: Collection[Pool], grace_s: float, work_s: float) -> tuple[list[str], int]:
+        """Tell pools that no more comes, and wait until all threads have ended: `grace_s`, and those of a pool where
+        calls wait to be made, `work_s`. Returns the names of those that go on, and how many calls still wait."""
+        begun = time.monotonic()
+        for pool in pools:
+            if not pool._shutdown:
+                pool.shutdown(wait=False)
+        _join(self._threads, begun + grace_s)
+        _join([thread for pool in pools if _calls_in(pool) for thread in pool._threads], begun + work_s)
+        return [each.name for each in self._threads if each.is_alive()], sum(map(_calls_in, pools))
+
+
+def _join(threads: Iterable[threading.Thread], end: float) -> None:
+    for thread in threads:
+        thread.join(max(0.0, end - time.monotonic()))
+
+
+def _calls_in(pool: Pool) -> int:
+    """How many calls nobody has begun in a pool that was shut down: what says so stands behind them, and stays."""
+    is_at_it = any(each.is_alive() for each in pool._threads)
+    return max(0, pool._work_queue.qsize() - 1) if is_at_it else 0
+
+
+def modules(loop: Loop, begun: Begun) -> Mapping[str, ModuleType]:
+    """The modules by name, with those of their parts that wait exchanged."""
+    futures = _like(concurrent.futures, **_futures(loop, begun))
+    return {
+        "threading": _like(threading, **_threading(loop, begun)),
+        "queue": _like(queue, **_queues(loop)),
+        "time": _like(time, sleep=_sleeping(loop)),
+        "concurrent": _like(concurrent, futures=futures),
+        "concurrent.futures": futures,
+    }
+
+
+def _like(module: ModuleType, **instead: Any) -> ModuleType:
+    made = ModuleType(module.__name__, module.__doc__)
+    made.__dict__.update({**vars(module), **instead})
+    return made
+
+
+def _sleeping(loop: Loop) -> Callable[[float], None]:
+    def sleep(seconds: float, /) -> None:
+        loop.wait_for(partial(time.sleep, seconds))
+
+    return sleep
+
+
+def _threading(loop: Loop, begun: Begun) -> dict[str, Any]:
+    locked = loop.locked
+
+    class Lock:
+        """A lock that lets others in while it is waited for."""
+
+        _make: Callable[[], Any] = staticmethod(threading.Lock)
+
+        def __init__(self) -> None:
+            self._lock = self._make()
+
+        def acquire(self, blocking: bool = True, timeout: float = -1) -> bool:
+            taken = bool(self._lock.acquire(False))
+            if blocking and not taken:
+                with loop.outside():
+                    taken = bool(self._lock.acquire(True, timeout))
+            if taken:
+                locked(1)
+            return taken
+
+        def release(self) -> None:
+            self._lock.release()
+            locked(-1)
+
+        def __enter__(self) -> bool:
+            return self.acquire()
+
+        def __exit__(
+            self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
+        ) -> None:
+            self.release()
+
+        def __getattr__(self, name: str) -> Any:  # `locked`, and what conditions ask of a lock
+            return getattr(self._lock, name)
+
+    class RLock(Lock):
+        _make = staticmethod(threading.RLock)
+
+        # by which a condition gives its lock away while it waits, however often it was taken, and takes it again
+
+        def _release_save(self) -> Any:
+            state = self._lock._release_save()
+            locked(-state[0])
+            return state
+
+        def _acquire_restore(self, state: Any) -> None:
+            self._lock._acquire_restore(state)
+            locked(state[0])
+
+    class Condition(threading.Condition):
+        def __init__(self, lock: Any = None) -> None:
+            lock = RLock() if lock is None else lock
+            super().__init__(lock)
+
+        def wait(self, timeout: float | None = None) -> bool:
+            """As Python does it, but that another thread than the one that has the lock may be who waits."""
+            this: Any = self
+            if not this._is_owned():
+                raise RuntimeError("cannot wait on un-acquired lock")
+            called, is_called = threading.Lock(), False
+            called.acquire()
+            patience = -1 if timeout is None else max(0, timeout)
+            this._waiters.append(called)
+            state = this._release_save()
+            try:
+                with loop.outside():  # also while the lock is waited for
+                    try:
+                        is_called = loop.wait_for(partial(called.acquire, True, patience))
+                    finally:
+                        this._acquire_restore(state)
+            finally:
+                if not is_called and called in this._waiters:
+                    this._waiters.remove(called)
+            return is_called
+
+    class Event(threading.Event):
+        def wait(self, timeout: float | None = None) -> bool:
+            return loop.wait_for(partial(super().wait, timeout))
+
+    class Barrier(threading.Barrier):
+        def __init__(self, *arguments: Any, **named: Any) -> None:
+            super().__init__(*arguments, **named)
+            self._cond = Condition(Lock())  # so that all but the last wait outside, and its action runs inside
+
+    def semaphore(base: type[threading.Semaphore]) -> type[threading.Semaphore]:
+        class Waiting(base):  # type: ignore[misc, valid-type]  # one of two
+            def acquire(self, blocking: bool = True, timeout: float | None = None) -> bool:
+                if not blocking:
+                    return bool(super().acquire(False, timeout))
+                return bool(loop.wait_for(partial(super().acquire, True, timeout)))
+
+            # around something it is a lock, whatever it counts
+
+            def __enter__(self) -> bool:
+                if not super().acquire(False):  # as a lock, it lets others in only if it is taken
+                    self.acquire()
+                locked(1)
+                return True
+
+            def __exit__(self, *exc: Any) -> None:
+                locked(-1)
+                self.release()
+
+        return _named(Waiting, base)
+
+    class Thread(threading.Thread):
+        def start(self) -> None:
+            is_awaited, self.daemon = not self.daemon, True
+            try:
+                super().start()
+            except RuntimeError:
+                if self.ident is None:  # no thread can be started now; one that is started later is awaited, too
+                    self.daemon = not is_awaited
+                raise
+            if is_awaited:
+                begun.thread(self)
+
+        def join(self, timeout: float | None = None) -> None:
+            loop.wait_for(partial(super().join, timeout))
+
+    class Timer(Thread, threading.Timer):
+        pass
+
+    return {
+        "Lock": Lock,
+        "RLock": RLock,
+        "Condition": Condition,
+        "Event": Event,
+        "Barrier": Barrier,
+        "Semaphore": semaphore(threading.Semaphore),
+        "BoundedSemaphore": semaphore(threading.BoundedSemaphore),
+        "Thread": Thread,
+        "Timer": Timer,
+    }
+
+
+def _named(made: type[Any], base: type[Any]) -> type[Any]:
+    made.__name__ = made.__qualname__ = base.__name__
+    return made
+
+
+def _queues(loop: Loop) -> dict[str, Any]:
+    def waiting(base: type[Any]) -> type[Any]:
+        class Waiting(base):  # type: ignore[misc]  # one of several
+            def get(self, block: bool = True, timeout: float | None = None) -> Any:
+                get = partial(super().get, block, timeout)
+                return loop.wait_for(get) if block else get()
+
+            def put(self, item: Any, block: bool = True, timeout: float | None = None) -> None:
+                put = partial(super().put, item, block, timeout)
+                if block:
+                    loop.wait_for(put)
+                else:
+                    put()
+
+            def join(self) -> None:
+                loop.wait_for(super().join)
+
+        return _named(Waiting, base)
+
+    every = (queue.Queue, queue.LifoQueue, queue.PriorityQueue, queue.SimpleQueue)
+    return {base.__name__: waiting(base) for base in every}
+
+
+def _futures(loop: Loop, begun: Begun) -> dict[str, Any]:
+    class Future(concurrent.futures.Future[Any]):
+        def result(self, timeout: float | None = None) -> Any:
+            return loop.wait_for(partial(super().result, timeout))
+
+        def exception(self, timeout: float | None = None) -> BaseException | None:
+            return loop.wait_for(partial(super().exception, timeout))
+
+    class ThreadPoolExecutor(Pool):
+        def __init__(self, *arguments: Any, **named: Any) -> None:
+            super().__init__(*arguments, **named)
+            begun.pool(self)
+
+        def submit(self, *arguments: Any, **named: Any) -> Future:
+            future: Any = super().submit(*arguments, **named)
+            future.__class__ = Future
+            return future  # type: ignore[no-any-return]  # it is one now
+
+        def _adjust_thread_count(self) -> None:
+            """Begin a thread if need be, for which Python does not wait in the end: what it does may be endless.
+
+            Raises RuntimeError if the pool has no thread at all; then the call is not made later, either.
+            """
+            if self._idle_semaphore.acquire(False) or len(self._threads) >= self._max_workers:
+                return
+            known, grow, begun_all = set(self._threads), super()._adjust_thread_count, []
+
+            def run() -> None:
+                with suppress(RuntimeError):  # no thread can be started
+                    grow()
+                    begun_all.append(True)
+
+            begin = threading.Thread(target=run, daemon=True)  # what it begins is so, too
+            if start_thread(begin):
+                begin.join()
+            if not begun_all and not known:
+                self._work_queue.get_nowait()
+                raise RuntimeError(NO_THREAD)
+            for thread in set(self._threads) - known:
+                awaited: Any = concurrent.futures.thread._threads_queues  # those that Python waits for
+                awaited.pop(thread, None)
+                begun.thread(thread)
+
+        def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+            end = partial(super().shutdown, wait, cancel_futures=cancel_futures)
+            if wait:
+                loop.wait_for(end)
+            else:
+                end()
+
+    def wait(*arguments: Any, **named: Any) -> Any:
+        return loop.wait_for(partial(concurrent.futures.wait, *arguments, **named))
+
+    def as_completed(*arguments: Any, **named: Any) -> Iterator[concurrent.futures.Future[Any]]:
+        completed = concurrent.futures.as_completed(*arguments, **named)
+        while (future := loop.wait_for(partial(next, completed, None))) is not None:
+            yield future
+
+    made = (Future, ThreadPoolExecutor, wait, as_completed)
+    return {each.__name__: each for each in made}

@@ -1,0 +1,67 @@
+"""Comments for linters in generated code, where the names and texts of the models leave no other choice.
+
+    one line     # noqa: E741, RUF100           an argument `l`, a text too long to split
+    one file     # ruff: noqa: N999, RUF100     rules that a linter can only be told for the whole file
+
+RUF100 comes along because a linter that does not apply a rule complains of the comment instead.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+
+from .layout import WIDTH
+
+_UNUSED = "RUF100"
+_CONFUSING = ("l", "O", "I")
+_MODULE = re.compile(r"[a-z_][a-z0-9_]*")
+_LOWER_ALIAS = re.compile(r"_?[a-z0-9]")
+
+
+def excused(text: str) -> str:
+    """The text with comments on the lines that linters would complain of."""
+    lines = text.splitlines()
+    reasons: dict[int, set[str]] = {}
+    for node in ast.walk(ast.parse(text)):
+        match node:
+            case ast.arg(arg=name) | ast.AnnAssign(target=ast.Name(id=name)) | ast.Assign(targets=[ast.Name(id=name)]):
+                rule = "E741"
+            case ast.ClassDef(name=name):
+                rule = "E742"
+            case ast.FunctionDef(name=name):
+                rule = "E743"
+            case ast.Constant(value=str(), lineno=line, end_lineno=end) if line == end:
+                name, rule = ("l", "E501") if len(lines[line - 1]) > WIDTH else ("", "")
+            case _:
+                continue
+        if name in _CONFUSING:
+            reasons.setdefault(node.lineno, set()).add(rule)
+    for number, rules in reasons.items():
+        lines[number - 1] += f"  # noqa: {', '.join((*sorted(rules), _UNUSED))}"
+    return "\n".join(lines) + "\n"
+
+
+def excused_file(text: str, module: str) -> str:
+    """The text of a generated module, with a comment below its first line if whole-file rules complain of it."""
+    rules = sorted(set(_whole_file(text, module)))
+    if not rules:
+        return text
+    first, rest = text.split("\n", 1)
+    return f"{first}\n# ruff: noqa: {', '.join((*rules, _UNUSED))}\n{rest}"
+
+
+def _whole_file(text: str, module: str) -> Iterator[str]:
+    if not _MODULE.fullmatch(module):
+        yield "N999"  # the module is called like that of its IDSL
+    for node in ast.walk(ast.parse(text)):
+        match node:
+            case ast.AnnAssign(target=ast.Name(id=name), annotation=ast.Name(id="TypeAlias")):
+                yield "UP040"  # `type X = …` needs Python 3.12
+                if _LOWER_ALIAS.match(name):
+                    yield "PYI042"
+            case ast.AnnAssign(value=ast.Call(func=ast.Name(id="_field"))):
+                yield "RUF009"  # it is `dataclasses.field`, whose name is taken
+            case _:
+                pass

@@ -1,0 +1,36 @@
+"""How the choice of a middleware is written, and what carries the messages where it is left open.
+
+zeromq       that one, and no other
+auto         rcdeploy chooses the fastest for each link; DEFAULT where nothing faster can be had
+auto(dds)    the same, with that one where nothing faster can be had
+"""
+
+from __future__ import annotations
+
+import re
+
+AUTO = "auto"
+"""The choice of a component that was generated without one."""
+
+DEFAULT = "zeromq"
+"""What carries the messages if nothing else is said, and nothing faster can be had."""
+
+_AUTO = re.compile(rf"{AUTO}(?:\(\s*(\w+)\s*\))?")
+
+
+def is_auto(middleware: str | None) -> bool:
+    """Whether the choice is rcdeploy's: no middleware is named, or the choice is `auto`."""
+    return middleware is None or _AUTO.fullmatch(middleware) is not None
+
+
+def carrier(middleware: str | None, generated_for: str) -> str:
+    """What carries messages for which rcdeploy has not chosen anything faster.
+
+    `middleware` is what the configuration says; `generated_for` is the choice in the generated code, or "" if there is
+    none: then the result is "" unless the configuration names a middleware.
+    """
+    for said in filter(None, (middleware, generated_for)):
+        found = _AUTO.fullmatch(said)
+        if named := found[1] if found else said:
+            return str(named)
+    return DEFAULT if generated_for else ""

@@ -1,0 +1,29 @@
+"""Work that takes long, beside the event loop, where the system may have no thread to spare."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future
+from functools import partial
+from typing import TypeVar
+
+from ..threads import fulfil, start_thread
+
+T = TypeVar("T")
+
+
+async def beside(
+    function: Callable[..., T], *arguments: object, start: Callable[[threading.Thread], bool] = start_thread
+) -> T:
+    """Call a function on a thread of its own.
+
+    If none can be started, the loop waits for it: `asyncio.to_thread` would raise an error, and call it later or never.
+    """
+    answer: Future[T] = Future()
+    answer.set_running_or_notify_cancel()  # who waits may be cancelled; the function goes on
+    job = partial(fulfil, answer, partial(function, *arguments))
+    if not start(threading.Thread(target=job, name="beside")):
+        job()
+    return await asyncio.wrap_future(answer)

@@ -1,0 +1,142 @@
+"""Which contracts the instances of a network run, compared with each other and with what is generated now.
+
+An interface may be changed, and its components generated again, while the network runs. From then on a component that
+starts has the new contract, and those that went on have the old one: they do not understand each other.
+
+Pure, but for `generated`, which reads a component's generic part.
+"""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:  # `rcdeploy status` is quick to import
+    from .snapshot import ProcessStatus
+
+Operations = Mapping[str, str]
+"""As `Component.fingerprints` returns them."""
+
+Contracts = Mapping[str, Operations]
+"""By instance."""
+
+
+@dataclass(frozen=True, slots=True)
+class Severed:
+    """Two instances that are linked by an interface, and have different contracts of it."""
+
+    interface: str
+    provider: str
+    client: str
+
+
+@dataclass(frozen=True, slots=True)
+class Prospect:
+    """What a network would be like if some of its instances were started again."""
+
+    severed: tuple[Severed, ...]
+    """The links that would not work then, and would be new."""
+    together: tuple[str, ...]
+    """The other instances that have to be started again with them, so that these links work."""
+
+
+def generated(folder: Path) -> dict[str, str] | None:
+    """The contracts in the generic part of a component; None if it does not say, as for some middlewares."""
+    files = sorted((folder / "generic").glob("*/channels.json"))
+    found: dict[str, str] = {}
+    try:
+        for file in files:
+            channels = json.loads(file.read_text(encoding="utf-8"))["channels"]
+            found |= {str(each["operation"]): str(each["fingerprint"]) for each in channels}
+    except (OSError, ValueError, TypeError, KeyError):  # half written, or by another version
+        return None
+    return found or None
+
+
+def outdated(running: Contracts, current: Contracts) -> dict[str, list[str]]:
+    """The instances that run another contract than is generated now, with the interfaces it is about."""
+    found = {
+        name: sorted({_interface(each) for each in _differing(operations, current[name])})
+        for name, operations in running.items()
+        if name in current
+    }
+    return {name: interfaces for name, interfaces in found.items() if interfaces}
+
+
+def severed(links: Iterable[Mapping[str, Any]], running: Contracts) -> list[Severed]:
+    """The links whose two ends have different contracts. `links` are those of a plan, as JSON."""
+    found = []
+    for link in links:
+        client, provider = running.get(link["client"]), running.get(link["provider"])
+        if client is None or provider is None:
+            continue
+        wanted = {name: client[name] for name in client if _interface(name) == link["interface"]}
+        if any(provider.get(name) != fingerprint for name, fingerprint in wanted.items()):
+            found.append(Severed(link["interface"], link["provider"], link["client"]))
+    return found
+
+
+def prospect(
+    links: Sequence[Mapping[str, Any]], running: Contracts, current: Contracts, restarted: Collection[str]
+) -> Prospect:
+    """What becomes of the links when some instances are started again, as they are generated now."""
+    before, group = severed(links, running), dict.fromkeys(restarted)
+    old = outdated(running, current)
+
+    def broken() -> list[Severed]:
+        after = severed(links, {**running, **{name: current[name] for name in group if name in current}})
+        return [each for each in after if each not in before]
+
+    first = broken()
+    while more := [name for each in broken() for name in (each.provider, each.client) if name in old.keys() - group]:
+        group |= dict.fromkeys(more)
+    return Prospect(tuple(first), tuple(name for name in group if name not in restarted))
+
+
+def running_contracts(processes: Iterable[ProcessStatus]) -> dict[str, Operations]:
+    """Those of the instances that are there."""
+    return {name: each.contracts[name] for each in processes if not each.state.gone for name in each.contracts}
+
+
+def generated_contracts(plan: Mapping[str, Any]) -> dict[str, Operations]:
+    """What the instances of a plan, as JSON, would run if they were started again; reads their generic parts.
+
+    An instance on another host would run the copy that was sent there when the network started.
+    """
+    remote = {name for each in plan.get("processes", ()) if each["host"] for name in each["instances"]}
+    ours = plan.get("ours", {})
+    there = {folder: generated(Path(folder)) for folder in {each["folder"] for each in ours.values()}}
+    found: dict[str, Operations] = {}
+    for name, contract in ours.items():
+        operations = contract["operations"] if name in remote else there[contract["folder"]]
+        if operations:
+            found[name] = operations
+    return found
+
+
+def sentences(network: str, severed: Iterable[Severed], outdated: Mapping[str, Sequence[str]]) -> list[str]:
+    """The sentences about them; `network` is the network as the user names it."""
+    told = [
+        f"{each.client} uses `{each.interface}` of {each.provider}, and they have different contracts of it: "
+        "they do not understand each other"
+        for each in severed
+    ]
+    for name, interfaces in outdated.items():
+        said = ", ".join(f"`{each}`" for each in interfaces)
+        told.append(f"{name} runs an older contract of {said} than is generated now")
+    if outdated:
+        told.append(f"to start again with the new contract: rcdeploy restart {shlex.join((network, *outdated))}")
+    return told
+
+
+def _differing(one: Operations, other: Operations) -> set[str]:
+    return {name for name in one.keys() | other.keys() if one.get(name) != other.get(name)}
+
+
+def _interface(operation: str) -> str:
+    """`Laser` for `RoboCompLaser::Laser.getLaserData`."""
+    return operation.rpartition(".")[0].rpartition("::")[2]

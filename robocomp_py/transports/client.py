@@ -1,0 +1,250 @@
+"""Who asks one process, the one that serves its channel, and finds it in the directory."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Hashable
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as FutureTimeout
+from functools import partial
+from typing import Generic, TypeVar
+
+from ..errors import Closed, ContractMismatch, Timeout, TransportError, Unreachable
+from ..wire.codec import Payload
+from ..wire.header import Flag, ReplyHeader, random_id
+from .announced import AnnouncedLink, Reached, T
+from .base import STATUSES, Channel, Reply, Status, SupportsQuestion
+from .directory import Entry, Member
+from .link import accepted
+from .pending import Pending
+from .replies import Numbered
+
+LOOK = 0.05
+"""Seconds between two looks whether the peers live whose answers are awaited."""
+
+
+P = TypeVar("P", bound=Reached)
+W = TypeVar("W")
+
+
+class FindingLink(AnnouncedLink[T], ABC, Generic[T, P, W]):
+    """`P` is what such a process is to us, `W` what says there that a request is for this channel."""
+
+    def __init__(self, transport: T, channel: Channel) -> None:
+        super().__init__(transport, channel)
+        self.client, self._sequence = random_id(), itertools.count(1)
+        self._found: tuple[P, W] | None = None
+        self._found_at = -1
+        """The version of the directory in which it was found."""
+
+    @abstractmethod
+    def reach(self, member: Member, entry: Entry) -> P | None:
+        """A process that serves this channel; None if it has just left."""
+
+    @abstractmethod
+    def where(self, entry: Entry) -> W:
+        """What requests bear there."""
+
+    def met(self, peer: P) -> None:
+        """A server was found."""
+
+    def visible(self) -> bool:
+        try:
+            peer, _ = self.server(fresh=True)
+            self.still(peer)
+        except Unreachable:
+            return False
+        return True
+
+    def server(self, *, fresh: bool = False) -> tuple[P, W]:
+        """The process that serves this channel, and what requests bear there. Raises Unreachable.
+
+        It may have stopped doing so since the directory was looked into, unless `fresh`.
+        """
+        found = self._found
+        if found and not found[0].closed and not (fresh and self.transport.directory.version() != self._found_at):
+            return found
+        self.check_open()  # once we are closed nothing is found any more, so it need not be looked at above
+        version = self.transport.directory.version()
+        self._found = None
+        for member, entry in self.counterparts(strict=True):
+            peer = self.reach(member, entry) if self.transport.directory.alive(member.id) else None
+            if peer is not None:
+                found = peer, self.where(entry)
+                self.met(peer)
+                self._found, self._found_at = found, version
+                if self.closed.is_set():  # meanwhile
+                    self._found = None
+                self.check_open()
+                return found
+        raise Unreachable(f"{self.channel.name}: nobody serves it")
+
+    def look(self) -> bool:
+        there = [(member.id, self.where(entry)) for member, entry in self.counterparts()]
+        found = self._found
+        if found and (found[0].id, found[1]) not in there:
+            self._found = None
+        return True
+
+    def lost(self, peer: P) -> bool:
+        """Whether a process has stopped serving this channel, as one that refuses a request probably has."""
+        self.look()
+        return not (self._found and self._found[0] is peer)
+
+    def still(self, peer: P) -> None:
+        """Raise if there is no point in waiting any longer."""
+        self.check_open()
+        if not peer.alive():
+            self.transport.drop(peer)
+            raise Unreachable(f"{self.channel.name}: its server left")
+
+    def release(self) -> None:
+        self._found = None
+
+
+class CommandingLink(FindingLink[T, P, W], ABC):
+    """Sends one command after the other."""
+
+    role, facing = "commands", "receives"
+
+    def __init__(self, transport: T, channel: Channel) -> None:
+        super().__init__(transport, channel)
+        self._order = threading.Lock()
+
+    def send(self, payload: Payload, deadline: float = 5.0) -> None:
+        end = time.monotonic() + deadline
+        self.take_turn(self._order, deadline)
+        try:
+            self.check_open()
+            peer, where = self.server(fresh=True)  # nothing would tell that it does not serve this any more
+            self.command(peer, where, payload, end, deadline)
+        finally:
+            self._order.release()
+
+    @abstractmethod
+    def command(self, peer: P, where: W, payload: Payload, end: float, deadline: float) -> None:
+        """Send it there until `end`, which is so many seconds after `send` began."""
+
+
+class CallingLink(FindingLink[T, P, W], SupportsQuestion, ABC):
+    """Calls that end by an answer of their peer, by its end, by their deadline, or by being cancelled."""
+
+    role, facing = "calls", "serves"
+
+    def __init__(self, transport: T, channel: Channel) -> None:
+        super().__init__(transport, channel)
+        self._pending = Pending(channel.name)
+        self._flags = Flag.IDEMPOTENT if channel.idempotent else Flag.NONE
+        self._met: dict[Hashable, P] = {}
+        """The peers that were asked, and may still answer."""
+
+    def ask_peer(self, peer: P, where: W, payload: Payload, number: int, end: float, deadline: float) -> Reply:
+        """Ask under that number, or a new one if it is 0, and wait. Raises TransportError.
+
+        A transport whose threads can wait for their answers themselves does so here, which saves handing them over.
+        """
+        future = self._send(peer, where, payload, number, end, deadline)
+        try:
+            return future.result(max(0.0, end - time.monotonic()))
+        except FutureTimeout:
+            future.cancel()
+            raise self.no_answer(deadline) from None
+
+    def post(self, peer: P, where: W, payload: Payload, number: int, end: float, deadline: float) -> bool:
+        """Send a request whose answer will come to `answered`; False if it could not be sent until `end`.
+
+        A transport whose library keeps the calls itself overrides `call` and `ask_peer`, and does not need this.
+        """
+        raise NotImplementedError
+
+    def met(self, peer: P) -> None:
+        self._met[peer.key] = peer
+
+    def question(self, payload: Payload) -> Numbered:
+        """A request with one number, however often it is sent."""
+        return Numbered(self, payload, next(self._sequence))
+
+    def call(self, payload: Payload, deadline: float, number: int = 0) -> Future[Reply]:
+        self.check_open()
+        end = time.monotonic() + deadline
+        peer, where = self.server()
+        future = self._send(peer, where, payload, number, end, deadline)
+        self.transport.look_soon()
+        return future
+
+    def ask(self, payload: Payload, deadline: float, number: int = 0) -> Reply:
+        end = time.monotonic() + deadline
+        try:
+            while True:
+                peer, where = self.server()
+                reply = self.ask_peer(peer, where, payload, number, end, deadline)
+                if reply.status is not Status.REFUSED or not self.refuses(peer, reply):
+                    return reply  # else it was not executed, and may be asked for where it is served now
+        except TransportError:
+            self.check_open()  # what goes wrong because we are closed is that
+            raise
+
+    def _send(self, peer: P, where: W, payload: Payload, number: int, end: float, deadline: float) -> Future[Reply]:
+        number = number or next(self._sequence)
+        key = peer.key, number
+        future = self._pending.add(key, deadline)
+        try:
+            sent = self.post(peer, where, payload, number, end, deadline)
+        except BaseException:
+            future.cancel()
+            raise
+        if not sent:
+            self._pending.fail(key, self.late_to_ask(peer, deadline))
+        return future
+
+    def refuses(self, peer: P, reply: Reply) -> bool:
+        """Whether a process that refuses a request has stopped serving this channel."""
+        return self.lost(peer)
+
+    def answered(self, key: Hashable, header: ReplyHeader, payload: Payload) -> None:
+        """An answer came in from the peer with that key. Runs callbacks, which may take long."""
+        call = key, header.sequence
+        try:
+            reply = accepted(self.channel, Reply(STATUSES[header.status], payload))
+        except ContractMismatch as exc:
+            self._pending.fail(call, exc)
+        except KeyError:
+            self.malformed(f"status {header.status}")
+        else:
+            peer = self._met.get(key)
+            if reply.status is Status.REFUSED and peer and self.refuses(peer, reply):
+                self._pending.fail(call, self._left())
+            else:
+                self._pending.settle(call, reply)
+
+    def tick(self) -> float | None:
+        wait = self._pending.expire(self.transport.do)
+        if len(self._pending):
+            wait = LOOK if wait is None else min(wait, LOOK)
+            for peer in [peer for peer in list(self._met.values()) if not peer.alive()]:
+                self.transport.drop(peer)
+                self._pending.fail_all(self._left(), only=partial(_is_to, peer.key), do=self.transport.do)
+        for peer in [peer for peer in list(self._met.values()) if peer.closed]:
+            del self._met[peer.key]
+        return wait
+
+    def release(self) -> None:
+        super().release()
+        self._pending.close(Closed(f"{self.channel.name}: the link is closed"))
+
+    def late_to_ask(self, peer: P, deadline: float) -> Timeout:
+        return Timeout(f"{self.channel.name}: could not be asked within {deadline:g} s")
+
+    def no_answer(self, deadline: float) -> Timeout:
+        return Timeout(f"{self.channel.name}: no answer in {deadline:g} s")
+
+    def _left(self) -> Unreachable:
+        return Unreachable(f"{self.channel.name}: its server left")
+
+
+def _is_to(peer: Hashable, key: Hashable) -> bool:
+    """Whether that is the key of a call to that peer."""
+    return isinstance(key, tuple) and key[0] == peer

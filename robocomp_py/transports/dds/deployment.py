@@ -1,0 +1,63 @@
+"""DDS as a deployment sees it: participants use the address of their host, and know the others; no multicast."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+from ..deployment import Deployment, Reached
+from ..network import Network, Refusal, Wiring, block_of
+
+FIRST_DOMAIN = 100
+"""Networks on several hosts use a domain from this one on, in which programs are only if they are configured to be."""
+
+CROWD = 24
+"""If more instances meet, they are told so, for each of them talks to all others."""
+
+
+class DDSDeployment(Deployment):
+    summary = "what every tool of DDS sees"
+    colour = "#c06a00"
+    crosses_hosts = True
+    unprotected = "DDS as pip installs it has neither authentication nor encryption"
+    shares = False
+    modules = (("cyclonedds", "cyclonedds"),)
+
+    def wire(self, network: Network) -> Wiring:
+        refusals = tuple(
+            Refusal(
+                way,
+                f"`{network.middleware}` is wired between IPv4 addresses only, and is to carry `{way.interface}` "
+                f"between {network.between(way)}",
+                "give the hosts such addresses",
+            )
+            for way in network.crossing()
+            if any(":" in network.address(network.by_name[end]) for end in (way.client, way.provider))
+        )
+        options: dict[str, dict[str, Any]] = {}
+        for processes in _connected(network):
+            sites = [site for site in network.sites if site.process in processes]
+            peers = [network.addresses[host] for host in dict.fromkeys(site.host for site in sites)]
+            for site in sites if len(peers) > 1 else ():
+                if not site.is_program:
+                    domain, interface = FIRST_DOMAIN + block_of(network.name), network.address(site)
+                    options[site.instance] = {"domain": domain, "interface": interface, "peers": peers}
+        users = {end for way in network.ways for end in (way.client, way.provider)}
+        for name in sorted(users) if len(users) > CROWD else ():
+            if "many" not in network.by_name[name].options.get(network.middleware, {}):
+                options.setdefault(name, {})["many"] = True
+        return Wiring({} if refusals else options, refusals=refusals)
+
+    def reached(self, options: Mapping[str, Any]) -> Iterator[Reached]:
+        if (interface := options.get("interface", "lo")) != "lo":
+            yield Reached("uses the network interface", str(interface) or "of DDS's own choice")
+
+
+def _connected(network: Network) -> list[set[str]]:
+    """The processes that meet, directly or through others."""
+    groups: list[set[str]] = []
+    for way in network.ways:
+        pair = {network.by_name[end].process for end in (way.client, way.provider)}
+        touched: Iterable[set[str]] = [group for group in groups if group & pair]
+        groups = [group for group in groups if group not in touched] + [pair.union(*touched)]
+    return groups

@@ -1,0 +1,194 @@
+"""What a transport declares to those who deploy it: the second, optional entry point of a transport.
+
+    [project.entry-points."robocomp_py.deployments"]
+    NAME = "MODULE:CLASS"      a subclass of `Deployment`, under the name of the transport
+
+`rcdeploy`, the checkers and the pictures read it on machines where the middleware is not installed. So its module must
+not import the middleware. A transport without a deployment side works on one host, and `security lan` refuses it.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .. import installed
+from ..contract.parameters import Complaint, Key
+from .network import Helper, Network, Refusal, Wiring
+from .permissions import Graph
+
+if TYPE_CHECKING:
+    from ..contract.component import Component, Port
+    from ..runtime.settings import Settings
+
+OTHER_COLOUR = "#1f6fb2"
+
+
+class Near(StrEnum):
+    """How close two instances are to each other."""
+
+    PROCESS = "one process"
+    HOST = "one host"
+
+
+@dataclass(frozen=True)
+class Reached:
+    """An address at which a transport listens, or to which it connects."""
+
+    what: str
+    """`listens at`, `connects to`: with the address behind it."""
+    address: str
+    unencrypted: str = ""
+    """If what travels there is not encrypted although the transport is protected: what to write instead."""
+
+
+@dataclass(frozen=True)
+class Completion:
+    """What follows for another key of a configuration from an option of a transport."""
+
+    key: Key
+    value: Any
+    said_by: Key
+
+
+class Deployment:
+    """The deployment side of a transport. The values here are those of a transport that declares nothing."""
+
+    missing = ""
+    """Why nothing is declared."""
+    summary = ""
+    """What the transport is, in a few words."""
+    colour = OTHER_COLOUR
+    """Its arrows in pictures of networks."""
+    near: Near | None = None
+    """`auto` prefers the transport for instances that are so close to each other."""
+    crosses_hosts = False
+    """Whether `wire` connects instances on different hosts."""
+    unprotected = "its deployment side does not declare what keeps strangers out"
+    """Why strangers may take part or listen; "" if they cannot."""
+    keyed = False
+    """Whether it has the option `keys`: a folder that `rcdeploy keys` makes for each process."""
+    shares = True
+    """Whether its components share a program, which the `host` of its factory runs with their options."""
+    ports_of_interfaces = False
+    """Whether each interface that an instance provides to another host has a port of its own."""
+    longest_socket = ""
+    """The longest path that a socket of it may have below the run-time folder."""
+    leaves_memory = False
+    """Whether opening and closing it removes what killed processes left outside of the run-time folder."""
+    modules: tuple[tuple[str, str], ...] = ()
+    """What a host must have: a module, and the package that contains it, of each."""
+
+    def wire(self, network: Network) -> Wiring:
+        """How instances find each other, given all that the transport carries between them."""
+        why = f" ({self.missing})" if self.missing else ""
+        hint = f"name another one, {network.default} say, or leave it open"
+        return Wiring(
+            refusals=tuple(
+                Refusal(
+                    way,
+                    f"`{network.middleware}` does not reach other hosts{why}, and is to carry `{way.interface}` "
+                    f"between {network.between(way)}",
+                    hint,
+                )
+                for way in network.crossing()
+            )
+        )
+
+    def examine(self, options: Mapping[str, Any]) -> Iterator[Complaint]:
+        """What is wrong with the options of an instance, before it opens anything."""
+        yield from ()
+
+    def complete(
+        self,
+        options: Mapping[str, Any],
+        component: Component,
+        own: Port | None,
+        settings: Callable[[], Settings],
+        generated_for: str,
+        *,
+        is_overridden: bool,
+    ) -> Iterator[Complaint | Completion]:
+        """What options mean to the ports of a component, once everything else is set.
+
+        `own` is the port of its `CommonBehavior`, `generated_for` the middleware of its generic part, and
+        `is_overridden` says whether something other than the file says whom a port uses.
+        """
+        yield from ()
+
+    def outside(self, options: Mapping[str, Any], channel: str) -> str:
+        """Where an instance finds a channel outside of its network, as its options say; "" if they do not."""
+        return ""
+
+    def at_port(self, port: int) -> Mapping[str, Any]:
+        """The options of an instance on this machine to which its network gives a `port`; 0 is that it needs none."""
+        return {}
+
+    def reached(self, options: Mapping[str, Any]) -> Iterator[Reached]:
+        """The addresses that an instance or a helper opens with these options."""
+        yield from ()
+
+    def crowded(self, connections: int) -> str:
+        """Why this host cannot carry so many pairs of a client and a provider; "" if it can."""
+        return ""
+
+    def key_pair(self) -> tuple[bytes, bytes]:
+        """A new public and secret key of a process, 40 characters of Z85 each; empty if it needs none."""
+        return b"", b""
+
+    def secured(self, helper: Helper, graph: Graph, folder: Path, numbers: Mapping[str, int]) -> Mapping[str, Any]:
+        """The options of a helper which is to let in only members of the graph.
+
+        `folder` has its `ca.pem`, `certificate.pem` and `key.pem`; `numbers` has the number of each process.
+        """
+        return helper.options
+
+
+class Undeclared(Deployment):
+    """Stands for the deployment side of a transport which has none that could be loaded."""
+
+    def __init__(self, missing: str = "its transport has no deployment side") -> None:
+        self.missing = self.unprotected = missing
+
+
+def deployment_of(middleware: str) -> Deployment:
+    """The deployment side of a transport, by its name. Does not import the middleware, and never fails."""
+    with installed.asked_once():
+        if middleware not in installed.entries(installed.DEPLOYMENTS):
+            return Undeclared()
+        try:
+            found: type[Deployment] = installed.load(installed.DEPLOYMENTS, middleware)
+        except ImportError as exc:
+            return Undeclared(f"its deployment side cannot be loaded: {exc}")
+        return found()
+
+
+def deployments() -> dict[str, Deployment]:
+    """All installed ones, by the names of their transports."""
+    return {name: deployment_of(name) for name in installed.entries(installed.DEPLOYMENTS)}
+
+
+_LOCAL = ("here", "ipc", "inproc", "unixsock-stream", "unixpipe")
+
+
+def is_loopback(address: str) -> bool:
+    """Whether only this machine reaches what is at an address of a transport."""
+    kind, _, rest = address.partition("://") if "://" in address else address.partition("/")
+    if not rest:
+        rest = address
+    elif kind not in ("tcp", "tls", "udp", "quic", "ws"):
+        return kind in _LOCAL  # names of others are not known to us
+    host = re.sub(r"[?#].*", "", rest)
+    host = host.rpartition(":")[0] if re.search(r":(\d+|\*)$", host) else host
+    host = host.strip("[]")
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False  # a name, which may be anybody's, or `*`

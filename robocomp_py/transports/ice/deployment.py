@@ -1,0 +1,72 @@
+"""Ice as a deployment sees it. Where its objects are in a network, `deploy.iceplaces` finds out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from ...contract.parameters import Complaint
+from .. import iceoptions
+from ..deployment import Completion, Deployment, Reached
+from ..iceoptions import IceEndpoint, IceOptions
+from ..network import Helper, Network, Wiring
+
+if TYPE_CHECKING:
+    from ...contract.component import Component, Port
+    from ...runtime.settings import Settings
+
+
+class IceDeployment(Deployment):
+    summary = "ZeroC Ice, as RoboComp's own programs speak it"
+    colour = "#0e7490"
+    crosses_hosts = True
+    unprotected = "Ice as RoboComp's programs speak it has neither authentication nor encryption"
+    ports_of_interfaces = True
+    shares = False  # topics need IceStorm, and calls need nothing
+    modules = (("Ice", "zeroc-ice"),)
+
+    def wire(self, network: Network) -> Wiring:
+        return Wiring()
+
+    def examine(self, options: Mapping[str, Any]) -> Iterator[Complaint]:
+        return iceoptions.examine(options)
+
+    def complete(
+        self,
+        options: Mapping[str, Any],
+        component: Component,
+        own: Port | None,
+        settings: Callable[[], Settings],
+        generated_for: str,
+        *,
+        is_overridden: bool,
+    ) -> Iterator[Complaint | Completion]:
+        from . import ports  # only for a component that may use Ice
+
+        return ports.complete(
+            options, ports.Ports(component, own, settings(), generated_for), is_overridden=is_overridden
+        )
+
+    def outside(self, options: Mapping[str, Any], channel: str) -> str:
+        return iceoptions.read(options).proxy_of(channel) or ""
+
+    def reached(self, options: Mapping[str, Any]) -> Iterator[Reached]:
+        told = iceoptions.read(options)
+        served = [each for text in told.endpoints.values() for each in iceoptions.parse_endpoints(text)]
+        for each in (IceEndpoint("tcp", told.host), *served):
+            yield Reached("listens at", _address(each, told))
+        said = [] if told.storm == iceoptions.STORM else [told.storm]  # else it is wherever we are
+        for text in (*told.proxies.values(), *said):
+            for each in iceoptions.parse_proxy(text).endpoints:
+                yield Reached("connects to", _address(each, told))
+
+
+def storm(proxy: str, number: int = 0, host: str | None = None) -> Helper:
+    """The IceStorm at a TopicManager's proxy; without a host, the one that has its address runs it."""
+    note = f"{proxy}, run with the network if that is here and none answers there"
+    return Helper("ice", host, {"storm": proxy}, f"ice-storm{number or ''}", "IceStorm", note=note)
+
+
+def _address(endpoint: IceEndpoint, options: IceOptions) -> str:
+    host = endpoint.host or options.host
+    return f"tcp://{f'[{host}]' if ':' in host else host}:{endpoint.port or '*'}"

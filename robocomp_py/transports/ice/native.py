@@ -1,0 +1,17 @@
+"""What programs of Ice need to talk to a component without this package; only the generator imports it."""
+
+from __future__ import annotations
+
+from ...codegen.native import Json, Use, channels
+from .. import iceoptions
+
+
+def native(uses: list[Use], about: str) -> tuple[dict[str, str], Json]:
+    return {}, {"channels": channels(uses, _address)}
+
+
+def _address(use: Use, kind: str) -> Json:
+    if kind == "publication":
+        return {"topic": iceoptions.IceOptions().topic_of(use.channel), "operation": use.operation.name}
+    mode = "idempotent" if use.operation.idempotent else "normal"
+    return {"identity": iceoptions.identity_of(use.channel), "operation": use.operation.name, "mode": mode}

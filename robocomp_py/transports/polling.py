@@ -1,0 +1,118 @@
+"""A base for transports over sockets that are Python's: one thread polls all of them.
+
+A subclass says how it listens, connects and frames its messages, and derives its links from `PublishingLink` and
+`SubscribingLink` (`topics.py`), `CommandingLink` and `CallingLink` (`client.py`), `CommandInlet` and `Server`
+(`server.py`). See `docs/guides/transports.md`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import socket
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
+from ..errors import TransportError
+from ..wire.header import random_id
+from .announced import Announcing
+from .base import TransportConfig
+from .crew import Job, LeaderFollowers
+from .directory import Directory, runtime_dir
+
+TICK = 0.1
+"""Seconds between two looks at the directory and at what is due."""
+
+
+class _Watched(NamedTuple):
+    socket: socket.socket
+    on_input: Callable[[], Iterable[Job]]
+    on_end: Callable[[], object]
+
+
+class PollingTransport(Announcing):
+    """`name` is that of its folder and of its threads. A subclass calls `start` once it can take input."""
+
+    name: str
+
+    def __init__(self, config: TransportConfig) -> None:
+        super().__init__()
+        self.owner, self.incarnation = config.owner, random_id()
+        self.folder = runtime_dir(self.name)
+        self.served = self.folder / "served"
+        self._watched: dict[int, _Watched] = {}
+        self._jobs: deque[Job] = deque()
+        self._next_tick = 0.0
+        self.directory = Directory(self.folder)
+        self.member = self.directory.join(self.owner)
+        self._wakes, self._wake = socket.socketpair()
+        self._crew = LeaderFollowers(self.name, self._receive, self.look_soon)
+
+    def start(self) -> None:
+        try:
+            self._crew.start()
+        except TransportError:
+            self.close()
+            raise
+
+    def watch(self, what: socket.socket, on_input: Callable[[], Iterable[Job]], on_end: Callable[[], object]) -> None:
+        """Have the receiving thread call `on_input` when there is input.
+
+        When that raises OSError, the thread closes the socket and calls `on_end`. Only that thread closes sockets: all
+        others shut them down, which it notices. A descriptor that one thread closes while another one polls it may
+        belong to another socket by then.
+        """
+        self._watched[what.fileno()] = _Watched(what, on_input, on_end)
+        self._ring()
+
+    def do(self, job: Job) -> None:
+        self._jobs.append(job)
+        self._ring()
+
+    def look_soon(self) -> None:
+        self._next_tick = 0.0
+        self._ring()
+
+    def release(self, everything: contextlib.ExitStack) -> None:
+        for each in (self._wake, self._wakes):
+            everything.callback(each.close)
+        everything.callback(self._close_sockets)
+        everything.callback(self._crew.close)
+        everything.callback(self.close_peers)
+        everything.callback(self.member.close)
+
+    def _close_sockets(self) -> None:
+        for each in list(self._watched.values()):
+            each.socket.close()
+
+    def _ring(self) -> None:
+        with contextlib.suppress(OSError):  # closed meanwhile
+            self._wake.send(b"x")
+
+    def _receive(self) -> Iterable[Job]:
+        now = time.monotonic()
+        if now >= self._next_tick:
+            self._next_tick = now + TICK  # before looking: what becomes due meanwhile is not missed
+            self._next_tick = min(self._next_tick, time.monotonic() + self.tick())
+        watched, poll = dict(self._watched), select.poll()
+        for number in (self._wakes.fileno(), *watched):
+            poll.register(number, select.POLLIN)
+        jobs: list[Job] = []
+        for number, _ in poll.poll(0 if self._jobs else max(0.0, self._next_tick - now) * 1000):
+            if number == self._wakes.fileno():
+                self._wakes.recv(4096)
+            else:
+                jobs += self._input(number, watched[number])
+        jobs += [self._jobs.popleft() for _ in range(len(self._jobs))]
+        return jobs
+
+    def _input(self, number: int, ready: _Watched) -> Iterable[Job]:
+        try:
+            return ready.on_input()
+        except OSError:
+            del self._watched[number]
+            ready.socket.close()
+            ready.on_end()
+            return ()

@@ -1,0 +1,128 @@
+"""Who is commanded and who is called, of transports whose ends find each other in the directory."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from functools import partial
+
+from ..errors import AlreadyServed
+from ..wire.codec import Payload
+from ..wire.header import NO_DEADLINE, Flag, Request
+from .announced import AnnouncedLink, Announcing
+from .base import Channel, Reply, Service, Sink, Status
+from .crew import CommandLane, Job, Servant
+from .exclusive import Claim, claim
+from .ledger import Ledger
+from .replies import Replies
+
+log = logging.getLogger("robocomp.transport")
+
+
+class ServingLink(AnnouncedLink[Announcing], ABC):
+    ordered: bool
+    address = ""
+    """Where its requests come in; "" until they do."""
+    _claim: Claim | None = None
+
+    def __init__(self, transport: Announcing, channel: Channel) -> None:
+        super().__init__(transport, channel)
+        self.ledger = Ledger(self.stats, ordered=self.ordered)
+
+    def open(self) -> None:
+        self._have_alone()
+        self.address = self.transport.enlist(self)
+        self.announce(self.address)
+
+    def _have_alone(self) -> None:
+        directory = self.transport.directory
+        for member, entry in directory.find(self.role, self.channel.name):
+            other = entry.channel != self.channel.name  # one that has `*` in its name, or ours has
+            # One of the same name has a claim, which tells of it sooner, or another one that stands for it.
+            if directory.alive(member.id) if other else directory.still_has(member.id, entry):
+                raise AlreadyServed(f"{self.channel.name}: already served by {member.owner} (pid {member.pid})")
+        if self.channel.claims:
+            self._claim = claim(self.transport.served, self.channel.name, self.transport.owner)
+
+    @abstractmethod
+    def accept(self, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> Job | None:
+        """Take a request; what is left to do about it."""
+
+    def take(self, request: Request, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> Job | None:
+        """Take a request that means what we mean, unless it was taken before; what is left to do about it."""
+        if not self.ledger.admit(request.client, request.sequence):
+            return None
+        return self.accept(payload, expires, answer)
+
+    def refuse_stranger(self, request: Request) -> None:
+        found = self.transport.find(self.facing, self.channel.name)
+        texts = (each.text for each in found if each.fingerprint == request.fingerprint)
+        self.report_mismatch(request.fingerprint, request.fingerprint, next(texts, ""))
+
+    def release(self) -> None:
+        with contextlib.ExitStack() as everything:
+            if self._claim:
+                everything.callback(self._claim.close)
+            everything.callback(self.finish)
+            everything.callback(self.transport.delist, self)
+
+    @abstractmethod
+    def finish(self) -> None:
+        """Let nothing begin any more, and wait for what runs."""
+
+
+def dispatch(
+    link: ServingLink | None, request: Request, payload: Payload, arrived: float, answer: Callable[[Reply], object]
+) -> Job | None:
+    """Give a request to the link that serves it; what is left to do about it. It is refused if that does not."""
+    if link is None:
+        return None if request.flags & Flag.ONEWAY else partial(answer, Reply(Status.REFUSED))
+    if request.fingerprint != link.channel.type.fingerprint:
+        link.refuse_stranger(request)
+        return partial(answer, Reply(Status.MISMATCH, link.channel.type.text.encode()))
+    limited = request.remaining_ms != NO_DEADLINE
+    return link.take(request, payload, arrived + request.remaining_ms / 1000 if limited else math.inf, answer)
+
+
+class CommandInlet(ServingLink):
+    role, facing, ordered = "receives", "commands", True
+
+    def __init__(self, transport: Announcing, channel: Channel, sink: Sink) -> None:
+        super().__init__(transport, channel)
+        self._lane = CommandLane(channel.name, sink, self.stats)
+
+    def accept(self, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> Job | None:
+        return self._lane.drain if self._lane.take(payload, expires) else None
+
+    def finish(self) -> None:
+        self._lane.close()
+
+
+class Server(ServingLink):
+    role, facing, ordered = "serves", "calls", False
+
+    def __init__(self, transport: Announcing, channel: Channel, service: Service) -> None:
+        super().__init__(transport, channel)
+        self._servant = Servant(channel.name, service, self.stats)
+        self._replies = Replies()
+
+    def take(self, request: Request, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> Job | None:
+        new = self.ledger.admit(request.client, request.sequence)
+        if not (request.flags & Flag.IDEMPOTENT and self.channel.idempotent):
+            return self.accept(payload, expires, answer) if new else None
+        asked = request.client, request.sequence
+        known = None if new else self._replies.again(asked, answer)
+        return known or self.accept(payload, expires, self._replies.begun(asked, answer))
+
+    def accept(self, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> Job | None:
+        return partial(self._serve, payload, expires, answer)
+
+    def finish(self) -> None:
+        self._servant.close()
+
+    def _serve(self, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> None:
+        if not self._servant.serve(payload, expires, answer):
+            answer(Reply(Status.REFUSED))

@@ -1,0 +1,189 @@
+"""Who commands and who calls, and the processes they ask."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from functools import partial
+from typing import TYPE_CHECKING
+
+from ...errors import DecodeError, Timeout, Unreachable
+from ...wire.codec import Payload
+from ...wire.header import Flag, pack_request, random_id, reply_at
+from ..base import STATUSES, Channel, Reply, Status, answered
+from ..client import CallingLink, CommandingLink, FindingLink
+from ..directory import Entry, Member
+from ..link import accepted, persist
+from .haste import Haste
+from .mail import HURRY, KNOCK, Line, Post, packed
+from .receipts import OPENED
+from .receipts import Reader as Receiver
+from .samples import HEAD_BYTES, size_of
+
+if TYPE_CHECKING:
+    from .transport import ShmTransport
+
+
+_COMMAND = Flag.ONEWAY | Flag.SENT
+
+_QUICK = 64 * 1024
+"""Octets from which on writing a request takes longer than being woken: its server would wait once more."""
+
+
+class Peer:
+    """A transport that serves: the way into its queue, and lines for synchronous calls to it."""
+
+    def __init__(self, transport: ShmTransport, member: Member) -> None:
+        self.id, self.key = member.id, packed(member.id)
+        self.closed = False
+        self.unsettled = False
+        """Whether a command was sent that may not have been taken yet."""
+        self._transport = transport
+        self._idle: list[Line] = []
+        self._stale = 0
+        own = packed(transport.member.id)
+        opened = Receiver(transport.receipts(member.id, OPENED), own, 0)
+        self.post = Post(transport.node, own, member.id, 0, opened)
+        transport.node.heaps.meet(self.key)  # an answer that is sent before it leaves can be read afterwards, too
+
+    def alive(self) -> bool:
+        return not self.closed and self._transport.directory.alive(self.id)
+
+    def take(self, asking: str) -> Line:
+        """A line for the calling thread alone, and what it is asking for; it must `give` it back."""
+        if self.closed:
+            raise Unreachable(f"{asking}: its server left")
+        if self._idle:
+            try:
+                return self._idle.pop()
+            except IndexError:  # another thread was quicker
+                pass
+        return self._transport.new_line()
+
+    def settle(self, end: float) -> None:
+        """Wait until all commands were taken. What is on its way to somebody who has not yet looked goes when we go."""
+        if not self.unsettled or not self.alive():
+            return
+        line = self.take(self.id)
+        try:
+            number = random_id()
+            header = pack_request(Flag.NONE, 0, 0, number, max(0.0, end - time.monotonic()))
+            knock = partial(self.post.send, line.number, KNOCK, header, b"", 0)
+            if not persist(knock, end, lambda: None, threading.Event()):
+                return
+            while time.monotonic() < end and self.alive():
+                line.rung(end - time.monotonic())
+                while (message := line.read()) is not None:
+                    if reply_at(message.octets, HEAD_BYTES).sequence == number:
+                        return
+        finally:
+            self.give(line)
+
+    def give(self, line: Line) -> None:
+        if line.number <= self._stale:
+            line.close()
+            return
+        self._idle.append(line)
+        if self.closed:
+            self._close_idle()
+
+    def renew(self, lines: int) -> None:
+        """Use no line up to that number any more: servers may have been unable to reach us there."""
+        self._stale = lines
+        self._close_idle()
+
+    def close(self) -> None:
+        self.closed = True
+        self._close_idle()
+        self.post.close()
+
+    def _close_idle(self) -> None:
+        """By whoever gets hold of each: more may be given back meanwhile."""
+        with contextlib.suppress(IndexError):
+            while True:
+                self._idle.pop().close()
+
+
+class AskingLink(FindingLink["ShmTransport", Peer, int]):
+    def reach(self, member: Member, entry: Entry) -> Peer | None:
+        return self.transport.peer(member)
+
+    def where(self, entry: Entry) -> int:
+        return int(entry.address)
+
+    def request(self, flags: int, remaining: float, number: int = 0) -> tuple[int, bytes]:
+        """A new one, or that of a number which was asked before; its number and its header."""
+        number = number or next(self._sequence)
+        return number, pack_request(flags, self.channel.type.fingerprint, self.client, number, remaining)
+
+
+class CommandOutlet(CommandingLink["ShmTransport", Peer, int], AskingLink):
+    def command(self, peer: Peer, where: int, payload: Payload, end: float, deadline: float) -> None:
+        _, header = self.request(_COMMAND, deadline)
+        peer.unsettled = True
+        send = partial(peer.post.send, 0, where, header, payload, size_of(payload))
+        if not persist(send, end, partial(self.still, peer), self.closed):
+            self.still(peer)
+            raise Timeout(
+                f"{self.channel.name}: its server did not take the command for {deadline:g} s{peer.post.hindrance}"
+            )
+
+
+class Caller(CallingLink["ShmTransport", Peer, int], AskingLink):
+    def __init__(self, transport: ShmTransport, channel: Channel) -> None:
+        super().__init__(transport, channel)
+        self._flags |= Flag.SENT
+        self._haste = Haste()
+
+    def open(self) -> None:
+        self.transport.desk.callers[self.client] = self
+        super().open()
+
+    def release(self) -> None:
+        self.transport.desk.callers.pop(self.client, None)
+        super().release()
+
+    def post(self, peer: Peer, where: int, payload: Payload, number: int, end: float, deadline: float) -> bool:
+        _, header = self.request(self._flags, deadline, number)
+        send = partial(peer.post.send, 0, where, header, payload, size_of(payload))
+        return persist(send, end, partial(self.still, peer), self.closed)
+
+    def late_to_ask(self, peer: Peer, deadline: float) -> Timeout:
+        return Timeout(f"{super().late_to_ask(peer, deadline)}{peer.post.hindrance}")
+
+    def ask_peer(self, peer: Peer, where: int, payload: Payload, number: int, end: float, deadline: float) -> Reply:
+        line, haste, begun = peer.take(self.channel.name), self._haste, time.monotonic()
+        try:
+            at, hurry = line.number, haste.next()
+            size = size_of(payload)
+            if hurry:
+                at |= HURRY
+                if size < _QUICK:
+                    peer.post.announce()
+            number, header = self.request(self._flags, max(0.0, end - begun), number)
+            if not peer.post.send(at, where, header, payload, size):
+                send = partial(peer.post.send, at, where, header, payload, size)
+                if not persist(send, end, partial(self.still, peer), self.closed):
+                    raise self.late_to_ask(peer, deadline)
+            while True:
+                left = end - time.monotonic()
+                if left <= 0:
+                    raise self.no_answer(deadline)
+                rung = line.rung(left)
+                while (message := line.read()) is not None:
+                    try:
+                        found = reply_at(message.octets, HEAD_BYTES)
+                        if found.sequence == number and found.client == self.client:
+                            reply = answered((STATUSES[found.status], message.payload))
+                            if haste.trying:
+                                haste.took(hurry, time.monotonic() - begun)
+                            return reply if reply.status is Status.OK else accepted(self.channel, reply)
+                    except DecodeError as exc:
+                        self.malformed(exc)
+                    except KeyError as exc:
+                        self.malformed(f"status {exc}")
+                if not rung:
+                    self.still(peer)
+        finally:
+            peer.give(line)

@@ -1,0 +1,20 @@
+"""Shared memory as a deployment sees it."""
+
+from __future__ import annotations
+
+from ..deployment import Deployment, Near
+
+
+class ShmDeployment(Deployment):
+    summary = "memory that the processes of one host share"
+    colour = "#0f8a5f"
+    near = Near.HOST
+    unprotected = ""  # one user of one host
+    shares = False
+    leaves_memory = True
+    modules = (("iceoryx2", "iceoryx2"),)
+
+    def crowded(self, connections: int) -> str:
+        from .room import crowded  # asks the operating system
+
+        return crowded(connections)

@@ -1,0 +1,155 @@
+"""Shared memory that is left, and how to take some of it without being killed if there is too little."""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import mmap
+import os
+import pwd
+import resource
+import stat
+from pathlib import Path
+
+from ...errors import TransportError
+
+SHARED_MEMORY = "/dev/shm"
+
+OPENING = 8 * 1024 * 1024
+"""Bytes of shared memory that must be free when something is opened. It takes a small part of that."""
+
+CONNECTION = 4 * 1024 * 1024
+"""Bytes that each pair of a client and a provider may take besides the messages that are in use."""
+
+PAGE = mmap.PAGESIZE
+
+_POPULATE_WRITE = 23
+"""Have memory now, or be told that there is none, rather than be killed when it is written to."""
+
+_INVALID, _NOT_MAPPED = 22, 12
+"""The kernel is older than that request (Linux 5.14); there is nothing at these addresses."""
+
+_LONG = 256 * 1024
+"""Before so many bytes are asked for, we look whether they are left: the request would take these, and then fail."""
+
+FILES = 32
+"""So many files may be opened at once, by what fails for want of them, and then closes what it has opened."""
+
+_library = ctypes.CDLL(None, use_errno=True)
+_madvise = _library.madvise
+_madvise.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int)
+
+
+class Full(TransportError):
+    """There is not enough shared memory."""
+
+
+def free() -> int:
+    """Bytes of shared memory that are left."""
+    try:
+        found = os.statvfs(SHARED_MEMORY)
+    except OSError as exc:
+        raise TransportError(f"shm: {SHARED_MEMORY}: {exc.strerror}") from exc
+    return found.f_bavail * found.f_frsize
+
+
+def check_room(size: int) -> None:
+    """Raise `Full` unless this many bytes are left: a process that writes to missing memory is killed."""
+    left = free()
+    if left < size:
+        raise full(size, left)
+
+
+def crowded(connections: int) -> str:
+    """Why the shared memory of this host is too small for this many connections; "" if it is not.
+
+    How large their messages will be is not known. What counts is the size and not what is free now, so that the
+    answer stays the same while a network runs.
+    """
+    try:
+        found = os.statvfs(SHARED_MEMORY)
+    except OSError as exc:
+        return f"{SHARED_MEMORY}: {exc.strerror}"
+    needed, size = OPENING + connections * CONNECTION, found.f_blocks * found.f_frsize
+    if needed <= size:
+        return ""
+    return (
+        f"{connections} connection{'s' * (connections > 1)} may take {needed >> 20} MB of shared memory, and "
+        f"{SHARED_MEMORY} has {size >> 20} MB; "
+        f"make it larger (mount -o remount,size=2G {SHARED_MEMORY}; for a container, --shm-size=2g)"
+    )
+
+
+def own(address: int, size: int, missing: int) -> None:
+    """Have memory at these addresses, where this many bytes have none yet. Raises `Full` if there is not enough."""
+    if missing >= _LONG:
+        check_room(missing)
+    if not _populated(address, size):
+        left = free()
+        if ctypes.get_errno() != _INVALID or left < missing:
+            raise full(missing, left)
+
+
+def is_owned(address: int, size: int) -> bool:
+    """Have memory there likewise; False if nothing is mapped there. Raises `Full` if there is not enough."""
+    if not _populated(address, size):
+        error = ctypes.get_errno()
+        if error not in (_INVALID, _NOT_MAPPED):
+            raise full(PAGE, free())
+        return False
+    return True
+
+
+def full(size: int, left: int) -> Full:
+    return Full(
+        f"shm: {size} bytes of shared memory are needed, and {left} are left in {SHARED_MEMORY}; make it larger "
+        f"(mount -o remount,size=2G {SHARED_MEMORY}; for a container, --shm-size=2g), or choose another middleware"
+    )
+
+
+def _populated(address: int, size: int) -> bool:
+    start = address - address % PAGE
+    done: int = _madvise(start, address + size - start, _POPULATE_WRITE)
+    return done == 0
+
+
+def spare_files(most: int) -> int:
+    """How many files this process can open just now; more than `most` are not counted."""
+    opened: list[int] = []
+    try:
+        while len(opened) < most:
+            opened.append(os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC))
+    except OSError as exc:
+        if exc.errno not in (errno.EMFILE, errno.ENFILE):
+            return most
+    finally:
+        for each in opened:
+            os.close(each)
+    return len(opened)
+
+
+def what_is_short() -> str:
+    """What iceoryx2 calls an internal failure, although it can be mended."""
+    limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    try:
+        used = len(os.listdir("/proc/self/fd"))
+    except OSError:  # not even this one
+        used = limit
+    if used + FILES < limit:
+        return ""
+    return f"; this process has {used} files open, and may have {limit}: let it have more (ulimit -n 4096)"
+
+
+def hindrance(path: Path) -> str:
+    """The owner of that file, and what to do; "" if it is a file of ours, or not there."""
+    try:
+        found = path.lstat()
+    except OSError:
+        return ""
+    if found.st_uid == os.geteuid() and stat.S_ISREG(found.st_mode):
+        return ""
+    try:
+        owner = pwd.getpwuid(found.st_uid).pw_name
+    except KeyError:
+        owner = f"number {found.st_uid}"
+    return f"; {path} belongs to user {owner} and is in the way: have it removed (sudo rm -r {path})"

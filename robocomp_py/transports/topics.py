@@ -1,0 +1,99 @@
+"""The ends of topics, of transports whose ends find each other in the directory."""
+
+from __future__ import annotations
+
+import threading
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+
+from ..contract.qos import from_traits
+from ..wire.codec import Payload
+from ..wire.header import Publication, pack_publication, random_id
+from .announced import AnnouncedLink, T
+from .base import Channel, Sink, Source, SupportsSources, depth_of
+from .crew import Job, Lane
+from .directory import Found
+from .ledger import Ledger
+from .reception import Reception, living
+
+Fields = tuple[int, int, int, int, int]
+"""Those of a `Publication`."""
+
+
+class PublishingLink(AnnouncedLink[T], ABC):
+    """Numbers its messages, and sends one after the other."""
+
+    role, facing = "publishes", "subscribes"
+
+    def __init__(self, transport: T, channel: Channel) -> None:
+        super().__init__(transport, channel)
+        self.id, self._sent, self._order = random_id(), 0, threading.Lock()
+
+    def send(self, payload: Payload, deadline: float = 5.0) -> None:
+        end = time.monotonic() + deadline
+        self.take_turn(self._order, deadline)
+        try:
+            self.check_open()
+            self._sent += 1
+            header = pack_publication(self.channel.type.fingerprint, self.id, self._sent, time.time_ns())
+            self.publish(header, payload, end)
+        finally:
+            self._order.release()
+
+    @abstractmethod
+    def publish(self, header: bytes, payload: Payload, end: float) -> None:
+        """Send a message to all subscribers (`counterparts`); a reliable one waits until `end` for slow ones."""
+
+
+class SubscribingLink(AnnouncedLink[T], SupportsSources):
+    """Counts what was lost and repeated, does what the QoS asks for, and gives the sink one message after the other."""
+
+    role, facing = "subscribes", "publishes"
+
+    def __init__(self, transport: T, channel: Channel, sink: Sink) -> None:
+        super().__init__(transport, channel)
+        self.lossless, self._depth = channel.qos.reliable, depth_of(channel.qos)
+        self._fingerprint = channel.type.fingerprint
+        self._lane = self.lane_to(sink)
+        self._reception = self.reception()
+        self._ledger = Ledger(self.stats, ordered=True)
+
+    def lane_to(self, sink: Sink) -> Lane:
+        return Lane(self.channel.name, sink, self._depth, lossy=not self.lossless, stats=self.stats)
+
+    def reception(self) -> Reception:
+        return Reception(self.channel, self.stats, self._lane.through)
+
+    def look(self) -> bool:
+        self.meet(self.counterparts())
+        return True
+
+    def meet(self, found: Iterable[Found]) -> None:
+        """These publish now."""
+        self._reception.meet(_source(each) for each in found)
+
+    def sources(self) -> list[Source]:
+        return living(self.transport.directory, self.counterparts(), self.channel.qos)
+
+    def take(self, channel: str, header: Publication, payload: Payload) -> Job | None:
+        """A message that came in; what is left to do about it."""
+        admitted = self.admitted(channel, header, payload)
+        return self._lane.drain if admitted is not None and self._lane.put(admitted) else None
+
+    def admitted(self, channel: str, header: Fields, payload: Payload) -> Payload | None:
+        """What to put into the lane of a message of that channel, if it has our contract and was not heard before."""
+        _, fingerprint, source, sequence, stamp = header
+        if fingerprint != self._fingerprint:
+            self.report_mismatch(source, fingerprint)
+            return None
+        if not self._ledger.admit(source, sequence):
+            return None
+        return self._reception.admit(channel, stamp, payload) if self._reception.on else payload
+
+    def release(self) -> None:
+        self._lane.close()
+
+
+def _source(found: Found) -> Source:
+    return Source(found.entry.channel, from_traits(found.entry.traits))

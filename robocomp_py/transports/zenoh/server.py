@@ -1,0 +1,216 @@
+"""Who is commanded and who is called."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from functools import partial
+from typing import TYPE_CHECKING
+
+import zenoh
+
+from ...errors import DecodeError, TransportError
+from ...wire.header import (
+    NO_DEADLINE,
+    Flag,
+    Request,
+    client_of,
+    clock,
+    pack_reply,
+    read_request,
+)
+from ..base import (
+    Channel,
+    Reply,
+    Service,
+    Sink,
+    Status,
+)
+from ..crew import CommandLane, Servant
+from ..exclusive import Claim, claim
+from ..ledger import Ledger
+from ..limits import QUERIES_WAITING
+from ..replies import Replies
+from ..turns import Turns
+from .link import INBOX, Link, Receiving
+from .messages import Message, Query, Sender, direct, octets
+
+if TYPE_CHECKING:
+    from .transport import ZenohTransport
+
+log = logging.getLogger("robocomp.transport.zenoh")
+
+SETTLED = 3.0
+"""Seconds for which a server that is leaving may still be seen when the next one begins."""
+
+_SILENCE = Reply(Status.OK)
+"""What is not answered."""
+
+
+class CommandInlet(Receiving):
+    role, facing = "receives", "commands"
+
+    def __init__(self, transport: ZenohTransport, channel: Channel, sink: Sink) -> None:
+        super().__init__(transport, channel)
+        self.traits = clock()
+        self._ledger = Ledger(self.stats, ordered=True)
+        self.lane = CommandLane(channel.name, lambda payload: sink(payload.to_bytes()), self.stats)
+
+    def open(self) -> None:
+        self._claim = _claim(self)
+        super().open()
+
+    def take(self, message: Message) -> tuple[int, int] | None:
+        request = read_request(octets(message.attachment))
+        if request.fingerprint != self.channel.type.fingerprint:
+            self.meet_stranger(request.client, request.fingerprint)
+            return None
+        if self._ledger.admit(request.client, request.sequence):
+            self.lane.take(message.payload, _expires(request, message.arrived))
+        return request.client, request.sequence
+
+    def release(self) -> None:
+        if self._claim:
+            self._claim.close()
+        super().release()
+
+
+class Server(Link):
+    role, facing = "serves", "calls"
+
+    def __init__(self, transport: ZenohTransport, channel: Channel, service: Service) -> None:
+        super().__init__(transport, channel)
+        self.traits = clock()
+        self._servant = Servant(channel.name, service, self.stats)
+        self._ledger = Ledger(self.stats, ordered=False)
+        self._lock = threading.Lock()
+        self._waiting: Turns[tuple[zenoh.Sample | zenoh.Query, float]] = Turns()
+        self._replies = Replies() if channel.idempotent else None
+        self._under_way: dict[tuple[int, int], tuple[Query | Sender, float]] = {}
+
+    def open(self) -> None:
+        self._claim = _claim(self)
+        session, mine = self.transport.session, self.transport.requests(self.id, self.channel.name)
+        self.declare(session.declare_subscriber(mine, direct(self._hear)))
+        self.declare(session.declare_queryable(self.key, direct(self._hear), complete=True))
+
+    def tick(self) -> None:
+        now = time.monotonic()
+        with self._lock:
+            over = [key for key, (_, expires) in self._under_way.items() if expires <= now]
+        for key in over:
+            self._forget(*key)
+
+    def release(self) -> None:
+        if self._claim:
+            self._claim.close()
+        self._servant.close()
+        for key in list(self._under_way):
+            self._forget(*key)
+
+    def _hear(self, question: zenoh.Sample | zenoh.Query) -> None:
+        if len(self._waiting) < INBOX:
+            sender = client_of(octets(question.attachment)) if self._waiting else 0  # alone, it has its turn anyway
+            self._waiting.add(sender, (question, time.monotonic()))
+            self.transport.do(self._next)
+        else:
+            self.stats.dropped += 1
+            if isinstance(question, zenoh.Query):
+                question.drop()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
+
+    def _next(self) -> None:
+        question, arrived = self._waiting.take()
+        query = Query(question) if isinstance(question, zenoh.Query) else None
+        try:
+            request = read_request(octets(question.attachment))
+        except DecodeError as exc:
+            self.malformed(exc)
+            if query:
+                query.close()
+            return
+        asked = query or Sender(self.transport, request.client)
+        expires = _expires(request, arrived)
+        refusal = self._admit(request, asked, expires)
+        if refusal is None:
+            payload = question.payload
+            self._serve(request, payload.to_bytes() if payload is not None else b"", expires)
+            return
+        if refusal is not _SILENCE:
+            self._send(asked, request, refusal)
+        asked.close()
+
+    def _admit(self, request: Request, asked: Query | Sender, expires: float) -> Reply | None:
+        """Note that a request is under way, or say how to answer it instead."""
+        mine = self.channel.type
+        if request.fingerprint != mine.fingerprint:
+            self.meet_stranger(request.client, request.fingerprint)
+            return Reply(Status.MISMATCH, mine.text.encode())
+        with self._lock:
+            if not self._ledger.admit(request.client, request.sequence):
+                known = self._known(request)
+                if known:
+                    return known
+            if len(self._under_way) >= QUERIES_WAITING or len(self._waiting) >= QUERIES_WAITING:
+                self.stats.dropped += 1
+                return Reply(Status.BUSY)
+            self._under_way[request.client, request.sequence] = asked, expires
+        return None
+
+    def _known(self, request: Request) -> Reply | None:
+        """How to answer a request that was seen before; None if it has to be executed again."""
+        asked = request.client, request.sequence
+        if not request.flags & Flag.IDEMPOTENT or self._replies is None or asked in self._under_way:
+            return _SILENCE
+        return self._replies.find(asked)
+
+    def _serve(self, request: Request, payload: bytes, expires: float) -> None:
+        answer = partial(self._answer, request)
+        if not self._servant.serve(payload, expires, answer):
+            answer(Reply(Status.REFUSED))
+
+    def _answer(self, request: Request, reply: Reply) -> None:
+        if self._replies is not None:  # first: who asks again just now finds it under way, or answered
+            self._replies.keep((request.client, request.sequence), reply)
+        with self._lock:
+            asked, _ = self._under_way.pop((request.client, request.sequence), (None, 0.0))
+        if asked:
+            self._send(asked, request, reply)
+            asked.close()
+
+    def _send(self, asked: Query | Sender, request: Request, reply: Reply) -> None:
+        try:
+            asked.reply(self._header(reply.status, request), reply.payload)
+        except zenoh.ZError as exc:
+            log.debug("%s: a reply was not sent: %s", self.channel.name, exc)
+
+    def _forget(self, client: int, sequence: int) -> None:
+        with self._lock:
+            asked, _ = self._under_way.pop((client, sequence), (None, 0.0))
+        if asked:
+            asked.close()
+
+    def _header(self, status: Status, request: Request) -> bytes:
+        return pack_reply(status, request.client, request.sequence, self.transport.incarnation)
+
+
+def _expires(request: Request, arrived: float) -> float:
+    remaining = float("inf") if request.remaining_ms == NO_DEADLINE else request.remaining_ms / 1000
+    return (time.monotonic() if request.flags & Flag.SENT else arrived) + remaining
+
+
+def _claim(link: Link) -> Claim:
+    """Make sure that nobody else serves a channel, on this host or elsewhere."""
+    transport, name = link.transport, link.channel.name
+    claimed = claim(transport.claims, name, transport.owner)
+    end, changed = time.monotonic() + SETTLED, transport.table.changed
+    while others := transport.table.find(link.role, name):
+        if time.monotonic() >= end:
+            claimed.close()
+            raise TransportError(f"{name}: already served from another host, by pid {others[0].pid} there")
+        if time.monotonic() >= end - SETTLED / 2:
+            for each in others:
+                transport.confirm(each)
+        with changed:
+            changed.wait(0.02)
+    return claimed

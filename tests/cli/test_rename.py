@@ -1,0 +1,151 @@
+"""`rc rename`: a name changed in models and in the code that uses it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from robocomp_py.cli.rc import main as rc
+from robocomp_py.cli.rcdeploy import main as rcdeploy
+from robocomp_py.cli.rcgen import main as rcgen
+
+from ..codegen.generated import snapshot
+
+FILES = {
+    "Vault.idsl": "module RoboCompVault { interface Vault { int size(); void store(string item); }; };\n",
+    "vault/vault.cdsl": 'import "../Vault.idsl";\nComponent vault { Communications { implements Vault; }; '
+    'language python; statemachine "vault.smdsl"; params "vault.pdsl"; };\n',
+    "vault/vault.smdsl": "vault { states open; initial_state shut; transitions { shut => open; open => shut; }; };\n",
+    "vault/vault.pdsl": 'ComponentParams vault { limit "most" int 5; };\n',
+    "user/user.cdsl": 'import "../Vault.idsl";\n'
+    "Component user { Communications { requires Vault, Vault; }; language python; };\n",
+    "net.ddsl": 'import "vault/vault.cdsl"; import "user/user.cdsl";\n'
+    "Deployment net { Component vault {}; Component user { requires Vault from vault; }; };\n",
+}
+VAULT = """\
+from .generic.genericworker import GenericWorker
+
+
+class SpecificWorker(GenericWorker):
+    def Vault_size(self) -> int:
+        return min(self.params.limit, 1)   # layout stays
+
+    def Vault_store(self, item: str) -> None:
+        print(self.Vault_size(), "size")
+
+    def sm_shut(self) -> None:
+        self.t_shut_to_open()
+
+    def sm_open(self) -> None:
+        self.t_open_to_shut.emit()
+"""
+USER = """\
+from .generic import RoboCompVault
+from .generic.genericworker import GenericWorker
+
+
+def fill(vault: RoboCompVault.VaultProxy, array) -> int:
+    return vault.size() + array.size
+
+
+class SpecificWorker(GenericWorker):
+    def initialize(self) -> None:
+        self.other, self.size = None, 1
+        self.second = self.vault1_proxy
+
+    def compute(self) -> None:
+        self.size += self.vault_proxy.size(deadline=1) + self.second.size()
+        near = self.vault_proxy
+        near.sizeAsync()
+        unknown().size()
+"""
+USED = """\
+def test_it(worker):
+    with ComponentTest(worker, vault={"size": lambda: 3, "store": None}, vault1={'size': lambda: 4}) as component:
+        assert component.received("vault.size") == []
+
+
+fakes: VaultFakes = {"size": lambda: 3}
+others = VaultFakes(size=lambda: 3)
+"""
+
+
+@pytest.fixture
+def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Path:
+    """A network with code that uses everything that can be renamed."""
+    for name, text in FILES.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    monkeypatch.chdir(tmp_path)
+    assert rcgen(["net.ddsl"]) == 0
+    for name, text in (
+        ("vault/specificworker.py", VAULT),
+        ("user/specificworker.py", USER),
+        ("user/tests/used.py", USED),
+    ):
+        (tmp_path / name).write_text(text)
+    capsys.readouterr()
+    return tmp_path
+
+
+def is_whole(folder: Path) -> bool:
+    """Whether the network is generated and checked without anything left to do."""
+    return rcgen(["net.ddsl"]) == 0 and rcdeploy(["plan", "net.ddsl"]) == 0 and rc(["lint", str(folder)]) == 0
+
+
+def test_an_operation_is_renamed_in_models_handlers_proxies_and_tests(
+    robot: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert rc(["rename", "--yes", "Vault.idsl", "Vault.size", "count"]) == 0
+    said = capsys.readouterr().out
+    assert "\n-    def Vault_size(self) -> int:\n+    def Vault_count(self) -> int:\n" in said
+    assert "not changed: user/specificworker.py:18: unknown().size()\n" in said
+    assert "4 files changed\nrun: rcgen user/user.cdsl vault/vault.cdsl\n" in said
+    assert (robot / "Vault.idsl").read_text() == FILES["Vault.idsl"].replace("size", "count")
+    assert (robot / "vault/specificworker.py").read_text() == VAULT.replace("Vault_size", "Vault_count")
+    user = USER.replace("vault.size()", "vault.count()").replace("proxy.size(", "proxy.count(")
+    user = user.replace("second.size()", "second.count()").replace("sizeAsync", "countAsync")
+    assert (robot / "user/specificworker.py").read_text() == user
+    assert (robot / "user/tests/used.py").read_text() == USED.replace("size", "count")
+    assert is_whole(robot)
+
+
+def test_a_state_and_a_parameter_are_renamed(robot: Path) -> None:
+    assert rc(["rename", "--yes", "vault/vault.smdsl", "shut", "closed"]) == 0
+    assert rc(["rename", "--yes", "vault/vault.pdsl", "limit", "most"]) == 0
+    renamed = VAULT.replace("shut", "closed").replace("params.limit", "params.most")
+    assert (robot / "vault/specificworker.py").read_text() == renamed
+    (robot / "vault/etc/config.toml").unlink()  # which has the old name, as it is told
+    assert is_whole(robot)
+
+
+def test_an_interface_is_renamed(robot: Path) -> None:
+    assert rc(["rename", "--yes", "Vault.idsl", "Vault", "Safe"]) == 0
+    user = (robot / "user/specificworker.py").read_text()
+    assert "def fill(vault: RoboCompVault.SafeProxy, array)" in user
+    assert "self.safe_proxy.size(deadline=1)" in user
+    assert "def Safe_size(self)" in (robot / "vault/specificworker.py").read_text()
+    assert 'safe={"size": lambda: 3' in (robot / "user/tests/used.py").read_text()
+    assert is_whole(robot)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["Vault.idsl", "Vault.size", "count"], "nothing was changed: nobody is there to be asked; say --yes"),
+        (["--yes", "Vault.idsl", "Vault.size", "class"], "`class` is a word of Python; nothing was changed"),
+        (["--yes", "Vault.idsl", "Vault.sise", "x"], "unknown name `Vault.sise`; did you mean `Vault.size`?"),
+        (["--yes", "Vault.idsl", "Vault.size", "store"], "`size` cannot be called `store`"),
+        (["--yes", "Vault.idsl", "Vault.size", "taken"], "vault/specificworker.py has the name `Vault_taken` already"),
+    ],
+)
+def test_what_cannot_be_renamed_changes_nothing(
+    robot: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], says: str
+) -> None:
+    path = robot / "vault" / "specificworker.py"
+    path.write_text(f"{VAULT}\n    def Vault_taken(self): ...\n")
+    before = snapshot(robot)
+    assert rc(["rename", *arguments]) == 1
+    assert says in capsys.readouterr().err
+    assert snapshot(robot) == before

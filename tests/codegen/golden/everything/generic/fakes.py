@@ -1,0 +1,81 @@
+# Generated from everything.cdsl by rcgen 0.1.0: edits are lost.
+"""What a test of everything may fake, for ComponentTest: by port, then by operation."""
+
+from __future__ import annotations
+
+from typing import TypedDict
+
+from robocomp_py.testing.fakes import Fake
+
+from . import Everything, Shapes
+
+
+class StoreFakes(TypedDict, total=False):
+    """What the other side of `store` does."""
+
+    count: Fake[int]
+    keep: Fake[Everything.Containers]
+    widths: Fake[Everything.Widths]
+    slices: Fake[tuple[Everything.Slices, int, Shapes.Point]]
+    check: Fake[None]
+    adjust: Fake[None]
+    cube: Fake[Everything.Cube]
+    levels: Fake[Everything.ByLevel]
+    acknowledge: Fake[None]
+    nothings: Fake[list[Everything.Nothing]]
+    trigger: Fake[None]
+
+
+class Store1Fakes(TypedDict, total=False):
+    """What the other side of `store1` does."""
+
+    count: Fake[int]
+    keep: Fake[Everything.Containers]
+    widths: Fake[Everything.Widths]
+    slices: Fake[tuple[Everything.Slices, int, Shapes.Point]]
+    check: Fake[None]
+    adjust: Fake[None]
+    cube: Fake[Everything.Cube]
+    levels: Fake[Everything.ByLevel]
+    acknowledge: Fake[None]
+    nothings: Fake[list[Everything.Nothing]]
+    trigger: Fake[None]
+
+
+class DrawingFakes(TypedDict, total=False):
+    """What the other side of `drawing` does."""
+
+    draw: Fake[None]
+
+
+class NewsFakes(TypedDict, total=False):
+    """What the other side of `news` does."""
+
+    told: Fake[None]
+    level: Fake[None]
+    kept: Fake[None]
+    compared: Fake[None]
+
+
+class Store2Fakes(TypedDict, total=False):
+    """What the other side of `store2` does."""
+
+    adjust: Fake[None]
+    announced: Fake[None]
+
+
+class Drawing1Fakes(TypedDict, total=False):
+    """What the other side of `drawing1` does."""
+
+    draw: Fake[None]
+
+
+class Fakes(TypedDict, total=False):
+    """The other sides of all ports."""
+
+    store: StoreFakes
+    store1: Store1Fakes
+    drawing: DrawingFakes
+    news: NewsFakes
+    store2: Store2Fakes
+    drawing1: Drawing1Fakes

@@ -1,0 +1,58 @@
+"""The shipped interfaces agree with those of the same name in RoboComp's repository."""
+
+from __future__ import annotations
+
+from robocomp_py.contract.interface import Interface
+from robocomp_py.dsl.workspace import SHIPPED, Workspace
+
+PUBLIC = {
+    "BatteryStatus.getBatteryState": 0x77493784F6F4EC31,
+    "CameraSimple.getImage": 0xB27E0702EF366133,
+    "CommonBehavior.getPeriod": 0x09B3BE71B1CC59FE,
+    "CommonBehavior.setPeriod": 0x39D395EB92A2E91B,
+    "CommonBehavior.timeAwake": 0xDD4ECDE246671A6C,
+    "CommonBehavior.killYourSelf": 0xE6AC7947FCD9F46A,
+    "CommonBehavior.getParameterList": 0xE6F9F756D91CDD81,
+    "CommonBehavior.setParameterList": 0x7F324672F7BD4568,
+    "CommonBehavior.reloadConfig": 0x46DD166F3B9E7DA6,
+    "CommonBehavior.getState": 0x1F8E28DBDAF6914B,
+    "DifferentialRobot.getBaseState": 0xEF99C79470D25E8A,
+    "DifferentialRobot.getBasePose": 0x42669CE70AEF2042,
+    "DifferentialRobot.setSpeedBase": 0x5E50EBEFC4602B6A,
+    "DifferentialRobot.stopBase": 0xF082723352420652,
+    "DifferentialRobot.resetOdometer": 0x28EC49D5F2C96AC2,
+    "DifferentialRobot.setOdometer": 0xD4ED97947813733F,
+    "DifferentialRobot.setOdometerPose": 0xB81CCF91EBE24B0C,
+    "DifferentialRobot.correctOdometer": 0x596475717C263486,
+    "GenericBase.getBaseState": 0x8F47B2B767ECC0B8,
+    "GenericBase.getBasePose": 0xFDC2B0852F4FCF20,
+    "GotoPoint.go": 0x2A94887338DAFDA1,
+    "GotoPoint.turn": 0xFAAB28ECA0463AC1,
+    "GotoPoint.stop": 0xFFDB08D357C99465,
+    "GotoPoint.atTarget": 0x0B2300A77D0ABC62,
+    "Laser.getLaserData": 0xC7572A8E42895B5A,
+    "Laser.getLaserAndBStateData": 0x843409F3D46F8F74,
+    "Laser.getLaserConfData": 0x38F88D1E3F4E88CC,
+    "LaserPub.pushLaserData": 0xB1371EF65AE42C9C,
+    "Speech.say": 0x2BBB78A9CBC16722,
+    "Speech.isBusy": 0xFFD303AF5E61679D,
+}
+"""Fingerprint of each operation, types and exceptions included, as computed from RoboComp's `interfaces/IDSLs`."""
+
+OURS = {"BatteryStatusPub", "CameraSimplePub", "DifferentialRobotPub"}
+"""Interfaces that RoboComp does not have."""
+
+ADDED = {"CommonBehavior.getActiveStates", "CommonBehavior.getStatus"}
+"""Operations that RoboComp's interface does not have."""
+
+
+def test_each_shipped_interface_has_the_operations_of_the_public_one() -> None:
+    found = {}
+    for path in sorted(SHIPPED.glob("*.idsl")):
+        module = Workspace().interfaces(path)
+        assert module is not None
+        for each in module.definitions:
+            if isinstance(each, Interface) and each.short not in OURS and each.short == path.stem:
+                found |= {f"{each.short}.{operation.name}": operation.fingerprint for operation in each.operations}
+    assert {name: value for name, value in found.items() if name not in ADDED} == PUBLIC
+    assert found.keys() >= ADDED

@@ -1,0 +1,122 @@
+"""Rows about other hosts' programs that try to take more than their share: of memory, of time, of descriptors."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+
+from ..freeports import free_port
+from .checker import Violation
+from .history import Asked, Ended, Event
+from .laboratory import Laboratory, Remote, until
+from .rows import Figure, Result, Row, Run
+
+_CHANNEL, _TOPIC = "faults/Conformance/op", "faults/Conformance/topic"
+
+_FILES = 1024
+"""Descriptors that the process may have whose descriptors are attacked."""
+
+_PACE = 0.002
+"""Seconds between two calls of the neighbour."""
+
+_NOTICED = 5.0
+"""Seconds in which a process notices that connections have ended."""
+
+
+def _attacked(run: Run, what: str, megabytes: float) -> Result:
+    """A neighbour calls a server all the time; somebody attacks that server; a newcomer calls it meanwhile."""
+    seconds = 10.0 if run.full else 2.0
+    port = free_port()
+    with run.laboratory() as laboratory:
+        server = laboratory.start("server", options={"bind": f"tcp://127.0.0.1:{port}"})
+        if what == "silent":
+            server.limit_files(count=_FILES)
+        server.serve(channel=_CHANNEL)
+        server.publish(channel=_TOPIC, count=10**9, pace=0.1)
+        neighbour, stranger = (_elsewhere(laboratory, name, port) for name in ("neighbour", "stranger"))
+        neighbour.ask(channel=_CHANNEL, calls=10**9, pace=_PACE)
+        until(lambda: neighbour.well(channel=_CHANNEL) > 10, 30.0, "the neighbour is answered")
+        quiet = time.monotonic(), _pass(seconds)
+        before, lines = server.usage(), laboratory.log("server").count("\n")
+        stranger.attack(what=what, channel=_TOPIC if what == "subscriptions" else _CHANNEL, seconds=seconds)
+        begun = time.monotonic()
+        newcomer = _elsewhere(laboratory, "newcomer", port)
+        arrived = time.monotonic()
+        newcomer.ask(channel=_CHANNEL, calls=10**9, pace=0.01)  # Unreachable until it has found the server
+        until(lambda: newcomer.well(channel=_CHANNEL) > 0, 30.0, "a newcomer is answered")
+        waited = time.monotonic() - arrived
+        newcomer.stop(channel=_CHANNEL)
+        done = stranger.wait(channel="attack", timeout=seconds + 60.0)
+        ended = time.monotonic()
+        after, logged = server.usage(), laboratory.log("server").count("\n") - lines
+        files_kept = _files_soon(server, before["files"] + 20) - before["files"]
+        served = newcomer.ask_once(channel=_CHANNEL)
+        neighbour.stop(channel=_CHANNEL)
+        server.stop(channel=_TOPIC)
+        history = laboratory.end()
+    own = [event for event in history if getattr(event, "at", quiet[0]) >= quiet[0]]
+    usual, meanwhile = _p99(own, *quiet), _p99(own, begun, ended)
+    figures = [
+        Figure("sent", done["sent"] / 1e6, "MB")
+        if what in ("message", "subscriptions")
+        else Figure("sent", done["sent"]),
+        Figure("memory grew at most", (after["peak"] - before["memory"]) / 1e6, "MB", megabytes),
+        Figure("descriptors afterwards", files_kept, "", 20 if what != "silent" else _FILES // 2),
+        Figure("log lines", logged, "", 10),
+        Figure("a neighbour's p99 before", usual * 1000, "ms"),
+        Figure("its p99 meanwhile, of what it was", meanwhile / usual if usual else 0.0, "", 2, timed=True),
+        Figure("a newcomer was answered after", waited, "s", 1, timed=True),
+    ]
+    violations = run.check(history)
+    if served != "server":
+        violations.append(Violation(what, "a newcomer is not served"))
+    if not done["closed"] and what in ("message", "subscriptions"):
+        violations.append(Violation(what, "the stranger was never cut off"))
+    violations += [Violation(what, f"a neighbour's call ended as {event.outcome}") for event in own if _failed(event)]
+    return Result(figures, violations)
+
+
+def _elsewhere(laboratory: Laboratory, name: str, port: int) -> Remote:
+    """An actor that reaches the server over TCP only, as from another host."""
+    return laboratory.start(name, options={"connect": {"server": f"tcp://127.0.0.1:{port}"}}, run=name)
+
+
+def _pass(seconds: float) -> float:
+    """Wait so long; when that was over."""
+    time.sleep(seconds)
+    return time.monotonic()
+
+
+def _files_soon(server: Remote, most: int) -> int:
+    """How many descriptors a process has, once it has at most so many, or after `_NOTICED` seconds."""
+    end = time.monotonic() + _NOTICED
+    while (files := int(server.usage()["files"])) > most and time.monotonic() < end:
+        _pass(0.1)
+    return files
+
+
+def _failed(event: Event) -> bool:
+    return isinstance(event, Ended) and event.call.startswith("neighbour.") and event.outcome != "ok"
+
+
+def _p99(history: Sequence[Event], begin: float, end: float) -> float:
+    """Of what the neighbour's calls took that were made then, in seconds."""
+    asked = {event.call: event.at for event in history if isinstance(event, Asked) and begin <= event.at < end}
+    ended = [event for event in history if isinstance(event, Ended) and event.call in asked]
+    took = sorted(event.at - asked[event.call] for event in ended if event.call.startswith("neighbour."))
+    return took[int(len(took) * 0.99)] if took else 0.0
+
+
+def _row(name: str, fault: str, megabytes: float) -> Row:
+    must = f"memory grows by at most {megabytes:g} MB; the calls of other clients succeed; their p99 at most doubles"
+    run: Callable[[Run], Result] = partial(_attacked, what=name, megabytes=megabytes)
+    return Row(name, fault, must, ("zeromq",), 25, run)
+
+
+ROWS = [
+    _row("message", "one connection sends a message that never ends", 450),
+    _row("subscriptions", "one connection subscribes to whatever comes to mind", 150),
+    _row("bombs", "payloads that would become a hundred times as large as objects, six at a time", 450),
+    _row("silent", "3,000 connections that say nothing, and 1,024 descriptors", 50),
+]
