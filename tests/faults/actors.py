@@ -405,14 +405,15 @@ class Actor:
             self.journal.note(Counted(self.name, stats.lost + stats.dropped + stats.expired + stats.malformed))
         return asdict(stats)
 
-    def hoard(self) -> int:
-        """Open files until there is no descriptor left; how many."""
+    def hoard(self, spare: int) -> None:
+        """Open files until there are no more descriptors left than `spare`."""
         _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
         resource.setrlimit(resource.RLIMIT_NOFILE, (max(map(int, os.listdir("/proc/self/fd"))) + 20, most))
         with contextlib.suppress(OSError):
             while True:
                 self._hoard.append(os.open(os.devnull, os.O_RDONLY))
-        return len(self._hoard)
+        for _ in range(spare):
+            os.close(self._hoard.pop())
 
     def release(self) -> None:
         """Close what was hoarded."""

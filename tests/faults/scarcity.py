@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import os
 import pickle
+import random
 import resource
 import subprocess
 import sys
@@ -29,6 +30,9 @@ _RIGHTS = "-all,+dac_read_search"
 _CLIENTS = 8
 """As many calls at a time: handlers of the relay wait at the same time, each on a thread of its own."""
 
+_SPARE_FILES = (0, 0, 1, 2, 3, 4, 6, 8, 12)
+"""So many descriptors are left to a process that is short of them. A connection needs several: with a few, half of it
+can be made."""
 
 _ENDED_BY_NEWCOMERS = {("files", "zeromq")}
 """libzmq 4.3.5 ends a process that has no descriptor left for an `ipc` client: docs/explanation/reliability.md."""
@@ -58,7 +62,7 @@ def _scarce(what: str, run: Run) -> Result:
 def _limited(what: str, run: Run) -> Result:
     rounds, seconds = run.rounds(5, 1), 3.0 if run.full else 1.5
     while_short, after = Counter[str](), Counter[str]()
-    deaf = 0
+    deaf, chance = 0, random.Random(run.seed)
     with run.laboratory() as laboratory:
         server, relay, clients = (laboratory.start(name) for name in ("s", "r", "c"))
         server.live(kind="server", name="server")
@@ -71,7 +75,7 @@ def _limited(what: str, run: Run) -> Result:
             until(lambda: _all_answered(asking), 30.0, "all clients are connected")
         for number in range(rounds):
             before = _total(asking)
-            with _short(what, [server, relay, clients]):
+            with _short(what, [server, relay, clients], chance):
                 clients.begin()  # in the first round, no thread has been needed before
                 if may_come:
                     asking.append(_newcomer(laboratory.start(f"n{number}"), f"n{number}"))
@@ -110,14 +114,14 @@ def _newcomer(actor: Remote, name: str) -> Remote:
 
 
 @contextlib.contextmanager
-def _short(what: str, actors: list[Remote]) -> Iterator[None]:
-    """No new thread, or no new file, for these processes."""
+def _short(what: str, actors: list[Remote], chance: random.Random) -> Iterator[None]:
+    """No new thread, or no more new files than a few, for these processes."""
     limits = {actor: resource.prlimit(actor.pid, resource.RLIMIT_NPROC) for actor in actors}
     for actor, (_, most) in limits.items():
         if what == "threads":
             resource.prlimit(actor.pid, resource.RLIMIT_NPROC, (1, most))  # each has more than that already
         else:
-            actor.hoard()
+            actor.hoard(spare=chance.choice(_SPARE_FILES))
     yield
     for actor, before in limits.items():
         if what == "threads":

@@ -117,8 +117,9 @@ def spare_files(most: int) -> int:
     """How many files this process can open just now; more than `most` are not counted."""
     opened: list[int] = []
     try:
+        opened.append(os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC))
         while len(opened) < most:
-            opened.append(os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC))
+            opened.append(os.dup(opened[0]))
     except OSError as exc:
         if exc.errno not in (errno.EMFILE, errno.ENFILE):
             return most

@@ -232,15 +232,18 @@ class ShmTransport(Announcing):
         return min([usual, *waits])
 
     def _look_for_files(self, called: bool) -> None:
-        """Reconnect once there are enough descriptors again, and at each roll call as long as there are a few."""
-        spare = spare_files(FILES if self._was_short else 1)
+        """Reconnect once there are enough descriptors again, and at each roll call as long as there are a few.
+
+        The library connects when it receives. It needs several descriptors for that, and fails with a few left, too.
+        """
+        spare = spare_files(FILES)
         if self._was_short and (spare == FILES or (called and spare)):
             try:
                 self._reconnect()
             except TransportError as exc:
                 log.debug("%s; trying again", exc)
                 return
-        self._was_short = spare < (FILES if self._was_short else 1)
+        self._was_short = spare < FILES
 
     def _reconnect(self) -> None:
         """Connect to peers that came while there were no descriptors, which the library does not do itself."""
