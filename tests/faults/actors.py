@@ -374,6 +374,7 @@ class Actor:
             time.sleep(0.05)
         port = int(found[0][1].address.rpartition(":")[2].partition("#")[0])
         header = pack_request(0, query(channel).type.fingerprint, 7, 1, 5.0)
+        os.nice(19)  # it stands for a program on another host, which takes no processor time from this one
         self._begin("attack", lambda _: attack(what, port, seconds, channel.encode() + b"\0" + header))
 
     def ask_too_much(self, channel: str) -> str:
