@@ -93,6 +93,9 @@ def check_text(
     for each in [*complaints, *_unknown_middlewares(checked)]:
         if ports or each.key[:1] != ("ports",):
             report.extend([Diagnostic(each.code, each.message, span_of(source, document, each))])
+    for renamed in document.renamed:
+        spot = document.spot(renamed.key)
+        report.warning("config-renamed-key", renamed.message, source.span(*spot.key) if spot else source.span(0, 0))
     told = [span_of(source, document, each).start for each in complaints]
     for note in document.notes:
         span = source.span(note.spot.key[0], note.spot.value[1]) if note.spot else source.span(0, 0)

@@ -29,6 +29,8 @@ class Document:
     """Where in the text each key stands; None as long as nobody has asked."""
     complaints: tuple[Complaint, ...] = ()
     """What was wrong already when it was read."""
+    renamed: tuple[Renamed, ...] = ()
+    """The keys that were written under an older name."""
     params: ParameterSet | None = None
     """The parameters of the component it is for, if it is known."""
     passed_on: bool = False
@@ -62,6 +64,7 @@ class Document:
         """Where in the text a key stands, or the nearest table around it; None if the text has neither."""
         if self.spots is None:
             self.spots = locate(self.text)
+        key = next((each.written for each in self.renamed if each.key == key and not each.origin), key)
         for length in range(len(key), 0, -1):
             if key[:length] in self.spots:
                 return self.spots[key[:length]]
@@ -71,6 +74,21 @@ class Document:
         """Whether exactly this key is in the file."""
         self.spot(key)
         return key in (self.spots or {})
+
+
+@dataclass(frozen=True)
+class Renamed:
+    """A key that was written under an older name, which is still accepted."""
+
+    written: Key
+    key: Key
+    """The key that it sets."""
+    origin: str = ""
+    """The option or variable that sets it; "" for the file."""
+
+    @property
+    def message(self) -> str:
+        return f"`{self.written[-1]}` is called `{self.key[-1]}` now"
 
 
 @dataclass(frozen=True)

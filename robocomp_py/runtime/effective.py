@@ -44,7 +44,7 @@ def effective(component: Component, settings: Settings, document: Document, midd
         Table(("component",)),
         look.value(("component", "period"), settings.period),
         look.value(("component", "log"), settings.log),
-        look.value(("component", "patience"), settings.patience),
+        look.value(("component", "startup_timeout"), settings.startup_timeout),
         *([] if settings.watchdog is None else [look.value(("component", "watchdog"), settings.watchdog)]),
     ]
     if component.params:

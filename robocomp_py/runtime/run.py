@@ -318,13 +318,14 @@ class Running:
             while self.state is State.STARTING and not link.wait_peer(0.2):
                 now = time.monotonic()
                 whom = self.settings.whom(port)
-                if now - begun > self.settings.patience:
+                if now - begun > self.settings.startup_timeout:
+                    waited = f"(waited {self.settings.startup_timeout:g} s for {whom})"
                     lacking = _lacking(port, required)
                     raise Unreachable(
-                        f"{lacking} (waited {self.settings.patience:g} s for {whom})"
+                        f"{lacking} {waited}"
                         if lacking
-                        else f"nobody offers {port.interface.short} ({whom}) after {self.settings.patience:g} s; "
-                        f"start a component that implements it, or set ports.{port.name}.from"
+                        else f"no component implements {port.interface.short} {waited}; "
+                        f"start one, or set ports.{port.name}.from"
                     )
                 if now - told > _REMIND or told == begun:
                     lacking = _lacking(port, required) if told != begun else ""  # at first it is still being found
@@ -716,6 +717,8 @@ def tell_notes(document: settings.Document) -> None:
     if document.path and other and document.path.with_name(other).is_file():
         unread = document.path.with_name(other)
         log.info("%s is not read, since there is %s; to read it: --config %s", unread, document.path, _short(unread))
+    for each in document.renamed:
+        log.warning("%s: %s", each.origin or document.place(each.key), each.message)
     for note in document.notes:
         if not note.understood:
             log.warning("%s:%d: %s", document.path, note.line, note.why)

@@ -5,7 +5,7 @@
     [component]
     period = 0.05                    seconds from one compute to the next
     log = "info"                     debug, info, warning or error
-    patience = 60.0                  seconds to wait at the start for those it requires
+    startup_timeout = 60.0           seconds to wait at the start for the components it requires
     watchdog = 30.0                  seconds one call of its code may take before its launcher ends it; 0: any time
     [params]                         what its PDSL declares
     [ports.laser]                    a proxy, or a handler's prefix
@@ -48,12 +48,13 @@ from ..errors import ConfigurationError
 from ..spelling import closest, unknown
 from ..wire import names
 from .document import Document as Document
-from .document import has_sections, parsed, put
+from .document import Renamed, has_sections, parsed, put
 
 DEADLINE = 5.0
 """Seconds a call may take, unless configuration or the caller say otherwise."""
 
-PATIENCE = 60.0
+STARTUP_TIMEOUT = 60.0
+"""Seconds that a starting component waits for the components it requires, unless its configuration says otherwise."""
 
 LOG_LEVELS = ("debug", "info", "warning", "error")
 
@@ -105,7 +106,7 @@ class Settings:
     middleware: str | None = None
     period: float = 0.1
     log: str = "info"
-    patience: float = PATIENCE
+    startup_timeout: float = STARTUP_TIMEOUT
     watchdog: float | None = None
     """Seconds; 0 for as long as it takes, None for what the launcher says."""
     params: Mapping[str, Any] = field(default_factory=dict)
@@ -247,6 +248,9 @@ def _by_number(name: str) -> list[str | int]:
 
 
 def _set(document: Document, key: Key, text: str, origin: str) -> None:
+    if key in _OLDER_NAMES:
+        document.renamed += (Renamed(key, _OLDER_NAMES[key], origin),)
+        key = _OLDER_NAMES[key]
     parameter = _parameter(document.params, key[1:]) if document.params and key[0] == "params" else None
     try:
         read = tomllib.loads(f"value = {text}")
@@ -262,12 +266,22 @@ def _set(document: Document, key: Key, text: str, origin: str) -> None:
 
 def settle(document: Document, component: Component, generated_for: str) -> None:
     """To be called once when everything is set, before `check`: what can be told of ports only then."""
+    _accept_older_names(document)
     if document.complete:
         document.complete(document, component, generated_for)
     transports = document.data.get("transports")
     for name, options in transports.items() if isinstance(transports, Mapping) else ():
         if isinstance(options, Mapping):
             _complete(document, component, generated_for, name, options)
+
+
+def _accept_older_names(document: Document) -> None:
+    """Move the values that a file gives under older names; a value under the present name holds."""
+    for written, key in _OLDER_NAMES.items():
+        table = document.data.get(str(written[0]))
+        if isinstance(table, dict) and written[-1] in table:
+            document.renamed += (Renamed(written, key),)
+            table.setdefault(str(key[-1]), table.pop(str(written[-1])))
 
 
 def _complete(
@@ -365,7 +379,7 @@ class _Checker:
             middleware=self._text(data, "middleware", ()),
             period=self._seconds(own, "period", ("component",)) or self._component.period,
             log=self._choice(own, "log", ("component",), LOG_LEVELS) or "info",
-            patience=self._seconds(own, "patience", ("component",)) or PATIENCE,
+            startup_timeout=self._seconds(own, "startup_timeout", ("component",)) or STARTUP_TIMEOUT,
             watchdog=0.0 if own.get("watchdog") == 0 else self._seconds(own, "watchdog", ("component",)),
             params=params,
             ports=self._ports(self._table(data, "ports", ())),
@@ -499,7 +513,9 @@ class _Checker:
         self.complaints.append(Complaint(key, message, code))
 
 
-_COMPONENT_KEYS = ("period", "log", "patience", "watchdog")
+_COMPONENT_KEYS = ("period", "log", "startup_timeout", "watchdog")
+_OLDER_NAMES: Mapping[Key, Key] = {("component", "patience"): ("component", "startup_timeout")}
+"""Keys of earlier versions, which are still accepted with a warning."""
 _PORT_KEYS = ("middleware", "from", "deadline", "qos", "also")
 _KEY = re.compile(r"([A-Za-z0-9_-]+)((?:\[\d+\])*)")
 

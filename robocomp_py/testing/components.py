@@ -91,7 +91,7 @@ class ComponentTest:
         sources = {
             f"ports.{port.name}.from": _source(port) for port in worker.component.ports if not port.verb.provides
         }
-        for key, value in {"component.patience": SOON, **given, **sources}.items():
+        for key, value in {"component.startup_timeout": SOON, **given, **sources}.items():
             settings.override(document, f"{key}={_toml(value)}")
         bus = f"test-{next(_buses)}"
 

@@ -230,7 +230,7 @@ def test_a_failure_before_all_are_ready_ends_the_start(folder: Path) -> None:
         'import "hello/hello.cdsl"; import "asker/asker.cdsl";'
         'Deployment half { Component hello { path "/bin/false"; }; Component asker { }; };'
     )
-    result = run(path, "--set", f"asker.component.patience={SOON * 100}")
+    result = run(path, "--set", f"asker.component.startup_timeout={SOON * 100}")
     assert result.returncode == 1
     assert "hello ended with exit code 1" in result.stdout
     assert "stopping: hello is gone before everything was ready" in result.stdout

@@ -194,7 +194,7 @@ class Living:
         document = settings.Document()
         for key, value in {
             "middleware": middleware,
-            "component.patience": "30",
+            "component.startup_timeout": "30",
             "ports.everything.from": source,
             "ports.Everything.from": source if kind in ("relay", "reader") else "",
             "ports.everything.qos": qos if kind == "herald" else "",

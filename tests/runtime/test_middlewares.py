@@ -129,7 +129,7 @@ def test_one_component_uses_all_middlewares_at_once_by_port_and_by_operation() -
 
 
 def test_who_looks_on_another_middleware_finds_nobody() -> None:
-    lost = make(Visitor, find_transport, "middleware=inproc", "component.patience=0.2")
+    lost = make(Visitor, find_transport, "middleware=inproc", "component.startup_timeout=0.2")
     with running(
         station := make(Station, find_transport, "middleware=inproc", "ports.Everything.divide.middleware=dds")
     ):

@@ -192,7 +192,7 @@ def test_what_holds_is_shown_with_who_says_so(tmp_path: Path, monkeypatch: pytes
         "[component]",
         "period = 0.3 # config.toml:2",
         'log = "info" # default',
-        "patience = 60.0 # default",
+        "startup_timeout = 60.0 # default",
         "",
         "[params]",
         "max_speed = 1.5 # environment variable ROBOCOMP__MAX_SPEED",

@@ -210,9 +210,9 @@ def test_it_waits_for_what_it_requires_and_says_so(find: Any, caplog: pytest.Log
 
 
 def test_its_patience_has_an_end(find: Any, caplog: pytest.LogCaptureFixture) -> None:
-    made = make(Pupil, find, "component.patience=0.05")
+    made = make(Pupil, find, "component.startup_timeout=0.05")
     assert not made.run()
-    assert "nobody offers Everything (any instance) after 0.05 s" in caplog.text
+    assert "no component implements Everything (waited 0.05 s for any instance)" in caplog.text
     assert "set ports.everything.from" in caplog.text
 
 
@@ -224,9 +224,9 @@ def test_an_operation_that_the_server_lacks_is_named(find: Any, caplog: pytest.L
         component = Component("older", (older,), period=0.005)
 
     with running(make(Older, find)):
-        assert not make(Pupil, find, "component.patience=0.05").run()
+        assert not make(Pupil, find, "component.startup_timeout=0.05").run()
     assert "a component implements Everything without `divide`: it was generated from another def" in caplog.text
-    assert "nobody offers" not in caplog.text
+    assert "no component implements" not in caplog.text
 
 
 def test_stopped_while_it_waits_it_ends_without_finish(find: Any) -> None:

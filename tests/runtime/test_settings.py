@@ -18,9 +18,11 @@ from robocomp_py.runtime.settings import (
     Settings,
     Way,
     check,
+    environment,
     middlewares,
     override,
     read,
+    settle,
 )
 from robocomp_py.testing import everything as e
 
@@ -45,10 +47,14 @@ ROBOT = Component("Robot", (REQUIRES, Port(Verb.SUBSCRIBES, e.EVERYTHING)), PARA
 GOOD = 'params.device = "x"\nparams.motors = [{ name = "left" }]\n'
 
 
-def load(tmp_path: Path, text: str, *sets: str, component: Component = ROBOT) -> Settings:
+def document_of(tmp_path: Path, text: str) -> Document:
     path = tmp_path / "config.toml"
     path.write_text(text)
-    document = read(path)
+    return read(path)
+
+
+def load(tmp_path: Path, text: str, *sets: str, component: Component = ROBOT) -> Settings:
+    document = document_of(tmp_path, text)
     for assignment in sets:
         override(document, assignment)
     return check(component, document)
@@ -70,7 +76,7 @@ middleware = "zeromq"
 [component]
 period = 0.05
 log = "debug"
-patience = 3
+startup_timeout = 3
 [params]
 device = "/dev/tty"
 max_speed = 1
@@ -92,7 +98,7 @@ bind = "tcp://127.0.0.1:5555"
 """,
     )
     assert (settings.namespace, settings.middleware, settings.period) == ("robot1/arm", "zeromq", 0.05)
-    assert (settings.log, settings.patience) == ("debug", 3.0)
+    assert (settings.log, settings.startup_timeout) == ("debug", 3.0)
     assert settings.params["max_speed"] == 1.0
     assert isinstance(settings.params["max_speed"], float)
     assert settings.params["motors"] == [{"name": "left", "id": 0}, {"name": "right", "id": 7}]
@@ -287,3 +293,29 @@ def test_every_middleware_that_is_named_can_be_checked(tmp_path: Path) -> None:
     text = 'middleware = "auto"\n' + GOOD + 'ports.Everything.also = ["dsd"]\nports.Everything.middleware = "auto(x)"'
     named = middlewares(load(tmp_path, text))
     assert named == {("ports", "Everything", "middleware"): "x", ("ports", "Everything", "also", 0): "dsd"}
+
+
+def test_an_older_name_of_a_key_is_accepted_and_told(tmp_path: Path) -> None:
+    document = document_of(tmp_path, GOOD + "component.patience = 3\n")
+    settle(document, ROBOT, "inproc")
+    assert check(ROBOT, document).startup_timeout == 3.0
+    assert [each.message for each in document.renamed] == ["`patience` is called `startup_timeout` now"]
+    assert document.line(("component", "startup_timeout")) == document.text.count("\n")
+
+
+def test_the_present_name_of_a_key_holds_over_the_older_one(tmp_path: Path) -> None:
+    document = document_of(tmp_path, GOOD + "component = { patience = 3, startup_timeout = 4 }\n")
+    settle(document, ROBOT, "inproc")
+    assert check(ROBOT, document).startup_timeout == 4.0
+
+
+def test_a_key_set_under_its_older_name_holds_over_the_file(tmp_path: Path) -> None:
+    document = document_of(tmp_path, GOOD + "component.startup_timeout = 4\n")
+    override(document, "component.patience=3")
+    environment(document, ROBOT, {"ROBOCOMP__COMPONENT__PATIENCE": "2"})
+    settle(document, ROBOT, "inproc")
+    assert check(ROBOT, document).startup_timeout == 2.0
+    assert [each.origin for each in document.renamed] == [
+        "--set component.patience=3",
+        "environment variable ROBOCOMP__COMPONENT__PATIENCE",
+    ]
