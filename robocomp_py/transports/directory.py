@@ -225,14 +225,14 @@ class Directory:
         self._unreadable = False
         self._version = 0
 
-    def heed(self, watch: Watch, on_change: Callable[[], object]) -> None:
+    def watch(self, watch: Watch, on_change: Callable[[], object]) -> None:
         """From now on, look only at what this watch tells of, as far as it can.
 
         `on_change` is called when the version has changed, on whichever thread has found that.
         """
         self._watch, self._on_change = watch, on_change
 
-    def heed_no_more(self) -> None:
+    def stop_watching(self) -> None:
         """Before leaving: what the last one removes must not be made again by who still looks there."""
         with self._lock:
             self._watch = None

@@ -251,7 +251,7 @@ def watched(directory: Directory) -> Iterator[tuple[Directory, list[int]]]:
     """One that is told of changes, and the versions at which it said that there is news."""
     news: list[int] = []
     watch = Watch(directory._folder)
-    directory.heed(watch, lambda: news.append(directory._version))
+    directory.watch(watch, lambda: news.append(directory._version))
     yield directory, news
     watch.close()
 

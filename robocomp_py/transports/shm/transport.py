@@ -78,7 +78,7 @@ class ShmTransport(Announcing):
             self.desk = Desk(self, self._mailbox)
             self._loop = Loop(self._bell, self._own, self._tick, self.desk.open_next)
             self.afterwards = self._loop.afterwards
-            self.directory.heed(self._watch, self._loop.wake)
+            self.directory.watch(self._watch, self._loop.wake)
             self._crew = LeaderFollowers("shm", self._loop.receive, self._loop.wake)
             undo.pop_all()
         try:
@@ -94,7 +94,7 @@ class ShmTransport(Announcing):
         everything.callback(self.desk.close)
         everything.callback(self._crew.close)
         everything.callback(self.member.close)
-        everything.callback(self.directory.heed_no_more)
+        everything.callback(self.directory.stop_watching)
         everything.callback(self._settle)
 
     def _settle(self) -> None:

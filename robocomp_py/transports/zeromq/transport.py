@@ -113,7 +113,7 @@ class ZeroMQTransport(Announcing):
             self.member.close()
             raise TransportError(f"zeromq: cannot be opened: {exc.strerror}") from exc
         self._watch = Watch(self.folder)
-        self.directory.heed(self._watch, self._loop.wake)
+        self.directory.watch(self._watch, self._loop.wake)
         keep_memory()
         self.context = zmq.Context()
         self.guard: Guard | None = None
@@ -158,7 +158,7 @@ class ZeroMQTransport(Announcing):
         everything.callback(self._crew.close)
         everything.callback(self._close_routers)
         everything.callback(self.member.close)
-        everything.callback(self.directory.heed_no_more)
+        everything.callback(self.directory.stop_watching)
 
     def _close_routers(self) -> None:
         for router in self._routers[1:]:
