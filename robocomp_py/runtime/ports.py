@@ -72,7 +72,7 @@ class Proxy:
 
     interface: ClassVar[Interface]
 
-    def __init__(self, bound: Mapping[str, _Asked | _Sent | _SentByAll | _SentWatched]) -> None:
+    def __init__(self, bound: Mapping[str, _Asked | _Sent | _FanOut | _SentWatched]) -> None:
         self._bound = bound
 
     def _ask(self, operation: Operation[R], arguments: tuple[Any, ...], deadline: float | None) -> R:
@@ -156,7 +156,7 @@ def bind_proxy(
     port: Port, router: Router, monitor: Monitor, watching: Watching | None = None
 ) -> tuple[Proxy, list[Link]]:
     """Connect what a worker calls; return its proxy and the links under it."""
-    bound: dict[str, _Asked | _Sent | _SentByAll | _SentWatched] = {}
+    bound: dict[str, _Asked | _Sent | _FanOut | _SentWatched] = {}
     links: list[Link] = []
     for operation, pattern in port.interface.under(port.verb):
         route = router(port, operation)
@@ -174,7 +174,7 @@ def bind_proxy(
                 outlet = each.transport.outlet(checked_channel(each, operation, pattern))
                 links.append(outlet)
                 ways.append(_Sent(Call(operation, each.transport.codec), outlet, route.deadline))
-            sent = ways[0] if len(ways) == 1 else _SentByAll(ways, route.deadline)
+            sent = ways[0] if len(ways) == 1 else _FanOut(ways, route.deadline)
             watched = watching.of(port, operation.name, pattern, route.qos) if watching else None
             bound[operation.name] = _SentWatched(sent, watched, route.channel) if watched else sent
     assert port.proxy is not None
@@ -284,7 +284,7 @@ class _Sent:
         return memory is not None and memory.loans is self.loans
 
 
-class _SentByAll:
+class _FanOut:
     """A publication over several middlewares: each has subscribers of its own, or none at the moment."""
 
     def __init__(self, ways: Sequence[_Sent], deadline: float) -> None:
@@ -319,7 +319,7 @@ class _SentByAll:
 class _SentWatched:
     """A publication that has a deadline, or has to be made for others to know that we live."""
 
-    def __init__(self, way: _Sent | _SentByAll, watched: Watched, channel: str) -> None:
+    def __init__(self, way: _Sent | _FanOut, watched: Watched, channel: str) -> None:
         self._way, self._heard, self._channel = way, watched.heard, channel
         watched.publishes(channel)
 
