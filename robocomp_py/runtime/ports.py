@@ -188,9 +188,9 @@ def bind_handlers(
     monitor: Monitor,
     watching: Watching | None = None,
     *,
-    seldom: bool = False,
+    lazy: bool = False,
 ) -> list[Link]:
-    """Connect what calls a worker; return the links. What is called `seldom` is compiled when it is."""
+    """Connect what calls a worker; return the links. What is called `lazy` is compiled when it is."""
     links: list[Link] = []
     claimed: set[str] = set()
     for operation, pattern in port.interface.under(port.verb):
@@ -201,16 +201,16 @@ def bind_handlers(
         for route in routes:
             channel = checked_channel(route, operation, pattern)
             answering = Answering(operation, route.transport.codec, method)
-            if not seldom:
+            if not lazy:
                 answering.compile()
             handling = _Handling(answering, monitor, port.concurrent, turn)
             if pattern is not Pattern.PUBLISH:  # who serves the first operation of an interface serves the others
-                channel = replace(channel, claims=route.middleware not in claimed, seldom=seldom)
+                channel = replace(channel, exclusive=route.middleware not in claimed, lazy=lazy)
                 claimed.add(route.middleware)
             if pattern is Pattern.QUERY:
                 link = route.transport.server(channel, handling.serve)
             else:
-                channel = replace(channel, heard=watched.heard) if watched else channel
+                channel = replace(channel, on_receive=watched.heard) if watched else channel
                 link = route.transport.inlet(channel, handling.receive)
                 if watched:
                     watched.add(link)

@@ -241,7 +241,7 @@ class Running:
             machine = vars(self.worker).get("statemachine")
             servant = CommonBehavior(self.worker, self.settings.params, self.monitor.held, self._status, machine)
             try:
-                self._links += ports.bind_handlers(own, servant, self._route, self.monitor, seldom=True)
+                self._links += ports.bind_handlers(own, servant, self._route, self.monitor, lazy=True)
             except AlreadyServed as exc:
                 who = self.settings.instance
                 raise AlreadyServed(

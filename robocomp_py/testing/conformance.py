@@ -829,7 +829,7 @@ class TransportConformance(QoSConformance):
     def test_a_second_server_is_refused_also_where_one_claim_stands_for_several(
         self, here: Transport, there: Transport, name: str
     ) -> None:
-        claimed, unclaimed = query(name), replace(query(name), claims=False)
+        claimed, unclaimed = query(name), replace(query(name), exclusive=False)
         for channel, again in ((claimed, unclaimed), (unclaimed, claimed), (unclaimed, unclaimed)):
             first = here.server(channel, answering(here, bytes.upper))
             with pytest.raises(AlreadyServed):

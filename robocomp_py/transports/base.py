@@ -114,12 +114,12 @@ class Channel:
     type: TypeRef
     qos: QoS = DEFAULT_QOS
     idempotent: bool = False
-    heard: Callable[[str], object] | None = field(default=None, compare=False, repr=False)
+    on_receive: Callable[[str], object] | None = field(default=None, compare=False, repr=False)
     """Of an inlet of a topic: called with its channel for each message when it comes in, not when its turn has come."""
-    claims: bool = field(default=True, compare=False, repr=False)
+    exclusive: bool = field(default=True, compare=False, repr=False)
     """Of what is served: whether a claim of its own keeps others from it, also at the same moment. Else another one is
     opened by the same component that stands for it, too; and who is announced already is refused all the same."""
-    seldom: bool = field(default=False, compare=False, repr=False)
+    lazy: bool = field(default=False, compare=False, repr=False)
     """Of what is served: whether hardly anybody asks for it, so that what it takes may be made when somebody does."""
 
 

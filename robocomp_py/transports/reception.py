@@ -68,12 +68,12 @@ class Reception:
     ) -> None:
         self._channel, self._stats, self._through = channel, stats, through
         self._now, self._stamp_now = now, stamp_now
-        self._heard = channel.heard
+        self._on_receive = channel.on_receive
         self._lifespans: dict[str, float] = {}
         """By channel: the shorter one of ours and its publisher's."""
         self._told: set[tuple[str, QoS]] = set()
         self._ageing = False
-        self.on = self._heard is not None
+        self.on = self._on_receive is not None
         if channel.qos.lifespan is not None and channel.pattern is Pattern.PUBLISH:
             self._start_ageing()
 
@@ -96,8 +96,8 @@ class Reception:
 
         Returns what is to be passed to the sink.
         """
-        if self._heard:
-            self._heard(name)
+        if self._on_receive:
+            self._on_receive(name)
         if not self._ageing:
             return payload
         lifespan = self._lifespans.get(name, self._channel.qos.lifespan)

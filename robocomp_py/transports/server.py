@@ -44,7 +44,7 @@ class ServingLink(AnnouncedLink[Announcing], ABC):
             # One of the same name has a claim, which tells of it sooner, or another one that stands for it.
             if directory.alive(member.id) if other else directory.still_has(member.id, entry):
                 raise AlreadyServed(f"{self.channel.name}: already served by {member.owner} (pid {member.pid})")
-        if self.channel.claims:
+        if self.channel.exclusive:
             self._claim = claim(self.transport.served, self.channel.name, self.transport.owner)
 
     @abstractmethod

@@ -229,11 +229,11 @@ def test_a_stranger_reads_every_field_of_a_publication(here: DDSTransport, name:
     assert abs(sample.header.stamp - time.time_ns()) < SOON * 1e9
 
 
-@pytest.mark.parametrize("seldom", [False, True])
-def test_a_stranger_may_ask(here: DDSTransport, name: str, seldom: bool) -> None:
+@pytest.mark.parametrize("lazy", [False, True])
+def test_a_stranger_may_ask(here: DDSTransport, name: str, lazy: bool) -> None:
     kind = type_of(e.divide, Pattern.QUERY)
     encode = CODEC.encoder(e.divide.response)
-    channel = Channel(name, Pattern.QUERY, kind, seldom=seldom)
+    channel = Channel(name, Pattern.QUERY, kind, lazy=lazy)
     server = here.server(channel, lambda payload, expires: Reply(Status.OK, encode((3, 1))))
     with _stranger() as participant:
         writer, _ = _theirs(participant, f"rc/{name}Request", request_type(kind.name, kind.request))
@@ -394,15 +394,15 @@ def test_a_call_that_waited_for_its_server_to_be_found_ends_no_later_for_that(
         caller.call(blob(there, b""), 3600).result(SOON)
 
 
-def _seldom(name: str, **more: Any) -> Channel:
-    return replace(query(name), seldom=True, **more)
+def _lazy(name: str, **more: Any) -> Channel:
+    return replace(query(name), lazy=True, **more)
 
 
-def test_what_is_seldom_asked_has_no_readers_and_writers_until_somebody_asks(
+def test_what_is_lazy_has_no_readers_and_writers_until_somebody_asks(
     here: DDSTransport, there: DDSTransport, name: str
 ) -> None:
     with here.gathering():
-        links = [here.server(_seldom(f"{name}{n}"), answering(here, bytes.upper)) for n in range(3)]
+        links = [here.server(_lazy(f"{name}{n}"), answering(here, bytes.upper)) for n in range(3)]
     wait_until(lambda: len([n for n in range(3) if there.bus.endpoints.find("serves", f"{name}{n}")]) == 3)
     assert len({each.handle for n in range(3) for each in there.bus.endpoints.find("serves", f"{name}{n}")}) == 1
     assert not any(there.bus.endpoints.on_topic(f"rc/{name}{n}{end}") for n in range(3) for end in ("Request", "Reply"))
@@ -418,14 +418,14 @@ def test_what_is_seldom_asked_has_no_readers_and_writers_until_somebody_asks(
         caller.ask(blob(there, b"x"), SOON)
 
 
-def test_what_is_seldom_asked_is_served_once_and_under_one_contract(
+def test_what_is_lazy_is_served_once_and_under_one_contract(
     here: DDSTransport, there: DDSTransport, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(server_module, "LEAVING", 0.0)  # nobody does
-    here.server(_seldom(name, claims=False), answering(here, bytes.upper))
+    here.server(_lazy(name, exclusive=False), answering(here, bytes.upper))
     wait_until(lambda: there.bus.endpoints.find("serves", name))
     with pytest.raises(AlreadyServed):
-        there.server(_seldom(name, claims=False), answering(there, bytes.lower))
+        there.server(_lazy(name, exclusive=False), answering(there, bytes.lower))
     caller = there.caller(Channel(name, Pattern.QUERY, type_of(e.divide, Pattern.QUERY)))
     with pytest.raises(ContractMismatch):
         caller.wait_peer(SOON)
@@ -434,7 +434,7 @@ def test_what_is_seldom_asked_is_served_once_and_under_one_contract(
 def test_an_announcement_that_names_one_twice_goes_as_a_whole(
     here: DDSTransport, there: DDSTransport, name: str
 ) -> None:
-    link = here.server(_seldom(name), answering(here, bytes.upper))
+    link = here.server(_lazy(name), answering(here, bytes.upper))
     [said] = here.announcing._told.values()
     about = endpoints_module.user_data([said, said])
     writer = here.bus.writer(announcing_module.NAME, announcement_type(), endpoint_qos(KEEP_ALL, about))
@@ -449,11 +449,11 @@ def test_what_strangers_say_of_themselves_may_be_anything(text: str) -> None:
     assert endpoints_module._said(endpoints_module._MARK + zlib.compress(text.encode())) == [{}]
 
 
-def test_any_instance_may_be_meant_by_who_asks_what_is_seldom_asked(
+def test_any_instance_may_be_meant_by_who_asks_what_is_lazy(
     here: DDSTransport, there: DDSTransport, name: str
 ) -> None:
     instance, rest = name.split("/", 1)
-    here.server(_seldom(f"one/{rest}{instance}"), answering(here, bytes.upper))
+    here.server(_lazy(f"one/{rest}{instance}"), answering(here, bytes.upper))
     caller = there.caller(query(f"*/{rest}{instance}"))
     assert caller.wait_peer(SOON)
     assert unblob(there, caller.ask(blob(there, b"x"), SOON).payload) == b"X"

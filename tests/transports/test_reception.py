@@ -22,7 +22,7 @@ class Hearing:
         self.now, self.stats = 100.0, Statistics()
         self.delivered: list[object] = []
         self._sink: Sink = self._deliver
-        channel = Channel("*/LaserPub/push", Pattern.PUBLISH, TypeRef("x"), qos, heard=heard)
+        channel = Channel("*/LaserPub/push", Pattern.PUBLISH, TypeRef("x"), qos, on_receive=heard)
         self.reception = Reception(channel, self.stats, self._through, lambda: self.now, self._stamp)
         self._waiting: list[object] = []
 

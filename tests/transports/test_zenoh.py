@@ -339,7 +339,7 @@ def test_messages_that_cannot_be_taken_are_in_the_way_of_no_others(
         if next(count) % 3 == 0:
             raise ValueError
 
-    other.inlet(replace(topic("a/b/c", RELIABLE), heard=refuse_every_third), taken.append)
+    other.inlet(replace(topic("a/b/c", RELIABLE), on_receive=refuse_every_third), taken.append)
     outlet = transport.outlet(topic("a/b/c", RELIABLE))
     assert outlet.wait_peer(SOON)
     send_many(transport, outlet, 300)

@@ -93,7 +93,7 @@ class ServingLink(Link):
 
     def open(self) -> None:
         channel = self.channel
-        if channel.claims or not channel.seldom:
+        if channel.exclusive or not channel.lazy:
             self.claimed = claim(self.transport.folder, channel.name, self.transport.owner or "a component")
         end = monotonic() + LEAVING
         while others := self.bus.endpoints.find(self.role, channel.name):  # on another host, or of another user
@@ -101,7 +101,7 @@ class ServingLink(Link):
             if monotonic() >= end + (_HEARING if dead else 0.0):
                 raise AlreadyServed(f"{channel.name}: already served by {others[0].owner} (pid {others[0].pid})")
             self.closed.wait(0.005)
-        if channel.seldom:
+        if channel.lazy:
             self.transport.announcing.add(self.id, self.said())
         else:
             self.hear()
@@ -131,7 +131,7 @@ class ServingLink(Link):
             self._requests.close()
         if self.claimed:
             self.claimed.close()
-        if self.channel.seldom:
+        if self.channel.lazy:
             self.transport.announcing.remove(self.id)  # at last: it may have to make a writer for the others, and fail
 
     def read(self, sample: bytes) -> _Asked | None:
