@@ -449,9 +449,7 @@ def test_what_strangers_say_of_themselves_may_be_anything(text: str) -> None:
     assert endpoints_module._said(endpoints_module._MARK + zlib.compress(text.encode())) == [{}]
 
 
-def test_any_instance_may_be_meant_by_who_asks_what_is_lazy(
-    here: DDSTransport, there: DDSTransport, name: str
-) -> None:
+def test_any_instance_may_be_meant_by_who_asks_what_is_lazy(here: DDSTransport, there: DDSTransport, name: str) -> None:
     instance, rest = name.split("/", 1)
     here.server(_lazy(f"one/{rest}{instance}"), answering(here, bytes.upper))
     caller = there.caller(query(f"*/{rest}{instance}"))

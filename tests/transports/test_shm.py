@@ -45,14 +45,13 @@ from robocomp_py.transports.base import Reply, Status, Transport, TransportConfi
 from robocomp_py.transports.directory import runtime_dir
 from robocomp_py.transports.inotify import Watch
 from robocomp_py.transports.shm import desk, node, room, samples
-from robocomp_py.transports.shm.bells import BELLS, MAIL, NEWS, Bell, Rope
-from robocomp_py.transports.shm.bells import SOON as ANNOUNCED
 from robocomp_py.transports.shm.haste import Haste
 from robocomp_py.transports.shm.loop import Loop
 from robocomp_py.transports.shm.mail import AHEAD, LINGER, Post, packed, unpacked
 from robocomp_py.transports.shm.receipts import SLOTS, Credit, Reader, Receipts
 from robocomp_py.transports.shm.topics import LOANS, SHARE
 from robocomp_py.transports.shm.transport import ShmTransport
+from robocomp_py.transports.shm.wakeup import MAIL, NEWS, NUDGE, WAKEUPS, Waker, Wakeup
 
 LARGE = 1_000_000
 NAME = "shm/Conformance/op"
@@ -764,64 +763,64 @@ def opened_for_a_moment() -> Iterator[set[str]]:
 
 
 def test_who_was_rung_while_not_waiting_finds_all_of_it_at_once(tmp_path: Path) -> None:
-    bell = Bell(tmp_path / "bell")
-    rope = Rope(tmp_path / "bell")
+    wakeup = Wakeup(tmp_path / "wakeup")
+    waker = Waker(tmp_path / "wakeup")
     for number in (3, 7, 3):
-        assert rope.ring(number)
-    assert set(bell.wait(SOON)) == {3, 7}
-    assert not list(bell.wait(0.0))
-    bell.close()
+        assert waker.wake(number)
+    assert set(wakeup.wait(SOON)) == {3, 7}
+    assert not list(wakeup.wait(0.0))
+    wakeup.close()
 
 
 def test_of_a_bell_that_was_rung_too_often_all_numbers_count_as_rung(tmp_path: Path) -> None:
-    bell = Bell(tmp_path / "bell")
-    rope = Rope(tmp_path / "bell")
+    wakeup = Wakeup(tmp_path / "wakeup")
+    waker = Waker(tmp_path / "wakeup")
     for _ in range(10_000):
-        assert rope.ring(3)  # nobody is held up
-    assert set(bell.wait(SOON)) == set(range(BELLS))
-    bell.close()
+        assert waker.wake(3)  # nobody is held up
+    assert set(wakeup.wait(SOON)) == set(range(WAKEUPS))
+    wakeup.close()
 
 
 def test_what_is_only_announced_wakes_and_is_not_taken_for_a_message(tmp_path: Path) -> None:
-    bell = Bell(tmp_path / "bell")
-    rope = Rope(tmp_path / "bell")
-    rope.ring(ANNOUNCED)
-    assert not list(bell.wait(SOON))
-    rope.ring(ANNOUNCED)
-    rope.ring(3)
-    assert bell.wait(SOON) == bytes((3,))  # as if that alone had been rung, once
-    rope.ring(ANNOUNCED)
-    assert bell.rung(SOON)
+    wakeup = Wakeup(tmp_path / "wakeup")
+    waker = Waker(tmp_path / "wakeup")
+    waker.wake(NUDGE)
+    assert not list(wakeup.wait(SOON))
+    waker.wake(NUDGE)
+    waker.wake(3)
+    assert wakeup.wait(SOON) == bytes((3,))  # as if only that number had come, once
+    waker.wake(NUDGE)
+    assert wakeup.woken(SOON)
     for _ in range(10_000):
-        rope.ring(ANNOUNCED)
-    assert MAIL in bell.wait(SOON)  # what was rung afterwards did not fit in
-    bell.close()
+        waker.wake(NUDGE)
+    assert MAIL in wakeup.wait(SOON)  # the later number did not fit in
+    wakeup.close()
 
 
 def test_there_is_nobody_to_hear_a_bell_that_was_closed(tmp_path: Path) -> None:
-    bell = Bell(tmp_path / "bell")
-    rope = Rope(tmp_path / "bell")
-    bell.close()
-    assert not rope.ring(3)
-    rope.close()
-    assert not rope.ring(3)
-    with pytest.raises(TransportError, match="bell: No such file"):
-        Rope(tmp_path / "bell")
+    wakeup = Wakeup(tmp_path / "wakeup")
+    waker = Waker(tmp_path / "wakeup")
+    wakeup.close()
+    assert not waker.wake(3)
+    waker.close()
+    assert not waker.wake(3)
+    with pytest.raises(TransportError, match="wakeup: No such file"):
+        Waker(tmp_path / "wakeup")
 
 
 def test_who_waits_at_a_bell_is_told_as_well_that_the_folder_has_changed(tmp_path: Path) -> None:
     (tmp_path / "watched").mkdir()
     watch = Watch(tmp_path)
     watch.add(str(tmp_path / "watched"))
-    bell, rope = Bell(tmp_path / "bell", watch), Rope(tmp_path / "bell")
+    wakeup, waker = Wakeup(tmp_path / "wakeup", watch), Waker(tmp_path / "wakeup")
     (tmp_path / "new").touch()
     (tmp_path / "new").rename(tmp_path / "watched" / "new.json")
-    assert list(bell.wait(SOON)) == [NEWS]
-    rope.ring(3)
+    assert list(wakeup.wait(SOON)) == [NEWS]
+    waker.wake(3)
     (tmp_path / "watched" / "new.json").unlink()
-    assert set(bell.wait(SOON)) == {NEWS, 3}
-    assert not list(bell.wait(0.0))
-    bell.close()
+    assert set(wakeup.wait(SOON)) == {NEWS, 3}
+    assert not list(wakeup.wait(0.0))
+    wakeup.close()
     watch.close()
 
 
@@ -837,43 +836,43 @@ class Counting:
 
 
 def test_a_link_that_was_asked_for_several_times_is_attended_to_once(tmp_path: Path) -> None:
-    bell, rope, link = Bell(tmp_path / "bell"), Rope(tmp_path / "bell"), Counting()
-    loop = Loop(bell, rope, lambda: SOON, lambda: None)
+    wakeup, waker, link = Wakeup(tmp_path / "wakeup"), Waker(tmp_path / "wakeup"), Counting()
+    loop = Loop(wakeup, waker, lambda: SOON, lambda: None)
     loop.add(3, link)
     loop.attend(link)
-    rope.ring(3)
+    waker.wake(3)
     assert not list(loop.receive())
     assert link.turns == 1
-    rope.close()
-    bell.close()
+    waker.close()
+    wakeup.close()
 
 
 def test_who_is_rung_once_takes_one_message_and_looks_for_more_afterwards(tmp_path: Path) -> None:
-    bell, rope, link = Bell(tmp_path / "bell"), Rope(tmp_path / "bell"), Counting()
-    loop = Loop(bell, rope, lambda: SOON, lambda: None)
+    wakeup, waker, link = Wakeup(tmp_path / "wakeup"), Waker(tmp_path / "wakeup"), Counting()
+    loop = Loop(wakeup, waker, lambda: SOON, lambda: None)
     loop.add(3, link)
     loop.receive()
     assert (link.turns, link.ones) == (1, 0)  # when it was added
-    rope.ring(3)
+    waker.wake(3)
     loop.afterwards(lambda: loop.attend(link))
     loop.receive()
     assert (link.turns, link.ones) == (2, 0)  # it was to be attended to anyhow: all is taken
-    rope.ring(3)
+    waker.wake(3)
     loop.receive()
     assert (link.turns, link.ones) == (3, 1)
     for _ in range(2):
-        rope.ring(3)
+        waker.wake(3)
     loop.receive()
     assert (link.turns, link.ones) == (4, 1)  # there may be several
-    rope.close()
-    bell.close()
+    waker.close()
+    wakeup.close()
 
 
 def test_what_fails_afterwards_does_not_keep_anybody_from_receiving(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    bell, rope, link = Bell(tmp_path / "bell"), Rope(tmp_path / "bell"), Counting()
-    loop = Loop(bell, rope, lambda: SOON, lambda: None)
+    wakeup, waker, link = Wakeup(tmp_path / "wakeup"), Waker(tmp_path / "wakeup"), Counting()
+    loop = Loop(wakeup, waker, lambda: SOON, lambda: None)
     loop.add(3, link)
 
     def fail() -> None:
@@ -883,8 +882,8 @@ def test_what_fails_afterwards_does_not_keep_anybody_from_receiving(
     loop.receive()
     assert link.turns == 1
     assert "broken" in caplog.text
-    rope.close()
-    bell.close()
+    waker.close()
+    wakeup.close()
 
 
 # Shared memory is limited.

@@ -8,7 +8,7 @@ Who is there, and what is read where, stands in the directory of the run-time fo
 message looks is in `samples`; `node` is all of iceoryx2 that the others know; large payloads lie in a `heap`. Decisions
 11 and 41 say why things are so.
 
-Threads. One thread (the leader of a `LeaderFollowers`) waits at the transport's bell, which every sender rings, and
-runs what came in itself. A synchronous call: its thread takes a line out of a pool, has it to itself, and waits at
-the bell of that line. Nothing of iceoryx2 ever waits for others: it would do so holding the interpreter.
+Threads. One thread (the leader of a `LeaderFollowers`) waits at the transport's wake-up pipe, which every sender
+writes to, and handles what came in itself. For a synchronous call, the calling thread takes a line from a pool and
+waits at the wake-up pipe of that line. iceoryx2 itself never waits, because it would hold the interpreter meanwhile.
 """

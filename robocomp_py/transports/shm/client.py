@@ -73,7 +73,7 @@ class Peer:
             if not persist(knock, end, lambda: None, threading.Event()):
                 return
             while time.monotonic() < end and self.alive():
-                line.rung(end - time.monotonic())
+                line.woken(end - time.monotonic())
                 while (message := line.read()) is not None:
                     if reply_at(message.octets, HEAD_BYTES).sequence == number:
                         return
@@ -170,7 +170,7 @@ class Caller(CallingLink["ShmTransport", Peer, int], AskingLink):
                 left = end - time.monotonic()
                 if left <= 0:
                     raise self.no_answer(deadline)
-                rung = line.rung(left)
+                woken = line.woken(left)
                 while (message := line.read()) is not None:
                     try:
                         found = reply_at(message.octets, HEAD_BYTES)
@@ -183,7 +183,7 @@ class Caller(CallingLink["ShmTransport", Peer, int], AskingLink):
                         self.malformed(exc)
                     except KeyError as exc:
                         self.malformed(f"status {exc}")
-                if not rung:
+                if not woken:
                     self.still(peer)
         finally:
             peer.give(line)

@@ -1,4 +1,4 @@
-"""One thread waits, at one bell, for all that comes in: messages of topics, mail, and what is due."""
+"""One thread waits, at one wake-up pipe, for all that comes in: messages of topics, mail, and what is due."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Protocol
 
 from ...errors import TransportError
 from ..crew import Job
-from .bells import BELLS, LOOK, MAIL, NEWS, Bell, Rope
+from .wakeup import LOOK, MAIL, NEWS, WAKEUPS, Waker, Wakeup
 
 log = logging.getLogger("robocomp.transport.shm")
 
@@ -35,9 +35,11 @@ class Attending(Protocol):
 class Loop:
     """`receive` is for one thread at a time."""
 
-    def __init__(self, bell: Bell, own: Rope, tick: Callable[[], float], open_mail: Callable[[], Job | None]) -> None:
-        self._bell, self._own, self._tick, self._open_mail = bell, own, tick, open_mail
-        self._attending: dict[int, list[Attending]] = {number: [] for number in range(BELLS)}
+    def __init__(
+        self, wakeup: Wakeup, own: Waker, tick: Callable[[], float], open_mail: Callable[[], Job | None]
+    ) -> None:
+        self._wakeup, self._own, self._tick, self._open_mail = wakeup, own, tick, open_mail
+        self._attending: dict[int, list[Attending]] = {number: [] for number in range(WAKEUPS)}
         self._ready: deque[Attending] = deque()
         self._jobs: deque[Job] = deque()
         self._mail = True
@@ -50,7 +52,7 @@ class Loop:
         """Have this done soon by who receives: once what just came in was handed on, or another thread receives."""
 
     def add(self, number: int, link: Attending) -> None:
-        """Have a link attended to whenever that number is rung."""
+        """Have a link attended to whenever that wake-up number arrives."""
         self._attending[number].append(link)
         self.attend(link)
 
@@ -59,21 +61,21 @@ class Loop:
             self._attending[number].remove(link)
 
     def attend(self, link: Attending) -> None:
-        """Look at this link next, whatever the bell says."""
+        """Look at this link next, whatever wake-ups came."""
         if link not in self._ready:
             self._ready.append(link)
         if self._sleeping:
-            self._own.ring(MAIL)
+            self._own.wake(MAIL)
 
     def do(self, job: Job) -> None:
         """Return this job next."""
         self._jobs.append(job)
         if self._sleeping:
-            self._own.ring(MAIL)
+            self._own.wake(MAIL)
 
     def wake(self) -> None:
         """Tick now: something became due earlier."""
-        self._own.ring(LOOK)
+        self._own.wake(LOOK)
 
     def receive(self) -> Iterable[Job]:
         while self._afterwards:
@@ -86,13 +88,19 @@ class Loop:
             self._next_tick = now + self._tick()
         if self._mail and (job := self._letter()):
             return (job,)
-        self._sleeping = True  # before looking at what is ready: whoever adds to it later sees this, and rings
+        self._sleeping = True  # before looking at what is ready: a thread that adds to it later sees this, and wakes us
         busy = self._mail or self._ready or self._jobs
-        rung = self._bell.wait(0.0 if busy else max(0.0, self._next_tick - now))
+        numbers = self._wakeup.wait(0.0 if busy else max(0.0, self._next_tick - now))
         self._sleeping = False
-        if type(rung) is bytes and rung and rung[0] != MAIL and not busy and (jobs := self._one(rung[0])) is not None:
+        if (
+            type(numbers) is bytes
+            and numbers
+            and numbers[0] != MAIL
+            and not busy
+            and (jobs := self._one(numbers[0])) is not None
+        ):
             return jobs
-        for number in rung:
+        for number in numbers:
             if number == MAIL:
                 self._mail = True
             elif number == LOOK:
@@ -112,7 +120,7 @@ class Loop:
         return [self._jobs.popleft() for _ in range(len(self._jobs))]
 
     def _one(self, number: int) -> Sequence[Job] | None:
-        """Take the one message that the bell was rung for. None if it was rung for something else.
+        """Take the one message that the wake-up announced. None if the wake-up was for something else.
 
         To look for more takes time, which can be spent `afterwards`. That is different with mail: who has an answer
         asks again, often before we would sleep.

@@ -1,7 +1,7 @@
 """Letters: requests, commands and replies, in queues that one transport reads and others write to.
 
 Every transport has a queue under its name, for all that nobody in particular expects. A thread that waits for an
-answer has a line of its own: a queue, with a bell, that nobody else reads.
+answer has a line of its own: a queue, with a wakeup, that nobody else reads.
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ import itertools
 
 from ...errors import TransportError
 from ...wire.codec import Payload
-from .bells import MAIL, SOON, Bell, Rope, bell_path
 from .node import PORTS, Node
 from .receipts import Reader as Receiver
 from .room import Full
 from .samples import Reader, Writer
+from .wakeup import MAIL, NUDGE, Waker, Wakeup, wakeup_path
 
 WAITING = 128
 """Letters of one sender that may wait in the queue of a transport."""
@@ -32,7 +32,7 @@ KNOCK = 0xFFFFFFFF
 """Whom a letter is for that wants nothing but an answer, which tells that all before it were taken."""
 
 HURRY = 1 << 31
-"""Added to the number of a line: to be rung already when the answer is about to be written."""
+"""Added to the number of a line: wake the client already when the reply is about to be written."""
 
 LINGER = 1.5
 """Seconds for which closing waits for what was sent last to be taken."""
@@ -66,7 +66,7 @@ def queue_of(member_id: str, line: int) -> str:
 
 
 class Mailbox:
-    """The queue that everybody writes to. Its bell is the one that wakes the transport."""
+    """The queue that everybody writes to. Its wakeup is the one that wakes the transport."""
 
     def __init__(self, node: Node, member_id: str) -> None:
         queue = node.new_queue(queue_of(member_id, 0), WAITING, KEPT + 1, PORTS, lossy=False)
@@ -90,12 +90,12 @@ class Line:
         self.number = number
         queue = node.new_queue(queue_of(member_id, number), ANSWERS, KEPT + 1, 2, lossy=True)
         self._reader = Reader(queue, KEPT, node.heaps)
-        self._bell = Bell(bell_path(node.folder, member_id, number))
-        self.read, self.rung = self._reader.read, self._bell.rung
+        self._wakeup = Wakeup(wakeup_path(node.folder, member_id, number))
+        self.read, self.woken = self._reader.read, self._wakeup.woken
 
     def close(self) -> None:
         self._reader.close()
-        self._bell.close()
+        self._wakeup.close()
 
 
 class Post:
@@ -112,7 +112,7 @@ class Post:
         """The number of letters that we sent, and of those that were opened when we last looked."""
         self.hindrance = ""
         """What was wrong when nothing could be sent for want of memory; "" if that never happened."""
-        self._rope = Rope(bell_path(node.folder, member_id, line))
+        self._waker = Waker(wakeup_path(node.folder, member_id, line))
         self._writer = Writer(node.queue(queue_of(member_id, line), _LOANS), node.heap)
 
     def send(self, line: int, to: int, header: bytes, payload: Payload, size: int) -> bool:
@@ -132,7 +132,7 @@ class Post:
                 return False
             raise
         self._sent = next(self._numbers)
-        self._rope.ring(MAIL)
+        self._waker.wake(MAIL)
         return True
 
     def _is_too_far_ahead(self, size: int) -> bool:
@@ -145,9 +145,9 @@ class Post:
 
     def announce(self) -> None:
         """Wake who will read what is about to be sent."""
-        self._rope.ring(SOON)
+        self._waker.wake(NUDGE)
 
     def close(self) -> None:
         self._closed = True
         self._writer.close()
-        self._rope.close()
+        self._waker.close()

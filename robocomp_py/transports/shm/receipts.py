@@ -2,7 +2,7 @@
 
 A subscriber has a file; each publisher that it hears has a slot in it:
 
-    source u64 · taken u64, the number of the last message that was read · call u64, ring when that is read
+    source u64 · taken u64, the number of the last message that was read · call u64, wake the sender when that is read
 
 So a publisher knows without any message whom it is ahead of, and how far; it is woken only if it waits.
 """
@@ -101,7 +101,7 @@ class Reader:
         return max(taken, self._met) if source == self._source else self._met
 
     def call_at(self, number: int) -> None:
-        """Have it ring when it has taken that message."""
+        """Have the reader wake us when it has taken that message."""
         if self._map is not None:
             _NUMBER.pack_into(self._map, self._at + _CALL, number)
 
@@ -138,7 +138,7 @@ class Credit:
             for reader in self._readers:
                 reader.call_at(max(1, sent - ahead // 2))  # not at once: it is woken less often so
             left = end - time.monotonic()
-            if sent - self._slowest() < ahead:  # meanwhile, and so perhaps without ringing
+            if sent - self._slowest() < ahead:  # meanwhile, and so perhaps without a wake-up
                 break
             if left <= 0:
                 return False
@@ -152,7 +152,7 @@ class Credit:
             time.sleep(min(left, _LONGEST_PAUSE))
 
     def called(self) -> None:
-        """A reader has rung."""
+        """A reader has woken us."""
         self._called.set()
 
     def _slowest(self) -> int:

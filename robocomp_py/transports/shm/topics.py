@@ -17,12 +17,12 @@ from ..crew import Job
 from ..directory import Member
 from ..limits import BATCH
 from ..topics import SubscribingLink
-from .bells import LOOK, Rope, bell_of
 from .mail import packed
 from .node import READERS
 from .receipts import Credit, Receipts
 from .receipts import Reader as Receiver
 from .samples import HEAD_BYTES, Loaned, Message, Reader, Writer, size_of
+from .wakeup import LOOK, Waker, wakeup_of
 
 if TYPE_CHECKING:
     from .transport import ShmTransport
@@ -69,7 +69,7 @@ class Publisher(AnnouncedLink["ShmTransport"], SupportsHeard, SupportsLoan):
         self._source, self._sent = random_id(), 0
         self._order, self._looking = threading.Lock(), threading.Lock()
         self._readers: dict[tuple[str, str], _Known] = {}
-        self._ropes: list[tuple[Rope, int]] = []
+        self._wakers: list[tuple[Waker, int]] = []
         self._seen = 0
         """The number of readers that iceoryx2 knew when we last looked."""
         self._missing = False
@@ -90,8 +90,8 @@ class Publisher(AnnouncedLink["ShmTransport"], SupportsHeard, SupportsLoan):
         self.transport.attend_to(self._number, self)
         self.announce(f"{self._number}/{self._source:016x}")
         self.look()
-        for rope, _ in self._ropes:
-            rope.ring(LOOK)  # they need not wait for their next look into the directory
+        for waker, _ in self._wakers:
+            waker.wake(LOOK)  # they need not wait for their next look into the directory
 
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
         end = self._take_turn(deadline)
@@ -139,22 +139,22 @@ class Publisher(AnnouncedLink["ShmTransport"], SupportsHeard, SupportsLoan):
                 del self._readers[gone]
             for key in there.keys() - self._readers.keys():
                 member, entry = there[key]
-                rope = self.transport.rope(member)
-                if rope:
+                waker = self.transport.waker(member)
+                if waker:
                     text, _, counted = entry.address.partition("/")
                     path = self.transport.receipts(member.id, int(text)) if counted and self._lossless else None
                     receiver = Receiver(path, self._source, self._sent) if path else None
-                    self._readers[key] = _Known(rope, bell_of(int(text)), receiver)
+                    self._readers[key] = _Known(waker, wakeup_of(int(text)), receiver)
             known = list(self._readers.values())
             self._credit.meet([each.receiver for each in known if each.receiver])
-            self._ropes = [(each.rope, each.bell) for each in known]
+            self._wakers = [(each.waker, each.wakeup) for each in known]
             self._writer.greet()  # who is new gets the history now
-        for rope, number in self._ropes:
-            rope.ring(number)
+        for waker, number in self._wakers:
+            waker.wake(number)
         return all(key in self._readers for key in there)
 
     def on_input(self, *, one: bool = False) -> tuple[Job, ...]:
-        """A subscriber has rung: it begins to read, or it has read as much as was waited for."""
+        """A subscriber has woken us: it begins to read, or it has read as much as we waited for."""
         self._credit.called()
         self._meet_new_readers()
         return ()
@@ -163,19 +163,19 @@ class Publisher(AnnouncedLink["ShmTransport"], SupportsHeard, SupportsLoan):
         if not self.counterparts(strict=True):
             return False
         self.look()
-        return bool(self._ropes) and self._seen > 0
+        return bool(self._wakers) and self._seen > 0
 
     def connected(self) -> bool:
         if self.look() and not self._missing:
             return True
-        for rope, _ in self._ropes:
-            rope.ring(LOOK)  # its subscriber need not wait for its next look into the directory
+        for waker, _ in self._wakers:
+            waker.wake(LOOK)  # its subscriber need not wait for its next look into the directory
         return False
 
     @property
     def heard(self) -> bool:
         self._meet_new_readers()
-        return bool(self._ropes) or self._history > 0
+        return bool(self._wakers) or self._history > 0
 
     def close(self) -> None:
         if self._writer and not self.closed.is_set():  # while our readers still hear us
@@ -210,15 +210,15 @@ class Publisher(AnnouncedLink["ShmTransport"], SupportsHeard, SupportsLoan):
                 self._sent, ahead, end, self._still
             ):
                 raise Timeout(f"{self.channel.name}: a subscriber did not keep up for {deadline:g} s")
-        return bool(self._ropes) or self._history > 0
+        return bool(self._wakers) or self._history > 0
 
     def _header(self) -> bytes:
         return pack_publication(self.channel.type.fingerprint, self._source, self._sent + 1, time.time_ns())
 
     def _was_sent(self) -> None:
         self._sent += 1
-        for rope, number in self._ropes:
-            rope.ring(number)
+        for waker, number in self._wakers:
+            waker.wake(number)
 
     def _await_memory(self, end: float, deadline: float) -> bool:
         """All memory for messages is in use: whether to try again, or to give the message up."""
@@ -258,8 +258,8 @@ class Publisher(AnnouncedLink["ShmTransport"], SupportsHeard, SupportsLoan):
 class _Known:
     """A subscriber, as its publisher knows it."""
 
-    def __init__(self, rope: Rope, bell: int, receiver: Receiver | None) -> None:
-        self.rope, self.bell, self.receiver = rope, bell, receiver
+    def __init__(self, waker: Waker, wakeup: int, receiver: Receiver | None) -> None:
+        self.waker, self.wakeup, self.receiver = waker, wakeup, receiver
 
 
 class _Loan:
@@ -388,8 +388,8 @@ class Subscriber(SubscribingLink["ShmTransport"]):
     def _begin(self, key: tuple[str, str], member: Member, channel: str) -> None:
         """Have a publisher heard. One that cannot be heard now is tried again, as long as it is there."""
         number, source = key[1].split("/")
-        rope = self.transport.rope(member)
-        if rope is None:
+        waker = self.transport.waker(member)
+        if waker is None:
             return
         missed = self.channel.qos.depth if self.channel.qos.latched else 0
         if self._receipts:
@@ -404,8 +404,10 @@ class Subscriber(SubscribingLink["ShmTransport"]):
             return
         reader = Reader(port, _share(service), self.transport.node.heaps)
         self.transport.node.heaps.meet(packed(member.id))  # what is sent before it leaves is heard afterwards, too
-        self._heard[key] = _Heard(service, reader, channel, int(source, 16), partial(rope.ring, bell_of(int(number))))
-        rope.ring(bell_of(int(number)))
+        self._heard[key] = _Heard(
+            service, reader, channel, int(source, 16), partial(waker.wake, wakeup_of(int(number)))
+        )
+        waker.wake(wakeup_of(int(number)))
 
     def reconnect(self) -> None:
         """Subscribe anew to the publishers from which nothing was heard."""

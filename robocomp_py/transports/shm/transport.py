@@ -22,7 +22,6 @@ from ..inotify import Watch
 from ..limits import IDLE_TICK
 from ..link import Ends
 from ..server import CommandInlet, Server, ServingLink
-from .bells import MAIL, Bell, Rope, bell_of, bell_path
 from .client import Caller, CommandOutlet, Peer
 from .codec import ApartCdr
 from .desk import Desk
@@ -32,6 +31,7 @@ from .node import Node
 from .room import FILES, spare_files
 from .samples import let_go
 from .topics import Publisher, Subscriber
+from .wakeup import MAIL, Waker, Wakeup, wakeup_of, wakeup_path
 
 log = logging.getLogger("robocomp.transport.shm")
 
@@ -54,7 +54,7 @@ class ShmTransport(Announcing):
         self.served = self.folder / "served"
         self._numbers = 0
         self._lines = 0
-        self._ropes: dict[str, Rope] = {}
+        self._wakers: dict[str, Waker] = {}
         self._bury_at = 0.0
         self._was_short = False
         """Whether this process could open no file at the last look."""
@@ -68,15 +68,15 @@ class ShmTransport(Announcing):
             undo.callback(self.node.close)
             self._watch = Watch(self.folder)
             undo.callback(self._watch.close)
-            path = bell_path(self.folder, self.member.id)
-            self._bell = Bell(path, self._watch)
-            undo.callback(self._bell.close)
-            self._own = Rope(path)
+            path = wakeup_path(self.folder, self.member.id)
+            self._wakeup = Wakeup(path, self._watch)
+            undo.callback(self._wakeup.close)
+            self._own = Waker(path)
             undo.callback(self._own.close)
             self._mailbox = Mailbox(self.node, self.member.id)
             undo.callback(self._mailbox.close)
             self.desk = Desk(self, self._mailbox)
-            self._loop = Loop(self._bell, self._own, self._tick, self.desk.open_next)
+            self._loop = Loop(self._wakeup, self._own, self._tick, self.desk.open_next)
             self.afterwards = self._loop.afterwards
             self.directory.watch(self._watch, self._loop.wake)
             self._crew = LeaderFollowers("shm", self._loop.receive, self._loop.wake)
@@ -110,10 +110,10 @@ class ShmTransport(Announcing):
 
     def _let_go(self) -> None:
         with self._lock:
-            held: list[Peer | Rope] = [*self._peers.values(), *self._ropes.values()]
+            held: list[Peer | Waker] = [*self._peers.values(), *self._wakers.values()]
             self._peers.clear()
-            self._ropes.clear()
-        for each in (*held, self._mailbox, self._own, self._bell, self._watch):
+            self._wakers.clear()
+        for each in (*held, self._mailbox, self._own, self._wakeup, self._watch):
             each.close()
 
     # What links use.
@@ -125,27 +125,27 @@ class ShmTransport(Announcing):
             return self._numbers
 
     def attend_to(self, number: int, link: Attending) -> None:
-        """Have the link of that number attended to from now on whenever its bell is rung."""
-        self._loop.add(bell_of(number), link)
+        """Have the link of that number attended to from now on whenever it is woken."""
+        self._loop.add(wakeup_of(number), link)
 
     def attend(self, link: Attending) -> None:
         self._loop.attend(link)
 
     def forget(self, number: int, link: Attending) -> None:
-        self._loop.remove(bell_of(number), link)
+        self._loop.remove(wakeup_of(number), link)
 
-    def rope(self, member: Member) -> Rope | None:
-        """By which somebody's bell is rung; None if he has just left."""
+    def waker(self, member: Member) -> Waker | None:
+        """Wakes that member; None if it has just left."""
         with self._lock:
             self.check_open()
-            if member.id not in self._ropes:
+            if member.id not in self._wakers:
                 try:
-                    self._ropes[member.id] = Rope(bell_path(self.folder, member.id))
+                    self._wakers[member.id] = Waker(wakeup_path(self.folder, member.id))
                 except TransportError:
                     if self.directory.alive(member.id):
                         raise
                     return None
-            return self._ropes[member.id]
+            return self._wakers[member.id]
 
     @contextlib.contextmanager
     def gathering(self) -> Iterator[None]:
@@ -255,15 +255,15 @@ class ShmTransport(Announcing):
         for link in links:
             if isinstance(link, Subscriber):
                 link.reconnect()
-        self._own.ring(MAIL)
+        self._own.wake(MAIL)
 
     def _forget_the_gone(self) -> None:
         with self._lock:
-            known = self._ropes.keys() | {peer.id for peer in self.known_peers()} | self.desk.correspondents()
+            known = self._wakers.keys() | {peer.id for peer in self.known_peers()} | self.desk.correspondents()
         for member_id in known:
             if not self.directory.alive(member_id):
                 with self._lock:
-                    held = [self._ropes.pop(member_id, None), self._peers.pop(packed(member_id), None)]
+                    held = [self._wakers.pop(member_id, None), self._peers.pop(packed(member_id), None)]
                 for each in held:
                     if each:
                         each.close()
