@@ -116,5 +116,5 @@ def test_a_path_is_shown_without_detours(tmp_path: Path, monkeypatch: pytest.Mon
 def test_keys_that_are_not_there_are_told_though_nothing_may_need_them(hello: Path, capsys: Said) -> None:
     assert told(rc, ["run", "hello", "--keys", "nosuch"], capsys) == (
         1,
-        "--keys nosuch: there is no such folder; `rcdeploy keys` makes one",
+        "--keys nosuch: no such folder; create it with `rcdeploy keys`",
     )

@@ -129,7 +129,7 @@ def test_a_plug_in_reads_another_form_of_configuration(tmp_path: Path, install: 
 
 def test_a_form_that_no_package_reads_is_refused(tmp_path: Path, alone: None) -> None:
     (tmp_path / "config").write_text("seconds 0.25\n")
-    with pytest.raises(ConfigurationError, match="is no TOML, and no installed package reads configurations of this"):
+    with pytest.raises(ConfigurationError, match="not valid TOML, and no installed package reads this"):
         settings.read(tmp_path / "config")
 
 
@@ -137,7 +137,7 @@ def test_the_checker_says_so_at_the_file(tmp_path: Path, alone: None, capsys: Sa
     (tmp_path / "toy.cdsl").write_text(CDSL)
     (tmp_path / "config").write_text("seconds 0.25\n")
     assert rc(["lint", str(tmp_path / "config")]) == 1
-    assert "config:1:1: error[config-syntax]: is no TOML, and no installed package" in capsys.readouterr().err
+    assert "config:1:1: error[config-syntax]: not valid TOML, and no installed package" in capsys.readouterr().err
 
 
 def test_a_plug_in_runs_a_component_for_another_framework(tmp_path: Path, install: Install, capsys: Said) -> None:

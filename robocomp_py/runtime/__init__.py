@@ -1,1 +1,1 @@
-"""What runs in a component: calls, ports, the worker and its life. Imports neither lark nor jinja2."""
+"""The run-time library of components: calls, ports, worker and life cycle. Imports neither lark nor jinja2."""

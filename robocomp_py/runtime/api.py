@@ -1,4 +1,4 @@
-"""What generated code is made of: everything its generic part imports from this package."""
+"""All names that generated code imports from this package."""
 
 from __future__ import annotations
 

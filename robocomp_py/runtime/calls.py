@@ -1,6 +1,6 @@
 """Operations on top of payloads: arguments, results, declared exceptions.
 
-Pure: no threads, no sockets, no clock. Every transport gets its outcomes from here.
+Pure: no threads, no sockets, no clock. Outcomes are the same over every transport, because they are made here.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _THROWN = thrown()
 
 
 class Outcome(Exception):
-    """Raised by a handler to end the call with this reply. Fakes use it, since they stand for the transport, too."""
+    """Raised by a handler to end the call with this reply. Fakes use it to simulate the outcomes of a transport."""
 
     def __init__(self, reply: Reply) -> None:
         super().__init__(reply.status)
@@ -45,18 +45,18 @@ class Outcome(Exception):
 
 
 class Call(Generic[R]):
-    """The asking side of one operation over one codec."""
+    """The client side of one operation over one codec."""
 
     def __init__(self, operation: Operation[R], codec: Codec) -> None:
         self.operation = operation
-        # What is asked and published is sent before the caller goes on; an answer is not.
+        # No snapshot: a request is sent before its caller continues and can change the arguments. Replies may go later.
         self.encode: Callable[[tuple[Any, ...]], Payload] = codec.encoder(operation.request, snapshot=False)
         self.codec = codec
         self._decode = codec.decoder(operation.response)
         self._outputs = len(operation.outputs)
 
     def result(self, reply: Reply) -> R:
-        """What the operation returned, in the form of Python users; or raise what it raised."""
+        """The return value of the operation, as Python code expects it. Raises the exception that the reply holds."""
         if reply.status is Status.OK:
             values = self._decode(reply.payload)
             value: Any = values if self._outputs > 1 else values[0] if self._outputs else None
@@ -70,17 +70,17 @@ class Call(Generic[R]):
                 raise self._thrown(name, reply.payload)
             case Status.FAILED:
                 kind, reason, trace = ("", "no reason given", "")
-                if reply.payload:  # a service that broke altogether leaves none
+                if reply.payload:  # empty if the service itself failed
                     kind, reason, trace = _decoder(self.codec, _FAILURE)(reply.payload)
                 raise RemoteFailure(name, kind, reason, trace)
             case Status.EXPIRED:
-                raise Timeout(f"{name}: its deadline was over before it could be executed")
+                raise Timeout(f"{name}: the deadline passed before the server could execute the call")
             case Status.BUSY:
-                raise Busy(f"{name}: too many calls wait on the other side")
+                raise Busy(f"{name}: too many calls are waiting at the server")
             case Status.REFUSED:
                 raise Unreachable(f"{name}: its server left")
             case Status.MISMATCH:
-                raise ContractMismatch(f"{name}: the other side has another definition of it")
+                raise ContractMismatch(f"{name}: the server was generated from another definition of the operation")
             case Status.OK:
                 raise AssertionError("not an error")
 
@@ -94,11 +94,11 @@ class Call(Generic[R]):
                 assert kind.python is not None
                 exception: DeclaredError = kind.python(*fields)
                 return exception
-        return RemoteFailure(name, lineage.split(LINEAGE)[0], "an exception this operation does not declare")
+        return RemoteFailure(name, lineage.split(LINEAGE)[0], "the operation does not declare this exception")
 
 
-class Answering:
-    """The serving side of one operation over one codec."""
+class Handler:
+    """The server side of one operation over one codec: decodes, calls the worker's method, encodes the reply."""
 
     def __init__(self, operation: Operation[Any], codec: Codec, method: Callable[..., Any]) -> None:
         self.operation, self.method = operation, method
@@ -106,8 +106,6 @@ class Answering:
         self._outputs = len(operation.outputs)
         self._declared = tuple(each.python for each in operation.raises if each.python)
         self._repeats = Repeats()
-
-    # Compiled when they are first needed, or before.
 
     @cached_property
     def decode(self) -> Decoder:
@@ -118,11 +116,11 @@ class Answering:
         return self._codec.encoder(self.operation.response)
 
     def compile(self) -> None:
-        """Now, so that the first message is treated as quickly as the others."""
+        """Compile the codec now, so that the first message takes no longer than later ones."""
         _ = self.decode, self._encode
 
     def answer(self, arguments: tuple[Any, ...]) -> Reply:
-        """Call the method and encode what comes of it. Never raises: whatever happens becomes a Reply."""
+        """Call the method and encode its result. Never raises: every outcome becomes a Reply."""
         try:
             value = self.method(*arguments)
         except self._declared as exc:
@@ -130,38 +128,36 @@ class Answering:
         except Outcome as exc:
             return exc.reply
         except Closed:
-            return Reply(Status.REFUSED)  # the component ends, and what the handler wanted to use is closed already
+            return Reply(Status.REFUSED)  # the component is stopping: the handler used a link that is closed
         except (Exception, SystemExit) as exc:
-            self.blame(exc)
+            self.log_failure(exc)
             return self.failed(exc)
         try:
             values = (value,) if self._outputs == 1 else self._values(value)
             return answered((Status.OK, self._encode(values)))
         except EncodeError as exc:
-            log.error("%s returned what its interface does not allow: %s", self.method.__qualname__, exc)
+            log.error("%s returned a value that its interface does not allow: %s", self.method.__qualname__, exc)
             return self.failed(exc)
 
     def take(self, arguments: tuple[Any, ...]) -> None:
-        """Call the method for a message that nobody waits for an answer to. Never raises."""
+        """Call the method for a one-way message. Never raises."""
         try:
             self.method(*arguments)
         except Closed:
             return
         except (Exception, SystemExit) as exc:
-            self.blame(exc)
+            self.log_failure(exc)
 
-    def blame(self, exc: BaseException) -> None:
-        """Tell the author of the method what it raised; what comes again and again, sparingly."""
+    def log_failure(self, exc: BaseException) -> None:
+        """Log an exception of the method. Repeated exceptions from the same lines are logged less and less often."""
         untold = self._repeats.untold(way_of(exc))
         if untold is None:
             return
         more = times_more(untold)
         if isinstance(exc, SystemExit):
-            log.error(
-                "%s called sys.exit(): a handler ends its component by self.stop()%s", self.method.__qualname__, more
-            )
+            log.error("%s called sys.exit(): call self.stop() to stop the component%s", self.method.__qualname__, more)
         elif isinstance(exc, ConfigurationError):
-            log.warning("%s refused: %s%s", self.method.__qualname__, exc, more)  # it is its caller who is wrong
+            log.warning("%s refused: %s%s", self.method.__qualname__, exc, more)  # the mistake is the caller's
         else:
             log.error("%s raised\n%s%s", self.method.__qualname__, user_trace(exc), more)
 
@@ -171,7 +167,7 @@ class Answering:
         return Reply(Status.FAILED, _encoder(self._codec, _FAILURE)(safe))
 
     def _values(self, value: Any) -> tuple[Any, ...]:
-        """What was returned for no output, or for several."""
+        """The return value as a tuple, for operations with no output or several."""
         if self._outputs == 0:
             if value is not None:
                 raise EncodeError(f"{self.method.__qualname__} must return None, not {type(value).__name__}")
@@ -186,13 +182,13 @@ class Answering:
         try:
             fields = tuple(getattr(exc, field.attribute) for field in kind.all_fields)
             payload = _encoder(self._codec, thrown(kind))((LINEAGE.join(kind.lineage), *fields))
-        except (AttributeError, EncodeError) as wrong:  # a class derived from it may leave out a field
+        except (AttributeError, EncodeError) as wrong:  # a derived class may not set every field
             log.error("%s raised %s with wrong fields: %s", self.method.__qualname__, type(exc).__name__, wrong)
             return self.failed(wrong)
         return Reply(Status.THROWN, payload)
 
 
-# Failures are compiled when they first happen, and then kept: some happen at every call.
+# Codecs of failures are compiled when first used and cached, since some calls fail every time.
 
 
 @lru_cache(maxsize=1024)
@@ -202,12 +198,12 @@ def _encoder(codec: Codec, message: Struct) -> Encoder:
 
 @lru_cache(maxsize=1024)
 def _decoder(codec: Codec, message: Struct) -> Decoder:
-    """A decoder that ignores what follows: an exception may be one derived from that one, with more fields."""
+    """A decoder that ignores trailing bytes: the exception may be of a derived type with more fields."""
     return codec.decoder(message, prefix=True)
 
 
 def _family(declared: ExceptionType) -> list[ExceptionType]:
-    """A declared exception and those derived from it that this process knows."""
+    """A declared exception and all exceptions derived from it that this process knows."""
     family = [declared]
     for derived in declared.python.__subclasses__() if declared.python else ():
         known = _contract_of(derived)
@@ -217,6 +213,6 @@ def _family(declared: ExceptionType) -> list[ExceptionType]:
 
 
 def _contract_of(exception: type) -> ExceptionType | None:
-    """What a generated exception class stands for; None for other classes, their subclasses included."""
+    """The contract type of a generated exception class; None for any other class, subclasses of these included."""
     contract = exception.__dict__.get("__contract__")
     return contract if isinstance(contract, ExceptionType) else None

@@ -1,4 +1,4 @@
-"""`CommonBehavior`, which every component answers: how it is, and how to end it."""
+"""`CommonBehavior`, which every component implements: its status, parameters and period, and how to stop it."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from .statemachine import Machine
 from .worker import Worker
 
 MOST_CHANGES = 8
-"""So many changes of parameters may wait for their turn: fewer than threads, which the other operations need, too."""
+"""Maximum number of waiting parameter changes. Less than the number of threads, so that other operations go on."""
 
 
 class CommonBehavior:
-    """Handlers of the interface for one worker. They may run beside its code, and are quick.
+    """Handlers of the interface for one worker. They run concurrently with its code and return quickly.
 
-    Only a change of parameters waits for its turn, which `held` gives, so that the worker's code sees it whole.
+    Only a change of parameters enters the monitor (by `held`), so that the worker's code never sees half of it.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class CommonBehavior:
         if self._spec is None:
             raise ConfigurationError("this component has no parameters")
         if not self._changes.acquire(blocking=False):
-            raise ConfigurationError(f"{MOST_CHANGES} changes of parameters wait already; try again later")
+            raise ConfigurationError(f"{MOST_CHANGES} changes of parameters are already waiting; try again later")
         try:
             with self._held():
                 self._change(self._spec, {name: parameter.value for name, parameter in l.items()})
@@ -73,8 +73,8 @@ class CommonBehavior:
             self._changes.release()
 
     def _change(self, spec: ParameterSet, texts: Mapping[str, str]) -> None:
-        if self._is_changing:  # it waits for an answer in paramsChanged, which may still take its change back
-            raise ConfigurationError("another change of parameters is not finished; try again later")
+        if self._is_changing:  # paramsChanged waits for a reply, and may still reject its change
+            raise ConfigurationError("another change of parameters is in progress; try again later")
         values, changed, complaints = change(spec, self._params, texts)
         if complaints:
             raise ConfigurationError("\n".join(f"{each.path}: {each.message}" for each in complaints))
@@ -84,7 +84,7 @@ class CommonBehavior:
             self._worker.log.info("parameters changed: %s", ", ".join(shown))
 
     def _become(self, values: Mapping[str, Any], params: Any, changed: frozenset[str]) -> None:
-        """Let the worker have new parameters, unless it objects."""
+        """Give the worker new parameters; if `paramsChanged` raises, the old ones stay."""
         before = self._worker.params
         self._worker._configured = params
         self._is_changing = True
@@ -98,7 +98,7 @@ class CommonBehavior:
         self._params = values
 
     def CommonBehavior_reloadConfig(self) -> None:
-        raise PermissionError("a running component keeps its configuration; restart it to load another")
+        raise PermissionError("a running component cannot reload its configuration; restart it")
 
     def CommonBehavior_getState(self) -> Told:
         starting = self._worker.state in (State.STARTING, State.INITIALIZE)
@@ -112,6 +112,6 @@ class CommonBehavior:
 
 
 def port_of(component: Component) -> Port | None:
-    """The port to answer on, unless the component implements the interface itself."""
+    """The port of CommonBehavior; None if the component implements an interface of that name itself."""
     taken = any(p.interface.short == COMMONBEHAVIOR_INTERFACE.short and not p.verb.has_proxy for p in component.ports)
     return None if taken else Port(Verb.IMPLEMENTS, COMMONBEHAVIOR_INTERFACE, concurrent=True)

@@ -1,4 +1,4 @@
-"""What was configured, and by whom: nested tables, each value with the place it came from."""
+"""A configuration before it is checked: nested tables, and the place that each value came from."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from .toml_places import Spot, locate
 
 @dataclass
 class Document:
-    """Nested tables, and where each came from."""
+    """Nested tables, and the place that each value came from."""
 
     data: dict[str, Any] = field(default_factory=dict)
     path: Path | None = None
     text: str = ""
     overrides: list[tuple[Key, str]] = field(default_factory=list)
-    """What was set over the file, in that order, and who says so: `--set params.max_speed=1`."""
+    """Keys set over those of the file, in order, each with its origin: `--set params.max_speed=1`."""
     spots: Mapping[Key, Spot] | None = None
-    """Where in the text each key stands; None as long as nobody has asked."""
+    """The place of each key in the text; None until first needed."""
     complaints: tuple[Complaint, ...] = ()
-    """What was wrong already when it was read."""
+    """Mistakes that were found while reading the file."""
     renamed: tuple[Renamed, ...] = ()
     """The keys that were written under an older name."""
     params: ParameterSet | None = None
-    """The parameters of the component it is for, if it is known."""
+    """The parameters of the component that the file configures, if it is known."""
     passed_on: bool = False
-    """Whether the component's own code is given all that is in it, whatever that is."""
+    """Whether the component's own code reads the parameters, whatever they are, so that they are not checked."""
     notes: tuple[Note, ...] = ()
-    """What became of the lines of a file in another form; a file in our form needs none."""
+    """How a plug-in read each line of a file in a foreign format; empty for TOML."""
     complete: Callable[[Document, Component, str], None] | None = None
-    """Adds what such a file says of ports and can be told only when everything else is set: see `settings.settle`."""
+    """Adds settings of ports from a foreign file that depend on all other settings: see `settings.settle`."""
     peers: Mapping[str, str] = field(default_factory=dict)
-    """Where such a file says that the peer of a port is, by the name of the port in lower case."""
+    """The addresses of peers in a foreign file, by the name of the port in lower case."""
 
     def place(self, key: Key) -> str:
         """`etc/config.toml:12`, or the `--set` that gave it."""
@@ -49,19 +49,19 @@ class Document:
         return f"{self.path}:{self.line(key)}" if self.path else "configuration"
 
     def overridden(self, key: Key) -> str:
-        """Who set a key, or something inside of it, over the file; "" if nobody did."""
+        """The origin that set this key, or a key inside it, over the file; "" if the file decides."""
         for given, origin in reversed(self.overrides):
             if given == key[: len(given)] or key == given[: len(key)]:
                 return origin
         return ""
 
     def line(self, key: Key) -> int:
-        """The line of the file at which a key stands, or what is nearest above it."""
+        """The line of a key in the file, or of the nearest table around it."""
         spot = self.spot(key)
         return self.text.count("\n", 0, spot.key[0]) + 1 if spot else 1
 
     def spot(self, key: Key) -> Spot | None:
-        """Where in the text a key stands, or the nearest table around it; None if the text has neither."""
+        """The place of a key in the text, or of the nearest table around it; None if the text has neither."""
         if self.spots is None:
             self.spots = locate(self.text)
         key = next((each.written for each in self.renamed if each.key == key and not each.origin), key)
@@ -93,24 +93,24 @@ class Renamed:
 
 @dataclass(frozen=True)
 class Note:
-    """What became of one line of a file in another form."""
+    """How one line of a file in a foreign format was read."""
 
     key: str
-    """As it is written there."""
+    """The key as the file spells it."""
     line: int
     became: Key = ()
-    """The key of ours that it sets; () if it sets none."""
+    """Our key that the line sets; () if it sets none."""
     why: str = ""
-    """Why it sets none, for people."""
+    """A message for people: why it sets none."""
     understood: bool = True
-    """Whether it is known what it means, which may be nothing here."""
+    """Whether the meaning of the line is known. A known line may still have no effect here."""
     spot: Spot | None = None
     undeclared: bool = False
-    """Whether it sets none because the component declares no parameters: code that looks at everything is given it."""
+    """Whether it sets none only because the component declares no parameters. Code that reads all of them gets it."""
 
 
 class NotToml(ConfigurationError):
-    """A text is no TOML. `offset` is where it stops being one."""
+    """A text is not valid TOML. `offset` is the place of the first mistake."""
 
     def __init__(self, path: Path, text: str, reason: str, place: tuple[int, int] | None) -> None:
         starts = [0, *(found.end() for found in re.finditer("\n", text))]
@@ -126,11 +126,11 @@ class NotToml(ConfigurationError):
 
 
 _SHOWN = 160
-"""Characters of a line that is shown."""
+"""Longest line, in characters, that a message quotes."""
 
 
 def _quoted(text: str, offset: int) -> str:
-    """How to write a text that lacks its quotes; nothing if another value is meant."""
+    """A hint for a string without quotes; "" if the value was probably meant as something else."""
     found = re.compile(r"[^\W\d][^\n\"'#,\]}\\]*|[/.~][^\n\"'#,\]}\\]*").match(text, offset)
     word = found[0].strip() if found else ""
     if word.lower() in ("true", "false"):
@@ -139,7 +139,7 @@ def _quoted(text: str, offset: int) -> str:
 
 
 def parsed(text: str, path: Path) -> dict[str, Any]:
-    """What a TOML text says. Raises NotToml with the place if it is none."""
+    """The tables of a TOML text. Raises NotToml with the place of the mistake."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as exc:
@@ -149,30 +149,30 @@ def parsed(text: str, path: Path) -> dict[str, Any]:
         raise NotToml(path, text, _plainly(message, text, place), place) from exc
     except RecursionError as exc:
         raise NotToml(path, text, "nested too deeply", None) from exc
-    except ValueError as exc:  # Python reads no number of thousands of digits
+    except ValueError as exc:  # Python refuses integers of thousands of digits
         raise NotToml(path, text, str(exc).partition(":")[0], None) from exc
 
 
 def _plainly(message: str, text: str, place: tuple[int, int] | None) -> str:
-    """What tomllib says of a key that is set twice, with the name of the key."""
+    """The message of tomllib; for a key that is set twice, one that names the key."""
     if message == "Cannot overwrite a value" and place:
         key = text.split("\n")[place[0] - 1].partition("=")[0].strip()
-        return f"`{key}` has a value already"
+        return f"`{key}` is set twice"
     twice = re.fullmatch(r"Cannot declare \((.*?),?\) twice", message)
     return (
-        f"the table `{'.'.join(re.findall(chr(39) + r'(.*?)' + chr(39), twice[1]))}` is there already"
+        f"the table `{'.'.join(re.findall(chr(39) + r'(.*?)' + chr(39), twice[1]))}` is defined twice"
         if twice
         else message
     )
 
 
 def has_sections(text: str) -> bool:
-    """Whether there are tables in a text, as in TOML; lists of properties have none."""
+    """Whether a text has headers of tables, as in TOML. Property lists have none."""
     return re.search(r"^[ \t]*\[", text, re.MULTILINE) is not None
 
 
 def put(data: dict[str, Any], key: Key, value: Any) -> None:
-    """Set a key below tables that are made if they are missing; nothing, if something else stands in the way."""
+    """Set a key, creating missing tables. Does nothing if a value that is no table is in the way."""
     table: Any = data
     for part, _ in pairwise(key):
         table = table.setdefault(part, {}) if isinstance(table, dict) else None

@@ -1,4 +1,4 @@
-"""The configuration that holds, as TOML that can be read again, each value with the place it came from."""
+"""The effective configuration as TOML that can be read again, each value with the place it came from."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from .document import Document
 from .settings import PortSettings, Settings, Way
 
 _ROOM = 40
-"""Characters of a line before its comment."""
+"""Column of the comments."""
 
 
 @dataclass(frozen=True)
 class Value:
-    """A key of the configuration with what it is now, and who says so."""
+    """A key of the configuration, its value, and where the value comes from."""
 
     key: Key
     value: Any
@@ -29,13 +29,13 @@ class Value:
 
 @dataclass(frozen=True)
 class Table:
-    """From here on, keys are inside of this table, which is an item of a list if its key ends with a number."""
+    """The table that the following keys belong to: an item of a list if its key ends with a number."""
 
     key: Key
 
 
 def effective(component: Component, settings: Settings, document: Document, middleware: str) -> list[Value | Table]:
-    """Everything that is configured, in the order of a file; `middleware` is what the component was generated for."""
+    """All settings, in the order of a file. The component was generated for `middleware`."""
     found: list[Value | Table] = []
     look = _Look(document)
     found += [
@@ -71,19 +71,19 @@ def as_toml(found: list[Value | Table]) -> str:
 
 
 def as_json(found: list[Value | Table]) -> str:
-    """One object a line: key, value, and from where."""
+    """One JSON object per line: key, value and origin."""
     values = (each for each in found if isinstance(each, Value))
     rows = ({"key": dotted(each.key), "value": _plain(each.value), "from": each.origin} for each in values)
     return "".join(f"{json.dumps(row, default=str)}\n" for row in rows)
 
 
 def _generated(middleware: str) -> str:
-    """The source of a choice of middleware that no configuration makes."""
+    """The origin of the middleware if no configuration sets it."""
     return "default" if is_auto(middleware) else "what it was generated for"
 
 
 class _Look:
-    """Who says what."""
+    """Looks up where the values of a document come from."""
 
     def __init__(self, document: Document) -> None:
         self._document = document
@@ -92,7 +92,7 @@ class _Look:
         return Value(key, value, self.origin(key) or otherwise)
 
     def origin(self, key: Key) -> str:
-        """The place that says something of a key; "" if it has its default."""
+        """The place that sets a key; "" if it has its default."""
         document = self._document
         if origin := document.overridden(key):
             return origin
@@ -112,7 +112,7 @@ def _params(look: _Look, spec: ParameterSet, values: Mapping[str, Any], at: Key)
 
 
 def _port(look: _Look, port: Port, settings: Settings, middleware: str) -> Iterator[Value | Table]:
-    """What holds for a port, and then what is set otherwise for some of its operations."""
+    """The settings of a port, then those of its operations that differ."""
     above = settings.ports.get((port.name,), PortSettings())
     chosen = settings.port(port, "")
     at: Key = ("ports", port.name)
@@ -171,7 +171,7 @@ def _plain(value: Any) -> Any:
 
 
 def _bare(name: str) -> str:
-    """A key as TOML wants it."""
+    """A key as TOML, with quotes if it needs them."""
     return name if name.replace("_", "").replace("-", "").isalnum() and name.isascii() else toml(name)
 
 

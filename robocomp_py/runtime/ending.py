@@ -1,6 +1,6 @@
 """Ends a process that was asked to stop and does not, as rcdeploy would if it had started the process.
 
-The thread that ends it is faulthandler's own and needs no lock of Python's, which code that is stuck may hold.
+A thread of faulthandler ends it, because that thread needs no lock of Python: stuck code may hold any of them.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ from collections.abc import Sequence
 from .notify import READY_FILE
 
 STUCK = 2.0
-"""Seconds after being asked to stop until people are told what a component still does."""
+"""Seconds from the request to stop until a message says what the component is still doing."""
 
 GRACE = 5.0
-"""Seconds that each component of a process has for its end."""
+"""Seconds that each component of a process has to stop."""
 
 
 _armed = threading.Event()
-"""Whether the end of this process has been arranged."""
+"""Set once the forced end of this process is scheduled."""
 
 
 def grace_of(asked: Sequence[float | None]) -> float | None:
-    """Seconds that a process of components with these wishes (`--grace`) has to stop; None if its launcher sees to it.
+    """Seconds that the process has to stop, given the `--grace` of each component; None if its launcher ends it.
 
-    rcdeploy, systemd and containers end what does not stop, each within a time of their own.
+    rcdeploy, systemd and containers end a process that does not stop, each after a time of its own.
     """
     if not any(each is not None for each in asked) and ("NOTIFY_SOCKET" in os.environ or READY_FILE in os.environ):
         return None
@@ -36,16 +36,16 @@ def grace_of(asked: Sequence[float | None]) -> float | None:
 
 
 def end_after(seconds: float | None) -> None:
-    """Have this process print where its threads are, and end with exit code 1, unless it has ended before.
+    """Unless the process ends earlier, print the stacks of its threads after that time, and exit with code 1.
 
-    The first call counts. May be called from any thread, and from a handler of signals.
+    Only the first call has an effect. May be called from any thread, and from a signal handler.
     """
     if seconds is None or _armed.is_set():
         return
     _armed.set()
     try:
         faulthandler.dump_traceback_later(seconds, exit=True, file=_complaints())
-    except RuntimeError:  # the system has no thread to spare for it; the component is asked to stop all the same
+    except RuntimeError:  # the system cannot start another thread; the component is asked to stop anyway
         _armed.clear()
 
 
@@ -57,7 +57,7 @@ def _complaints() -> int:
 
 
 def settle() -> None:
-    """The components have ended. Only threads that their code left behind could still keep the process."""
+    """Cancel the forced end: the components have ended. Unless threads of user code still keep the process alive."""
     others = [each for each in threading.enumerate() if each is not threading.current_thread() and not each.daemon]
     if _armed.is_set() and not others:
         faulthandler.cancel_dump_traceback_later()
@@ -65,6 +65,6 @@ def settle() -> None:
 
 
 def announced(grace: float | None) -> str:
-    """What happens to a component that is stuck: the end of a sentence that says what it is busy with."""
-    left = f"; it is ended in {grace - STUCK:g} s" if grace is not None and grace > STUCK else ""
-    return f"; Ctrl-C again ends it now{left}"
+    """The end of the message about a stuck component: how it can be ended, and when it will be."""
+    left = f", otherwise it is ended in {grace - STUCK:g} s" if grace is not None and grace > STUCK else ""
+    return f"; press Ctrl-C again to end it now{left}"

@@ -1,6 +1,6 @@
-"""How a component is: what `CommonBehavior.getStatus` answers, and what a process tells its launcher.
+"""The status of a component, for `CommonBehavior.getStatus` and for its launcher.
 
-It is looked up on request; until then a component only counts.
+It is collected on request; until then a component only counts.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ class Bound:
 
 @dataclass(frozen=True, slots=True)
 class Counts:
-    """What a component has counted since its start."""
+    """Counters of a component since its start."""
 
     computes: int
     overruns: int
 
 
 def life(instance: str, state: State, counts: Counts, watched: Sequence[Watched]) -> str:
-    """One line about a component: its name, state, overruns, deadlines missed, publishers lost and our version."""
+    """One line of status: name, state, overruns, missed deadlines, lost publishers and our version."""
     missed, lost = _totals(watched)
     return f"{instance} {state} {counts.overruns} {missed} {lost} {__version__}"
 
@@ -66,14 +66,14 @@ def _port(bound: Bound, watched: Sequence[Watched]) -> PortStatus:
         type=port.interface.short,
         middleware=",".join(carriers),
         peers=_peers(bound),
-        connected=all(_sees_another(link) for link in bound.links),
+        connected=all(_has_peer(link) for link in bound.links),
         missed=missed,
         lost=lost,
     )
 
 
 def _peers(bound: Bound) -> list[str]:
-    """The instances at the other end: a client names its server, and a subscriber sees who publishes.
+    """The names of the peers: a client knows its server, and a subscriber its publishers.
 
     A server does not know its clients, nor a publisher its subscribers.
     """
@@ -87,10 +87,10 @@ def _peers(bound: Bound) -> list[str]:
     return sorted(found - {names.ANY})
 
 
-def _sees_another(link: Link) -> bool:
+def _has_peer(link: Link) -> bool:
     try:
         return link.wait_peer(0.0)
-    except TransportError:  # it is being closed
+    except TransportError:  # the link is being closed
         return False
 
 

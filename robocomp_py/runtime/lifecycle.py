@@ -5,8 +5,8 @@
                                    └──▶ EMERGENCY ──────────┘ goToRestore
     any of these but STARTING ──▶ FINISH ──▶ ENDED ◀── STARTING
 
-`compute` and `emergency` are called every period, `initialize`, `restore` and `finish` once. While
-it waits for others (STARTING) there is nothing to finish yet.
+`compute` and `emergency` are called every period, `initialize`, `restore` and `finish` once. A component that
+stops while it waits for its peers (STARTING) ends without `finish`.
 """
 
 from __future__ import annotations
@@ -48,16 +48,16 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
 
 
 def after(state: State, event: Event) -> State:
-    """The next state; events that mean nothing in a state leave it as it is."""
+    """The next state; an event without a transition leaves the state unchanged."""
     return TRANSITIONS.get((state, event), state)
 
 
 class Beat:
-    """When to do what is done every `period` seconds: without drift, and never twice to catch up."""
+    """A periodic schedule without drift. Missed beats are counted and never made up for."""
 
     def __init__(self, period: float, now: float) -> None:
         self.period = period
-        """May be changed; the next beat is then so long after the last one."""
+        """Seconds; may be changed, and then holds from the last beat on."""
         self.overruns = 0
         self._last = now - period
 
@@ -66,7 +66,7 @@ class Beat:
         return max(0.0, self._last + self.period - now)
 
     def done(self, now: float) -> None:
-        """A beat was kept; those missed meanwhile are counted and left out."""
+        """Note that the work of this beat is done; beats missed meanwhile are counted and skipped."""
         self._last += self.period
         late = now - (self._last + self.period)
         if late > 0:

@@ -1,4 +1,4 @@
-"""A component's folder to its worker class."""
+"""Loads the worker class from a component's folder."""
 
 from __future__ import annotations
 
@@ -22,14 +22,13 @@ _IN_NO_NAME = re.compile(r"\W")
 
 
 def load_worker(folder: Path, *, afresh: bool = False, alone: bool = False) -> type[Worker[Any]]:
-    """The SpecificWorker of a generated component, wherever its folder lies and whatever it is called.
+    """The SpecificWorker of a generated component, in any folder.
 
-    Its package is imported under the folder's name, so that its files can import each other; `afresh`, even if it is
-    imported already, so that two instances share no variables of its modules. A component that is written for another
-    framework is loaded by a plug-in; `alone` is for that. Raises ComponentError if there is no such class, or if
-    importing its files fails.
+    The folder is imported as a package under its own name, so that its files can import each other. With `afresh`, it
+    is imported again, so that two instances share no module variables. A component written for another framework is
+    loaded by a plug-in, which is given `alone`. Raises ComponentError if there is no such class, or if an import fails.
     """
-    if not os.path.exists(folder):  # which knows no name that is too long
+    if not os.path.exists(folder):  # not Path.exists, which raises if a name is too long
         raise ComponentError(_missing(folder))
     folder = folder.resolve()
     loader = plugins.worker_loader(folder)
@@ -59,18 +58,18 @@ def _missing(folder: Path) -> str:
 
 
 def _not_generated(folder: Path, lacking: str) -> str:
-    return f"{folder} is no generated component: it has no {lacking}; run rcgen on its .cdsl"
+    return f"{folder} is not a generated component: it has no {lacking}; run rcgen on its .cdsl"
 
 
 def _is_taken(name: str, folder: Path) -> bool:
-    """Whether something else is imported by this name, a library perhaps that will be needed later."""
+    """Whether another module has this name, which may be imported later."""
     found = importlib.util.find_spec(name)
     places = found.submodule_search_locations if found else None
     return found is not None and (places is None or str(folder) not in map(str, map(Path, places)))
 
 
 def _import_package(folder: Path, afresh: bool) -> str:
-    """Import a folder as a package, once unless `afresh`; its name."""
+    """Import a folder as a package, once unless `afresh`. Returns the name of the package."""
     stem = _IN_NO_NAME.sub("_", folder.name) or "component"
     name, number = stem, 1
     while name in sys.modules or _is_taken(name, folder):
@@ -81,7 +80,7 @@ def _import_package(folder: Path, afresh: bool) -> str:
     init = folder / "__init__.py"
     places = [str(folder)]
     spec = importlib.util.spec_from_file_location(name, init, submodule_search_locations=places)
-    if spec is None or not init.is_file():  # a package all the same
+    if spec is None or not init.is_file():  # a namespace package
         spec = importlib.machinery.ModuleSpec(name, None, is_package=True)
         spec.submodule_search_locations = places
     package = importlib.util.module_from_spec(spec)

@@ -1,8 +1,8 @@
-"""Messages to fill in place: their arrays lie where the transport sends them from.
+"""Messages that are filled in place: their arrays lie in the memory that the transport sends.
 
-A transport that lends memory (`transports.base.Loan`) and a codec that says what its payloads are made
-of save every copy. Elsewhere the arrays lie in ordinary memory, and the message is sent like any other;
-within a process without a copy even so, because who fills an array here gives it away.
+No copy is made if the transport lends memory (`transports.base.Loan`) and the codec exposes the pieces of a payload.
+Otherwise the arrays lie in ordinary memory, and the message is sent like any other. Within a process that needs no copy
+either, because the sender gives up the arrays.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ _Arguments = tuple[Any, ...]
 _Sizes = tuple[int, ...]
 
 _PLANS = 32
-"""For so many combinations of sizes it is remembered how such a message looked last."""
+"""Maximum number of cached layouts, one for each combination of array sizes."""
 
 
 class Loans:
-    """The messages of one operation that are filled where one outlet sends them from."""
+    """Creates messages of one operation that are filled in the memory of one outlet."""
 
     def __init__(self, call: Call[Any], outlet: Outlet) -> None:
         self._call, self._outlet = call, outlet
@@ -56,8 +56,8 @@ class Loans:
 
     @contextmanager
     def message(self, kind: type[M], shapes: Sequence[Shape], send: Callable[..., None]) -> Iterator[M]:
-        """A new message with arrays of these shapes. When its block ends without an exception, it is passed on by
-        `send(arguments, memory=…)`; the memory's own `send` then sends them by this outlet.
+        """A new message with arrays of these shapes. When the block ends without an exception,
+        `send(arguments, memory=…)` is called, which may use `memory.send` to send from this outlet's memory.
         """
         sizes = tuple(map(_size, shapes))
         with closing(self._memory(kind, sizes)) as memory:
@@ -68,11 +68,11 @@ class Loans:
                 yield message
             finally:
                 for array in (*views, *memory.arrays):
-                    array.flags.writeable = False  # whoever goes on writing to what he gave away hears of it
+                    array.flags.writeable = False  # writing to an array after it was sent raises an error
             send(self._arguments(message), memory=memory)
 
     def send(self, arguments: _Arguments, deadline: float) -> None:
-        """As any message is."""
+        """Encode and send an ordinary message."""
         self._outlet.send(self._call.encode(arguments), deadline)
 
     def _memory(self, kind: type[Any], sizes: _Sizes) -> Memory:
@@ -85,7 +85,7 @@ class Loans:
             try:
                 loan = self._borrow(planned.size)
             except TransportError as exc:
-                if type(exc) is not TransportError:  # those are what sending would raise, too
+                if type(exc) is not TransportError:  # sending would raise the same; a plain one only means: no loan
                     raise
             else:
                 octets = np.frombuffer(loan.data, np.uint8)
@@ -94,7 +94,7 @@ class Loans:
         return Memory(self, self._new(sizes))
 
     def _plan(self, pieces: Encoder, kind: type[Any], sizes: _Sizes) -> Plan:
-        """A guess, by a message in which all but the arrays is as it is made."""
+        """Estimate the layout from a message in which everything but the arrays has its default."""
         message, made = kind(), self._new(sizes)
         self._put(message, made)
         return self._remembered(sizes, plan(pieces(self._arguments(message)), made))
@@ -119,7 +119,7 @@ class Loans:
         return (message,) if self._is_struct else tuple(getattr(message, each) for each in self._inputs)
 
     def lay(self, arguments: _Arguments, octets: _Array, planned: Plan, sizes: _Sizes) -> slice | None:
-        """Complete a message in its memory, and remember how it looked."""
+        """Complete a message in its memory, and cache its layout. None if it does not fit."""
         assert self._pieces
         where, better = lay(self._pieces(arguments), octets, planned)
         if better is not planned:
@@ -128,7 +128,7 @@ class Loans:
 
 
 class Memory:
-    """Where the arrays of one message lie, and how it is sent from there: here, as any message is."""
+    """The arrays of one message, in ordinary memory. The message is encoded and sent like any other."""
 
     def __init__(self, loans: Loans, made: Sequence[_Array]) -> None:
         self.loans, self.arrays = loans, made
@@ -137,11 +137,11 @@ class Memory:
         self.loans.send(arguments, deadline)
 
     def close(self) -> None:
-        """Give back what was not sent. Idempotent."""
+        """Return memory that was not sent to the transport. Idempotent."""
 
 
 class _Lent(Memory):
-    """Memory of the transport."""
+    """Memory of the transport: the message is sent from there."""
 
     def __init__(
         self, loans: Loans, made: Sequence[_Array], loan: Loan, octets: _Array, planned: Plan, sizes: _Sizes
@@ -151,7 +151,7 @@ class _Lent(Memory):
 
     def send(self, arguments: _Arguments, deadline: float) -> None:
         where = self.loans.lay(arguments, self._octets, self._planned, self._sizes)
-        if where is None:  # it has become longer than it was planned
+        if where is None:  # the message is longer than the memory
             super().send(arguments, deadline)
         else:
             self._loan.send(where.start, where.stop, deadline)
@@ -165,7 +165,7 @@ def _part(octets: _Array, place: int, size: int, dtype: np.dtype[Any]) -> _Array
 
 
 def _cleared(made: list[_Array]) -> list[_Array]:
-    """These arrays; those of bools hold some, since others than 0 and 1 would be refused where they arrive."""
+    """Set arrays of bools to False, since receivers refuse values other than 0 and 1. Returns the arrays."""
     for array in made:
         if array.dtype.kind == "b":
             array.fill(False)
@@ -173,10 +173,10 @@ def _cleared(made: list[_Array]) -> list[_Array]:
 
 
 def _size(shape: Shape) -> int:
-    """How many items an array of this shape has; raises ValueError for what is none."""
+    """The number of items of an array of this shape. Raises ValueError if it is not a valid shape."""
     lengths = shape if isinstance(shape, tuple) else (shape,)
     if not lengths or not all(
         type(each) is not bool and isinstance(each, int | np.integer) and each >= 0 for each in lengths
     ):
-        raise ValueError(f"a shape is a number of items or a tuple of such numbers, not {shape!r}")
+        raise ValueError(f"a shape is a number of items or a tuple of numbers, not {shape!r}")
     return math.prod(int(each) for each in lengths)

@@ -1,12 +1,12 @@
-"""One worker, one piece of user code at a time; who waits for an answer lets the others in.
+"""The lock of one worker: one thread runs user code at a time, and a thread that waits for a reply lets others in.
 
-    inside     at most one thread: compute, a handler, or a callback
-    waiting    threads and jobs that want in, first come first served
-    aside      threads that were inside and wait for an answer; they come back before the others
+    inside       at most one thread: it runs compute, a handler, or a callback
+    queued       threads and jobs that wait to enter, first come first served
+    suspended    threads that were inside and wait for a reply; they enter again before queued ones
 
-Jobs that cannot run at once are run by a pool of our own. Until the monitor is opened, jobs wait. If the system has no
-thread to spare, a job stays in the queue until a thread of the pool is free, and threads that wait go before it. If the
-pool has no thread at all, the job is turned away.
+A job that cannot run at once is run by a pool of threads. Until the monitor is opened, jobs wait. If the system cannot
+start another thread, a job stays in the queue until a thread of the pool is free, and waiting threads overtake it. If
+the pool has no thread at all, the job is refused.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ log = logging.getLogger("robocomp.worker")
 
 Job = Callable[[], Any]
 Then = Callable[[Any], object]
-"""What is done with a job's result once it has left, when nobody need wait for that any more."""
+"""Called with the result of a job after the job has left the monitor."""
 
-Away = Callable[[], object]
-"""What is done for a job that waited for its turn, if that will not come any more."""
+Refused = Callable[[], object]
+"""Called instead of a queued job that will never run, because the monitor closes."""
 
-MAX_ASIDE = 16
-"""So many handlers may wait for answers; then new requests are turned away."""
+MAX_SUSPENDED = 16
+"""Maximum number of suspended handlers; further requests are answered with BUSY."""
 
-THREADS_BESIDE = 16
-MAX_BESIDE = 64
-"""So many calls of `concurrent` interfaces may run or wait; then new ones are turned away."""
+CONCURRENT_THREADS = 16
+MAX_CONCURRENT = 64
+"""Maximum number of running and waiting calls of `concurrent` interfaces; further ones are answered with BUSY."""
 
 MAX_WAITING = 1024
-"""So many requests may wait for their turn; then new ones are turned away."""
+"""Maximum number of queued requests; further ones are answered with BUSY."""
 
 
 class Gauge:
-    """How many requests were answered, and how long the slowest of them took. What is noted at once by several threads
-    may be counted once."""
+    """The number of requests answered, and the duration of the slowest. Not locked: concurrent calls of `note` may be
+    counted once."""
 
     def __init__(self) -> None:
         self._answered, self._slowest_s = 0, 0.0
@@ -56,14 +56,14 @@ class Gauge:
             self._slowest_s = seconds
 
     def take(self) -> tuple[int, float]:
-        """Since this was called last."""
+        """The values since the last call of this method."""
         taken = self._answered, self._slowest_s
         self._answered, self._slowest_s = 0, 0.0
         return taken
 
 
 class _Ticket:
-    """A thread's place in the queue. One that is `early` need not wait for the opening."""
+    """A thread's place in the queue. One that is `early` may enter before the monitor is opened."""
 
     def __init__(self, early: bool) -> None:
         self.thread = threading.get_ident()
@@ -78,74 +78,74 @@ class _Waiting(NamedTuple):
 
     job: Job
     then: Then | None
-    away: Away | None
+    refused: Refused | None
 
 
 class Monitor:
-    """Safe to use from any thread. A thread must not enter twice, except after `released`.
+    """Safe to use from any thread. A thread must not enter twice, unless it is `suspended` in between.
 
-    Where every call passes, the lock is acquired and released: `with` takes twice as long.
+    Methods on the path of every call use `acquire` and `release`, because `with` takes twice as long.
     """
 
     def __init__(self, name: str = "worker", start: Callable[[threading.Thread], bool] = start_thread) -> None:
-        """`start` starts a thread, and returns False if the system has none to spare."""
+        """`start` starts a thread, and returns False if the system cannot."""
         self.name = name
         self._state = threading.Lock()
         self._inside: int | None = None
         self._queue: deque[_Ticket | _Waiting] = deque()
-        self._aside = 0
-        self._beside = 0
+        self._suspended = 0
+        self._concurrent = 0
         self._open = False
         self._closed = False
         self._turns = 0
-        """So often somebody who was inside has left, or has let others in."""
+        """How often a thread has left or was suspended."""
         self.gauge = Gauge()
-        self._pool = Pool(name, MAX_ASIDE + 8, is_needed=lambda: bool(self._queue), freed=self._freed, start=start)
-        self._pool_beside = Pool(f"{name}-beside", THREADS_BESIDE, start=start)
+        self._pool = Pool(name, MAX_SUSPENDED + 8, is_needed=lambda: bool(self._queue), freed=self._freed, start=start)
+        self._concurrent_pool = Pool(f"{name}-concurrent", CONCURRENT_THREADS, start=start)
 
     def open(self) -> None:
-        """Let jobs in from now on."""
+        """Admit jobs from now on."""
         with self._state:
             self._open = True
             if self._inside is None:
                 self._admit_next()
 
     def close(self) -> None:
-        """Forget who waits, and wait for the jobs that run."""
+        """Refuse queued threads and jobs, and wait for running ones."""
         self.turn_away()
-        self._pool_beside.close()
+        self._concurrent_pool.close()
         self._pool.close()
 
     def turn_away(self) -> None:
-        """Let in nobody any more but who comes back from a wait, or is `early`; who waits is sent away."""
-        away: list[Away | None] = []
+        """Refuse everything queued now or later, except suspended threads that return, and `early` ones."""
+        refused: list[Refused | None] = []
         with self._state:
             self._closed = True
             waiting, self._queue = self._queue, deque()
             for entry in waiting:
                 if isinstance(entry, _Waiting):
-                    away.append(entry.away)
+                    refused.append(entry.refused)
                 elif entry.early:
                     self._queue.append(entry)
                 else:
                     entry.refused = True
                     entry.called.release()
-        for each in away:
-            _tell(each)
+        for each in refused:
+            _call_back(each)
 
     @property
     def closed(self) -> bool:
-        """Whether nobody new is let in any more."""
+        """Whether new threads and jobs are refused."""
         return self._closed
 
     @property
-    def mine(self) -> bool:
+    def is_inside(self) -> bool:
         """Whether the calling thread is inside."""
         return self._inside == threading.get_ident()
 
     @contextmanager
     def held(self, *, early: bool = False) -> Iterator[None]:
-        """Inside, once it is our turn; `early` is for what comes before the opening."""
+        """Enter, run the block, and leave. `early`: even before the monitor is opened."""
         self.enter(early=early)
         try:
             yield
@@ -153,27 +153,27 @@ class Monitor:
             self.leave()
 
     def enter(self, *, early: bool = False) -> None:
-        """Wait until it is our turn. Raises Closed if it will never be."""
+        """Wait until the calling thread may enter. Raises Closed if it never may."""
         with self._state:
             if self._closed and not early:
-                raise Closed("the component ends")
+                raise Closed("the component is stopping")
             if self._inside is None and not self._queue and (self._open or early):
                 self._inside = threading.get_ident()
                 return
             ticket = _Ticket(early)
             self._queue.append(ticket)
             if self._inside is None:
-                self._admit_next()  # before the opening, what waits in front of us may have to stay there
+                self._admit_next()  # until the opening, jobs queued before this thread may have to stay
         about_to_block()
         ticket.called.acquire()
         if ticket.refused:
-            raise Closed("the component ends")
+            raise Closed("the component is stopping")
 
     def try_enter(self) -> bool:
-        """Go inside if nobody is, and nobody waits, and jobs are let in."""
+        """Enter at once, or return False: if a thread is inside or queued, or jobs are not admitted."""
         self._state.acquire()
         try:
-            taken = self._inside is not None or self._queue or self._aside >= MAX_ASIDE
+            taken = self._inside is not None or self._queue or self._suspended >= MAX_SUSPENDED
             if taken or not self._open or self._closed:
                 return False
             self._inside = threading.get_ident()
@@ -182,7 +182,7 @@ class Monitor:
             self._state.release()
 
     def turn(self) -> tuple[int | None, int]:
-        """Who is inside, and for the how manieth turn: if both are as before, that one has been at it all the time."""
+        """The thread inside, and the number of turns so far. If both are unchanged, it has been inside all the time."""
         return self._inside, self._turns
 
     def leave(self) -> None:
@@ -196,15 +196,17 @@ class Monitor:
         finally:
             self._state.release()
 
-    def submit(self, job: Job, then: Then | None = None, away: Away | None = None, *, limited: bool = True) -> bool:
-        """Run a job on the pool when it is its turn.
+    def submit(
+        self, job: Job, then: Then | None = None, refused: Refused | None = None, *, limited: bool = True
+    ) -> bool:
+        """Run a job on the pool when it may enter.
 
-        Returns False if too many jobs wait already, unless not `limited`, or if the pool cannot have a thread.
+        Returns False if too many jobs are waiting (only if `limited`), or if the pool cannot start a thread.
         """
         with self._state:
-            if self._closed or (limited and (self._aside >= MAX_ASIDE or len(self._queue) >= MAX_WAITING)):
+            if self._closed or (limited and (self._suspended >= MAX_SUSPENDED or len(self._queue) >= MAX_WAITING)):
                 return False
-            self._queue.append(_Waiting(job, then, away))  # first, because the pool keeps its threads while a job waits
+            self._queue.append(_Waiting(job, then, refused))  # first: the pool keeps its threads while a job waits
             if not self._pool.is_staffed():
                 self._queue.pop()
                 return False
@@ -212,20 +214,20 @@ class Monitor:
                 self._admit_next()
             return True
 
-    def submit_beside(self, job: Job, then: Then | None = None, away: Away | None = None) -> bool:
-        """Run a job on the pool beside others; False if too many do already, or if the pool cannot have a thread."""
+    def submit_concurrent(self, job: Job, then: Then | None = None, refused: Refused | None = None) -> bool:
+        """Run a job outside the monitor; False if there are too many already, or if the pool cannot start a thread."""
         with self._state:
-            if self._closed or self._beside >= MAX_BESIDE:
+            if self._closed or self._concurrent >= MAX_CONCURRENT:
                 return False
-            if not self._pool_beside.offer(partial(self._run_beside, job, then, away), may_wait=True):
+            if not self._concurrent_pool.offer(partial(self._run_concurrent, job, then, refused), may_wait=True):
                 return False
-            self._beside += 1
+            self._concurrent += 1
         return True
 
     def run(self, job: Job) -> None:
-        """Run a job here and now if no thread is inside, else by `submit`, without limit.
+        """Run a job on the calling thread if it can enter at once, otherwise by `submit` without limit.
 
-        If there is no thread for it, the calling thread waits for its turn.
+        If the pool has no thread for the job, the calling thread waits and runs it.
         """
         if not self.try_enter():
             if self.submit(job, limited=False):
@@ -233,19 +235,19 @@ class Monitor:
             try:
                 self.enter()
             except Closed:
-                return  # the component ends: nothing of it is called any more
+                return  # the component is stopping
         try:
             job()
         finally:
             self.leave()
 
-    def step_out(self) -> bool:
-        """Before a wait: if the calling thread is inside, let the others in. Pass the result to `step_in`."""
+    def suspend(self) -> bool:
+        """Before a wait: if the calling thread is inside, let others enter. Pass the result to `resume`."""
         if self._inside != threading.get_ident():
             return False
         self._state.acquire()
         try:
-            self._aside += 1
+            self._suspended += 1
             self._turns += 1
             if self._queue:
                 self._admit_next()
@@ -256,13 +258,13 @@ class Monitor:
         about_to_block()
         return True
 
-    def step_in(self, stepped_out: bool) -> None:
-        """After a wait: back inside, ahead of those who have not begun."""
-        if not stepped_out:
+    def resume(self, suspended: bool) -> None:
+        """After a wait: enter again, before threads and jobs that have not begun."""
+        if not suspended:
             return
         self._state.acquire()
         try:
-            self._aside -= 1
+            self._suspended -= 1
             if self._inside is None:
                 self._inside = threading.get_ident()
                 return
@@ -273,16 +275,16 @@ class Monitor:
         ticket.called.acquire()
 
     @contextmanager
-    def released(self) -> Iterator[None]:
-        """Around a wait: `step_out` and `step_in`."""
-        out = self.step_out()
+    def suspended(self) -> Iterator[None]:
+        """Suspend the calling thread around a wait, if it is inside."""
+        out = self.suspend()
         try:
             yield
         finally:
-            self.step_in(out)
+            self.resume(out)
 
     def _admit_next(self) -> None:
-        """Nobody is inside any more: let the next one in. Called with the state locked."""
+        """Admit the next thread or job, after the last one has left. Called with the state locked."""
         self._inside = None
         may_start = self._open
         for number, entry in enumerate(self._queue):
@@ -300,7 +302,7 @@ class Monitor:
             return
 
     def _freed(self) -> None:
-        """A thread of the pool is free: run a job for which there was none."""
+        """A thread of the pool is free: run a job that waits for one."""
         if self._queue and self._inside is None:
             with self._state:
                 if self._inside is None:
@@ -316,31 +318,31 @@ class Monitor:
         finally:
             self.leave()
         if then:
-            _tell(partial(then, result))
+            _call_back(partial(then, result))
 
-    def _run_beside(self, job: Job, then: Then | None, away: Away | None) -> None:
+    def _run_concurrent(self, job: Job, then: Then | None, refused: Refused | None) -> None:
         try:
             if self._closed:
-                _tell(away)
+                _call_back(refused)
             else:
                 result = job()
                 if then:
-                    _tell(partial(then, result))
+                    _call_back(partial(then, result))
         except (Exception, SystemExit):
             log.exception("a handler failed")
         finally:
             with self._state:
-                self._beside -= 1
+                self._concurrent -= 1
 
 
-def _tell(what: Callable[[], object] | None) -> None:
-    """Pass an answer on to who waits for it, if anybody does."""
+def _call_back(callback: Callable[[], object] | None) -> None:
+    """Call a callback of a transport, and log what it raises: the thread has more jobs to run."""
     try:
-        if what:
-            what()
-    except Exception:  # that of one transport; the thread has other jobs, and other components end by it
-        log.exception("an answer was not passed on")
+        if callback:
+            callback()
+    except Exception:
+        log.exception("a reply could not be passed to its transport")
 
 
 _POOL = -1
-"""Stands for the pool's thread that will be inside as soon as it runs."""
+"""Marks the monitor as entered for a job, until the pool's thread runs it."""

@@ -1,6 +1,6 @@
-"""What a process and whoever launched it agree on.
+"""The protocol between a process and its launcher.
 
-It tells how it is by datagrams to `$NOTIFY_SOCKET`, as systemd's sd_notify(3) defines them.
+A process reports its status by datagrams to `$NOTIFY_SOCKET`, as systemd's sd_notify(3) defines them.
 """
 
 from __future__ import annotations
@@ -16,79 +16,81 @@ from pathlib import Path
 from ..threads import start_thread
 
 BETWEEN = "+"
-"""What stands between the components of one process on its command line."""
+"""Separates the components of one process on its command line."""
 
 ENDED = "X_ROBOCOMP_ENDED="
-"""What a process says of a component of its own that has ended, while others go on."""
+"""The name of a component that has ended while others of its process go on."""
 
 
 CONTRACT = "X_ROBOCOMP_CONTRACT="
-"""A component, how many operations it has in all, and some of them as `name=fingerprint`."""
+"""A component, the number of its operations, and some of them as `name=fingerprint`."""
 
 _LONGEST = 4096
-"""Characters of a datagram. systemd reads none that are longer."""
+"""Maximum length of a datagram. systemd ignores longer ones."""
 
 
 LIFE = "X_ROBOCOMP_LIFE="
-"""How a component of a process is, when that has changed: what `introspection.life` says."""
+"""The status of a component, sent when it has changed: see `introspection.life`."""
 
 
 CALLS = "X_ROBOCOMP_CALLS="
-"""How many operations a process answers per second, and how many milliseconds the slowest took, of a short while."""
+"""Operations that the process answers per second, and the duration of the slowest in milliseconds."""
 
 
 def watchdog_s() -> float:
-    """Within how many seconds whoever launched us wants to hear that we live; 0 if that is nobody's wish."""
-    told, whose = os.environ.get("WATCHDOG_USEC", ""), os.environ.get("WATCHDOG_PID", "")
-    if "NOTIFY_SOCKET" not in os.environ or (whose and whose != str(os.getpid())):
+    """The watchdog interval that the launcher asks for, in seconds; 0 without a watchdog."""
+    interval_us, pid = os.environ.get("WATCHDOG_USEC", ""), os.environ.get("WATCHDOG_PID", "")
+    if "NOTIFY_SOCKET" not in os.environ or (pid and pid != str(os.getpid())):
         return 0.0
     try:
-        seconds = float(told) / 1e6
+        seconds = float(interval_us) / 1e6
     except ValueError:
         return 0.0
     return seconds if seconds > 0 and math.isfinite(seconds) else 0.0
 
 
 READY_FILE = "ROBOCOMP_READY_FILE"
-"""Names a file that is there while a process is ready: launchers of containers look, and do not listen."""
+"""Variable with the name of a file that exists while the process is ready: containers check it, without a socket."""
 
 
-_SOON, _LATE = 1.0, 60.0
-"""Seconds in which a launcher takes what it is told; and in which it does so that was stopped, and goes on."""
+_SEND_TIMEOUT, _RETRY_TIMEOUT = 1.0, 60.0
+"""Seconds to wait for the launcher to receive a message: in the calling thread, and then in the background."""
 
 
 def notify(*lines: str) -> None:
-    """Send `READY=1` and the like. Without a launcher that listens or looks, nothing happens."""
-    told = "\n".join(lines)
+    """Send `READY=1` and the like. Does nothing if the launcher has asked for no messages."""
+    text = "\n".join(lines)
     if path := os.environ.get(READY_FILE):
-        _show(Path(path), told.split("\n"))
+        _update_ready_file(Path(path), text.split("\n"))
     address = os.environ.get("NOTIFY_SOCKET")
     if not address or not hasattr(socket, "AF_UNIX"):
         return
-    left = _send(address, _datagrams(told.split("\n")), _SOON)
+    left = _send(address, _datagrams(text.split("\n")), _SEND_TIMEOUT)
     if any(each.startswith(_ONCE) for each in left):
-        # These are sent only once. At the end there is no need to wait for it: the process is ending anyway.
-        start_thread(threading.Thread(target=_send, args=(address, left, _LATE), name="notifying", daemon=True))
+        # These are sent only once, so send them in the background. A daemon, because it must not delay the end.
+        start_thread(
+            threading.Thread(target=_send, args=(address, left, _RETRY_TIMEOUT), name="notifying", daemon=True)
+        )
 
 
 _ONCE = ("READY=1", CONTRACT)
 
 
 def contract(instance: str, operations: Mapping[str, str]) -> Iterator[str]:
-    """What a component says of its contracts (`Component.fingerprints`): lines that have room in a datagram each."""
+    """The contracts of a component (`Component.fingerprints`), as lines that each fit in a datagram."""
     begin = line = f"{CONTRACT}{instance} {len(operations)}"
     for name, fingerprint in operations.items():
-        told = f" {name}={fingerprint}"
-        if line != begin and len(line) + len(told) > _LONGEST:
+        item = f" {name}={fingerprint}"
+        if line != begin and len(line) + len(item) > _LONGEST:
             yield line
             line = begin
-        line += told
+        line += item
     if operations:
         yield line
 
 
 def _datagrams(lines: Iterable[str]) -> list[str]:
-    """Lines together, as far as a datagram has room for them."""
+    """Join lines into as few datagrams as possible."""
     found: list[str] = []
     for line in lines:
         if found and len(found[-1]) + 1 + len(line) <= _LONGEST:
@@ -99,12 +101,12 @@ def _datagrams(lines: Iterable[str]) -> list[str]:
 
 
 def _send(address: str, datagrams: list[str], within: float) -> list[str]:
-    """Send each of them within some seconds. Returns those that were not taken in time, and all behind them."""
-    return next((datagrams[at:] for at, each in enumerate(datagrams) if not _taken(address, each, within)), [])
+    """Send datagrams in order, waiting for each up to `within` seconds. Returns those that could not be sent."""
+    return next((datagrams[at:] for at, each in enumerate(datagrams) if not _is_sent(address, each, within)), [])
 
 
-def _taken(address: str, told: str, within: float) -> bool:
-    """Whether this was taken, or nobody is there to take it; we end when we are told to."""
+def _is_sent(address: str, text: str, within: float) -> bool:
+    """Send one datagram. True if it was sent, or if the launcher is gone, so that trying again makes no sense."""
     try:
         channel = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     except OSError:  # no descriptor is free just now
@@ -112,9 +114,9 @@ def _taken(address: str, told: str, within: float) -> bool:
     with channel:
         channel.settimeout(within)
         try:
-            # Connected: else it could not be waited for until a launcher that is stopped takes it, only tried for.
+            # Connected, because only then does `send` wait while the receiver's queue is full.
             channel.connect("\0" + address[1:] if address[0] == "@" else address)
-            channel.send(told.encode())
+            channel.send(text.encode())
         except TimeoutError:
             return False
         except OSError:
@@ -122,8 +124,8 @@ def _taken(address: str, told: str, within: float) -> bool:
     return True
 
 
-def _show(path: Path, lines: list[str]) -> None:
-    with contextlib.suppress(OSError):  # as without a launcher
+def _update_ready_file(path: Path, lines: list[str]) -> None:
+    with contextlib.suppress(OSError):  # a component also works without its launcher
         if "READY=1" in lines:
             path.touch()
         elif "STOPPING=1" in lines:

@@ -31,7 +31,7 @@ from ..transports.base import (
     require,
 )
 from ..wire.codec import Payload
-from .calls import Answering, Call
+from .calls import Call, Handler
 from .loans import Loans, Memory, Shape
 from .monitor import Monitor
 from .retries import Retrying
@@ -44,12 +44,12 @@ M = TypeVar("M")
 W = TypeVar("W")
 
 _AT_LEAST = 0.001
-"""Seconds that a way to send by has, whatever the others have taken."""
+"""Seconds that each middleware of a publication has at least, even if others have used up the deadline."""
 
 
 @dataclass(frozen=True)
 class Route:
-    """Where one operation of one port travels."""
+    """The transport and channel of one operation of one port."""
 
     transport: Transport
     middleware: str
@@ -57,7 +57,7 @@ class Route:
     qos: QoS
     deadline: float
     also: tuple[Route, ...] = ()
-    """Further ways: of what is provided, and to further publishers of what is subscribed to."""
+    """Further routes: over other middlewares, or to other publishers of a subscription."""
 
     @property
     def all(self) -> tuple[Route, ...]:
@@ -68,11 +68,11 @@ Router = Callable[[Port, Operation[Any]], Route]
 
 
 class Proxy:
-    """Base of the generated proxies: what they call is bound by name when the component starts."""
+    """Base of the generated proxies. Operations are bound by name when the component starts."""
 
     interface: ClassVar[Interface]
 
-    def __init__(self, bound: Mapping[str, _Asked | _Sent | _FanOut | _SentWatched]) -> None:
+    def __init__(self, bound: Mapping[str, BoundQuery | BoundSend | FanOut | WatchedSend]) -> None:
         self._bound = bound
 
     def _ask(self, operation: Operation[R], arguments: tuple[Any, ...], deadline: float | None) -> R:
@@ -93,24 +93,24 @@ class Proxy:
         self, operation: Operation[None], kind: type[M], shapes: tuple[Shape, ...], deadline: float | None
     ) -> AbstractContextManager[M]:
         if deadline is not None:
-            _positive(deadline)  # not only when everything is filled
+            _positive(deadline)  # here, so that a mistake is reported before the message is filled
         sent: Any = self._bound[operation.name]
         message: AbstractContextManager[M] = sent.loans.message(kind, shapes, partial(sent.send, deadline=deadline))
         return message
 
 
 def wrap(proxy: Proxy, wrapper: Callable[[Any], W]) -> dict[str, W]:
-    """Put something around every operation of a proxy; return what was put there, by operation."""
+    """Wrap every operation of a proxy; return the wrappers by the name of the operation."""
     wrapped = {name: wrapper(each) for name, each in proxy._bound.items()}
     proxy._bound = cast("Any", wrapped)
     return wrapped
 
 
 class Answer(Future[R]):
-    """What an asynchronous call will return or raise, within its deadline.
+    """The Future of an asynchronous call, which is done within the deadline of the call.
 
-    Waiting for it inside the worker lets other handlers in, as any wait does. Callbacks run as
-    handlers do: never beside other code of the worker. `asyncio.wrap_future` makes it awaitable.
+    While the worker waits for it, other handlers may run. Callbacks run like handlers: one at a time, never
+    concurrently with other code of the worker. `asyncio.wrap_future` makes it awaitable.
     """
 
     def __init__(self, monitor: Monitor, call: Call[R]) -> None:
@@ -131,13 +131,13 @@ class Answer(Future[R]):
     def result(self, timeout: float | None = None) -> R:
         if self.done():
             return super().result()
-        with self._monitor.released():
+        with self._monitor.suspended():
             return super().result(timeout)
 
     def exception(self, timeout: float | None = None) -> BaseException | None:
         if self.done():
             return super().exception()
-        with self._monitor.released():
+        with self._monitor.suspended():
             return super().exception(timeout)
 
     def add_done_callback(self, fn: Callable[[Future[R]], object]) -> None:
@@ -155,8 +155,8 @@ class Answer(Future[R]):
 def bind_proxy(
     port: Port, router: Router, monitor: Monitor, watching: Watching | None = None
 ) -> tuple[Proxy, list[Link]]:
-    """Connect what a worker calls; return its proxy and the links under it."""
-    bound: dict[str, _Asked | _Sent | _FanOut | _SentWatched] = {}
+    """Connect a port that a worker calls or publishes to; return its proxy and the proxy's links."""
+    bound: dict[str, BoundQuery | BoundSend | FanOut | WatchedSend] = {}
     links: list[Link] = []
     for operation, pattern in port.interface.under(port.verb):
         route = router(port, operation)
@@ -166,17 +166,17 @@ def bind_proxy(
             caller = route.transport.caller(channel)
             if operation.idempotent:
                 caller = Retrying(caller, ending=lambda: monitor.closed)
-            bound[operation.name] = _Asked(call, caller, monitor, route.deadline)
+            bound[operation.name] = BoundQuery(call, caller, monitor, route.deadline)
             links.append(caller)
         else:
             ways = []
             for each in route.all:
                 outlet = each.transport.outlet(checked_channel(each, operation, pattern))
                 links.append(outlet)
-                ways.append(_Sent(Call(operation, each.transport.codec), outlet, route.deadline))
-            sent = ways[0] if len(ways) == 1 else _FanOut(ways, route.deadline)
+                ways.append(BoundSend(Call(operation, each.transport.codec), outlet, route.deadline))
+            sent = ways[0] if len(ways) == 1 else FanOut(ways, route.deadline)
             watched = watching.of(port, operation.name, pattern, route.qos) if watching else None
-            bound[operation.name] = _SentWatched(sent, watched, route.channel) if watched else sent
+            bound[operation.name] = WatchedSend(sent, watched, route.channel) if watched else sent
     assert port.proxy is not None
     return port.proxy(bound), links
 
@@ -190,7 +190,7 @@ def bind_handlers(
     *,
     lazy: bool = False,
 ) -> list[Link]:
-    """Connect what calls a worker; return the links. What is called `lazy` is compiled when it is."""
+    """Connect a port whose messages call a worker; return the links. If `lazy`, codecs are compiled at first use."""
     links: list[Link] = []
     claimed: set[str] = set()
     for operation, pattern in port.interface.under(port.verb):
@@ -200,11 +200,11 @@ def bind_handlers(
         turn = threading.Lock() if len(routes) > 1 and pattern is Pattern.PUBLISH and not port.concurrent else None
         for route in routes:
             channel = checked_channel(route, operation, pattern)
-            answering = Answering(operation, route.transport.codec, method)
+            answering = Handler(operation, route.transport.codec, method)
             if not lazy:
                 answering.compile()
-            handling = _Handling(answering, monitor, port.concurrent, turn)
-            if pattern is not Pattern.PUBLISH:  # who serves the first operation of an interface serves the others
+            handling = BoundHandler(answering, monitor, port.concurrent, turn)
+            if pattern is not Pattern.PUBLISH:  # the claim of an interface's first operation covers the others
                 channel = replace(channel, exclusive=route.middleware not in claimed, lazy=lazy)
                 claimed.add(route.middleware)
             if pattern is Pattern.QUERY:
@@ -220,7 +220,7 @@ def bind_handlers(
 
 
 def checked_channel(route: Route, operation: Operation[Any], pattern: Pattern) -> Channel:
-    """The channel of an operation; raises UnsupportedQoS if its transport cannot keep what it asks for."""
+    """The channel of an operation. Raises UnsupportedQoS if its transport cannot provide the QoS."""
     kind = type_of(operation, pattern)
     channel = Channel(route.channel, pattern, kind, route.qos, operation.idempotent)
     require(route.transport, route.middleware, channel)
@@ -228,13 +228,13 @@ def checked_channel(route: Route, operation: Operation[Any], pattern: Pattern) -
 
 
 def type_of(operation: Operation[Any], pattern: Pattern) -> TypeRef:
-    """The messages of an operation, as transports know them."""
+    """The message types of an operation, as a transport sees them."""
     response = operation.response if pattern is Pattern.QUERY else None
     return TypeRef(operation.request.name, operation.fingerprint, operation.text, operation.request, response)
 
 
-class _Asked:
-    """A query, ready to be called."""
+class BoundQuery:
+    """A query that is connected to its server."""
 
     def __init__(self, call: Call[Any], caller: Caller, monitor: Monitor, deadline: float) -> None:
         self._call, self._caller, self._monitor, self._deadline = call, caller, monitor, deadline
@@ -242,12 +242,12 @@ class _Asked:
     def ask(self, arguments: tuple[Any, ...], deadline: float | None) -> Any:
         limit = self._deadline if deadline is None else _positive(deadline)
         payload = self._call.encode(arguments)
-        stepped_out = self._monitor.step_out()
+        suspended = self._monitor.suspend()
         try:
             reply = self._caller.ask(payload, limit)
         finally:
-            if stepped_out:
-                self._monitor.step_in(stepped_out)
+            if suspended:
+                self._monitor.resume(suspended)
         return self._call.result(reply)
 
     def ask_async(self, arguments: tuple[Any, ...], deadline: float | None) -> Future[Any]:
@@ -257,8 +257,8 @@ class _Asked:
         return answer
 
 
-class _Sent:
-    """A command or a publication, ready to be sent."""
+class BoundSend:
+    """A command or a publication that is connected over one middleware."""
 
     def __init__(self, call: Call[Any], outlet: Outlet, deadline: float) -> None:
         self._call, self._encode, self._outlet, self._deadline = call, call.encode, outlet, deadline
@@ -273,7 +273,7 @@ class _Sent:
         return Loans(self._call, self._outlet)
 
     def send(self, arguments: tuple[Any, ...], deadline: float | None, memory: Memory | None = None) -> None:
-        """`memory` is where the arguments were filled, if somewhere."""
+        """`memory` holds the arguments if they were filled in place."""
         limit = self._deadline if deadline is None else _positive(deadline)
         if memory and self.lent(memory):
             memory.send(arguments, limit)
@@ -284,20 +284,20 @@ class _Sent:
         return memory is not None and memory.loans is self.loans
 
 
-class _FanOut:
-    """A publication over several middlewares: each has subscribers of its own, or none at the moment."""
+class FanOut:
+    """A publication over several middlewares, each with its own subscribers."""
 
-    def __init__(self, ways: Sequence[_Sent], deadline: float) -> None:
+    def __init__(self, ways: Sequence[BoundSend], deadline: float) -> None:
         self._ways, self._deadline = ways, deadline
 
     @property
     def loans(self) -> Loans:
-        """Of a way that lends memory, if one is needed that does. The others copy from it before it is sent."""
+        """The loans of a middleware that lends memory, if one in use does. The others copy from that memory."""
         ways = self._needed()
         return next((way.loans for way in ways if way.loans.in_place), ways[0].loans)
 
     def send(self, arguments: tuple[Any, ...], deadline: float | None, memory: Memory | None = None) -> None:
-        """A way that fails does not keep the others from it; the first error is raised in the end."""
+        """Send over each middleware in use. One error does not stop the others; the first is raised at the end."""
         end = time.monotonic() + (self._deadline if deadline is None else _positive(deadline))
         failed: TransportError | None = None
         ways = self._needed()
@@ -311,15 +311,15 @@ class _FanOut:
         if failed:
             raise failed
 
-    def _needed(self) -> list[_Sent]:
-        """The ways by which somebody hears, or one of those by which nobody does."""
+    def _needed(self) -> list[BoundSend]:
+        """The middlewares with subscribers, or the first if there are none."""
         return [way for way in self._ways if way.heard] or list(self._ways[:1])
 
 
-class _SentWatched:
-    """A publication that has a deadline, or has to be made for others to know that we live."""
+class WatchedSend:
+    """A publication whose QoS has a deadline or a manual lease, so that each message is noted."""
 
-    def __init__(self, way: _Sent | _FanOut, watched: Watched, channel: str) -> None:
+    def __init__(self, way: BoundSend | FanOut, watched: Watched, channel: str) -> None:
         self._way, self._heard, self._channel = way, watched.heard, channel
         watched.publishes(channel)
 
@@ -332,18 +332,18 @@ class _SentWatched:
         self._heard(self._channel)
 
 
-class _Handling:
-    """A handler, ready to be called by a transport; `turn` is for messages of one subscription that come by several."""
+class BoundHandler:
+    """A handler that a transport calls. `turn` serializes messages of one subscription that come over several."""
 
     def __init__(
-        self, answering: Answering, monitor: Monitor, concurrent: bool, turn: threading.Lock | None = None
+        self, answering: Handler, monitor: Monitor, concurrent: bool, turn: threading.Lock | None = None
     ) -> None:
         self._answering, self._monitor, self._concurrent = answering, monitor, concurrent
         self._turn = turn
         self._stats = Statistics()
 
     def count_in(self, stats: Statistics) -> None:
-        """The statistics of the link through which messages come; some may have come before this call."""
+        """Count in the statistics of this link, and add what was counted before this call."""
         stats.malformed += self._stats.malformed
         self._stats = stats
 
@@ -370,8 +370,8 @@ class _Handling:
             finally:
                 self._monitor.gauge.note(time.monotonic() - begun)
 
-        submit = self._monitor.submit_beside if self._concurrent else self._monitor.submit
-        if submit(job, then=reply.set_result, away=partial(reply.set_result, Reply(Status.REFUSED))):
+        submit = self._monitor.submit_concurrent if self._concurrent else self._monitor.submit
+        if submit(job, then=reply.set_result, refused=partial(reply.set_result, Reply(Status.REFUSED))):
             return reply
         return Reply(Status.REFUSED if self._monitor.closed else Status.BUSY)
 
@@ -400,7 +400,7 @@ class _Handling:
         try:
             self._monitor.enter()
         except Closed:
-            return  # the component ends: what comes in now has no one to go to
+            return  # the component is stopping
         try:
             self._answering.take(arguments)
         finally:
@@ -423,11 +423,11 @@ def _positive(deadline: float) -> float:
 
 
 def close_all(links: list[Link]) -> None:
-    """Close links, the last first. One that fails does not keep the others open."""
+    """Close links, the last first. An error of one is logged, and the others are closed, too."""
     while links:
         try:
             links.pop().close()
         except Closed:
             continue
-        except Exception:  # whatever one of them raises, the others are to be closed
+        except Exception:  # of any transport
             log.exception("closing a link")

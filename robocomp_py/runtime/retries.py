@@ -1,11 +1,11 @@
-"""Calls of idempotent operations, which are asked again if their server went away, or was not there.
+"""Calls of idempotent operations, which are retried if their server is gone or was never there.
 
-    at most three times, within their deadline, and only while few do: of all calls, one in ten may be a further attempt
+A call has at most three attempts, all within its deadline. A budget limits retries to one in ten of all calls. A server
+that refuses a call is stopping, and counts as gone.
 
-Who asks again waits for a server first, so a component that is restarted is hardly missed; a component that ends itself
-waits for none. Who refuses a call is about to leave, as a rule, and counts as gone. What is asked again is the same
-question: a server that got it before, and whose answer was lost, answers it again, and does not execute it again.
-Operations that are not idempotent are never asked twice.
+A retry first waits for a server, so callers hardly notice a restart. A component that is stopping does not wait. A
+retry sends the same request again: a server that received it before, and whose reply was lost, sends that reply again
+and does not execute the request twice. Operations that are not idempotent are never retried.
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ from ..wire.codec import Payload
 ATTEMPTS = 3
 
 SHARE = 0.1
-"""Further attempts, of all calls."""
+"""Retries that each call adds to the budget."""
 
 SAVED = 10.0
-"""Further attempts that may be saved up; so many a caller has at first."""
+"""The largest budget, with which every caller begins."""
 
 PAUSE = 0.02
-"""Seconds before the second attempt, and three times as many before each further one: about, so that not all come at
-once."""
+"""Seconds before the second attempt, and three times as long before the third. Varied at random by up to a half, so
+that not all callers retry at once."""
 
-_LOOK = 0.2
-"""Seconds between two looks whether who waits for a server is to end."""
+_POLL_S = 0.2
+"""Seconds between checks whether the component is stopping, while it waits for a server."""
 
 _THREADS = "retrying"
 
-_ASIDE = 4
-"""So many asynchronous calls are asked again at a time; others wait for their turn."""
+MAX_THREADS = 4
+"""Maximum number of asynchronous calls that are retried at the same time; further ones wait."""
 
 
 class Budget:
-    """How many further attempts there may be. Safe to use from any thread."""
+    """The number of retries that are allowed now. Safe to use from any thread."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -63,16 +63,16 @@ class Budget:
 
 
 class Retrying:
-    """A `Caller` of an idempotent operation, in front of the one that does the work."""
+    """A `Caller` that wraps another one and retries its calls."""
 
     def __init__(
         self, caller: Caller, budget: Budget | None = None, ending: Callable[[], bool] = lambda: False
     ) -> None:
-        """`ending` says whether no server is waited for any more."""
+        """`ending` says whether the component is stopping, so that waiting for a server makes no sense."""
         self._caller, self._budget, self._ending = caller, budget or Budget(), ending
         self._numbering = caller if isinstance(caller, SupportsQuestion) else None
         self.wait_peer = caller.wait_peer
-        self._aside: Pool | None = None
+        self._pool: Pool | None = None
         self._lock = threading.Lock()
         self._closed = threading.Event()
 
@@ -92,29 +92,29 @@ class Retrying:
                     return first
             except Unreachable as exc:
                 first = exc
-            return self._again(question.ask, first, end)
+            return self._retry(question.ask, first, end)
         finally:
             question.close()
 
     def call(self, payload: Payload, deadline: float) -> Future[Reply]:
         end = time.monotonic() + deadline
         self._budget.earn()
-        question, answer = self._question(payload), _Answer()
+        question, answer = self._question(payload), _FinalReply()
 
         def ask_again(why: _Failure) -> None:
             def ask() -> None:
                 try:
-                    answer.settle(partial(self._again, partial(_called, question, answer), why, end))
+                    answer.settle(partial(self._retry, partial(_attempted, question, answer), why, end))
                 finally:
                     question.close()
 
             with self._lock:
                 if not self._closed.is_set():
-                    self._aside = self._aside or Pool(_THREADS, _ASIDE)
-                    if self._aside.offer(ask, may_wait=True):
+                    self._pool = self._pool or Pool(_THREADS, MAX_THREADS)
+                    if self._pool.offer(ask, may_wait=True):
                         return
             question.close()
-            answer.settle(partial(_end, why))  # without the lock: callbacks may close us
+            answer.settle(partial(_reply_or_raise, why))  # without the lock: callbacks may close this caller
 
         def over(first: Future[Reply]) -> None:
             failure = None if first.cancelled() else _failure_of(first)
@@ -139,18 +139,18 @@ class Retrying:
 
     def close(self) -> None:
         self._closed.set()
-        self._caller.close()  # who waits for a server, or for an answer, is released by this
+        self._caller.close()  # this also ends all waits for a server or a reply
         with self._lock:
-            aside, self._aside = self._aside, None
-        if aside:
-            mine = threading.current_thread().name.startswith(_THREADS)  # a callback closes us
-            aside.close(wait=not mine)
+            pool, self._pool = self._pool, None
+        if pool:
+            in_callback = threading.current_thread().name.startswith(_THREADS)  # a thread cannot wait for itself
+            pool.close(wait=not in_callback)
 
     def _question(self, payload: Payload) -> Question:
-        return self._numbering.question(payload) if self._numbering else _Anew(self._caller, payload)
+        return self._numbering.question(payload) if self._numbering else _Unnumbered(self._caller, payload)
 
-    def _again(self, ask: Callable[[float], Reply], why: _Failure, end: float) -> Reply:
-        """Tells how it failed at last; who finds no server in time, how it failed at first."""
+    def _retry(self, ask: Callable[[float], Reply], why: _Failure, end: float) -> Reply:
+        """Make the further attempts. The outcome is that of the last one; without a server in time, that of `why`."""
         pause = PAUSE
         for _ in range(ATTEMPTS - 1):
             if not self._budget.spend():
@@ -158,7 +158,7 @@ class Retrying:
             about_to_block()
             self._closed.wait(min(pause * random.uniform(0.5, 1.5), max(0.0, end - time.monotonic())))
             pause *= 3
-            if not self._is_served(end):
+            if not self._wait_server(end):
                 break
             left = end - time.monotonic()
             if left <= 0:
@@ -169,20 +169,20 @@ class Retrying:
                     return why
             except Unreachable as exc:
                 why = exc
-        return _end(why)
+        return _reply_or_raise(why)
 
-    def _is_served(self, end: float) -> bool:
-        """Wait for a server."""
+    def _wait_server(self, end: float) -> bool:
+        """Wait for a server. False if there is none in time, or if the component is stopping."""
         while True:
             left = max(0.0, end - time.monotonic())
-            if self._caller.wait_peer(min(left, _LOOK)):
+            if self._caller.wait_peer(min(left, _POLL_S)):
                 return True
-            if left <= _LOOK or self._ending():
+            if left <= _POLL_S or self._ending():
                 return False
 
 
 _Failure = Reply | Unreachable
-"""How a call ended that may be asked again."""
+"""The outcome of an attempt after which the call may be retried."""
 
 
 def _failure_of(ended: Future[Reply]) -> _Failure | None:
@@ -193,14 +193,14 @@ def _failure_of(ended: Future[Reply]) -> _Failure | None:
     return reply if reply.status is Status.REFUSED else None
 
 
-def _end(failure: _Failure) -> Reply:
+def _reply_or_raise(failure: _Failure) -> Reply:
     if isinstance(failure, Reply):
         return failure
     raise failure
 
 
-class _Answer(Future[Reply]):
-    """What comes of a call in the end. Cancelling it gives up the attempt that is under way."""
+class _FinalReply(Future[Reply]):
+    """The Future of a call with all its attempts. Cancelling it cancels the current attempt."""
 
     _attempt: Future[Reply] | None = None
 
@@ -218,7 +218,7 @@ class _Answer(Future[Reply]):
     def settle(self, how: Callable[[], Reply]) -> None:
         try:
             reply = how()
-        except BaseException as exc:  # it is told to who waits
+        except BaseException as exc:  # passed to the caller
             if self.set_running_or_notify_cancel():
                 self.set_exception(exc)
         else:
@@ -226,8 +226,8 @@ class _Answer(Future[Reply]):
                 self.set_result(reply)
 
 
-class _Anew:
-    """A question of a transport that does not know one again: it may be executed twice, which does no harm."""
+class _Unnumbered:
+    """A request of a transport that does not recognize retries: a server may execute it twice, as it is idempotent."""
 
     def __init__(self, caller: Caller, payload: Payload) -> None:
         self._caller, self._payload = caller, payload
@@ -241,7 +241,7 @@ class _Anew:
     def close(self) -> None: ...
 
 
-def _called(question: Question, answer: _Answer, deadline: float) -> Reply:
+def _attempted(question: Question, answer: _FinalReply, deadline: float) -> Reply:
     if answer.cancelled():
         raise CancelledError
     attempt = question.call(deadline)

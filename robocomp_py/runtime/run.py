@@ -1,4 +1,4 @@
-"""From a worker class and its settings to a running component, top to bottom."""
+"""Runs a component: from its worker class and settings to its end."""
 
 from __future__ import annotations
 
@@ -67,16 +67,16 @@ from .worker import Worker, check_methods
 log = logging.getLogger("robocomp.worker")
 
 _REMIND = 5.0
-"""Seconds between two messages that say for whom a component waits."""
+"""Seconds between messages that name the peer a component waits for."""
 
 _SLOW = 10
-"""Periods left out before a component is called too slow."""
+"""Number of skipped periods after which a component is reported as too slow."""
 
 _CONNECTING = 2.0
-"""Seconds that all topics of a component have to connect; then it starts without those that have not."""
+"""Seconds to wait for visible publishers and subscribers to connect; then the component starts without the rest."""
 
-_TOLD = 8
-"""Keys without effect that are named at the start; `rc lint` names all."""
+_MOST_LISTED = 8
+"""Maximum number of keys without effect that the start lists; `rc lint` lists all."""
 
 
 class Running:
@@ -92,7 +92,7 @@ class Running:
         find: Callable[[str], TransportFactory] = find_transport,
         tell: Callable[[str], None] = notify,
     ) -> None:
-        """`tell` takes what whoever launched the process is to know."""
+        """`tell` sends status messages to the launcher of the process."""
         check_methods(worker_class)
         self._tell = tell
         self.component = worker_class.component
@@ -102,36 +102,36 @@ class Running:
         self.computes = 0
         """How often `compute` was called."""
         self.overruns = 0
-        """How many beats were left out, because what was done took longer than a period."""
+        """Number of periods skipped because a call took too long."""
         self._generated_for = worker_class.middleware
         self._wake = threading.Event()
         self._changing = threading.Lock()
         self.monitor = Monitor(f"worker-{settings.instance}")
-        self._watching = Watching(settings.instance, self._happened)
+        self._watching = Watching(settings.instance, self._call_qos_hook)
         self._tally = Tally(settings.namespace, settings.instance)
         self._transports = _Transports(settings, find, lambda: not self.is_over)
         self._links: list[Link] = []
-        """Of handlers."""
+        """Links of handlers."""
         self._proxied: list[Link] = []
-        """Of proxies."""
+        """Links of proxies."""
         self._bound: list[Bound] = []
-        """Its ports, with what their links go by."""
+        """The ports with their routes and links."""
         self._was_slow = False
         self._failed = False
-        self._excuse = ""
+        self._last_hindrance = ""
         self.doing = ""
-        """The hook that runs, if one does."""
+        """The name of the hook that is running; "" if none is."""
         self._machine: Machine | None = None
         self.worker = self._build(worker_class)
 
     def run(self) -> bool:
-        """Start, compute until stopped, finish, close. Whether all went well."""
+        """Start, compute until stopped, finish, close. Returns False if the component failed."""
         self._tell_contract()
         try:
             self._connect()
             self._live()
         except (RobocompError, OSError) as exc:
-            if not (self.is_over and isinstance(exc, Closed)):  # else it waited for its middleware when it was stopped
+            if not (self.is_over and isinstance(exc, Closed)):  # Closed: stopped while it waited for its middleware
                 self._fail(str(exc))
         finally:
             self._tell("STOPPING=1")
@@ -155,7 +155,7 @@ class Running:
 
     @property
     def life(self) -> str:
-        """How it is, in a line for its launcher."""
+        """Its status, as one line for its launcher."""
         return life(self.settings.instance, self.state, self._counts, self._watching.all)
 
     @property
@@ -167,17 +167,17 @@ class Running:
         return status(name, component, self.state, self._counts, self._bound, self._watching.all)
 
     @property
-    def speaks(self) -> bool:
+    def is_running_here(self) -> bool:
         """Whether the calling thread runs code of its worker."""
-        pool = rf"{re.escape(self.monitor.name)}(-beside)?_\d+"
-        return self.monitor.mine or bool(re.fullmatch(pool, threading.current_thread().name))
+        pool = rf"{re.escape(self.monitor.name)}(-concurrent)?_\d+"
+        return self.monitor.is_inside or bool(re.fullmatch(pool, threading.current_thread().name))
 
     def stop(self) -> None:
-        """Ask it to end: after what runs now, `finish` is called and everything closed."""
+        """Ask it to stop: after the current call, `finish` is called and everything is closed."""
         self.signal(Event.STOP)
 
     def signal(self, event: Event, during: State | None = None) -> None:
-        """Let something happen; if `during` is given, only if that is still the state."""
+        """Apply an event to the life cycle; with `during`, only if the component is still in that state."""
         with self._changing:
             if during is None or self.state is during:
                 self.state = after(self.state, event)
@@ -197,7 +197,7 @@ class Running:
         worker._state = lambda: self.state
         worker._set_period = self._set_period
         worker._wake = self._wake.set
-        worker._released = self.monitor.released
+        worker._suspended = self.monitor.suspended
         worker._settings = self.settings
         if self.component.machine:
             self._machine = Machine(self.component.machine, self._enter, self._wake.set)
@@ -206,7 +206,7 @@ class Running:
             vars(worker).update(found, statemachine=self._machine)
         self._beat = Beat(self.settings.period, time.monotonic())
         try:
-            worker_class.__init__(worker)  # after the above, so that a user's __init__ has it
+            worker_class.__init__(worker)  # last, so that a user's __init__ can use all of the above
         except ComponentError:
             raise
         except Exception as exc:
@@ -216,11 +216,11 @@ class Running:
     def _init_failed(self, exc: Exception) -> str:
         name = exc.name if isinstance(exc, AttributeError) else ""
         early = name in {port.attribute for port in self.component.ports}
-        hint = f"\nproxies are there from `initialize` on: move what uses `{name}` there" if early else ""
+        hint = f"\nproxies exist from `initialize` on: move code that uses `{name}` there" if early else ""
         return f"{user_trace(exc)}{hint}"
 
     def _tell_contract(self) -> None:
-        """Report the contracts of this component: other components may have been started before a change of them."""
+        """Report the contracts of this component, so that the launcher can compare them with those of its peers."""
         if lines := list(contract(self.settings.instance, self.component.fingerprints())):
             self._tell("\n".join(lines))
 
@@ -233,20 +233,20 @@ class Running:
             self.signal(Event.CONNECTED)
 
     def _bind_all(self) -> list[tuple[Port, Link]]:
-        """Open all links; those of what is required."""
+        """Open all links. Returns those of required interfaces."""
         provided = [port for port in self.component.ports if port.verb.provides]
         wanted = [port for port in self.component.ports if not port.verb.provides]
         own = port_of(self.component)
         if own:
             machine = vars(self.worker).get("statemachine")
-            servant = CommonBehavior(self.worker, self.settings.params, self.monitor.held, self._status, machine)
+            handlers = CommonBehavior(self.worker, self.settings.params, self.monitor.held, self._status, machine)
             try:
-                self._links += ports.bind_handlers(own, servant, self._route, self.monitor, lazy=True)
+                self._links += ports.bind_handlers(own, handlers, self._route, self.monitor, lazy=True)
             except AlreadyServed as exc:
-                who = self.settings.instance
+                name = self.settings.instance
                 raise AlreadyServed(
-                    f"an instance `{who}` runs already; stop it, or give this one another name: by --name, or where a "
-                    f"network names it ({exc})"
+                    f"an instance `{name}` is already running; stop it, or give this one another name: with --name, "
+                    f"or in the .ddsl of its network ({exc})"
                 ) from exc
         required: list[tuple[Port, Link]] = []
         for port in (*provided, *wanted):
@@ -259,10 +259,10 @@ class Running:
     def _close_links(self) -> None:
         try:
             with self._transports.gathering():
-                ports.close_all(self._proxied)  # first: that releases the handlers and hooks that wait in one
+                ports.close_all(self._proxied)  # first, because it ends the calls that handlers and hooks wait for
                 ports.close_all(self._links)
         except TransportError as exc:
-            log.warning("%s", exc)  # closing its transport does the rest
+            log.warning("%s", exc)  # closing the transport closes the remaining links
 
     def _bind(self, port: Port) -> list[Link]:
         routes: list[ports.Route] = []
@@ -312,14 +312,14 @@ class Running:
         return carrier(middleware, self._generated_for)
 
     def _await(self, required: Sequence[tuple[Port, Link]]) -> None:
-        """Wait until everything required is visible."""
+        """Wait until all required components are visible."""
         begun = told = time.monotonic()
         for port, link in required:
             while self.state is State.STARTING and not link.wait_peer(0.2):
                 now = time.monotonic()
-                whom = self.settings.whom(port)
+                peer = self.settings.peer_of(port)
                 if now - begun > self.settings.startup_timeout:
-                    waited = f"(waited {self.settings.startup_timeout:g} s for {whom})"
+                    waited = f"(waited {self.settings.startup_timeout:g} s for {peer})"
                     lacking = _lacking(port, required)
                     raise Unreachable(
                         f"{lacking} {waited}"
@@ -328,13 +328,13 @@ class Running:
                         f"start one, or set ports.{port.name}.from"
                     )
                 if now - told > _REMIND or told == begun:
-                    lacking = _lacking(port, required) if told != begun else ""  # at first it is still being found
+                    lacking = _lacking(port, required) if told != begun else ""  # at first, discovery is not complete
                     told = now
                     what = lacking or f"waiting for a component that implements {port.interface.short}"
-                    log.info("%s (%s)", what, whom)
+                    log.info("%s (%s)", what, peer)
 
     def _connect_topics(self) -> None:
-        """Wait until visible publishers and subscribers are connected: what they publish from now on is heard."""
+        """Wait until visible publishers and subscribers are connected, so that no message from now on is lost."""
         end = time.monotonic() + _CONNECTING
         topics = [link for bound in self._bound if bound.port.verb.is_topic for link in bound.links]
         for link in topics:
@@ -364,7 +364,7 @@ class Running:
                     raise AssertionError("connected, but still starting")
 
     def _get_going(self) -> None:
-        """Enter the first states, let handlers in and say ready, unless it was stopped meanwhile."""
+        """Enter the initial states, admit handlers and report readiness, unless the component was stopped meanwhile."""
         if self._machine and self.state is State.COMPUTE:
             self._move(self._machine._begin, early=True)
         if self.state is not State.COMPUTE:
@@ -374,28 +374,29 @@ class Running:
         self._beat = self.worker._beats(time.monotonic())
         self.ready.set()
         log.info("ready")
-        self._tell("READY=1")  # last: at this word others are started, who say that they are ready, too
+        self._tell("READY=1")  # last: the launcher then starts components that depend on this one
 
     def _take_transitions(self) -> None:
-        """Take those that were fired until now; each lets handlers in between, and none comes inside another."""
+        """Take the transitions fired until now, one at a time. Handlers may run between two of them."""
         for _ in range(self._machine._waiting if self._machine else 0):
             if self._machine and self.state is State.COMPUTE:
                 self._move(self._machine._step)
 
     def _move(self, move: Callable[[], None], *, early: bool = False) -> None:
-        """Move the state machine, alone. Its methods are guarded one by one: what is entered is entered whole."""
-        with contextlib.suppress(Closed), self.monitor.held(early=early):  # closed: the component ends
+        """Run a step of the state machine inside the monitor. `_enter` handles the errors of each method, so that one
+        that raises does not leave the step half done."""
+        with contextlib.suppress(Closed), self.monitor.held(early=early):  # Closed: the component is stopping
             move()
 
     def _enter(self, state: str) -> None:
-        """Tell the worker of a state that is entered, unless it has failed in another one."""
+        """Call the worker's method for a state that is entered, unless an earlier one has failed."""
         method = getattr(self.worker, f"sm_{label(state)}")
         if not self._failed:
             with self._guarded(method):
                 method()
 
     def _on_the_beat(self, hook: Callable[[], None]) -> bool:
-        """Call a hook if it is time to, else wait for that, or for news. Whether it was called."""
+        """Call a hook if it is due. Otherwise wait until it is, or until an event, and return False."""
         wait = self._beat.due(time.monotonic())
         if wait:
             self._wake.wait(wait)
@@ -411,23 +412,23 @@ class Running:
         return True
 
     def _tell_slow(self, hook: Callable[[], None], took: float) -> None:
-        """Say once that a component keeps less than half of its periods; a single late step is no news."""
+        """Warn once if a component skips more than half of its periods. A single late step is not reported."""
         if not self._was_slow and self.overruns >= max(_SLOW, self.computes):
             self._was_slow = True
             log.warning(
-                "%s took %.3g s, longer than the period of %.3g s: %d periods were left out (more are only counted)",
+                "%s took %.3g s, longer than the period of %.3g s: %d periods were skipped (more are only counted)",
                 hook.__qualname__, took, self._beat.period, self.overruns,
             )  # fmt: skip
 
-    def _happened(self, port: Port, operation: str, event: Missed | Lost) -> None:
-        """Call the hook for a missed deadline, or for a publisher that was lost, when it is its turn."""
+    def _call_qos_hook(self, port: Port, operation: str, event: Missed | Lost) -> None:
+        """Call the hook for a missed deadline or a lost publisher, inside the monitor."""
         instance = names.instance(event.channel)
         hook = self.worker.on_deadline_missed if isinstance(event, Missed) else self.worker.on_liveliness_lost
         try:
             with self.monitor.held():
                 hook(port.label, operation, instance, event.total)
         except Closed:
-            return  # the component ends
+            return  # the component is stopping
         except SystemExit:
             self.stop()
         except Exception as exc:
@@ -439,7 +440,7 @@ class Running:
         self.signal(Event.DONE, during=state)
 
     def _call(self, hook: Callable[[], None], *, early: bool = False) -> None:
-        """Run a hook, alone; decide what becomes of the component if it raises."""
+        """Run a hook inside the monitor, and handle what it raises."""
         with self._guarded(hook), self.monitor.held(early=early):
             hook()
 
@@ -448,9 +449,9 @@ class Running:
         self.doing = hook.__qualname__
         try:
             yield
-            self._excuse = ""
+            self._last_hindrance = ""
         except TransportError as exc:
-            self._hindered(hook, exc)
+            self._note_transport_error(hook, exc)
         except SystemExit as exc:
             if exc.code:
                 self._fail(f"{hook.__qualname__} called sys.exit({exc.code!r})")
@@ -460,13 +461,13 @@ class Running:
         finally:
             self.doing = ""
 
-    def _hindered(self, hook: Callable[[], None], exc: TransportError) -> None:
-        """The other side is away, slow or closed: an environment to live in, unless nothing can begin without it."""
+    def _note_transport_error(self, hook: Callable[[], None], exc: TransportError) -> None:
+        """A peer is gone, slow or closed. This is only logged, except in `initialize`, which must succeed."""
         if self.state is State.INITIALIZE:
-            self._fail(f"initialize could not do without: {exc}")
-        elif not isinstance(exc, Closed) and str(exc) != self._excuse:
-            self._excuse = str(exc)
-            log.warning("%s was cut short: %s", hook.__qualname__, exc)
+            self._fail(f"initialize failed: {exc}")
+        elif not isinstance(exc, Closed) and str(exc) != self._last_hindrance:
+            self._last_hindrance = str(exc)
+            log.warning("%s did not complete: %s", hook.__qualname__, exc)
 
     def _fail(self, message: str) -> None:
         log.error("%s", message)
@@ -488,7 +489,7 @@ class _Transports:
 
     @contextlib.contextmanager
     def gathering(self) -> Iterator[None]:
-        """While this is entered, links that are opened or closed need not be visible to others."""
+        """While entered, transports may delay the announcement of links that are opened or closed."""
         with contextlib.ExitStack() as self._gathering:
             for transport in self._open.values():
                 self._gathering.enter_context(gathering(transport))
@@ -512,7 +513,7 @@ class _Transports:
             name, transport = self._open.popitem()
             try:
                 transport.close()
-            except Exception:  # whatever one of them raises, the others are to be closed
+            except Exception:  # of any transport: the others must be closed, too
                 log.exception("closing the transport %s", name)
 
 
@@ -524,8 +525,8 @@ def main(
 ) -> int:
     """Run a component as a program: `python -m PACKAGE`, `rc run DIR`. Returns the exit code.
 
-    `options` are its arguments, if they have been read already. `missed` tells of a signal that was to end this process
-    before the component took heed of any, and went lost, as in a destructor; 0 if there was none.
+    `options` are its arguments, if they have been parsed already. `missed` returns the number of a signal that arrived
+    before this function handled signals, and 0 if there was none.
     """
     if options is None:
         parser = parser_of(worker_class.component)
@@ -561,53 +562,56 @@ def main(
 
 
 def exit_code(*every: argparse.Namespace) -> int:
-    """The exit code for components that could not be configured: 2 if their middleware does not exist, else 1."""
+    """The exit code if components could not be configured: 2 if a middleware does not exist, else 1."""
     named = {carrier(each.middleware, "") for each in every} - {""}
     return 1 if named <= installed.transports().keys() else 2
 
 
 def parser_of(component: Component) -> argparse.ArgumentParser:
-    """What a component takes on its command line."""
+    """The parser for the command line of a component."""
     name = component.name
     parser = Parser(
         prog=name,
-        description=f"{component.description or f'Run the component {name}.'} It stops on Ctrl-C or SIGTERM.",
-        epilog="Every key of the configuration can be set: --set component.period=0.02 --set params.NAME=VALUE, or by "
-        "the environment: ROBOCOMP__COMPONENT__PERIOD=0.02. The command line counts most, then the environment.",
+        description=f"{component.description or f'Run the component {name}.'} Stop it with Ctrl-C or SIGTERM.",
+        epilog="Every key of the configuration can be set with --set component.period=0.02 --set params.NAME=VALUE, or "
+        "in the environment with ROBOCOMP__COMPONENT__PERIOD=0.02. The command line overrides the environment, which "
+        "overrides the file.",
     )
     parser.add_argument(
         "--config",
         type=Path,
         metavar="FILE",
-        help="configuration (default: the one in etc/ beside it)",
+        help="configuration file (default: the one in etc/ of the component's folder)",
     )
     parser.add_argument("--name", help=f"name of this instance (default: {name.lower()})")
-    parser.add_argument("--middleware", help="what carries its messages, as in `middleware = …`")
+    parser.add_argument("--middleware", help="middleware that carries its messages, like the key `middleware`")
     parser.add_argument(
         "--set", action="append", default=[], type=_assignment, metavar="KEY=VALUE", help="set one key; may be repeated"
     )
     parser.add_argument(
-        "--keys", metavar="FOLDER", help="its keys for what crosses hosts, as `rcdeploy keys` makes them"
+        "--keys", metavar="FOLDER", help="keys for connections between hosts, as made by `rcdeploy keys`"
     )
     parser.add_argument(
         "--grace",
         type=_grace,
         metavar="SECONDS",
-        help=f"what it has to stop by itself, once told to (default: {GRACE:g})",
+        help=f"time to stop after a request, before the process is ended by force (default: {GRACE:g})",
     )
     parser.add_argument(
-        "--print-config", action="store_true", help="print the configuration that holds, and who says so; run nothing"
+        "--print-config",
+        action="store_true",
+        help="print the effective configuration and where each value comes from, and exit",
     )
-    parser.add_argument("--json", action="store_true", help="--print-config: for machines, one key a line")
+    parser.add_argument("--json", action="store_true", help="with --print-config: one JSON object per key")
     parser.add_argument("--version", action="version", version=f"robocomp_py {__version__}")
     return parser
 
 
 def read_plain(arguments: Sequence[str]) -> argparse.Namespace | None:
-    """What `parser_of` reads from arguments that are nothing but options with their values; None for others.
+    """Parse arguments that consist of options with values only, as rcdeploy writes them; None for any other.
 
-    So rcdeploy writes them, for many components at a time, and a parser takes a quarter of the memory that is a
-    component's own.
+    The result equals that of `parser_of`. A process of many components saves memory this way: a parser takes a quarter
+    of the memory of a component.
     """
     options = argparse.Namespace(
         config=None, name=None, middleware=None, set=[], keys=None, grace=None, print_config=False, json=False
@@ -630,9 +634,9 @@ def read_plain(arguments: Sequence[str]) -> argparse.Namespace | None:
 
 
 def _assignment(text: str) -> str:
-    """What follows `--set`, if it is written as it should be."""
+    """The argument of `--set`, if its form is valid."""
     if not settings.is_assignment(text):
-        raise argparse.ArgumentTypeError(f"`{text}`: write it as key=value, as in --set params.max_speed=0.5")
+        raise argparse.ArgumentTypeError(f"`{text}` is not key=value, as in --set params.max_speed=0.5")
     return text
 
 
@@ -643,16 +647,16 @@ def _grace(text: str) -> float:
         seconds = -1.0
     if not 0 < seconds <= MAX_SECONDS:
         raise argparse.ArgumentTypeError(
-            f"`{text}` is no number of seconds above 0 and up to {MAX_SECONDS:g}; write it as in --grace 10"
+            f"`{text}` is not a number of seconds above 0 and up to {MAX_SECONDS:g}, as in --grace 10"
         )
     return seconds
 
 
 def _lacking(port: Port, required: Sequence[tuple[Port, Link]]) -> str:
-    """What to tell of an interface of which some operations are found, and others are not; else ""."""
+    """The message about an interface of which only some operations are found; "" if that is not the case."""
     found = [link.wait_peer(0) for each, link in required if each is port]
     names = [operation.name for operation, _ in port.interface.under(port.verb)]
-    if len(found) != len(names):  # an operation goes several ways
+    if len(found) != len(names):  # an operation has several routes
         return ""
     absent = [f"`{name}`" for name, there in zip(names, found, strict=True) if not there]
     if not any(found) or not absent:
@@ -664,7 +668,7 @@ def _lacking(port: Port, required: Sequence[tuple[Port, Link]]) -> str:
 
 
 def prepare(worker_class: type[Worker[Any]], options: argparse.Namespace) -> tuple[Settings, settings.Document]:
-    """The settings that the options of a component come to, and the document they are in, checked.
+    """The checked settings of a component, given its options, and the document that holds them.
 
     Raises ConfigurationError.
     """
@@ -696,7 +700,7 @@ def _set_keys(document: settings.Document, folder: str) -> None:
     from .effective import toml
 
     if not Path(folder).is_dir():
-        raise ConfigurationError(f"--keys {folder}: there is no such folder; `rcdeploy keys` makes one")
+        raise ConfigurationError(f"--keys {folder}: no such folder; create it with `rcdeploy keys`")
     for transport in (name for name, each in deployments().items() if each.keyed):
         value = toml(str(Path(folder).absolute()))
         settings.override(document, f"transports.{transport}.keys={value}", f"--keys {folder}")
@@ -705,18 +709,18 @@ def _set_keys(document: settings.Document, folder: str) -> None:
 def _print_config(
     worker_class: type[Worker[Any]], chosen: Settings, document: settings.Document, *, as_json: bool
 ) -> None:
-    from . import effective  # only who asks needs it
+    from . import effective  # only --print-config needs it
 
     found = effective.effective(worker_class.component, chosen, document, worker_class.middleware)
     print(effective.as_json(found) if as_json else effective.as_toml(found), end="")
 
 
 def tell_notes(document: settings.Document) -> None:
-    """Say what became of the lines of a configuration in another form."""
+    """Log renamed keys, and how the lines of a file in a foreign format were read."""
     other = {"config.toml": "config", "config": "config.toml"}.get(document.path.name) if document.path else None
     if document.path and other and document.path.with_name(other).is_file():
         unread = document.path.with_name(other)
-        log.info("%s is not read, since there is %s; to read it: --config %s", unread, document.path, _short(unread))
+        log.info("%s is not read, because %s exists; to read it: --config %s", unread, document.path, _short(unread))
     for each in document.renamed:
         log.warning("%s: %s", each.origin or document.place(each.key), each.message)
     for note in document.notes:
@@ -728,12 +732,13 @@ def tell_notes(document: settings.Document) -> None:
         if note.understood and not note.became and not (note.undeclared and document.passed_on)
     ]
     if document.notes:
-        shown = ", ".join(idle[:_TOLD]) + (f" and {len(idle) - _TOLD} more" if len(idle) > _TOLD else "")
+        more = f" and {len(idle) - _MOST_LISTED} more" if len(idle) > _MOST_LISTED else ""
+        shown = f"{', '.join(idle[:_MOST_LISTED])}{more}"
         log.info("configured by %s, written for RoboComp; without effect here: %s", document.path, shown or "nothing")
 
 
 def _short(path: Path) -> Path:
-    """The path as people would write it from here."""
+    """The path relative to the working directory, if it is below it."""
     try:
         return path.resolve().relative_to(Path.cwd())
     except ValueError:
@@ -741,9 +746,9 @@ def _short(path: Path) -> Path:
 
 
 def _check_middlewares(worker_class: type[Worker[Any]], chosen: Settings, document: settings.Document) -> None:
-    """Whether all that are named are installed, and those that will be used usable; the others are not imported.
+    """Check that every middleware named is installed, and that those in use can be imported.
 
-    Raises ConfigurationError with the place of one that is not.
+    Raises ConfigurationError with the place of the first that is not.
     """
     used = _middlewares(worker_class, chosen)
     for key, middleware in settings.middlewares(chosen).items():
@@ -757,7 +762,7 @@ def _check_middlewares(worker_class: type[Worker[Any]], chosen: Settings, docume
 
 
 def _middlewares(worker_class: type[Worker[Any]], chosen: Settings) -> set[str]:
-    """Those that its operations will use, its own `CommonBehavior` among them."""
+    """The middlewares that its operations use, including those of `CommonBehavior`."""
     component, generated_for = worker_class.component, worker_class.middleware
     routed = {
         middleware
@@ -770,14 +775,14 @@ def _middlewares(worker_class: type[Worker[Any]], chosen: Settings) -> set[str]:
 
 def _configure_logging(chosen: Settings) -> None:
     tell_where_on_abort()
-    launched = "NOTIFY_SOCKET" in os.environ  # then whoever launched us adds time and name
+    launched = "NOTIFY_SOCKET" in os.environ  # then the launcher adds time and name
     form = "%(levelname)s: %(message)s" if launched else f"%(asctime)s {chosen.instance} %(levelname)s: %(message)s"
     logging.basicConfig(level=chosen.log.upper(), format=form, datefmt="%H:%M:%S", stream=sys.stderr)
 
 
 def tell_where_on_abort() -> None:
-    """Have SIGABRT, by which a watchdog ends us, and crashes of native code say what each thread was doing."""
-    with contextlib.suppress(ValueError, OSError):  # nobody can read it
+    """Print the stacks of all threads on SIGABRT, which watchdogs send, and on crashes of native code."""
+    with contextlib.suppress(ValueError, OSError):  # stderr is closed
         faulthandler.enable()
 
 
@@ -787,11 +792,11 @@ def _stop_by(running: Running, received: list[int], grace: float | None, number:
     running.stop()
     reminder = threading.Timer(STUCK, _tell_stuck, [running, grace])
     reminder.daemon = True
-    start_thread(reminder)  # without this thread, the component stops all the same
+    start_thread(reminder)  # if it cannot start, the component stops without this message
 
 
 def _tell_stuck(running: Running, grace: float | None) -> None:
-    """Say what keeps a component from ending, and what can be done about it."""
+    """Print what keeps a component from stopping, and how to end it."""
     if running.state is not State.ENDED:
         doing = running.doing or "closing"
         print(f"asked to stop {STUCK:g} s ago, but still busy with {doing}{announced(grace)}", file=sys.stderr)

@@ -1,30 +1,30 @@
-"""How a component is configured: `etc/config.toml`, then its environment, then what its launcher sets.
+"""The configuration of a component: `etc/config.toml`, then its environment, then the command line.
 
-    namespace = "robot1"             the first part of its channels' names
-    middleware = "zeromq"            what carries its messages; `auto`: what rcdeploy finds best for each of them
+    namespace = "robot1"             prefix of the names of its channels
+    middleware = "zeromq"            middleware of all its ports; `auto`: chosen by rcdeploy for each link
     [component]
     period = 0.05                    seconds from one compute to the next
     log = "info"                     debug, info, warning or error
-    startup_timeout = 60.0           seconds to wait at the start for the components it requires
-    watchdog = 30.0                  seconds one call of its code may take before its launcher ends it; 0: any time
-    [params]                         what its PDSL declares
+    startup_timeout = 60.0           seconds to wait for required components
+    watchdog = 30.0                  longest call of its code in seconds, before its launcher ends it; 0: no limit
+    [params]                         the parameters that its PDSL declares
     [ports.laser]                    a proxy, or a handler's prefix
-    from = "world"                   the instance to use; `world/Laser1` and `/robot2/world/Laser` say more
+    from = "world"                   the instance to use; also `world/Laser1` and `/robot2/world/Laser`
     middleware = "zeromq"
-    deadline = 0.5                   seconds a call may take
+    deadline = 0.5                   longest duration of a call in seconds
     qos = { reliability = "reliable", depth = 1 }     or a preset: "sensor_data"
-    also = ["shm"]                   provided over these middlewares, too; of a subscription, further publishers:
+    also = ["shm"]                   further middlewares of a provided port; further publishers of a subscription:
                                      [{ from = "camera2", middleware = "shm" }]
     [ports.laser.getLaserData]       the same for one operation
     [transports.zeromq]              options of a transport
 
     ROBOCOMP__COMPONENT__PERIOD=0.05         in the environment: the same keys, parts separated by `__`
     --set component.period=0.05              on the command line
-    --set max_speed=1.5                      a parameter may be called without `params.`
+    --set max_speed=1.5                      `params.` may be omitted
 
-Plug-ins read files in other forms: see `plugins`.
+Plug-ins read files in foreign formats: see `plugins`.
 
-Everything is checked before anything is opened, and all complaints come at once, with their place.
+Everything is checked before anything is opened. One error reports all mistakes, with their places.
 """
 
 from __future__ import annotations
@@ -51,25 +51,25 @@ from .document import Document as Document
 from .document import Renamed, has_sections, parsed, put
 
 DEADLINE = 5.0
-"""Seconds a call may take, unless configuration or the caller say otherwise."""
+"""Default of the longest duration of a call, in seconds."""
 
 STARTUP_TIMEOUT = 60.0
-"""Seconds that a starting component waits for the components it requires, unless its configuration says otherwise."""
+"""Seconds that a starting component waits for required components, unless its configuration says otherwise."""
 
 LOG_LEVELS = ("debug", "info", "warning", "error")
 
 PREFIX = "ROBOCOMP__"
-"""What a variable of the environment begins with that sets a key."""
+"""Prefix of the environment variables that set keys."""
 
 VARIABLE = "environment variable "
-"""What is put before the name of such a variable when it is named as who says something."""
+"""Stands before the name of such a variable where it is named as the origin of a value."""
 
 KEYS = ("namespace", "middleware", "component", "params", "ports", "transports")
 
 
 @dataclass(frozen=True)
 class Way:
-    """A further way to a port: another middleware, and of a subscription another publisher. None: as the port says."""
+    """A further route of a port: another middleware or, for a subscription, another publisher. None: as the port."""
 
     middleware: str | None = None
     source: str | None = None
@@ -77,11 +77,11 @@ class Way:
 
 @dataclass(frozen=True)
 class PortSettings:
-    """What is set for a port or for one of its operations; None is what the level above says."""
+    """The settings of a port or of one of its operations; None stands for the setting of the level above."""
 
     middleware: str | None = None
     source: str | None = None
-    """`from` in the file: whose channels to use."""
+    """`from` in the file: the instance whose channels are used."""
     deadline: float | None = None
     qos: QoS | None = None
     also: tuple[Way, ...] | None = None
@@ -108,37 +108,37 @@ class Settings:
     log: str = "info"
     startup_timeout: float = STARTUP_TIMEOUT
     watchdog: float | None = None
-    """Seconds; 0 for as long as it takes, None for what the launcher says."""
+    """Seconds; 0 for no limit, None for the launcher's choice."""
     params: Mapping[str, Any] = field(default_factory=dict)
     ports: Mapping[tuple[str, ...], PortSettings] = field(default_factory=dict)
-    """By (port,) and (port, operation)."""
+    """Keys are (port,) and (port, operation)."""
     transports: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     document: Document | None = field(default=None, compare=False, repr=False)
-    """What it was read from."""
+    """The document that these settings were read from."""
 
     def middlewares(self, port: Port, operation: str, generated_for: str) -> list[str]:
-        """Over what an operation of a port goes, first by what its port says."""
+        """The middlewares of an operation of a port, the main one first."""
         chosen = self.port(port, operation)
         first = carrier(chosen.middleware, generated_for)
         return [first, *(carrier(way.middleware or first, generated_for) for way in chosen.also or ())]
 
     def port(self, port: Port, operation: str) -> PortSettings:
-        """What holds for one operation of a port."""
+        """The effective settings of one operation of a port."""
         base = PortSettings(port.middleware or self.middleware, "", DEADLINE, port.qos)
         for key in ((port.name,), (port.name, operation)):
             if key in self.ports:
                 base = self.ports[key].under(base)
         return base
 
-    def whom(self, port: Port) -> str:
-        """Whom a port uses, for people: a proxy says more than the name it has here."""
+    def peer_of(self, port: Port) -> str:
+        """The peer that a port uses, for messages: the configured proxy if there is one, else the instance."""
         source = self.port(port, "").source
         proxies = ChainMap(*(options.get("proxies", {}) for options in self.transports.values()))
         return str(proxies.get(source, source)) if source else "any instance"
 
 
 def middlewares(settings: Settings) -> dict[Key, str]:
-    """Every middleware that is named, by the key that names it."""
+    """Every middleware named in the settings, by its key."""
     named: dict[Key, str | None] = {("middleware",): settings.middleware}
     for key, port in settings.ports.items():
         named["ports", *key, "middleware"] = port.middleware
@@ -148,9 +148,9 @@ def middlewares(settings: Settings) -> dict[Key, str]:
 
 
 def find(folder: Path) -> Path | None:
-    """The configuration in a component's folder: `etc/config.toml`, or what a plug-in finds there instead.
+    """The configuration file in a component's folder: `etc/config.toml`, or a file that a plug-in finds.
 
-    No plug-in is asked about a component of ours that has an `etc/config.toml`, or nothing in `etc`.
+    Plug-ins are skipped if the component is ours and has an `etc/config.toml`, and if `etc` is empty.
     """
     own = folder / "etc" / "config.toml"
     others = own.parent.is_dir() and any(own.parent.iterdir())
@@ -162,10 +162,10 @@ def find(folder: Path) -> Path | None:
 
 
 def read(path: Path, params: ParameterSet | None = None, topics: Collection[str] = ()) -> Document:
-    """A configuration file for a component with these parameters, in our form or in one that a plug-in reads.
+    """Read a configuration file, in TOML or in a format that a plug-in reads.
 
-    `topics` are the interfaces it publishes and subscribes to, which such a file may name. Raises ConfigurationError
-    with the place if it is none.
+    `params` are the component's parameters, and `topics` the interfaces it publishes and subscribes to: plug-ins need
+    both. Raises ConfigurationError with the place of a mistake.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -174,17 +174,17 @@ def read(path: Path, params: ParameterSet | None = None, topics: Collection[str]
     except UnicodeDecodeError as exc:
         if path.suffix == ".toml":
             raise ConfigurationError(f"{path}: is not UTF-8 text") from exc
-        text = path.read_text(encoding="latin-1")  # comments were written before everybody had UTF-8
+        text = path.read_text(encoding="latin-1")  # comments of old files
     return from_text(text, path, params, topics)
 
 
 def read_for(path: Path, component: Component) -> Document:
-    """The same for a component of which everything is known."""
+    """Read a configuration file for a known component."""
     return read(path, component.params, component.topics)
 
 
 def from_text(text: str, path: Path, params: ParameterSet | None = None, topics: Collection[str] = ()) -> Document:
-    """The same for a text that was read."""
+    """Read a configuration from its text; see `read`."""
     data = _as_toml(text, path)
     if data is not None and data.keys() <= set(KEYS):
         return Document(data, path, text, params=params)
@@ -192,12 +192,12 @@ def from_text(text: str, path: Path, params: ParameterSet | None = None, topics:
         if reader.accepts(path, text):
             return reader.read(text, path, params or ParameterSet(""), topics)
     if data is None:
-        raise ConfigurationError(f"{path}: is no TOML, and no installed package reads configurations of this form")
+        raise ConfigurationError(f"{path}: not valid TOML, and no installed package reads this format")
     return Document(data, path, text, params=params)
 
 
 def _as_toml(text: str, path: Path) -> dict[str, Any] | None:
-    """What a text says in TOML; None for a file of another form. Raises NotToml if it was meant to be TOML."""
+    """The tables of a TOML text; None for another format. Raises NotToml if it was meant to be TOML."""
     if path.suffix == ".toml" or has_sections(text):
         return parsed(text, path)
     try:
@@ -208,19 +208,19 @@ def _as_toml(text: str, path: Path) -> dict[str, Any] | None:
 
 
 def is_assignment(text: str) -> bool:
-    """Whether a text is written as `key=value`; what the key means is not looked at."""
+    """Whether a text has the form `key=value`. The key may be unknown."""
     name, equals, _ = text.partition("=")
     return bool(equals) and all(map(_KEY.fullmatch, name.strip().split(".")))
 
 
 def override(document: Document, assignment: str, origin: str = "") -> None:
-    """Apply `key=value`; the value is TOML, or else a plain string. Raises ConfigurationError.
+    """Apply `key=value`. A value that is not TOML is a plain string. Raises ConfigurationError.
 
-    `origin` is who says so, for people; `--set` if nothing else.
+    `origin` names the source of the value in messages; by default `--set`.
     """
     name, equals, text = assignment.partition("=")
     if not equals or not name.strip():
-        raise ConfigurationError(f"--set {assignment}: write it as key=value, as in params.max_speed=0.5")
+        raise ConfigurationError(f"--set {assignment}: not key=value, as in params.max_speed=0.5")
     key = _parse_key(name.strip())
     if key[0] not in KEYS and document.params and _means_parameter(str(key[0]), document.params):
         key = ("params", *key)
@@ -228,9 +228,9 @@ def override(document: Document, assignment: str, origin: str = "") -> None:
 
 
 def environment(document: Document, component: Component, variables: Mapping[str, str]) -> None:
-    """Apply the variables of an environment that begin with `ROBOCOMP__`. Raises ConfigurationError.
+    """Apply the environment variables that begin with `ROBOCOMP__`. Raises ConfigurationError.
 
-    The parts of a key are separated by `__`, all in any case: `ROBOCOMP__PARAMS__MOTORS__0__MAX_SPEED=1.5`.
+    `__` separates the parts of a key. Upper and lower case are equal: `ROBOCOMP__PARAMS__MOTORS__0__MAX_SPEED=1.5`.
     """
     for name in sorted((each for each in variables if each.upper().startswith(PREFIX)), key=_by_number):
         origin = f"{VARIABLE}{name}"
@@ -242,7 +242,7 @@ def environment(document: Document, component: Component, variables: Mapping[str
 
 
 def _by_number(name: str) -> list[str | int]:
-    """Orders names by the numbers in them, since an item can only be added behind the last one."""
+    """A sort key that orders names by the numbers in them, because items of lists are added in order."""
     parts = re.split(r"([0-9]{1,9})", name.upper())
     return [int(part) if position % 2 else part for position, part in enumerate(parts)]
 
@@ -254,18 +254,18 @@ def _set(document: Document, key: Key, text: str, origin: str) -> None:
     parameter = _parameter(document.params, key[1:]) if document.params and key[0] == "params" else None
     try:
         read = tomllib.loads(f"value = {text}")
-    except (ValueError, RecursionError):  # no TOML, or a number or a nesting that Python cannot read
+    except (ValueError, RecursionError):  # not TOML, or a number or a nesting that Python cannot read
         read = {}
-    is_toml = read.keys() == {"value"}  # and not several lines, of which the others would be lost
+    is_toml = read.keys() == {"value"}  # more keys: a text of several lines
     value = read["value"] if is_toml else parameter.read(text) if parameter else text
     if parameter and parameter.kind in (ParameterKind.STRING, ParameterKind.ENUM) and not isinstance(value, str):
-        value = text  # what looks like a number may be a name, too
+        value = text  # a string may look like a number
     _put(document.data, key, value, origin)
     document.overrides.append((key, origin))
 
 
 def settle(document: Document, component: Component, generated_for: str) -> None:
-    """To be called once when everything is set, before `check`: what can be told of ports only then."""
+    """Add the settings of ports that depend on all others. Call it once, when everything is set, before `check`."""
     _accept_older_names(document)
     if document.complete:
         document.complete(document, component, generated_for)
@@ -287,7 +287,7 @@ def _accept_older_names(document: Document) -> None:
 def _complete(
     document: Document, component: Component, generated_for: str, name: str, options: Mapping[str, Any]
 ) -> None:
-    """Add what the options of a transport mean to ports."""
+    """Add the settings of ports that follow from the options of a transport."""
     from ..transports.deployment import Completion, deployment_of  # only a component with such a table needs these
     from .commonbehavior import port_of
 
@@ -309,7 +309,7 @@ def _complete(
 
 
 def _means_parameter(name: str, params: ParameterSet) -> bool:
-    """Whether the first part of a key that is none of ours is the name of a parameter, or nearly so."""
+    """Whether an unknown first part of a key is the name of a parameter, possibly misspelled."""
     names = [*(each.name for each in params.parameters), *(each.name for each in params.lists)]
     near = closest(name, [*KEYS, *names])
     return name in names or (near in names and near not in KEYS)
@@ -326,7 +326,7 @@ def _parameter(params: ParameterSet, key: Key) -> Parameter | None:
 
 
 def check(component: Component, document: Document, instance: str | None = None) -> Settings:
-    """The settings in a document, for this component. Raises ConfigurationError with all that is wrong."""
+    """The settings in a document, for this component. Raises ConfigurationError with all mistakes."""
     settings, complaints = examine(component, document, instance)
     if complaints:
         lines = [f"{document.place(c.key)}: {c.message}" if c.key else c.message for c in complaints]
@@ -335,7 +335,7 @@ def check(component: Component, document: Document, instance: str | None = None)
 
 
 def examine(component: Component, document: Document, instance: str | None = None) -> tuple[Settings, list[Complaint]]:
-    """The settings in a document, for this component, and all that is wrong with them."""
+    """The settings in a document, for this component, and all mistakes in them."""
     checker = _Checker(component)
     settings = checker.settings(document.data, instance or component.name.lower())
     told = [each.key for each in document.complaints]
@@ -359,14 +359,14 @@ class _Checker:
         params, wrong = check_parameters(
             self._component.params or ParameterSet(self._component.name), self._table(data, "params", ())
         )
-        if isinstance(data.get("params", {}), Mapping):  # else nothing in it is missing: it has been told as a whole
+        if isinstance(data.get("params", {}), Mapping):  # otherwise the table as a whole has been reported
             self.complaints += [Complaint(("params", *c.key), c.message, c.code) for c in wrong]
         namespace = self._text(data, "namespace", ()) or ""
         if not names.is_namespace(namespace):
-            message = f"{namespace!r} is no namespace: letters, digits, `_`, `-`; parts with `/`"
+            message = f"{namespace!r} is not a namespace; allowed: letters, digits, `_`, `-`, and `/` between parts"
             self._complain("config-bad-name", ("namespace",), message)
         if not names.is_segment(instance):
-            message = f"{instance!r} is no name for an instance: letters, digits, `_`, `-`"
+            message = f"{instance!r} is not a name for an instance; allowed: letters, digits, `_`, `-`"
             self._complain("config-bad-name", (), message)
         transports = self._table(data, "transports", ())
         self._known(transports, ("transports",), installed.transports())
@@ -425,11 +425,11 @@ class _Checker:
             return None
         given, key = table["also"], (*at, "also")
         if port.verb is Verb.REQUIRES:
-            message = "`also` is for what is provided or subscribed to; what is required has one provider"
+            message = "`also` has no meaning for a required interface, which has one server"
             self._complain("config-unknown-key", key, message)
             return None
         if not isinstance(given, list):
-            message = f'`also` is a list of middlewares, as in ["shm"], not {given!r}'
+            message = f'`also` must be a list of middlewares, as in ["shm"], not {given!r}'
             self._complain("config-wrong-type", key, message)
             return None
         return tuple(self._way(port, each, (*key, number)) for number, each in enumerate(given))
@@ -438,7 +438,7 @@ class _Checker:
         if isinstance(given, str):
             return Way(given)
         if not isinstance(given, Mapping):
-            self._complain("config-wrong-type", at, f"this is a middleware, or a table, not {given!r}")
+            self._complain("config-wrong-type", at, f"an item must be a middleware or a table, not {given!r}")
             return Way()
         self._known(given, at, ("middleware", "from") if port.verb is Verb.SUBSCRIBES else ("middleware",))
         return Way(self._text(given, "middleware", at), self._source(given, at))
@@ -449,7 +449,7 @@ class _Checker:
                 self._complain("config-unknown-value", at, unknown("QoS preset", given, PRESETS))
             return PRESETS.get(given)
         if not isinstance(given, Mapping):
-            self._complain("config-wrong-type", at, f"a QoS is a table or the name of a preset, not {given!r}")
+            self._complain("config-wrong-type", at, f"`qos` must be a table or the name of a preset, not {given!r}")
             return None
         self._known(given, at, [f.name for f in fields(QoS)])
         values: dict[str, Any] = {}
@@ -477,14 +477,14 @@ class _Checker:
         value = data.get(name, {})
         if isinstance(value, Mapping):
             return value
-        self._complain("config-wrong-type", (*at, name), f"`{name}` is a table, not {value!r}")
+        self._complain("config-wrong-type", (*at, name), f"`{name}` must be a table, not {value!r}")
         return {}
 
     def _text(self, data: Mapping[str, Any], name: str, at: Key) -> str | None:
         value = data.get(name)
         if value is None or isinstance(value, str):
             return value
-        self._complain("config-wrong-type", (*at, name), f"`{name}` is a string, not {value!r}")
+        self._complain("config-wrong-type", (*at, name), f"`{name}` must be a string, not {value!r}")
         return None
 
     def _seconds(self, data: Mapping[str, Any], name: str, at: Key) -> float | None:
@@ -525,29 +525,27 @@ def _parse_key(text: str) -> Key:
     for piece in text.split("."):
         found = _KEY.fullmatch(piece)
         if not found:
-            raise ConfigurationError(f"--set {text}: `{piece}` is no key")
+            raise ConfigurationError(f"--set {text}: `{piece}` is not a valid key")
         parts.append(found[1])
         parts += [int(number) for number in re.findall(r"\d+", found[2])]
     return tuple(parts)
 
 
 def _spelled(component: Component, parts: Sequence[str]) -> Key:
-    """The key whose parts are spelled in any case. Raises ValueError if it may be two."""
+    """The key with these parts, whatever their case. Raises ValueError if two keys match."""
     known = _keys_of(component)
     if not _spellings(parts[0], known) and component.params and _means_parameter(parts[0].lower(), component.params):
         parts = ["params", *parts]
     key: Key = ()
     for part in parts:
         if not part:
-            raise ValueError(f"the parts of a key are separated by `__`, as in {PREFIX}COMPONENT__PERIOD")
+            raise ValueError(f"a part of the key is empty; write it as in {PREFIX}COMPONENT__PERIOD")
         if part.isdecimal() and _ITEM in known:
             key, known = (*key, int(part)), known[_ITEM]
             continue
         found = _spellings(part, known)
         if len(found) > 1:
-            raise ValueError(
-                f"`{part}` may be {' or '.join(f'`{each}`' for each in found)}: write it as that is written"
-            )
+            raise ValueError(f"`{part}` is ambiguous: write it exactly as {' or '.join(f'`{each}`' for each in found)}")
         name = found[0] if found else part.lower()
         key, known = (*key, name), known.get(name, {})
     return key
@@ -559,7 +557,7 @@ _ITEM = "[]"
 
 
 def _keys_of(component: Component) -> _Keys:
-    """All keys that mean something to a component, in their tables."""
+    """All keys of a component's configuration, as nested tables."""
     port = {**_words(_PORT_KEYS), "qos": _words(f.name for f in fields(QoS))}
     ports = {
         each.name: {operation.name: port for operation, _ in each.interface.under(each.verb)} | port
@@ -575,7 +573,7 @@ def _keys_of(component: Component) -> _Keys:
 
 
 def _words(names: Iterable[str]) -> dict[str, _Keys]:
-    """Keys without others below them."""
+    """Keys that are not tables."""
     return {name: {} for name in names}
 
 
@@ -585,22 +583,22 @@ def _keys_of_params(params: ParameterSet) -> _Keys:
 
 
 def _spellings(name: str, known: Iterable[str]) -> list[str]:
-    """The known names that differ from a name in their case only; just it, if it is known."""
+    """The known names that equal a name except for case; only the name itself if it is known."""
     return [name] if name in known else [each for each in known if each.lower() == name.lower()]
 
 
 def _put(data: dict[str, Any], key: Key, value: Any, origin: str) -> None:
-    """Set a key; missing tables are made, and so is the item behind the last one of a list."""
+    """Set a key, creating missing tables, and the next item of a list if its number is given."""
     table: Any = data
     for depth, part in enumerate(key):
         inner: Any = value if depth == len(key) - 1 else [] if isinstance(key[depth + 1], int) else {}
         if isinstance(part, int):
             if not isinstance(table, list) or part > len(table):
-                raise ConfigurationError(f"{origin}: there is no item {dotted(key[: depth + 1])} to change")
+                raise ConfigurationError(f"{origin}: there is no item {dotted(key[: depth + 1])}")
             if part == len(table):
                 table.append(inner)
         elif not isinstance(table, dict):
-            raise ConfigurationError(f"{origin}: {dotted(key[:depth])} is no table")
+            raise ConfigurationError(f"{origin}: {dotted(key[:depth])} is not a table")
         elif part not in table:
             table[part] = inner
         if depth == len(key) - 1:

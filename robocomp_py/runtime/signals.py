@@ -1,4 +1,4 @@
-"""Signals as calls on a thread of their own."""
+"""Signals as function calls on a separate thread."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from ..threads import NO_THREAD, start_thread
 _ENDING = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
 
 _LATE = 0x80
-"""What is added to a number that Python's own handler passes on."""
+"""Flag in the numbers that Python's own handler writes to the pipe."""
 
 _END = b"\0"
-"""What ends the thread; no signal has this number."""
+"""Ends the thread; no signal has this number."""
 
 _entered: list[Signals] = []
 
@@ -26,12 +26,12 @@ _entered: list[Signals] = []
 class Signals:
     """While entered, Ctrl-C, SIGTERM and SIGHUP (the terminal was closed) call a function.
 
-    It is called on a thread of its own, and at once: the thread that a signal interrupts may hold any lock, or be about
-    to wait for long, and Python tells it of signals only between two of its steps. A second Ctrl-C has its usual
-    effect. Processes that are forked meanwhile take signals as before.
+    The function is called at once, on a separate thread. Python runs signal handlers only on the main thread, between
+    two bytecodes, and that thread may hold any lock or be in a long wait. A second Ctrl-C has its usual effect. Child
+    processes that are forked meanwhile handle signals as before.
 
-    `besides` is called on the main thread, too, where Python itself takes a signal: code that holds Python's lock for
-    long, as a search by a regular expression, lets no other thread run, but looks for signals.
+    `besides` is also called, on the main thread, by Python's own handler. Native code that keeps the GIL for long, such
+    as a search by a regular expression, lets no other thread run, but checks for signals.
     """
 
     def __init__(self, handle: Callable[[int], None], besides: Callable[[], object] = lambda: None) -> None:
@@ -47,21 +47,21 @@ class Signals:
             self._before[number] = signal.signal(number, self._received)
         self._woken_before = signal.set_wakeup_fd(self._in, warn_on_full_buffer=False)
         _entered.append(self)
-        # Last: until then a signal may raise something here, and is told of from now on.
+        # Last: a signal before this line may still raise an exception here; later ones call the function.
         if not start_thread(self._thread):
             _forget()
             raise ComponentError(f"signals cannot be received: {NO_THREAD}")
 
     def __exit__(self, *exc: object) -> None:
         if self not in _entered:
-            return  # this process was forked meanwhile, and all is as before already
+            return  # in a forked child, where `_forget` has restored the handlers
         try:
             _entered.remove(self)
-        finally:  # a second Ctrl-C raises something here; and once all is restored, so may any signal
+        finally:  # a second Ctrl-C may raise an exception anywhere here
             try:
                 self._restore()
             finally:
-                os.write(self._in, _END)  # what was forked meanwhile may have the pipe open, too
+                os.write(self._in, _END)  # closing the pipe would not do: a forked child may have it open, too
                 self._thread.join()
                 self._close()
 
@@ -83,7 +83,7 @@ class Signals:
         told: set[int] = set()
         while (received := os.read(self._out, 1)) != _END:
             late, number = received[0] & _LATE, received[0] & ~_LATE
-            if late and number in told:  # it came by the descriptor, unless somebody else has put one in its place
+            if late and number in told:  # already received through the wakeup descriptor
                 told.remove(number)
             elif number in _ENDING:
                 if not late:

@@ -1,8 +1,8 @@
-"""The rules by which a state machine moves, as W3C's SCXML has them. Names in, names out; nothing happens here.
+"""The transition rules of a state machine, as W3C's SCXML defines them. Pure: names in, names out.
 
-What is active (a configuration) is always: of a composite state that is active, exactly one state in it; of a
-parallel one, all; of one that is not active, none. A step leaves states from the inside out, last in the file first,
-and enters states from the outside in, first in the file first.
+The set of active states always satisfies: an active composite state has exactly one active child, an active parallel
+state has all its children active, and an inactive state has none. A step exits states from the innermost outwards, in
+reverse order of the file. It enters states from the outermost inwards, in order of the file.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from itertools import takewhile
 from ..contract.statemachine import State, StateMachine, Transition
 
 _ROOT = ""
-"""Stands for the machine itself, as the state that all the others are in."""
+"""The name of the machine itself, as the state that contains all others."""
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """What is left, then what is entered, each in order."""
+    """The states that are left, then those that are entered, each in order."""
 
     left: tuple[str, ...]
     entered: tuple[str, ...]
@@ -31,7 +31,7 @@ class Chart:
         self._states |= {state.name: state for state in machine.every_state()}
         self._order = {name: number for number, name in enumerate(self._states)}
         self._above: dict[str, tuple[str, ...]] = {_ROOT: ()}
-        """The states that a state is in, innermost first."""
+        """The states that contain a state, innermost first."""
         for name, state in self._states.items():
             self._above |= {inner.name: (name, *self._above[name]) for inner in state.states}
         self._outgoing: dict[str, list[Transition]] = {name: [] for name in self._states}
@@ -40,13 +40,13 @@ class Chart:
         self._transitions = machine.transitions
 
     def begin(self) -> tuple[str, ...]:
-        """What is entered first, in order."""
+        """The initial states, in order."""
         wanted: set[str] = set()
         self._enter(_ROOT, wanted)
         return self.ordered(wanted - {_ROOT})
 
     def step(self, active: Collection[str], taken: Sequence[Transition]) -> Step:
-        """What taking these transitions does: one whose source is active, or those `chosen`."""
+        """The step of taking these transitions: one whose source is active, or those that `chosen` returns."""
         left, wanted = set[str](), set[str]()
         for transition in taken:
             domain = self._domain(transition)
@@ -56,7 +56,7 @@ class Chart:
         return Step(self.ordered(left)[::-1], self.ordered(wanted))
 
     def chosen(self, active: Collection[str], event: str) -> list[Transition]:
-        """The transitions that an event has taken: at most one for each innermost state, none in the way of another."""
+        """The transitions that an event triggers: at most one for each innermost state, and no two in conflict."""
         found: dict[Transition, None] = {}
         for name in self.ordered(active):
             if not self._states[name].states:
@@ -67,16 +67,16 @@ class Chart:
         kept: list[Transition] = []
         for each in found:
             rivals = [other for other in kept if self._leaves(each, active) & self._leaves(other, active)]
-            if all(other.source in self._above[each.source] for other in rivals):  # what is further inside wins
+            if all(other.source in self._above[each.source] for other in rivals):  # the innermost source wins
                 kept = [other for other in kept if other not in rivals] + [each]
         return kept
 
     def heard(self, event: str) -> bool:
-        """Whether any transition waits for such an event."""
+        """Whether any transition of the machine matches this event."""
         return any(_hears(each, event) for each in self._transitions)
 
     def done(self, entered: Iterable[str], active: Collection[str]) -> Iterator[str]:
-        """The events that tell of composite and parallel states that have come to their end by entering these."""
+        """The `done.state` events of the composite and parallel states that end because these states were entered."""
         for name in entered:
             parent, *around = self._above[name]
             if self._states[name].final and parent != _ROOT:
@@ -85,15 +85,15 @@ class Chart:
                     yield f"done.state.{around[0]}"
 
     def ended(self, active: Collection[str]) -> bool:
-        """Whether the machine as a whole has come to its end."""
+        """Whether the whole machine has ended."""
         return self._complete(_ROOT, active)
 
     def ordered(self, names: Iterable[str]) -> tuple[str, ...]:
-        """As they stand in the file: each before what is in it."""
+        """States in the order of the file: each before the states inside it."""
         return tuple(sorted(names, key=self._order.__getitem__))
 
     def _enter(self, name: str, wanted: set[str]) -> None:
-        """Want a state, and those in it that are entered with it."""
+        """Add a state to `wanted`, and the states inside it that are entered with it."""
         wanted.add(name)
         state = self._states[name]
         if state.parallel:
@@ -103,20 +103,20 @@ class Chart:
             self._enter_around(state.initial, name, wanted)
 
     def _enter_around(self, name: str, top: str, wanted: set[str]) -> None:
-        """Want what a state is in, below `top`, and the regions beside it."""
+        """Add the states that contain a state, up to `top`, and their parallel regions."""
         for each in takewhile(lambda each: each != top, self._above[name]):
             wanted.add(each)
             if self._states[each].parallel:
                 self._enter_regions(self._states[each], wanted)
 
     def _enter_regions(self, state: State, wanted: set[str]) -> None:
-        """Want all regions of a state that are not wanted yet."""
+        """Add all regions of a parallel state that have no state in `wanted` yet."""
         for region in state.states:
             if not self._inside(region.name, wanted):
                 self._enter(region.name, wanted)
 
     def _domain(self, transition: Transition) -> str:
-        """The innermost composite state that has both ends in it: all inside of it is left."""
+        """The innermost composite state that contains both ends; the transition leaves all states inside it."""
         composite = (each for each in self._above[transition.source] if not self._states[each].parallel)
         return next(each for each in composite if each in self._above[transition.target])
 
@@ -127,7 +127,7 @@ class Chart:
         return {each for each in among if name in self._above[each]}
 
     def _complete(self, name: str, active: Collection[str]) -> bool:
-        """Whether a state has come to its end: one that it ends with is active, in all its regions if it has those."""
+        """Whether a state has ended: a final state in it is active, in each region if it is parallel."""
         state = self._states[name]
         if state.parallel:
             return bool(state.states) and all(self._complete(region.name, active) for region in state.states)
@@ -135,6 +135,7 @@ class Chart:
 
 
 def _hears(transition: Transition, event: str) -> bool:
-    """`error` and `error.*` stand for all of `error`, `error.arm` and `error.arm.hot`, `*` for everything."""
+    """Whether an event matches a transition: `error` and `error.*` match `error`, `error.arm`, `error.arm.hot`, …; `*`
+    matches every event."""
     kinds = (each.removesuffix(".*").removesuffix(".") for each in transition.events)
     return any(kind in ("*", event) or event.startswith(f"{kind}.") for kind in kinds)

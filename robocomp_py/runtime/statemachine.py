@@ -1,4 +1,4 @@
-"""A component's state machine while it runs: what was fired is taken one after the other, by the worker."""
+"""A component's state machine at run time: the worker takes fired transitions one after the other."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from .statechart import Chart, Step
 log = logging.getLogger("robocomp.worker")
 
 MAX_WAITING = 1000
-"""So many fired transitions and events may wait to be taken."""
+"""Maximum number of fired transitions and events in the queue."""
 
 
 class Machine:
     """`self.statemachine` of a worker. May be used from any thread.
 
-    Firing (`self.t_a_to_b()`, `send`) never waits: the worker takes what was fired in that order, one at a time,
-    after what runs now has returned; each with all `sm_` methods that it has called before the next one.
+    Firing (`self.t_a_to_b()`, `send`) never waits. After the current call has returned, the worker takes the fired
+    transitions in order. It calls all `sm_` methods of one transition before it takes the next.
     """
 
     def __init__(self, machine: StateMachine, enter: Callable[[str], None], wake: Callable[[], None]) -> None:
@@ -32,25 +32,25 @@ class Machine:
         self._lock = threading.Lock()
         self._queue: deque[Transition | str] = deque()
         self._own: deque[str] = deque()
-        """Events of the machine itself, which come before those of others."""
+        """Events of the machine itself, which are taken before those in `_queue`."""
         self._active: tuple[str, ...] = ()
         self._told: set[str] = set()
         self._events = sorted({kind for each in machine.transitions for kind in each.events})
 
     @property
     def active(self) -> tuple[str, ...]:
-        """The states it is in, each before those inside of it; none before it begins."""
+        """The active states, each before the states inside it; none before the machine begins."""
         return self._active
 
     @property
     def ended(self) -> bool:
-        """Whether it has reached its end state. The component goes on all the same."""
+        """Whether the machine has reached its end state. The component continues."""
         return self._chart.ended(self._active)
 
     def send(self, event: str) -> None:
-        """Have the transitions taken that wait for an event of that name, if there are any in what is active then.
+        """Take the transitions that this event triggers, given the states that are active then.
 
-        Raises ValueError for an event that no transition ever waits for.
+        Raises ValueError for an event that no transition of the machine matches.
         """
         if not self._chart.heard(event):
             raise ValueError(unknown("event", event, self._events))
@@ -60,11 +60,11 @@ class Machine:
         with self._lock:
             if len(self._queue) >= MAX_WAITING:
                 said = what if isinstance(what, str) else what.trigger
-                raise ComponentError(f"{said}: {MAX_WAITING} fired transitions wait already; fire only what is awaited")
+                raise ComponentError(f"{said}: {MAX_WAITING} fired transitions are already waiting; fire fewer")
             self._queue.append(what)
         self._wake()
 
-    # The worker's part: by its own thread only.
+    # Called by the worker's thread only.
 
     @property
     def _waiting(self) -> int:
@@ -75,7 +75,7 @@ class Machine:
         self._go(Step((), self._chart.begin()))
 
     def _step(self) -> None:
-        """Take what was fired first, if it can be taken."""
+        """Take the first fired transition or event, if its source is active."""
         with self._lock:
             what = (self._own or self._queue).popleft()
         match what:
@@ -102,16 +102,16 @@ class Machine:
             log.info("the state machine %s has ended (%s)", self.name, ", ".join(self._active))
 
     def _tell(self, message: str) -> None:
-        """Say something once, until the machine moves."""
+        """Log a warning once, until the machine moves."""
         if message not in self._told:
             self._told.add(message)
             log.warning("%s; active: %s", message, ", ".join(self._active))
 
 
 class Trigger:
-    """Fires one transition of a worker's state machine: `self.t_one_to_two()`; `.emit()`, as of Qt's signals, too.
+    """Fires one transition of a worker's state machine: `self.t_one_to_two()`, or `.emit()` as with Qt's signals.
 
-    It is taken after what runs now; if its source is not active then, a warning says so, and nothing happens.
+    The transition is taken after the current call. If its source is not active then, a warning is logged instead.
     """
 
     def __init__(self, machine: Machine, transition: Transition) -> None:

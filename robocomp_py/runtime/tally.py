@@ -1,8 +1,8 @@
-"""How many messages each middleware carried for a component: written at its end if $ROBOCOMP_TALLY names a folder.
+"""Counts the messages that each middleware carried for a component, if $ROBOCOMP_TALLY names a folder.
 
-A file for each component, `<namespace>.<instance>.json`, is a list of objects: the instance, its port, the operation,
-the middleware, and the number of messages. Of what a component requires, the calls that were answered and the commands
-that were sent are counted; of what it subscribes to, the messages that came. Without the variable, nothing is counted.
+When a component ends, it writes `<namespace>.<instance>.json`, a list of objects: instance, port, operation, middleware
+and number of messages. For required interfaces, answered calls and sent commands are counted; for subscriptions,
+received messages. Without the variable, nothing is counted.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Counted:
 
     def ask_async(self, arguments: tuple[Any, ...], deadline: float | None) -> Future[Any]:
         answer: Future[Any] = self._inner.ask_async(arguments, deadline)
-        Future.add_done_callback(answer, self._answered)  # not as a handler of the component, which an Answer's are
+        Future.add_done_callback(answer, self._answered)  # an Answer's own method would run it inside the monitor
         return answer
 
     def send(self, arguments: tuple[Any, ...], deadline: float | None) -> None:
@@ -66,7 +66,7 @@ class Tally:
         self._counted: dict[str, dict[str, Counted]] = {}
 
     def watch(self, port: Port, proxy: Proxy) -> None:
-        """Count what is called through a proxy from now on."""
+        """Count calls through a proxy from now on."""
         if self._file and port.verb is Verb.REQUIRES:
             self._counted[port.name] = wrap(proxy, Counted)
 

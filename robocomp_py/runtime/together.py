@@ -1,9 +1,8 @@
-"""Several components in one process, each on a thread of its own: what `rc run DIR … + DIR …` runs.
+"""Several components in one process, each on its own thread: the implementation of `rc run DIR … + DIR …`.
 
-They begin in the order in which they are given, without waiting for each other: each becomes visible, waits for what
-it requires, and is ready. Only one that is given `--after NAME` begins when that other one is ready. To its launcher,
-the process is ready when all are. It ends when all have ended: one that ends well leaves the others alone, one that
-fails takes them along. They are stopped one after the other, the last one first.
+Components start in the given order, without waiting for each other. One with `--after NAME` starts when that other
+component is ready. The process reports that it is ready when all components are. If a component ends normally, the
+others go on; if one fails, all are stopped. They are stopped one after the other, the last one first.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ from .worker import Worker
 log = logging.getLogger("robocomp.worker")
 
 _REMIND = 5.0
-"""Seconds between two messages that say for whom a component waits."""
+"""Seconds between messages that name the components that one waits for."""
 
 Part = tuple[type[Worker[Any]], Sequence[str]]
 """A component, and its arguments."""
@@ -43,7 +42,7 @@ Part = tuple[type[Worker[Any]], Sequence[str]]
 
 @dataclass
 class Member:
-    """One of several components. Those that it is `after` begin before it does."""
+    """One of several components. It starts when those named in `after` are ready."""
 
     running: Running
     after: tuple[str, ...] = ()
@@ -55,13 +54,13 @@ class Member:
 
 
 _LOOK_S = 0.5
-"""After so long, Python looks whether there was a signal: one that comes just before a wait begins does not end it."""
+"""Longest wait in seconds. Between waits Python handles signals: one just before a wait does not interrupt it."""
 
 
 class Together:
     """Components of one process, from the start of the first to the end of the last.
 
-    `tell` takes what whoever launched the process is to know.
+    `tell` sends status messages to the launcher of the process.
     """
 
     def __init__(self, tell: Callable[[str], None] = notify) -> None:
@@ -73,10 +72,10 @@ class Together:
         self._stopping = False
         self._is_up = False
         self._news: SimpleQueue[tuple[Member, bool] | None] = SimpleQueue()
-        """Who has ended, and whether well; None: somebody wants an end."""
+        """A component that has ended, and whether without failure; None is the request to stop all."""
 
     def add(self, worker_class: type[Worker[Any]], settings: Settings, after: Sequence[str] = ()) -> Member:
-        """One more component, before `run`. Raises ComponentError if it cannot be made."""
+        """Add a component, before `run`. Raises ComponentError if its worker cannot be created."""
         running = Running(worker_class, settings, tell=partial(self._told, settings.instance))
         member = Member(running, tuple(after))
         member.thread = threading.Thread(target=self._live, args=(member,), name=member.name)
@@ -88,7 +87,7 @@ class Together:
         return [member.running for member in self._members]
 
     def run(self) -> bool:
-        """Run until the last one has ended. Whether all went well."""
+        """Run until the last one has ended. Returns False if any failed."""
         self._tell_ready()
         for member in self._members:
             if not start_thread(member.thread):
@@ -114,20 +113,20 @@ class Together:
         return fine
 
     def stop(self) -> None:
-        """Ask all to end. From any thread."""
+        """Ask all components to stop. May be called from any thread."""
         self._news.put(None)
 
     def speaking(self, record: logging.LogRecord) -> Member | None:
-        """Whose message that is, asked on the thread it comes from; None if nobody can tell."""
+        """The component that logs a record, called on its thread; None if it is unknown."""
         here = threading.current_thread()
         ways: tuple[Callable[[Member], bool], ...] = (
             lambda member: record.name == member.name,
-            lambda member: member.running.speaks,  # perhaps on the thread of another one, which waits for its answer
+            lambda member: member.running.is_running_here,  # possibly on a thread of a component that calls it
             lambda member: member.thread is here,
         )
         return next((member for is_it in ways for member in self._members if is_it(member)), None)
 
-    # On the thread of a component.
+    # Called on the thread of a component.
 
     def _live(self, member: Member) -> None:
         fine = False
@@ -139,7 +138,7 @@ class Together:
             self._news.put((member, fine))
 
     def _may_begin(self, member: Member) -> bool:
-        """Wait for those it comes after. False if they will never be ready, or all are to end."""
+        """Wait for the components in `after`. False if one of them has ended, or if all components are stopping."""
         with self._changed:
             while not self._stopping:
                 missing = [name for name in member.after if name not in self._ready]
@@ -147,14 +146,14 @@ class Together:
                     return True
                 gone = [name for name in missing if name in self._ended]
                 if gone:
-                    log.error("%s ended before it was ready, and %s was to start after that", gone[0], member.name)
+                    log.error("%s ended before it was ready, so %s does not start", gone[0], member.name)
                     return False
                 if not self._changed.wait(_REMIND):
-                    log.info("starts after %s", ", ".join(missing))
+                    log.info("waiting until %s is ready", ", ".join(missing))
             return False
 
     def _told(self, name: str, text: str) -> None:
-        """What one component has to say counts when it holds for all."""
+        """Handle a status message of one component: the process is ready when all components are."""
         if text.startswith(CONTRACT):
             self._tell(text)
         elif text == "READY=1":
@@ -164,14 +163,14 @@ class Together:
             self._tell_ready()
 
     def _tell_ready(self) -> None:
-        """Tell that all are ready, once; until then, who is not."""
+        """Report once that all are ready; until then, report which are not."""
         with self._changed:
             missing = [each.name for each in self._members if each.name not in self._ready | self._ended]
             is_late, self._is_up = self._is_up or self._stopping, self._is_up or not missing
         if not is_late:
             self._tell(f"STATUS=waiting for {', '.join(missing)}" if missing else "READY=1\nSTATUS=")
 
-    # On the thread of `run`.
+    # Called on the thread of `run`.
 
     def _note_end(self, member: Member) -> None:
         with self._changed:
@@ -204,7 +203,7 @@ class Together:
         doing = member.running.doing or "closing"
         print(
             f"{member.name} was asked to stop {STUCK:g} s ago, but is still busy with {doing}; "
-            "Ctrl-C again ends the process now",
+            "press Ctrl-C again to end the process now",
             file=sys.stderr,
         )
 
@@ -257,7 +256,7 @@ def main(parts: Sequence[Part], missed: Callable[[], int] = lambda: 0) -> int:
 def _options(worker_class: type[Worker[Any]], arguments: Sequence[str]) -> argparse.Namespace:
     parser = parser_of(worker_class.component)
     parser.add_argument(
-        "--after", action="append", default=[], metavar="NAME", help="start when that one of the same process is ready"
+        "--after", action="append", default=[], metavar="NAME", help="start when this other component is ready"
     )
     options = parser.parse_args(arguments)
     if options.json:
@@ -268,7 +267,7 @@ def _options(worker_class: type[Worker[Any]], arguments: Sequence[str]) -> argpa
 
 
 def _prepared(parts: Sequence[Part], options: Sequence[argparse.Namespace]) -> list[tuple[Settings, Document]]:
-    """The settings of all, and where they are from. Raises ConfigurationError with all that is wrong."""
+    """The settings of all components with their documents. Raises ConfigurationError with all mistakes."""
     prepared: dict[str, tuple[Settings, Document]] = {}
     wrong: list[str] = []
     blamed: dict[str, list[str]] = {}
@@ -279,7 +278,7 @@ def _prepared(parts: Sequence[Part], options: Sequence[argparse.Namespace]) -> l
             blamed.setdefault(str(exc), []).append(own.name or worker_class.component.name)
             continue
         if settings.instance in prepared:
-            wrong.append(f"two components of one process are called `{settings.instance}`; give them a --name each")
+            wrong.append(f"two components of the process are named `{settings.instance}`; give each its own --name")
         prepared[settings.instance] = settings, document
     wrong = [*(f"{', '.join(names)}: {message}" for message, names in blamed.items()), *wrong]
     if not wrong:
@@ -291,7 +290,7 @@ def _prepared(parts: Sequence[Part], options: Sequence[argparse.Namespace]) -> l
 
 
 def _never(name: str, after: Mapping[str, Sequence[str]]) -> list[str]:
-    """Why a component would never start."""
+    """The reasons why a component would never start; empty if there are none."""
     absent = [unknown("instance", other, after) for other in after[name] if other not in after]
     if absent:
         return absent
@@ -303,8 +302,8 @@ def _never(name: str, after: Mapping[str, Sequence[str]]) -> list[str]:
     return [f"`{name}` waits for itself"] if name in waits_for else []
 
 
-class _Speaker(logging.Filter):
-    """Has messages say who speaks, and drops those that are below that one's level."""
+class _ComponentName(logging.Filter):
+    """Adds the name of the component to log records, and drops records below the log level of that component."""
 
     def __init__(self, together: Together, behind: str) -> None:
         super().__init__()
@@ -318,11 +317,11 @@ class _Speaker(logging.Filter):
 
 def _configure_logging(every: Sequence[Settings], together: Together) -> None:
     tell_where_on_abort()
-    launched = "NOTIFY_SOCKET" in os.environ  # then whoever launched us adds the time
+    launched = "NOTIFY_SOCKET" in os.environ  # then the launcher adds the time
     form = "%(levelname)s: %(speaker)s%(message)s" if launched else "%(asctime)s %(speaker)s%(levelname)s: %(message)s"
     logging.basicConfig(level=min(map(_level, every)), format=form, datefmt="%H:%M:%S", stream=sys.stderr)
     for handler in logging.getLogger().handlers:
-        handler.addFilter(_Speaker(together, ": " if launched else " "))
+        handler.addFilter(_ComponentName(together, ": " if launched else " "))
 
 
 def _level(settings: Settings) -> int:

@@ -1,6 +1,6 @@
-"""Where the keys and values of a TOML text stand, which `tomllib` does not tell.
+"""Finds the places of keys and values in a TOML text, which `tomllib` does not report.
 
-For texts that `tomllib` has read: nothing is checked here.
+The text must be valid: parse it with `tomllib` first.
 """
 
 from __future__ import annotations
@@ -11,20 +11,19 @@ from dataclasses import dataclass
 
 Key = tuple[str | int, ...]
 Range = tuple[int, int]
-"""Offsets of the first character, and behind the last one."""
+"""Offsets of the first character and of the end."""
 
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """Where a key stands, if dotted only its last part, and where its value; for a table, that is its header."""
+    """The places of a key and of its value. Of a dotted key, the place of the last part; of a table, its header."""
 
     key: Range
     value: Range
 
 
 def locate(text: str) -> dict[Key, Spot]:
-    """The place of every key, item and table of a text. What is written twice over (a table by its parts) is where
-    it is written first."""
+    """The place of every key, item and table of a text. A table that is written in parts has the place of the first."""
     scanner = _Scanner(text)
     scanner.document()
     return scanner.spots
@@ -34,7 +33,7 @@ class _Scanner:
     def __init__(self, text: str) -> None:
         self._text, self._at = text, 0
         self._items: dict[Key, int] = {}
-        """The number of the last item of each list written as tables."""
+        """The number of the last item of each array of tables."""
         self.spots: dict[Key, Spot] = {}
 
     def document(self) -> None:
@@ -119,7 +118,7 @@ class _Scanner:
         self._at += 1
 
     def _skip(self) -> bool:
-        """Go on to what means something; whether there is anything."""
+        """Skip white space and comments. Returns False at the end of the text."""
         self._match(_NOTHING)
         return self._at < len(self._text)
 

@@ -1,14 +1,14 @@
-"""Whether messages come as often as they should, and whether those who send them live. Pure.
+"""Counts missed deadlines and lost publishers of a topic. Pure: the caller passes messages and the time.
 
-    heard    a message came in (or, of a publisher's own watch, went out), by name of its channel
-    look     time has passed: what was missed and lost until now
+    heard    a message came in (or went out, if a publisher watches itself), by name of its channel
+    look     returns the deadlines missed and the publishers lost since the last call
 
-    deadline     from the first message on, for every `deadline` seconds without one, one miss; a
-                 publisher that is not there any more misses once, and then counts when it is back
-    liveliness   lost: who was there and is not, or (`manual_by_topic`) has sent nothing for `lease`
-                 seconds since the last message; it may come back, and be lost again
+    deadline     after the first message, every `deadline` seconds without another one are a miss. A
+                 publisher that is gone misses once; its deadline runs again with its next message.
+    liveliness   a publisher is lost when it is gone or, if `manual_by_topic`, when it has sent nothing
+                 for `lease` seconds. It may come back, and be lost again.
 
-Nothing is missed or lost twice, however late somebody looks.
+Each miss and each loss is reported once, however late `look` is called.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from dataclasses import dataclass
 from ..contract.qos import Liveliness, QoS
 
 LOOKS = 4
-"""In each lease it is looked so often who is there."""
+"""Number of times per lease that the publishers are checked."""
 
 QUICKEST, SLOWEST = 0.005, 1.0
-"""Seconds between two looks at who is there, at least and at most."""
+"""Shortest and longest time between two checks, in seconds."""
 
 CHANNELS = 1024
-"""So many channels of one subscription are watched; further ones are not."""
+"""Maximum number of watched channels of one subscription; further ones are ignored."""
 
 Sources = Callable[[], Mapping[str, QoS]]
-"""Who publishes now and lives, by name of the channel, and what each offers."""
+"""Returns the live publishers: the QoS that each offers, by the name of its channel."""
 
 
 @dataclass(frozen=True, slots=True)
 class Missed:
-    """`more` deadlines were missed on a channel since that was last told, `total` since it is watched."""
+    """Missed deadlines of a channel: `more` since the last report, `total` since the start."""
 
     channel: str
     more: int
@@ -43,7 +43,7 @@ class Missed:
 
 @dataclass(frozen=True, slots=True)
 class Lost:
-    """Who publishes on a channel was lost, `more` times since that was last told; `total` as above."""
+    """The publisher of a channel was lost: `more` times since the last report, `total` since the start."""
 
     channel: str
     more: int
@@ -52,29 +52,30 @@ class Lost:
 
 @dataclass(slots=True)
 class _Watched:
-    """A channel."""
+    """The state of one channel."""
 
     heard: float | None = None
-    """When the last message came."""
+    """Time of the last message."""
     running: bool = False
-    """Whether a deadline runs since then."""
+    """Whether a deadline runs since the last message."""
     counted: int = 0
-    """How many have been missed since then."""
+    """Deadlines missed since the last message."""
     untold: int = 0
+    """Missed deadlines that were not reported yet."""
     alive: bool = False
     seen: bool = False
-    """Whether its publisher was there at the last look."""
+    """Whether its publisher was present at the last check."""
     lease: float = math.inf
     manual: bool = False
-    """Whether it lives by what it sends."""
+    """Whether each message proves that the publisher is alive (`manual_by_topic`)."""
     losses: int = 0
-    """Those that nobody has been told of; as `untold` of deadlines."""
+    """Losses that were not reported yet."""
     missed: int = 0
     lost: int = 0
 
 
 class Watch:
-    """Of one subscription, or of one publisher; times are those of one monotonic clock. Not locked."""
+    """Watches one subscription, or one publisher. All times are of one monotonic clock. Not locked."""
 
     def __init__(self, qos: QoS) -> None:
         self._deadline, self._lease = qos.deadline, qos.lease
@@ -91,12 +92,12 @@ class Watch:
         return sum(each.lost for each in self._channels.values())
 
     def heard(self, channel: str, now: float) -> bool:
-        """A message came; whether `due` may be earlier now."""
+        """Note a message. Returns True if `due` may have become earlier."""
         each = self._known(channel)
         if each is None:
             return False
         begins = not each.running and self._deadline is not None
-        if self._lease is not None and each.heard is None:  # who has just come is to be seen, however soon it goes
+        if self._lease is not None and each.heard is None:  # check at once, before a new publisher can be gone again
             self._next, begins = -math.inf, True
         self._count_misses(each, now)
         self._count_silence(each, now)
@@ -105,11 +106,11 @@ class Watch:
         return begins or each.untold + each.losses > 0
 
     def alive(self) -> list[str]:
-        """The channels whose publishers lived at the last look."""
+        """The channels whose publishers were alive at the last check."""
         return [name for name, each in self._channels.items() if each.alive and each.seen]
 
     def due(self) -> float:
-        """When to look."""
+        """The time at which `look` should be called next."""
         due = self._next if self._lease is not None else math.inf
         for each in self._channels.values():
             if each.untold or each.losses:
@@ -121,7 +122,7 @@ class Watch:
         return due
 
     def look(self, now: float, sources: Sources) -> list[Missed | Lost]:
-        """What was missed or lost since the last look. Calls `sources` only if it matters."""
+        """The deadlines missed and publishers lost since the last call. Calls `sources` only if needed."""
         if now < self.due():
             return []
         there = sources()
@@ -140,7 +141,7 @@ class Watch:
             each.untold = each.losses = 0
 
     def _count_misses(self, each: _Watched, now: float, *, there: bool = True) -> None:
-        """Count what was missed; of one who is not there any more a single miss, and then nothing."""
+        """Count missed deadlines; of a publisher that is gone only one, until it is back."""
         if self._deadline is None or each.heard is None or not each.running:
             return
         more = math.ceil((now - each.heard) / self._deadline - _TOLERANCE) - 1 - each.counted
@@ -186,4 +187,4 @@ class Watch:
 
 
 _TOLERANCE = 1e-9
-"""Of a deadline or lease: what calculating with times may be wrong by."""
+"""Rounding error of times, as a fraction of a deadline or lease."""

@@ -1,9 +1,9 @@
-"""Tells whoever launched this process that its components get on, as systemd's watchdog wants it.
+"""Tells the launcher of this process that its components make progress, by the protocol of systemd's watchdog.
 
-A component gets on if nobody is at its code, or if it is not the same call of `compute`, a handler or a hook as a while
-ago, or if that waits for an answer, which has a deadline. One that waits for its turn says nothing about the one whose
-turn it is. Nothing is said before all are ready, so `initialize` takes what time it needs; nor while they stop, which
-has its own limit. If the interpreter stands still, so does this.
+A component is stuck if the same call of `compute`, a handler or a hook is inside its monitor for a whole interval. A
+call that waits for a reply is not inside, and its wait has a deadline. Nothing is sent before all components are
+ready, so `initialize` has no limit, nor while they stop, which has its own limit. If the interpreter is blocked, so is
+this thread, and the launcher ends the process.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ class Watched(Protocol):
     def monitor(self) -> Monitor: ...
     @property
     def is_up(self) -> bool:
-        """Whether it is ready, and not about to end."""
+        """Whether it is ready and not stopping."""
 
     @property
     def is_over(self) -> bool: ...
     @property
     def life(self) -> str:
-        """How it is, in a line for its launcher."""
+        """Its status, as one line for its launcher."""
 
 
 class Watchdog:
-    """While entered, `tell` is given what the launcher is to know, from a thread of its own, if it wants to know."""
+    """While entered, sends messages by `tell`, from a thread of its own, if the launcher has asked for them."""
 
     def __init__(self, every: Sequence[Watched], wishes: Sequence[float | None], tell: Callable[[str], None]) -> None:
-        """`wishes` are what the configurations of the components say, in seconds; 0: as long as it takes."""
+        """`wishes` are the limits in the configurations of the components, in seconds; 0: no limit."""
         self._every, self._tell = every, tell
         given = watchdog_s()
         own = [each for each in wishes if each is not None]
@@ -58,7 +58,7 @@ class Watchdog:
 
     def __enter__(self) -> None:
         if self._thread and not start_thread(self._thread):
-            raise ComponentError(f"the launcher cannot be told that the component lives: {NO_THREAD}")
+            raise ComponentError(f"the watchdog cannot start: {NO_THREAD}")
 
     def __exit__(
         self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
@@ -81,15 +81,15 @@ class Watchdog:
 
     def _feed(self, there: Sequence[Watched]) -> list[str]:
         before, self._seen = self._seen, {id(each): each.monitor.turn() for each in there}
-        stuck = any(turn[0] is not None and before.get(who) == turn for who, turn in self._seen.items())
+        stuck = any(turn[0] is not None and before.get(each) == turn for each, turn in self._seen.items())
         changed = [f"WATCHDOG_USEC={round(self._limit * 1e6)}"] if self._changed else []
         self._changed = False
         return changed if stuck or not self._limit else [*changed, "WATCHDOG=1"]
 
     def _look(self, there: Sequence[Watched]) -> list[str]:
-        """How each is, if that has changed."""
+        """The status of each component, if it has changed."""
         before, self._lives = self._lives, {id(each): each.life for each in there}
-        return [f"{LIFE}{life}" for who, life in self._lives.items() if before.get(who, "") != life]
+        return [f"{LIFE}{life}" for each, life in self._lives.items() if before.get(each, "") != life]
 
     def _measure(self, seconds: float) -> list[str]:
         taken = [each.monitor.gauge.take() for each in self._every]

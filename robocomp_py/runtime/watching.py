@@ -1,7 +1,7 @@
-"""The watches of one component, and the thread that looks at them; there is none if no port asks for any.
+"""The watches of one component, and the thread that checks them. Without a watched port, there is no thread.
 
-A port of a topic is watched if its QoS has a `deadline` or a `lease`: of what it subscribes to, the
-messages as they come in, and who sends them; of what it publishes, the messages as they are sent.
+A port of a topic is watched if its QoS has a `deadline` or a `lease`. A subscription watches incoming messages and
+their publishers; a publisher watches the messages that it sends.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from .watch import Lost, Missed, Watch
 log = logging.getLogger("robocomp.worker")
 
 _STUCK = 5.0
-"""Seconds for which closing waits for a hook that is running."""
+"""Seconds that closing waits for a running hook."""
 
 Tell = Callable[[Port, str, "Missed | Lost"], object]
-"""Passes on what happened on an operation of a port; may wait for its turn."""
+"""Called with an event on an operation of a port. May wait for the monitor."""
 
 
 class Watched:
-    """One operation of a port, over whatever links it goes."""
+    """The watch of one operation of a port, over all its links."""
 
     def __init__(self, port: Port, operation: str, qos: QoS, wake: Callable[[], object]) -> None:
         self.port, self.operation, self.qos = port, operation, qos
@@ -40,15 +40,15 @@ class Watched:
         self._own: dict[str, QoS] = {}
 
     def add(self, link: Link) -> None:
-        """By this link messages come in."""
+        """Watch the messages that come in by this link."""
         self._links.append(link)
 
     def publishes(self, channel: str) -> None:
-        """There messages are sent; they are told to `heard`."""
+        """Watch the messages that this component sends on a channel; call `heard` for each."""
         self._own[channel] = self.qos
 
     def heard(self, channel: str) -> None:
-        """A message came in or went out. From any thread."""
+        """Note a message that came in or went out. May be called from any thread."""
         with self._lock:
             news = self._watch.heard(channel, time.monotonic())
         if news:
@@ -59,17 +59,17 @@ class Watched:
             return self._watch.due()
 
     def look(self) -> list[Missed | Lost]:
-        there = self._sources()  # without our lock: who holds locks of a transport may be about to tell us something
+        there = self._sources()  # without our lock: a transport may call `heard` while it holds its own
         with self._lock:
             return self._watch.look(time.monotonic(), lambda: there)
 
     def alive(self) -> list[str]:
-        """The channels whose publishers lived at the last look."""
+        """The channels whose publishers were alive at the last check."""
         with self._lock:
             return self._watch.alive()
 
     def totals(self) -> tuple[int, int]:
-        """So many deadlines were missed, and so often was a publisher lost."""
+        """The number of missed deadlines, and how often a publisher was lost."""
         with self._lock:
             return self._watch.missed, self._watch.lost
 
@@ -90,9 +90,9 @@ class Watching:
         self._thread: threading.Thread | None = None
 
     def of(self, port: Port, operation: str, pattern: Pattern, qos: QoS) -> Watched | None:
-        """The watch of an operation; None if its QoS asks for none."""
-        speaks = port.verb.has_proxy and qos.liveliness is Liveliness.AUTOMATIC  # it lives as long as we do
-        if pattern is not Pattern.PUBLISH or (qos.deadline is None and (qos.lease is None or speaks)):
+        """Add a watch for an operation; None if its QoS needs none."""
+        is_alive = port.verb.has_proxy and qos.liveliness is Liveliness.AUTOMATIC  # as long as this process lives
+        if pattern is not Pattern.PUBLISH or (qos.deadline is None and (qos.lease is None or is_alive)):
             return None
         watched = Watched(port, operation, qos, self._news.set)
         self._watched.append(watched)
@@ -103,7 +103,7 @@ class Watching:
         return tuple(self._watched)
 
     def begin(self) -> None:
-        """Look from now on. Raises ComponentError if the system has no thread to spare."""
+        """Start to check. Raises ComponentError if the system cannot start a thread."""
         if self._watched and self._thread is None:
             thread = threading.Thread(target=self._run, name=f"{self._name}-watch")
             if not start_thread(thread):
@@ -111,12 +111,12 @@ class Watching:
             self._thread = thread
 
     def end(self) -> None:
-        """Look no more."""
+        """Stop checking."""
         self._closed = True
         self._news.set()
 
     def close(self) -> None:
-        """Wait for the hook that runs."""
+        """Stop checking, and wait for a running hook."""
         self.end()
         if self._thread and self._thread is not threading.current_thread():
             self._thread.join(_STUCK)
@@ -147,7 +147,7 @@ class Watching:
             found = each.look()
         except Exception:
             if not self._closed:
-                log.exception("%s.%s: who publishes cannot be told now", each.port.label, each.operation)
+                log.exception("%s.%s: finding the publishers failed", each.port.label, each.operation)
                 self._news.clear()
                 self._news.wait(1.0)  # rather than again at once
             return

@@ -1,4 +1,4 @@
-"""What user code derives from, by way of the generated GenericWorker."""
+"""The base class of user code, through the generated GenericWorker."""
 
 from __future__ import annotations
 
@@ -22,51 +22,51 @@ if TYPE_CHECKING:
 P = TypeVar("P")
 
 Front = Callable[[Callable[[], bool], Callable[[], None]], bool]
-"""Given how components live and how they are stopped, has them live on a thread of their own; returns how it went."""
+"""Runs components (its first argument) on another thread, and the main thread's own loop; returns their result. Its
+second argument stops the components."""
 
 
 class Worker(ABC, Generic[P]):
     """A component's own code. Override the hooks, and write the handlers the generated class asks for.
 
-    None of it ever runs on two threads at once, so it needs no locks; only handlers of ports that
-    the CDSL calls `concurrent` run beside everything. While it waits for an answer from another
-    component, a handler may run.
+    Only one method runs at a time, so attributes need no locks. While a method waits for the reply of another
+    component, a handler may run. Handlers of ports that the CDSL declares `concurrent` run at any time.
     """
 
     component: ClassVar[Component]
     middleware: ClassVar[str]
-    """What carries its messages, unless configuration or deployment say otherwise."""
+    """The middleware of its messages, unless configuration or deployment set another one."""
 
     _home: ClassVar[Path | None] = None
-    """Where the component is, if not where this class is written."""
+    """The component's folder, if it is not the folder of this class."""
 
     _takes_any_params: ClassVar[bool] = False
-    """Whether its own code looks at what its configuration says, whatever that is."""
+    """Whether its own code reads the parameters in the configuration, so that unknown ones are allowed."""
 
     log: logging.Logger
-    """Where to write messages for people."""
+    """The logger of this component."""
 
     _configured: P
     _signal: Callable[[Event], None]
     _state: Callable[[], State]
     _set_period: Callable[[float], None]
     _wake: Callable[[], None]
-    """Has it looked at once whether it is time to call something."""
+    """Ends the current wait, so that a due call is made at once."""
 
-    _released: Callable[[], AbstractContextManager[None]]
-    """Around a wait: lets the others in meanwhile."""
+    _suspended: Callable[[], AbstractContextManager[None]]
+    """A context manager around a wait, during which handlers may run."""
 
     _settings: Settings
 
     _in_front: Front | None = None
-    """What the main thread is for instead, if this one's code cares: windows belong to the main thread."""
+    """The loop of the main thread, for components with windows, which belong to that thread."""
 
     def _beats(self, now: float) -> Beat:
-        """When `compute` is called, from now on."""
+        """The schedule of `compute`, from now on."""
         return Beat(self._period, now)
 
     def initialize(self) -> None:
-        """Called once, when everything required is visible; handlers are let in afterwards."""
+        """Called once, when all required components are visible. Handlers are called only afterwards."""
 
     def compute(self) -> None:
         """Called every period."""
@@ -78,26 +78,27 @@ class Worker(ABC, Generic[P]):
         """Called once after an emergency, before `compute` goes on."""
 
     def finish(self) -> None:
-        """Called once at the end. Other components may have gone already."""
+        """Called once at the end. Other components may already be gone."""
 
     def paramsChanged(self, changed: frozenset[str]) -> None:
         """Called after dynamic parameters were changed from outside, with their names: `motors[0].max_speed`.
 
-        `self.params` has the new values. Whatever this raises takes them back, and reaches who wanted the change.
+        `self.params` has the new values. If this method raises, the old values are restored, and the component that
+        requested the change gets the exception.
         """
 
     def on_deadline_missed(self, port: str, operation: str, instance: str, total: int) -> None:
-        """Called, as a handler is, when no message of a topic has come for as long as the `deadline` of its QoS.
+        """Called like a handler when no message of a topic has come within the `deadline` of its QoS.
 
-        `port` is as the CDSL has it (`LaserPub`), `instance` whose messages they are: that of this
-        component if it is we who have sent none. `total` counts all that were missed of that instance.
+        `port` is the name in the CDSL (`LaserPub`), and `instance` is the publisher: this component itself if it has
+        not published in time. `total` counts all missed deadlines of that instance.
         """
         self._note("deadline missed", port, operation, instance)
 
     def on_liveliness_lost(self, port: str, operation: str, instance: str, total: int) -> None:
-        """Called, as a handler is, when who publishes a topic is not alive any more, by the `lease` of its QoS.
+        """Called like a handler when the publisher of a topic is gone, according to the `lease` of its QoS.
 
-        It may come back, and be lost again. Arguments: as above.
+        It may come back, and be lost again. The arguments are those of `on_deadline_missed`.
         """
         self._note("publisher lost", port, operation, instance)
 
@@ -116,17 +117,17 @@ class Worker(ABC, Generic[P]):
         self._signal(Event.RECOVERED)
 
     def stop(self) -> None:
-        """End this component, as Ctrl-C does: after what runs now, `finish` is called."""
+        """Stop this component, as Ctrl-C does: after the current call, `finish` is called."""
         self._signal(Event.STOP)
 
     @property
     def params(self) -> P:
-        """The configured parameters; read-only. Those that are dynamic change from outside, between two calls."""
+        """The configured parameters; read-only. Dynamic ones may be changed from outside, between two calls."""
         return self._configured
 
     @property
     def state(self) -> State:
-        """Where in its life this component is."""
+        """The present state of the component's life cycle."""
         return self._state()
 
     @property
@@ -146,7 +147,7 @@ class Worker(ABC, Generic[P]):
 
 HOOKS = ("initialize", "compute", "emergency", "restore", "finish")
 _MOST_NOTED = 1000
-_OTHERWISE = (
+_SPECIAL_FLAGS = (
     inspect.CO_VARARGS
     | inspect.CO_VARKEYWORDS
     | inspect.CO_GENERATOR
@@ -158,9 +159,9 @@ _WATCHING = ("port", "operation", "instance", "total")
 
 
 def check_methods(worker: type[Worker[Any]]) -> None:
-    """Raise ComponentError if a hook, a handler or the method of a state is none.
+    """Raise ComponentError if a hook, a handler or the method of a state cannot be called.
 
-    That is: it is missing, is no method or an asynchronous one, or takes other arguments than it is given.
+    That is: it is missing, not a method, asynchronous, or takes the wrong arguments.
     """
     for name in HOOKS:
         _check_method(worker, name, [])
@@ -180,28 +181,30 @@ def _check_method(worker: type[Worker[Any]], name: str, arguments: list[str]) ->
     if _takes(method, 1 + len(arguments)):
         return
     if not callable(method):
-        raise ComponentError(f"{worker.__name__}.{name} is {method!r}, but has to be a method: the framework calls it")
+        raise ComponentError(
+            f"{worker.__name__}.{name} must be a method, because the framework calls it, not {method!r}"
+        )
     if inspect.iscoroutinefunction(method):
-        raise ComponentError(f"{worker.__name__}.{name} is `async def`; what the framework calls is plain: write `def`")
+        raise ComponentError(f"{worker.__name__}.{name} is `async def`; the framework calls plain methods: write `def`")
     try:
         inspect.signature(method).bind(None, *arguments)
     except TypeError:
         wanted = ", ".join(("self", *arguments))
         raise ComponentError(
-            f"{worker.__name__}.{name} must take ({wanted}); make it:\n\n{_stub(worker, name)}"
+            f"{worker.__name__}.{name} must take ({wanted}); write:\n\n{_stub(worker, name)}"
         ) from None
 
 
 def _takes(method: object, number: int) -> bool:
-    """Whether it is a function that takes just so many arguments, as can be seen without taking its signature apart."""
-    if not inspect.isfunction(method) or method.__dict__:  # decorators leave something there
+    """Whether it is a plain function of this many arguments. Faster than `inspect.signature`, which others need."""
+    if not inspect.isfunction(method) or method.__dict__:  # decorators add attributes
         return False
     code = method.__code__
-    return code.co_argcount == number and not code.co_kwonlyargcount and not code.co_flags & _OTHERWISE
+    return code.co_argcount == number and not code.co_kwonlyargcount and not code.co_flags & _SPECIAL_FLAGS
 
 
 def _wanted(component: Component) -> Iterator[tuple[str, list[str]]]:
-    """The methods that a component has to have, and what they take."""
+    """The methods that a component must have, and their arguments."""
     for port in component.ports:
         if not port.verb.has_proxy:
             for operation, _ in port.interface.under(port.verb):
@@ -211,7 +214,7 @@ def _wanted(component: Component) -> Iterator[tuple[str, list[str]]]:
 
 
 def _remedy(worker: type[Worker[Any]]) -> str:
-    """What appends a missing method, if the model is beside the worker; else that it is to be added."""
+    """The command that appends a missing method if the model is next to the worker; otherwise just "add"."""
     models = list(Path(inspect.getfile(worker)).parent.glob("*.cdsl"))
     if len(models) != 1:
         return "add"

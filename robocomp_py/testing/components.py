@@ -264,7 +264,7 @@ class ComponentTest:
             return None  # `_hindered` has looked at it when the message was sent
         answer = chosen(fake)
         if isinstance(answer, Late):
-            with self._monitor.released():
+            with self._monitor.suspended():
                 self._ending.wait(answer.seconds)
             answer = chosen(answer.answer)
         try:

@@ -60,7 +60,7 @@ from ..errors import (
     UnsupportedQoS,
 )
 from ..runtime import ports
-from ..runtime.monitor import MAX_ASIDE, Monitor
+from ..runtime.monitor import MAX_SUSPENDED, Monitor
 from ..transports.base import (
     Caller,
     Capability,
@@ -1215,7 +1215,7 @@ class TransportConformance(QoSConformance):
         future = proxy.ask_async(e.divide, 1, 1)
 
         def called_back(_: object) -> None:
-            inside.append(proxy.monitor.mine)
+            inside.append(proxy.monitor.is_inside)
             done.set()
 
         future.add_done_callback(called_back)
@@ -1341,14 +1341,14 @@ class TransportConformance(QoSConformance):
         def work(task: str) -> str:
             if task == "quick":
                 return task
-            with served.monitor.released():
+            with served.monitor.suspended():
                 waits.release()
                 release.wait(SOON)
             return task
 
         served.handlers.Everything_work = work
         with served, _Using(there, name) as proxy:
-            futures = [proxy.ask_async(e.work, "wait", deadline=SOON * 3) for _ in range(MAX_ASIDE)]
+            futures = [proxy.ask_async(e.work, "wait", deadline=SOON * 3) for _ in range(MAX_SUSPENDED)]
             for _ in futures:
                 assert waits.acquire(timeout=SOON)
             served.monitor.enter()
@@ -1356,7 +1356,7 @@ class TransportConformance(QoSConformance):
                 proxy.ask(e.work, "one too many")
             served.monitor.leave()
             release.set()
-            assert [f.result(SOON) for f in futures] == ["wait"] * MAX_ASIDE
+            assert [f.result(SOON) for f in futures] == ["wait"] * MAX_SUSPENDED
             assert proxy.ask(e.work, "quick") == "quick"
 
 

@@ -163,7 +163,7 @@ def test_one_operation_may_go_over_ice_alone(tmp_path: Path) -> None:
 
 def test_whom_a_port_uses_is_said_by_its_proxy(tmp_path: Path) -> None:
     checked = settings.check(COMPONENT, settled(tmp_path, CLASSIC))
-    said = [checked.whom(port) for port in COMPONENT.ports[:3]]
+    said = [checked.peer_of(port) for port in COMPONENT.ports[:3]]
     assert said == ["laser:tcp -h localhost -p 10003", "laser:tcp -h rear.local -p 10003", "any instance"]
 
 

@@ -244,7 +244,10 @@ def test_a_component_that_fails_exits_with_1(arm: Path, specific: str) -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ([str(Path(__file__).parent)], "is no generated component: it has no generic/genericworker.py; run rcgen on"),
+        (
+            [str(Path(__file__).parent)],
+            "is not a generated component: it has no generic/genericworker.py; run rcgen on",
+        ),
         (["amr"], "there is no folder amr; did you mean `arm`?\n"),
         (["./amr"], "there is no folder amr; did you mean `arm`?\n"),
         (["long" * 100], f"there is no folder {'long' * 100}\n"),
@@ -299,7 +302,7 @@ def test_an_assignment_that_is_none_is_wrong_usage(arm: Path, capsys: Said, assi
     with pytest.raises(SystemExit) as ended:
         rc(["run", "arm", "--set", assignment])
     assert ended.value.code == 2
-    assert f"`{assignment}`: write it as key=value, as in --set params.max_speed=0.5" in capsys.readouterr().err
+    assert f"`{assignment}` is not key=value, as in --set params.max_speed=0.5" in capsys.readouterr().err
 
 
 def test_an_option_that_lint_does_not_have_shows_how_to_use_lint(capsys: Said) -> None:

@@ -138,7 +138,7 @@ def test_a_stuck_one_is_named_and_the_second_interrupt_ends_all(folder: Path) ->
     ) as program:
         program.wait_for("lazy INFO: stuck", "lazy DEBUG: not so important")
         program.send_signal(signal.SIGINT)
-        program.wait_for("lazy was asked to stop 2 s ago, but is still busy with SpecificWorker.compute; Ctrl-C again")
+        program.wait_for("lazy was asked to stop 2 s ago, but is still busy with SpecificWorker.compute; press")
         program.send_signal(signal.SIGINT)
     assert program.returncode == 130
 
@@ -147,7 +147,7 @@ def test_a_stuck_one_is_named_and_the_second_interrupt_ends_all(folder: Path) ->
     ("arguments", "code", "message"),
     [
         (["+"], 2, "give it the folder of a component behind each `+`"),
-        (["+", "hello"], 1, "two components of one process are called `hello`; give them a --name each"),
+        (["+", "hello"], 1, "two components of the process are named `hello`; give each its own --name"),
         (
             ["+", "hello", "--name", "b", "--after", "helo"],
             1,
@@ -160,7 +160,7 @@ def test_a_stuck_one_is_named_and_the_second_interrupt_ends_all(folder: Path) ->
             1,
             "did you mean `greeting`?\nb: --set x=1",
         ),
-        (["+", "asking"], 1, "asking is no generated component"),
+        (["+", "asking"], 1, "asking is not a generated component"),
         (["--after", "b"], 2, "no option --after; see: hello --help"),
     ],
 )

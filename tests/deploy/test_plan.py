@@ -278,7 +278,7 @@ def test_what_cannot_be_set_is_told_with_who_sets_it(folder: Path) -> None:
     override = Overrides(settings=(("sensor", "namespace.x=1"),))
     _, (found,) = plan(folder, "namespace a; Component sensor { };", override)
     assert found.code == "configuration"
-    assert found.render() == "--set sensor.namespace.x=1: error[configuration]: namespace is no table (for `sensor`)"
+    assert found.render() == "--set sensor.namespace.x=1: error[configuration]: namespace is not a table (for `sensor`)"
 
 
 def test_nothing_can_be_set_for_a_program_that_would_not_be_told(folder: Path) -> None:

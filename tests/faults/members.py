@@ -35,7 +35,7 @@ class Member(Worker[None]):
     name: str
 
 
-class Answering(Member):
+class Handler(Member):
     """Has the handlers that nothing is asked of here."""
 
     def Everything_divide(self, dividend: int, divisor: int) -> tuple[int, int]:
@@ -50,7 +50,7 @@ class Answering(Member):
     def Everything_poke(self, number: int) -> None: ...
 
 
-class Server(Answering):
+class Server(Handler):
     component = Component(
         "server",
         (Port(Verb.IMPLEMENTS, e.EVERYTHING), Port(Verb.PUBLISHES, e.EVERYTHING, proxy=EverythingPublisher)),
@@ -69,7 +69,7 @@ class Server(Answering):
         return self.name
 
 
-class Relay(Answering):
+class Relay(Handler):
     component = Component(
         "relay",
         (
@@ -114,7 +114,7 @@ class Client(Member):
         self.outcomes[outcome] += 1
 
 
-class Herald(Answering):
+class Herald(Handler):
     """Publishes a number when it is told to, commanded or asked."""
 
     component = Component(

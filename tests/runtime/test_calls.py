@@ -9,7 +9,7 @@ import pytest
 
 from robocomp_py.contract.types import Struct
 from robocomp_py.errors import RemoteFailure
-from robocomp_py.runtime.calls import Answering, Call
+from robocomp_py.runtime.calls import Call, Handler
 from robocomp_py.testing import everything as e
 from robocomp_py.transports.base import Status
 from robocomp_py.wire.codec import Decoder, Encoder
@@ -41,7 +41,7 @@ def undeclared(dividend: int, divisor: int) -> Any:
 
 def test_what_answers_is_compiled_when_it_is_first_needed_or_before() -> None:
     codec = CountingCodec()
-    answering = Answering(e.divide, codec, lambda dividend, divisor: (dividend, divisor))
+    answering = Handler(e.divide, codec, lambda dividend, divisor: (dividend, divisor))
     assert codec.compiled == 0
     answering.compile()
     assert codec.compiled == 2
@@ -52,7 +52,7 @@ def test_what_answers_is_compiled_when_it_is_first_needed_or_before() -> None:
 @pytest.mark.parametrize(("method", "error"), [(declared, e.FailedBadly), (undeclared, RemoteFailure)])
 def test_exceptions_are_compiled_once(method: Any, error: type[Exception]) -> None:
     codec = CountingCodec()
-    answering, call = Answering(e.divide, codec, method), Call(e.divide, codec)
+    answering, call = Handler(e.divide, codec, method), Call(e.divide, codec)
     answering.compile()
     counts = []
     for _ in range(3):
@@ -69,7 +69,7 @@ def test_a_handler_that_fails_at_every_call_is_told_sparingly(caplog: pytest.Log
             raise KeyError(dividend)
         return dividend // divisor, 0
 
-    answering = Answering(e.divide, MessagePack(), method)
+    answering = Handler(e.divide, MessagePack(), method)
     replies = [answering.answer((number, number % 2)) for number in range(10)]
     assert {each.status for each in replies} == {Status.FAILED}
     assert [record.message.splitlines()[-1] for record in caplog.records] == [
@@ -80,7 +80,7 @@ def test_a_handler_that_fails_at_every_call_is_told_sparingly(caplog: pytest.Log
 
 def test_an_exception_that_was_not_declared_is_told_with_its_interface_and_operation() -> None:
     codec = MessagePack()
-    reply = Answering(e.divide, codec, declared).answer((1, 0))
+    reply = Handler(e.divide, codec, declared).answer((1, 0))
     other = replace(e.divide, raises=())
     with pytest.raises(RemoteFailure, match=r"^Conformance\.Everything\.divide.*does not declare"):
         Call(other, codec).result(reply)

@@ -181,7 +181,7 @@ def test_the_configuration_that_holds_is_printed_and_nothing_is_run(hello: Path,
             "unknown middleware `carrier-pigeon`; known: ",
         ),
         (["--config", "nowhere.toml"], 1, "nowhere.toml: cannot be read: No such file or directory"),
-        (["--name", "two words"], 1, "'two words' is no name for an instance"),
+        (["--name", "two words"], 1, "'two words' is not a name for an instance"),
         (["--unknown"], 2, "no option --unknown; see: hello --help"),
         (["--set", "transports.zeromq.prot=1"], 1, "unknown transport option 'prot'; known: bind"),
     ],
@@ -203,7 +203,7 @@ def test_its_help_teaches(hello: Path) -> None:
 def test_a_folder_without_a_component_is_an_error_with_the_remedy(tmp_path: Path) -> None:
     result = run("robocomp_py.cli.rc", "run", str(tmp_path))
     assert result.returncode == 1
-    assert "is no generated component" in result.stderr
+    assert "is not a generated component" in result.stderr
     assert "run rcgen on its .cdsl" in result.stderr
 
 
@@ -282,7 +282,8 @@ def test_a_stuck_component_says_how_to_end_it(hello: Path) -> None:
             assert any("stuck" in line for line in process.stderr)
             process.send_signal(signal.SIGINT)
             told = next(line for line in process.stderr if "asked to stop" in line)
-            assert "still busy with SpecificWorker.compute; Ctrl-C again ends it now; it is ended in 997 s" in told
+            assert "still busy with SpecificWorker.compute; press Ctrl-C again to end it now" in told
+            assert "otherwise it is ended in 997 s" in told
             process.send_signal(signal.SIGINT)
             process.stderr.read()
     finally:

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 import pytest
 
 from robocomp_py.errors import Closed
-from robocomp_py.runtime.monitor import MAX_ASIDE, MAX_BESIDE, MAX_WAITING, Monitor
+from robocomp_py.runtime.monitor import MAX_CONCURRENT, MAX_SUSPENDED, MAX_WAITING, Monitor
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.threads import Pool, start_thread
 
@@ -56,15 +56,15 @@ def test_nobody_else_gets_in_while_somebody_is_inside(opened: Monitor) -> None:
 
 def test_a_result_is_passed_on_after_leaving(opened: Monitor) -> None:
     seen: list[tuple[str, bool]] = []
-    opened.submit(lambda: "result", then=lambda result: seen.append((result, opened.mine)))
-    opened.submit_beside(lambda: "beside", then=lambda result: seen.append((result, opened.mine)))
+    opened.submit(lambda: "result", then=lambda result: seen.append((result, opened.is_inside)))
+    opened.submit_concurrent(lambda: "concurrent", then=lambda result: seen.append((result, opened.is_inside)))
     wait_until(lambda: len(seen) == 2)
-    assert sorted(seen) == [("beside", False), ("result", False)]
+    assert sorted(seen) == [("concurrent", False), ("result", False)]
 
 
 def test_slow_concurrent_calls_keep_nobody_out(opened: Monitor) -> None:
     release, ran = threading.Event(), threading.Event()
-    assert all(opened.submit_beside(lambda: release.wait(SOON)) for _ in range(MAX_BESIDE))
+    assert all(opened.submit_concurrent(lambda: release.wait(SOON)) for _ in range(MAX_CONCURRENT))
     assert opened.submit(ran.set)
     assert ran.wait(SOON)
     release.set()
@@ -84,7 +84,7 @@ def test_a_job_runs_on_the_spot_if_nobody_is_inside(opened: Monitor) -> None:
     ran_on: list[int] = []
     opened.run(lambda: ran_on.append(threading.get_ident()))
     assert ran_on == [threading.get_ident()]
-    assert not opened.mine
+    assert not opened.is_inside
 
 
 def test_nobody_overtakes_those_who_wait(opened: Monitor) -> None:
@@ -104,7 +104,7 @@ def test_before_the_opening_only_the_worker_itself_gets_in(monitor: Monitor) -> 
     assert not monitor.try_enter()
     with monitor.held(early=True):
         order.append("initialize")
-        with monitor.released():
+        with monitor.suspended():
             order.append("waiting for an answer")
     assert order == ["initialize", "waiting for an answer"]
     monitor.open()
@@ -124,35 +124,35 @@ def test_who_waits_for_an_answer_lets_others_in_and_comes_back_first(opened: Mon
     opened.enter()
     opened.submit(handler)
     order.append("compute")
-    with opened.released():
+    with opened.suspended():
         assert answered.wait(SOON)
-        assert not opened.mine
+        assert not opened.is_inside
     order.append("compute again")
-    assert opened.mine
+    assert opened.is_inside
     opened.leave()
     assert order == ["compute", "handler", "compute again"]
 
 
 def test_stepping_out_without_being_inside_changes_nothing(opened: Monitor) -> None:
-    assert opened.step_out() is False
-    opened.step_in(False)
+    assert opened.suspend() is False
+    opened.resume(False)
     assert opened.try_enter()
     opened.leave()
 
 
 def test_those_who_return_go_before_those_who_have_not_begun(opened: Monitor) -> None:
     order: list[str] = []
-    stepped_out, may_return = threading.Event(), threading.Event()
+    suspended, may_return = threading.Event(), threading.Event()
 
     def waits() -> None:
-        with opened.released():
-            stepped_out.set()
+        with opened.suspended():
+            suspended.set()
             may_return.wait(SOON)
         order.append("returned")
 
     waiter = threading.Thread(target=_enter_and, args=(opened, waits))
     waiter.start()
-    assert stepped_out.wait(SOON)
+    assert suspended.wait(SOON)
     with opened.held():
         opened.submit(lambda: order.append("new"))
         may_return.set()
@@ -166,13 +166,13 @@ def test_when_too_many_wait_for_answers_new_jobs_are_turned_away(opened: Monitor
     release, out = threading.Event(), threading.Semaphore(0)
 
     def waits() -> None:
-        with opened.released():
+        with opened.suspended():
             out.release()
             release.wait(SOON)
 
-    for _ in range(MAX_ASIDE):
+    for _ in range(MAX_SUSPENDED):
         assert opened.submit(waits)
-    for _ in range(MAX_ASIDE):
+    for _ in range(MAX_SUSPENDED):
         assert out.acquire(timeout=SOON)
     assert not opened.submit(lambda: None)
     assert not opened.try_enter()
@@ -193,11 +193,11 @@ def test_when_too_many_wait_for_their_turn_new_jobs_are_turned_away(opened: Moni
 def test_what_is_concurrent_runs_beside_but_not_without_limit(opened: Monitor) -> None:
     release, begun = threading.Event(), threading.Event()
     opened.enter()
-    assert opened.submit_beside(begun.set)
+    assert opened.submit_concurrent(begun.set)
     assert begun.wait(SOON)
-    wait_until(lambda: opened._beside == 0)  # it has not only begun
-    assert all(opened.submit_beside(lambda: release.wait(SOON)) for _ in range(MAX_BESIDE))
-    assert not opened.submit_beside(lambda: None)
+    wait_until(lambda: opened._concurrent == 0)  # it has not only begun
+    assert all(opened.submit_concurrent(lambda: release.wait(SOON)) for _ in range(MAX_CONCURRENT))
+    assert not opened.submit_concurrent(lambda: None)
     release.set()
     opened.leave()
 
@@ -230,17 +230,17 @@ def test_closing_waits_for_who_comes_back_from_a_wait_however_busy_the_pool_is()
     come_back: list[bool] = []
 
     def waits() -> None:
-        with monitor.released():
+        with monitor.suspended():
             out.release()
             release.wait(SOON)
-        come_back.append(monitor.mine)
+        come_back.append(monitor.is_inside)
 
-    for _ in range(MAX_ASIDE):
+    for _ in range(MAX_SUSPENDED):
         assert monitor.submit(waits)
-    for _ in range(MAX_ASIDE):
+    for _ in range(MAX_SUSPENDED):
         assert out.acquire(timeout=SOON)
     for _ in range(8):  # nobody of the pool is left to take what is let in next
-        assert monitor.submit_beside(lambda: release.wait(SOON))
+        assert monitor.submit_concurrent(lambda: release.wait(SOON))
     assert monitor.submit(lambda: None, limited=False)
     closing = threading.Thread(target=monitor.close)
     closing.start()
@@ -248,7 +248,7 @@ def test_closing_waits_for_who_comes_back_from_a_wait_however_busy_the_pool_is()
     release.set()
     closing.join(SOON)
     assert not closing.is_alive()
-    assert come_back == [True] * MAX_ASIDE
+    assert come_back == [True] * MAX_SUSPENDED
 
 
 def test_who_waits_when_it_closes_is_sent_away(opened: Monitor) -> None:
@@ -274,19 +274,19 @@ def test_who_waits_when_it_closes_is_sent_away(opened: Monitor) -> None:
     with pytest.raises(Closed):
         opened.enter()
     with opened.held(early=True):  # for what has to be done at the end
-        assert opened.mine
+        assert opened.is_inside
 
 
 def test_all_come_back_from_a_wait_though_more_wait_than_the_pool_has_threads(opened: Monitor) -> None:
     release, out, back = threading.Event(), threading.Semaphore(0), threading.Semaphore(0)
 
     def waits() -> None:
-        with opened.released():
+        with opened.suspended():
             out.release()
             release.wait(SOON)
         back.release()
 
-    threads = MAX_ASIDE + 8
+    threads = MAX_SUSPENDED + 8
     for _ in range(2 * threads):
         assert opened.submit(waits, limited=False)
     for _ in range(threads):
@@ -322,17 +322,17 @@ def _monitor_with(scarce: _Scarce) -> Iterator[Monitor]:
 def test_without_any_thread_jobs_are_turned_away_and_nothing_is_counted() -> None:
     scarce, ran = _Scarce(0), threading.Semaphore(0)
     with _monitor_with(scarce) as monitor:
-        for _ in range(MAX_BESIDE + 1):  # more often than may be counted
+        for _ in range(MAX_CONCURRENT + 1):  # more often than may be counted
             with monitor.held():
                 assert not monitor.submit(ran.release)
-                assert not monitor.submit_beside(ran.release)
-                with monitor.released():
-                    assert not monitor.mine
+                assert not monitor.submit_concurrent(ran.release)
+                with monitor.suspended():
+                    assert not monitor.is_inside
         monitor.run(ran.release)
         scarce.spare = 2
         with monitor.held():
             assert monitor.submit(ran.release)
-            assert monitor.submit_beside(ran.release)
+            assert monitor.submit_concurrent(ran.release)
         for _ in range(3):
             assert ran.acquire(timeout=SOON)
 
@@ -355,7 +355,7 @@ def test_a_job_waits_for_the_only_thread_and_keeps_no_thread_out() -> None:
     scarce, order, release, out = _Scarce(1), list[str](), threading.Event(), threading.Event()
 
     def waits() -> None:
-        with monitor.released():
+        with monitor.suspended():
             out.set()
             release.wait(SOON)
         order.append("came back")

@@ -56,7 +56,7 @@ def test_a_launcher_that_is_busy_is_waited_for(launcher: socket.socket) -> None:
 def test_that_it_is_ready_is_told_to_a_launcher_that_was_stopped_meanwhile(
     launcher: socket.socket, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(notify_module, "_SOON", 0.05)
+    monkeypatch.setattr(notify_module, "_SEND_TIMEOUT", 0.05)
     _fill(launcher)
     notify("STATUS=missed")
     notify("READY=1")

@@ -116,9 +116,13 @@ def test_any_key_can_be_set_in_the_environment(
         ("ROBOCOMP__PARAMS__MAX_SPED", "3", "unknown parameter `max_sped`; did you mean `max_speed`?"),
         ("ROBOCOMP__MAX_SPED", "3", "unknown parameter `max_sped`; did you mean `max_speed`?"),
         ("ROBOCOMP__COMPONENT__PEROD", "3", "unknown key `perod`; did you mean `period`?"),
-        ("ROBOCOMP__PORTS__EVERYTHING__FROM", "x", "`EVERYTHING` may be `everything` or `Everything`: write it as"),
-        ("ROBOCOMP__PARAMS____X", "x", "the parts of a key are separated by `__`, as in ROBOCOMP__COMPONENT__PERIOD"),
-        ("ROBOCOMP__MOTORS__7__NAME", "x", "there is no item params.motors[7] to change"),
+        (
+            "ROBOCOMP__PORTS__EVERYTHING__FROM",
+            "x",
+            "`EVERYTHING` is ambiguous: write it exactly as `everything` or `Everything`",
+        ),
+        ("ROBOCOMP__PARAMS____X", "x", "a part of the key is empty; write it as in ROBOCOMP__COMPONENT__PERIOD"),
+        ("ROBOCOMP__MOTORS__7__NAME", "x", "there is no item params.motors[7]"),
     ],
 )
 def test_what_is_wrong_in_the_environment_names_its_variable(tmp_path: Path, name: str, text: str, wrong: str) -> None:

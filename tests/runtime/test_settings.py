@@ -144,22 +144,22 @@ WRONG = {
     "component.period = inf": r":4: `period` is inf; allowed",
     "component.perod = 1": r":4: unknown key `perod`; did you mean `period`",
     'component.log = "loud"': r":4: `log`: unknown value `loud`; known: debug, info, warning, error",
-    "component = 3": r":4: `component` is a table, not 3",
-    "middleware = 3": r":4: `middleware` is a string, not 3",
-    'namespace = "a b"': r":4: 'a b' is no namespace",
+    "component = 3": r":4: `component` must be a table, not 3",
+    "middleware = 3": r":4: `middleware` must be a string, not 3",
+    'namespace = "a b"': r":4: 'a b' is not a namespace",
     'ports.lasr = { from = "x" }': r":4: unknown port `lasr`; known: everything, Everything",
     'ports.everything.from = "a/b/c"': r":4: 'a/b/c' has too many parts",
     "ports.everything.deadline = -1": r":4: `deadline` is -1; allowed",
     "ports.everything.wrok = {}": r":4: unknown key `wrok`; did you mean `work`",
     "ports.Everything.qos = { depth = 0 }": r":4: `depth` is 0; allowed: 1 to",
     "ports.Everything.qos = { reliable = true }": r":4: unknown key `reliable`; did you mean `reliability`",
-    'ports.everything.also = ["shm"]': r":4: `also` is for what is provided or subscribed to",
-    'ports.Everything.also = "zeromq"': r":4: `also` is a list of middlewares, as in",
-    "ports.Everything.also = [3]": r":4: this is a middleware, or a table, not 3",
+    'ports.everything.also = ["shm"]': r":4: `also` has no meaning for a required interface",
+    'ports.Everything.also = "zeromq"': r":4: `also` must be a list of middlewares, as in",
+    "ports.Everything.also = [3]": r":4: an item must be a middleware or a table, not 3",
     'ports.Everything.also = [{ form = "x" }]': r":4: unknown key `form`; did you mean `from`",
     'ports.Everything.also = [{ from = "a/b/c" }]': r":4: 'a/b/c' has too many parts",
     'ports.Everything.qos = "sensordata"': r":4: unknown QoS preset `sensordata`; did you mean `sensor_data`",
-    "ports.Everything.qos = 3": r":4: a QoS is a table or the name of a preset",
+    "ports.Everything.qos = 3": r":4: `qos` must be a table or the name of a preset",
     "component.period = 1e300": r":4: `period` is 1e[+]300; allowed: a positive number of seconds, at most 1e[+]06",
     "transports.zermq = {}": r":4: unknown key `zermq`; did you mean `zeromq`",
     "surprise = 1": r":4: unknown key `surprise`",
@@ -195,7 +195,7 @@ nam = "x"
 
 
 def test_parameters_that_are_no_table_are_not_missed_one_by_one(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match=r"^--set params=3: `params` is a table, not 3$"):
+    with pytest.raises(ConfigurationError, match=r"^--set params=3: `params` must be a table, not 3$"):
         load(tmp_path, GOOD, "params=3")
 
 
@@ -207,11 +207,11 @@ def test_a_wrong_set_is_said_as_it_was_written(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("assignment", "message"),
     [
-        ("params.max_speed", "write it as key=value"),
-        ("=3", "write it as key=value"),
+        ("params.max_speed", "not key=value"),
+        ("=3", "not key=value"),
         ("params.motors[5].id=1", r"there is no item params\.motors\[5\]"),
-        ("params.device.x=1", r"params\.device is no table"),
-        ("a b=1", "`a b` is no key"),
+        ("params.device.x=1", r"params\.device is not a table"),
+        ("a b=1", "`a b` is not a valid key"),
     ],
 )
 def test_a_set_that_makes_no_sense_is_refused(tmp_path: Path, assignment: str, message: str) -> None:
@@ -224,8 +224,8 @@ def test_a_set_that_makes_no_sense_is_refused(tmp_path: Path, assignment: str, m
     [
         (b"a = 1\nb = = 2\n", r"config\.toml:2:5: invalid value"),
         (b"a = 'x", r"config\.toml:1"),
-        (b"a = 1\na = 2\n", r"config\.toml:2:6: `a` has a value already"),
-        (b"[a]\nb.c = 1\n[a.b]\n", r"config\.toml:3:5: the table `a\.b` is there already"),
+        (b"a = 1\na = 2\n", r"config\.toml:2:6: `a` is set twice"),
+        (b"[a]\nb.c = 1\n[a.b]\n", r"config\.toml:3:5: the table `a\.b` is defined twice"),
         (b"\xff\xfe", "is not UTF-8 text"),
     ],
 )
@@ -266,7 +266,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
 
 
 def test_an_instance_name_has_to_fit_into_channels() -> None:
-    with pytest.raises(ConfigurationError, match="'two words' is no name for an instance"):
+    with pytest.raises(ConfigurationError, match="'two words' is not a name for an instance"):
         check(Component("Robot"), Document(), "two words")
 
 

@@ -358,7 +358,7 @@ def test_too_much_that_was_fired_is_refused_where_it_is_fired() -> None:
     trigger = Trigger(made, MACHINE.transitions[0])
     for _ in range(MAX_WAITING):
         trigger()
-    with pytest.raises(ComponentError, match="t_start_to_play: 1000 fired transitions wait already"):
+    with pytest.raises(ComponentError, match="t_start_to_play: 1000 fired transitions are already waiting"):
         trigger()
 
 
@@ -368,7 +368,7 @@ def flood(game: Any) -> None:
 
 
 def test_a_handler_that_floods_the_machine_tells_its_caller() -> None:
-    with playing(task=flood) as test, pytest.raises(RemoteFailure, match="fired transitions wait already"):
+    with playing(task=flood) as test, pytest.raises(RemoteFailure, match="fired transitions are already waiting"):
         test.call("Everything.work", "task")
 
 
@@ -405,7 +405,7 @@ def test_another_component_that_is_away_cuts_a_state_short_but_not_those_entered
         entered(test, "start", "play", "left", "up", "right")
     assert test.fine
     assert [each.getMessage() for each in caplog.records if each.levelno == logging.WARNING] == [
-        "Game.sm_play was cut short: too slow"
+        "Game.sm_play did not complete: too slow"
     ]
 
 

@@ -72,7 +72,7 @@ def test_one_that_is_at_the_same_thing_is_silent_and_one_that_waits_for_an_answe
         told.clear()
         component.looked_at(5)
         assert told == []
-        with component.monitor.released():
+        with component.monitor.suspended():
             wait_until(lambda: "WATCHDOG=1" in told)
 
 

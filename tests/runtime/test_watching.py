@@ -139,7 +139,7 @@ def test_a_publisher_that_ends_is_lost(find: Any) -> None:
     assert worker.told == [("lost", "Everything", "news", "sonar", 1)]
 
 
-def test_hooks_never_run_beside_other_code_of_the_worker(find: Any) -> None:
+def test_hooks_never_run_concurrent_other_code_of_the_worker(find: Any) -> None:
     inside: list[str] = []
 
     class Nosy(Listening):

@@ -36,7 +36,7 @@ from robocomp_py.contract.types import (
     thrown,
 )
 from robocomp_py.errors import DecodeError, EncodeError, RemoteFailure
-from robocomp_py.runtime.calls import Answering, Call
+from robocomp_py.runtime.calls import Call, Handler
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.conformance import assert_same
 from robocomp_py.testing.everything import Colour, Nothing, Point
@@ -321,7 +321,7 @@ class Asked:
         raise self._error
 
     def reply(self) -> Reply:
-        return Answering(self.operation, CODEC, self._raise).answer(())
+        return Handler(self.operation, CODEC, self._raise).answer(())
 
     def result(self, reply: Reply) -> Any:
         return Call(self.operation, CODEC).result(reply)

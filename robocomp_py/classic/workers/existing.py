@@ -168,7 +168,7 @@ class ExistingWorker(Worker[Any]):
             self._need,
             wake=self._wake,
             quit=self.stop,
-            outside=self._released,
+            outside=self._suspended,
             tell=self._tell,
             folder=self._home,
             name=self._settings.instance,
@@ -223,7 +223,7 @@ class ExistingWorker(Worker[Any]):
         self._loop.close()
         pools = self._begun.pools()  # before their object goes, and pools with it that have something to do
         self._loop.call(self._part)
-        with self._released():
+        with self._suspended():
             work_s = max(0.0, self._work_s - (time.monotonic() - begun))  # of which slots may have had their share
             left, calls = self._begun.end(pools, min(self._grace_s, work_s), work_s)
         if left:

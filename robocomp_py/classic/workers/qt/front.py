@@ -37,7 +37,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 from ....errors import Closed, ComponentError
 from ....runtime.ending import STUCK
-from ....runtime.monitor import MAX_ASIDE
+from ....runtime.monitor import MAX_SUSPENDED
 from ....runtime.trace import frames_in
 from ....threads import NO_THREAD, Pool, fulfil, start_thread
 from .served import GUI
@@ -174,7 +174,7 @@ class Front:
         self._is_leaving = False
         self._joined: list[Joined] = []
         self._start = start
-        self._asks = Pool("asks", MAX_ASIDE + 8, freed=self._tell_news, start=start)
+        self._asks = Pool("asks", MAX_SUSPENDED + 8, freed=self._tell_news, start=start)
         self._is_short = False
         """Whether a thread was needed, and there was none."""
         self._wakeup = _Wakeup(self._woken)
