@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 DAYS = 365.0
 """For which certificates are valid, unless told otherwise."""
 
-SOON = datetime.timedelta(days=30)
+EXPIRES_SOON = datetime.timedelta(days=30)
 """Before the end: from then on certificates are made again; those with a shorter life, in its last third."""
 
 _OF_EACH = "ca.pem", "certificate.pem", "key.pem"
@@ -206,7 +206,7 @@ class _Maker:
     def _authority(self) -> tuple[Issued, Made]:
         folder = self._folder / "ca"
         found = _certificate(folder / "ca.pem")
-        if found and (folder / "ca.key").is_file() and found.expires - self._now > SOON:
+        if found and (folder / "ca.key").is_file() and found.expires - self._now > EXPIRES_SOON:
             issued = Issued((folder / "ca.pem").read_bytes(), (folder / "ca.key").read_bytes())
             return issued, Made("the authority", False, found.expires)
         _folder(folder)
@@ -378,7 +378,7 @@ def _public_key(folder: Path) -> bytes:
 
 
 def _soon(found: Certificate) -> datetime.timedelta:
-    return min(SOON, (found.expires - found.begins) / 3)
+    return min(EXPIRES_SOON, (found.expires - found.begins) / 3)
 
 
 def _date(when: datetime.datetime) -> str:

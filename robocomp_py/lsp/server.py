@@ -29,7 +29,7 @@ from .features import FEATURES, Feature
 from .places import Places, path_of
 from .project import Project
 
-SOON = 0.05
+QUICK_S = 0.05
 """What took less than these seconds is done at once."""
 
 LATEST = 1.0
@@ -103,7 +103,7 @@ class Server(LanguageServer):
         if waiting:
             waiting.cancel()
         took = self._took.get(path, 0.0)
-        delay = 0.0 if took < SOON else min(took, LATEST)
+        delay = 0.0 if took < QUICK_S else min(took, LATEST)
         self._waiting[path] = asyncio.get_running_loop().call_later(delay, self._check, path)
 
     def _check(self, path: Path) -> None:
