@@ -15,9 +15,9 @@ from typing import Generic, TypeVar
 from ..errors import Closed, ContractMismatch, Timeout, TransportError, Unreachable
 from ..wire.codec import Payload
 from ..wire.header import Flag, ReplyHeader, random_id
-from .announced import AnnouncedLink, Reached, T
 from .base import STATUSES, Channel, Reply, Status, SupportsQuestion
 from .directory import Entry, Member
+from .directory_transport import DirectoryLink, Reached, T
 from .link import accepted
 from .pending import Pending
 from .replies import Numbered
@@ -30,7 +30,7 @@ P = TypeVar("P", bound=Reached)
 W = TypeVar("W")
 
 
-class FindingLink(AnnouncedLink[T], ABC, Generic[T, P, W]):
+class FindingLink(DirectoryLink[T], ABC, Generic[T, P, W]):
     """`P` is what such a process is to us, `W` what says there that a request is for this channel."""
 
     def __init__(self, transport: T, channel: Channel) -> None:

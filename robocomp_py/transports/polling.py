@@ -17,10 +17,10 @@ from typing import NamedTuple
 
 from ..errors import TransportError
 from ..wire.header import random_id
-from .announced import Announcing
 from .base import TransportConfig
 from .crew import Job, LeaderFollowers
 from .directory import Directory, runtime_dir
+from .directory_transport import DirectoryTransport
 
 TICK = 0.1
 """Seconds between two looks at the directory and at what is due."""
@@ -32,7 +32,7 @@ class _Watched(NamedTuple):
     on_end: Callable[[], object]
 
 
-class PollingTransport(Announcing):
+class PollingTransport(DirectoryTransport):
     """`name` is that of its folder and of its threads. A subclass calls `start` once it can take input."""
 
     name: str

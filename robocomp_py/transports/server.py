@@ -12,9 +12,9 @@ from functools import partial
 from ..errors import AlreadyServed
 from ..wire.codec import Payload
 from ..wire.header import NO_DEADLINE, Flag, Request
-from .announced import AnnouncedLink, Announcing
 from .base import Channel, Reply, Service, Sink, Status
 from .crew import CommandLane, Job, Servant
+from .directory_transport import DirectoryLink, DirectoryTransport
 from .exclusive import Claim, claim
 from .ledger import Ledger
 from .replies import Replies
@@ -22,13 +22,13 @@ from .replies import Replies
 log = logging.getLogger("robocomp.transport")
 
 
-class ServingLink(AnnouncedLink[Announcing], ABC):
+class ServingLink(DirectoryLink[DirectoryTransport], ABC):
     ordered: bool
     address = ""
     """Where its requests come in; "" until they do."""
     _claim: Claim | None = None
 
-    def __init__(self, transport: Announcing, channel: Channel) -> None:
+    def __init__(self, transport: DirectoryTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
         self.ledger = Ledger(self.stats, ordered=self.ordered)
 
@@ -90,7 +90,7 @@ def dispatch(
 class CommandInlet(ServingLink):
     role, facing, ordered = "receives", "commands", True
 
-    def __init__(self, transport: Announcing, channel: Channel, sink: Sink) -> None:
+    def __init__(self, transport: DirectoryTransport, channel: Channel, sink: Sink) -> None:
         super().__init__(transport, channel)
         self._lane = CommandLane(channel.name, sink, self.stats)
 
@@ -104,7 +104,7 @@ class CommandInlet(ServingLink):
 class Server(ServingLink):
     role, facing, ordered = "serves", "calls", False
 
-    def __init__(self, transport: Announcing, channel: Channel, service: Service) -> None:
+    def __init__(self, transport: DirectoryTransport, channel: Channel, service: Service) -> None:
         super().__init__(transport, channel)
         self._servant = Servant(channel.name, service, self.stats)
         self._replies = Replies()

@@ -10,10 +10,10 @@ from collections.abc import Iterable
 from ..contract.qos import from_traits
 from ..wire.codec import Payload
 from ..wire.header import Publication, pack_publication, random_id
-from .announced import AnnouncedLink, T
 from .base import Channel, Sink, Source, SupportsSources, depth_of
 from .crew import Job, Lane
 from .directory import Found
+from .directory_transport import DirectoryLink, T
 from .ledger import Ledger
 from .reception import Reception, living
 
@@ -21,7 +21,7 @@ Fields = tuple[int, int, int, int, int]
 """Those of a `Publication`."""
 
 
-class PublishingLink(AnnouncedLink[T], ABC):
+class PublishingLink(DirectoryLink[T], ABC):
     """Numbers its messages, and sends one after the other."""
 
     role, facing = "publishes", "subscribes"
@@ -46,7 +46,7 @@ class PublishingLink(AnnouncedLink[T], ABC):
         """Send a message to all subscribers (`counterparts`); a reliable one waits until `end` for slow ones."""
 
 
-class SubscribingLink(AnnouncedLink[T], SupportsSources):
+class SubscribingLink(DirectoryLink[T], SupportsSources):
     """Counts what was lost and repeated, does what the QoS asks for, and gives the sink one message after the other."""
 
     role, facing = "subscribes", "publishes"

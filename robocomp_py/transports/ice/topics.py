@@ -20,10 +20,10 @@ from ...errors import Closed, Timeout, TransportError
 from ...wire import names
 from ...wire.codec import Payload
 from ...wire.header import pack_publication, random_id
-from ..announced import AnnouncedLink
 from ..base import Channel, Sink, depth_of
 from ..credit import Credit
 from ..crew import Job, Lane
+from ..directory_transport import DirectoryLink
 from ..limits import BYTES_AHEAD, MOST_AHEAD, PARTS, STRANGERS
 from ..reception import HISTORY_TRIES, Reception
 from ..topics import SubscribingLink
@@ -53,7 +53,7 @@ _READERS = 0.02
 """Seconds for which it is taken for known who reads what we publish."""
 
 
-class Publisher(AnnouncedLink["IceTransport"]):
+class Publisher(DirectoryLink["IceTransport"]):
     role, facing = "publishes", "subscribes"
     _topic: Topic | None = None
 

@@ -13,10 +13,10 @@ from ...errors import TransportError
 from ...wire.codec import MAX_BYTES, Codec
 from ...wire.ice import Ice
 from .. import iceoptions
-from ..announced import Announcing
 from ..base import ANY_QOS, Capability, SupportsHost, TransportConfig
 from ..crew import Job, LeaderFollowers
 from ..directory import Directory, runtime_dir
+from ..directory_transport import DirectoryTransport
 from ..link import Ends
 from ..memory import keep_memory
 from ..server import ServingLink
@@ -34,7 +34,7 @@ TICK = 0.25
 """Seconds between two looks at what should be as it was."""
 
 
-class IceTransport(Announcing, SupportsHost):
+class IceTransport(DirectoryTransport, SupportsHost):
     """Options: see `iceoptions`. A message that is larger than `message_size_max` is not taken, and not sent."""
 
     ends = Ends(Publisher, CommandOutlet, Subscriber, CommandInlet, Caller, Server)

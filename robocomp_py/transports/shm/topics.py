@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 from ...errors import DecodeError, Timeout, TransportError
 from ...wire.codec import Payload
 from ...wire.header import pack_publication, publication_at, random_id
-from ..announced import AnnouncedLink
 from ..base import Channel, Sink, SupportsHeard, SupportsLoan, depth_of
 from ..crew import Job
 from ..directory import Member
+from ..directory_transport import DirectoryLink
 from ..limits import BATCH
 from ..topics import SubscribingLink
 from .mail import packed
@@ -54,7 +54,7 @@ PAUSE = 0.001
 """Seconds between two attempts to have memory, when all of it is in use."""
 
 
-class Publisher(AnnouncedLink["ShmTransport"], SupportsHeard, SupportsLoan):
+class Publisher(DirectoryLink["ShmTransport"], SupportsHeard, SupportsLoan):
     role, facing = "publishes", "subscribes"
     _number = 0
     _writer: Writer | None = None

@@ -13,10 +13,10 @@ from pathlib import Path
 from ...errors import TransportError
 from ...wire.codec import Codec
 from ...wire.header import random_id
-from ..announced import Announcing, Reached
 from ..base import ANY_QOS, Capability, TransportConfig, options_of
 from ..crew import Job, LeaderFollowers
 from ..directory import Directory, Member, runtime_dir
+from ..directory_transport import DirectoryTransport, Reached
 from ..exclusive import sweep
 from ..inotify import Watch
 from ..limits import IDLE_TICK
@@ -39,7 +39,7 @@ BURYING = 0.5
 """Seconds after which what the dead have left is removed."""
 
 
-class ShmTransport(Announcing):
+class ShmTransport(DirectoryTransport):
     """Takes no options."""
 
     ends = Ends(Publisher, CommandOutlet, Subscriber, CommandInlet, Caller, Server)

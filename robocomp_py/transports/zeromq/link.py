@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..announced import AnnouncedLink
+from ..directory_transport import DirectoryLink
 
 if TYPE_CHECKING:
     from .transport import ZeroMQTransport  # noqa: F401  # named below, in quotes
@@ -13,5 +13,5 @@ TICK = 0.05
 """Seconds between two looks at those we wait for, and into the directory if nobody tells when it changes."""
 
 
-class Link(AnnouncedLink["ZeroMQTransport"]):
+class Link(DirectoryLink["ZeroMQTransport"]):
     """One end of a channel of this transport."""

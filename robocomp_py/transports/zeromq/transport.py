@@ -24,7 +24,6 @@ from ...wire.header import (
     random_id,
 )
 from ...wire.messagepack import MessagePack
-from ..announced import Announcing
 from ..base import (
     ANY_QOS,
     Capability,
@@ -34,6 +33,7 @@ from ..base import (
 )
 from ..crew import Job, LeaderFollowers
 from ..directory import LONGEST_SOCKET, Entry, Member, runtime_dir
+from ..directory_transport import DirectoryTransport
 from ..inotify import Watch
 from ..keyfiles import Rights
 from ..limits import IDLE_TICK
@@ -63,7 +63,7 @@ _MOMENT = 0.01
 """Seconds between two looks into a directory that keeps changing."""
 
 
-class ZeroMQTransport(Announcing):
+class ZeroMQTransport(DirectoryTransport):
     """Options:
 
     `bind`      TCP address at which others find all that is provided here as well, `tcp://127.0.0.1:5555`; topics get

@@ -38,7 +38,7 @@ class Reached(Protocol):
     def close(self) -> None: ...
 
 
-class Announcing(BaseTransport[Found], SupportsGathering):
+class DirectoryTransport(BaseTransport[Found], SupportsGathering):
     """Such a transport: its links, which the thread that receives for all of them looks after, too."""
 
     directory: Directory
@@ -145,10 +145,10 @@ class Announcing(BaseTransport[Found], SupportsGathering):
         return self.tick_links()
 
 
-T = TypeVar("T", bound=Announcing)
+T = TypeVar("T", bound=DirectoryTransport)
 
 
-class AnnouncedLink(BaseLink[T, Found]):
+class DirectoryLink(BaseLink[T, Found]):
     """One end of a channel: announced in the directory, and looking there for those it faces."""
 
     marks = ""
