@@ -23,8 +23,8 @@ from unixsock_hosts import relaying
 from robocomp_py.errors import DecodeError, Timeout, Unreachable
 from robocomp_py.transports.base import Capability, Reply, TransportConfig, options_of
 from robocomp_py.transports.client import CallingLink, CommandingLink, FindingLink
-from robocomp_py.transports.crew import Job
 from robocomp_py.transports.directory import Entry, Member
+from robocomp_py.transports.leader_followers import Job
 from robocomp_py.transports.link import Ends
 from robocomp_py.transports.polling import PollingTransport
 from robocomp_py.transports.server import CommandInlet, Server, ServingLink, dispatch

@@ -42,7 +42,7 @@ FIXED: Mapping[str, str] = {
     "Ice.RetryIntervals": "-1",  # Ice would repeat; we do, and know what was asked before
     "Ice.Default.CollocationOptimized": "0",  # what is sent to ourselves takes the same way as everything
     "Ice.Default.EncodingVersion": "1.1",
-    # One thread reads what we are asked, one what we are answered; both leave all else to the crew.
+    # One thread reads what we are asked, one what we are answered; both leave all else to the receiving threads.
     "Ice.ThreadPool.Server.Size": "1",
     "Ice.ThreadPool.Server.SizeMax": "1",
     "Ice.ThreadPool.Client.Size": "1",

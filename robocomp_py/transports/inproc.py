@@ -45,8 +45,8 @@ from .base import (
     options_of,
     pass_on,
 )
-from .crew import Job, Lane, LeaderFollowers, Servant, abandoned
 from .deployment import Deployment, Near
+from .leader_followers import Job, Lane, LeaderFollowers, Servant, abandoned
 from .limits import COMMANDS_WAITING, QUERIES_WAITING
 from .pending import Pending
 from .reception import Reception
@@ -127,8 +127,8 @@ class InprocTransport:
         self._work: queue.SimpleQueue[Job] = queue.SimpleQueue()
         self._will_look = False
         """Whether somebody is about to look when the next call is overdue."""
-        self._crew = LeaderFollowers("inproc", self._receive, wake=lambda: self._work.put(_nothing))
-        self._crew.start()
+        self._threads = LeaderFollowers("inproc", self._receive, wake=lambda: self._work.put(_nothing))
+        self._threads.start()
 
     def outlet(self, channel: Channel) -> _Outlet:
         return self._open(_Outlet(self, self._bus, channel))
@@ -150,7 +150,7 @@ class InprocTransport:
     def close(self) -> None:
         self._closed = True
         with contextlib.ExitStack() as everything:
-            everything.callback(self._crew.close)
+            everything.callback(self._threads.close)
             for link in list(self._links):
                 everything.callback(link.close)
 

@@ -34,7 +34,7 @@ from .base import (
     TypeRef,
     mismatch,
 )
-from .crew import Job, abandoned
+from .leader_followers import Job, abandoned
 from .limits import STRANGERS
 from .sparing import Sparing
 

@@ -18,9 +18,9 @@ from typing import NamedTuple
 from ..errors import TransportError
 from ..wire.header import random_id
 from .base import TransportConfig
-from .crew import Job, LeaderFollowers
 from .directory import Directory, runtime_dir
 from .directory_transport import DirectoryTransport
+from .leader_followers import Job, LeaderFollowers
 
 TICK = 0.1
 """Seconds between two looks at the directory and at what is due."""
@@ -48,11 +48,11 @@ class PollingTransport(DirectoryTransport):
         self.directory = Directory(self.folder)
         self.member = self.directory.join(self.owner)
         self._wakes, self._wake = socket.socketpair()
-        self._crew = LeaderFollowers(self.name, self._receive, self.look_soon)
+        self._threads = LeaderFollowers(self.name, self._receive, self.look_soon)
 
     def start(self) -> None:
         try:
-            self._crew.start()
+            self._threads.start()
         except TransportError:
             self.close()
             raise
@@ -79,7 +79,7 @@ class PollingTransport(DirectoryTransport):
         for each in (self._wake, self._wakes):
             everything.callback(each.close)
         everything.callback(self._close_sockets)
-        everything.callback(self._crew.close)
+        everything.callback(self._threads.close)
         everything.callback(self.close_peers)
         everything.callback(self.member.close)
 

@@ -13,9 +13,9 @@ from ..errors import AlreadyServed
 from ..wire.codec import Payload
 from ..wire.header import NO_DEADLINE, Flag, Request
 from .base import Channel, Reply, Service, Sink, Status
-from .crew import CommandLane, Job, Servant
 from .directory_transport import DirectoryLink, DirectoryTransport
 from .exclusive import Claim, claim
+from .leader_followers import CommandLane, Job, Servant
 from .ledger import Ledger
 from .replies import Replies
 

@@ -11,9 +11,9 @@ from ..contract.qos import from_traits
 from ..wire.codec import Payload
 from ..wire.header import Publication, pack_publication, random_id
 from .base import Channel, Sink, Source, SupportsSources, depth_of
-from .crew import Job, Lane
 from .directory import Found
 from .directory_transport import DirectoryLink, T
+from .leader_followers import Job, Lane
 from .ledger import Ledger
 from .reception import Reception, living
 

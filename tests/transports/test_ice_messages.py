@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from robocomp_py.contract.interface import Pattern
 from robocomp_py.errors import DecodeError
 from robocomp_py.transports.base import Channel, Reply, Status, TypeRef
-from robocomp_py.transports.crew import Job
+from robocomp_py.transports.leader_followers import Job
 from robocomp_py.wire.header import Flag, pack_request, read_request
 from tests.docs.pages import ROOT, blocks
 

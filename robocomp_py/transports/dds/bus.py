@@ -31,7 +31,7 @@ from cyclonedds.sub import DataReader, Subscriber
 from cyclonedds.topic import Topic
 
 from ...errors import TransportError
-from ..crew import Job
+from ..leader_followers import Job
 from .domain import any_open, close_domain, open_domain
 from .endpoints import Endpoints
 from .library import (

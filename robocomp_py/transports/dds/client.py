@@ -34,8 +34,8 @@ from ..base import (
     about_to_block,
     answered,
 )
-from ..crew import Job
 from ..exclusive import is_claimed
+from ..leader_followers import Job
 from ..limits import BATCH
 from ..link import accepted
 from ..pending import Pending

@@ -20,7 +20,7 @@ from cyclonedds.domain import DomainParticipant
 
 from ...wire.names import ANY as STAR
 from ...wire.names import is_namespace, matches
-from ..crew import Job
+from ..leader_followers import Job
 from .library import (
     ANY,
     as_transport_error,

@@ -27,8 +27,8 @@ from ..base import (
     Status,
     about_to_block,
 )
-from ..crew import CommandLane, Job, Servant
 from ..exclusive import Claim, claim, is_gone
+from ..leader_followers import CommandLane, Job, Servant
 from ..ledger import Ledger
 from ..limits import QUERIES_WAITING
 from ..replies import Replies

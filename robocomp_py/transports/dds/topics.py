@@ -31,8 +31,8 @@ from ..base import (
     about_to_block,
     depth_of,
 )
-from ..crew import Job, Lane
 from ..directory import state_of
+from ..leader_followers import Job, Lane
 from ..ledger import Ledger
 from ..limits import BATCH, BYTES_WAITING
 from ..reception import Reception

@@ -24,8 +24,8 @@ from ..base import (
     TransportConfig,
     options_of,
 )
-from ..crew import Job, LeaderFollowers
 from ..directory import Directory, Entry, Membership, runtime_dir
+from ..leader_followers import Job, LeaderFollowers
 from ..link import BaseLink, BaseTransport, Ends
 from .announcing import Announcing
 from .bus import Bus
@@ -115,9 +115,9 @@ class DDSTransport(BaseTransport[Endpoint], SupportsGathering):
         self.bus.on_loss = self._lose
         self.bus.endpoints.on_change = self._look
         self.bus.loop.tick = self._tick
-        self._crew = LeaderFollowers("dds", self.bus.loop.receive, self.bus.loop.wake)
+        self._threads = LeaderFollowers("dds", self.bus.loop.receive, self.bus.loop.wake)
         try:
-            self._crew.start()
+            self._threads.start()
         except TransportError:
             self.bus.close()
             raise
@@ -126,7 +126,7 @@ class DDSTransport(BaseTransport[Endpoint], SupportsGathering):
         if self._member:
             everything.callback(self._member.close)
         everything.callback(self.bus.close)
-        everything.callback(self._crew.close)
+        everything.callback(self._threads.close)
         everything.enter_context(self.announcing.gathering())
 
     @contextlib.contextmanager

@@ -24,8 +24,8 @@ from ...wire.codec import MAX_BYTES, Payload
 from ...wire.header import Flag, clock, pack_request
 from ..base import Channel, Reply, Status
 from ..client import CallingLink, CommandingLink, FindingLink
-from ..crew import STUCK
 from ..directory import Entry, Member
+from ..leader_followers import STUCK
 from ..link import accepted
 from .library import (
     CONNECTING_MS,

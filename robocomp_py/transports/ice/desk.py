@@ -19,7 +19,7 @@ from ...wire.codec import MAX_BYTES
 from ...wire.header import PUBLICATION_BYTES, VERSION, publication_fields
 from ...wire.names import ANY, matches
 from ..base import Reply, Status, about_to_block
-from ..crew import Job
+from ..leader_followers import Job
 from . import library
 from .exchange import OURS, Exchange, Subscription, Topic
 from .messages import NOTHING, RC

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 from ...errors import Closed, ConfigurationError, TransportError
 from ...threads import NO_THREAD, start_thread
 from ...wire.header import clock
-from ..crew import belongs
 from ..directory import runtime_dir
+from ..leader_followers import belongs
 from . import library
 from .storm import INSTALL, Place
 

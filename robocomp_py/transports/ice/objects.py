@@ -10,7 +10,7 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from ..base import Reply, Status
-from ..crew import Job
+from ..leader_followers import Job
 from .library import BlobjectAsync, LocalException, NoSuchObject, NoSuchOperation, Unknown, as_transport_error
 from .messages import (
     LEFT,

@@ -13,7 +13,7 @@ from ...wire import names
 from ...wire.codec import Payload
 from ...wire.header import NO_DEADLINE, Request
 from ..base import Reply, Status
-from ..crew import Job
+from ..leader_followers import Job
 from ..server import CommandInlet as _CommandInlet
 from ..server import Server as _Server
 from ..server import ServingLink

@@ -22,8 +22,8 @@ from ...wire.codec import Payload
 from ...wire.header import pack_publication, random_id
 from ..base import Channel, Sink, depth_of
 from ..credit import Credit
-from ..crew import Job, Lane
 from ..directory_transport import DirectoryLink
+from ..leader_followers import Job, Lane
 from ..limits import BYTES_AHEAD, MOST_AHEAD, PARTS, STRANGERS
 from ..reception import HISTORY_TRIES, Reception
 from ..topics import SubscribingLink

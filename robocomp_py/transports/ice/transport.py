@@ -14,9 +14,9 @@ from ...wire.codec import MAX_BYTES, Codec
 from ...wire.ice import Ice
 from .. import iceoptions
 from ..base import ANY_QOS, Capability, SupportsHost, TransportConfig
-from ..crew import Job, LeaderFollowers
 from ..directory import Directory, runtime_dir
 from ..directory_transport import DirectoryTransport
+from ..leader_followers import Job, LeaderFollowers
 from ..link import Ends
 from ..memory import keep_memory
 from ..server import ServingLink
@@ -57,7 +57,7 @@ class IceTransport(DirectoryTransport, SupportsHost):
         self._intake = Intake()
         self.requests = Requests(self.do)
         self._next_tick = 0.0
-        self._crew: LeaderFollowers | None = None
+        self._threads: LeaderFollowers | None = None
         keep_memory()
         self.communicator = communicator(self.options, self.limit, self._tell)
         try:
@@ -66,9 +66,9 @@ class IceTransport(DirectoryTransport, SupportsHost):
             self.communicator.destroy()
             raise
         self.desk = Desk(self)
-        self._crew = LeaderFollowers("ice", self._receive, wake=self.look_soon)
+        self._threads = LeaderFollowers("ice", self._receive, wake=self.look_soon)
         try:
-            self._crew.start()
+            self._threads.start()
         except TransportError:
             self.close()
             raise
@@ -79,8 +79,8 @@ class IceTransport(DirectoryTransport, SupportsHost):
         return hosted(iceoptions.read(config.options), config.owner)
 
     def release(self, everything: contextlib.ExitStack) -> None:
-        assert self._crew
-        everything.callback(self._crew.close)
+        assert self._threads
+        everything.callback(self._threads.close)
         everything.callback(self.communicator.destroy)
         everything.callback(self.close_peers)
         everything.callback(self.desk.close)

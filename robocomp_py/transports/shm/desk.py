@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from ...errors import Closed, DecodeError, TransportError
 from ...wire.header import NO_DEADLINE, Request, pack_reply, reply_at, request_at
 from ..base import Reply, Status
-from ..crew import Job
+from ..leader_followers import Job
 from ..link import persist
 from ..server import dispatch
 from ..sparing import Sparing

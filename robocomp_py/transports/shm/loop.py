@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Protocol
 
 from ...errors import TransportError
-from ..crew import Job
+from ..leader_followers import Job
 from .wakeup import LOOK, MAIL, NEWS, WAKEUPS, Waker, Wakeup
 
 log = logging.getLogger("robocomp.transport.shm")

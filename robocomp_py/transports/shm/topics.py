@@ -12,9 +12,9 @@ from ...errors import DecodeError, Timeout, TransportError
 from ...wire.codec import Payload
 from ...wire.header import pack_publication, publication_at, random_id
 from ..base import Channel, Sink, SupportsHeard, SupportsLoan, depth_of
-from ..crew import Job
 from ..directory import Member
 from ..directory_transport import DirectoryLink
+from ..leader_followers import Job
 from ..limits import BATCH
 from ..topics import SubscribingLink
 from .mail import packed

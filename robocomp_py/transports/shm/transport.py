@@ -14,11 +14,11 @@ from ...errors import TransportError
 from ...wire.codec import Codec
 from ...wire.header import random_id
 from ..base import ANY_QOS, Capability, TransportConfig, options_of
-from ..crew import Job, LeaderFollowers
 from ..directory import Directory, Member, runtime_dir
 from ..directory_transport import DirectoryTransport, Reached
 from ..exclusive import sweep
 from ..inotify import Watch
+from ..leader_followers import Job, LeaderFollowers
 from ..limits import IDLE_TICK
 from ..link import Ends
 from ..server import CommandInlet, Server, ServingLink
@@ -79,10 +79,10 @@ class ShmTransport(DirectoryTransport):
             self._loop = Loop(self._wakeup, self._own, self._tick, self.desk.open_next)
             self.afterwards = self._loop.afterwards
             self.directory.watch(self._watch, self._loop.wake)
-            self._crew = LeaderFollowers("shm", self._loop.receive, self._loop.wake)
+            self._threads = LeaderFollowers("shm", self._loop.receive, self._loop.wake)
             undo.pop_all()
         try:
-            self._crew.start()
+            self._threads.start()
         except TransportError:
             self.close()
             raise
@@ -92,7 +92,7 @@ class ShmTransport(DirectoryTransport):
         everything.callback(self._leave)
         everything.callback(self._let_go)
         everything.callback(self.desk.close)
-        everything.callback(self._crew.close)
+        everything.callback(self._threads.close)
         everything.callback(self.member.close)
         everything.callback(self.directory.stop_watching)
         everything.callback(self._settle)
@@ -195,7 +195,7 @@ class ShmTransport(DirectoryTransport):
         self._loop.wake()
 
     def do(self, job: Job) -> None:
-        """Have the crew run this."""
+        """Have a receiving thread run this."""
         self._loop.do(job)
 
     def enlist(self, link: ServingLink) -> str:

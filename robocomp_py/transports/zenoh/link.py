@@ -20,8 +20,8 @@ from ..base import (
     LONGEST_CONTRACT,
     Channel,
 )
-from ..crew import STUCK, CommandLane
 from ..exclusive import Claim
+from ..leader_followers import STUCK, CommandLane
 from ..ledger import Ledger
 from ..limits import STRANGERS
 from ..link import BaseLink

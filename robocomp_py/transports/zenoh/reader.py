@@ -22,7 +22,7 @@ import zenoh
 from ...errors import TransportError
 from ...threads import NO_THREAD, start_thread
 from ..base import Sink, Statistics, receives
-from ..crew import STUCK, belongs
+from ..leader_followers import STUCK, belongs
 from ..limits import BYTES_WAITING, MOST_AHEAD
 
 log = logging.getLogger("robocomp.transport.zenoh")

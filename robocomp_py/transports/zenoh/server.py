@@ -27,8 +27,8 @@ from ..base import (
     Sink,
     Status,
 )
-from ..crew import CommandLane, Servant
 from ..exclusive import Claim, claim
+from ..leader_followers import CommandLane, Servant
 from ..ledger import Ledger
 from ..limits import QUERIES_WAITING
 from ..replies import Replies

@@ -32,10 +32,10 @@ from ..base import (
     TransportConfig,
     options_of,
 )
-from ..crew import Job, LeaderFollowers
 from ..directory import runtime_dir
 from ..exclusive import is_claimed
 from ..keyfiles import Rights
+from ..leader_followers import Job, LeaderFollowers
 from ..limits import QUERIES_WAITING
 from ..link import BaseLink, BaseTransport, Ends
 from ..memory import keep_memory
@@ -111,9 +111,9 @@ class ZenohTransport(BaseTransport[Token], SupportsHost):
         except BaseException:
             self._network.close()
             raise
-        self._crew = LeaderFollowers("zenoh", self._receive, wake=lambda: self._work.put(_nothing))
+        self._threads = LeaderFollowers("zenoh", self._receive, wake=lambda: self._work.put(_nothing))
         try:
-            self._crew.start()
+            self._threads.start()
         except TransportError:
             self.close()
             raise
@@ -130,7 +130,7 @@ class ZenohTransport(BaseTransport[Token], SupportsHost):
 
     def release(self, everything: contextlib.ExitStack) -> None:
         everything.callback(self._network.close)
-        everything.callback(self._crew.close)
+        everything.callback(self._threads.close)
         everything.callback(self._giving_up.cancel)
 
     # What links use.

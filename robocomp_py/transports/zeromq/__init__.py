@@ -9,7 +9,7 @@ directory of the run-time folder, beside the sockets' `ipc://` files. A late sub
 subscribes to a name of its own, and gets under it what it missed.
 
 Threads. Who asks and waits has a connection to itself, taken out of a pool, and speaks ZMTP on it (`zmtp.Stream`).
-What is served has a crew of its own, which waits inside that socket (`server.Router`). For all else one thread (the
+Served channels have receiving threads of their own, which wait inside that socket (`server.Router`). For all else one thread (the
 leader of a `LeaderFollowers`) sleeps on many descriptors: of subscriptions (`zmtp.Feed`), and of those ZeroMQ sockets
 that several threads use, which they may only under a lock, and nobody must sleep holding it (`sockets.Socket`).
 """

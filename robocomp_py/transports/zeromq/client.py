@@ -28,8 +28,8 @@ from ..base import (
     answered,
 )
 from ..client import CallingLink, CommandingLink, FindingLink
-from ..crew import Job
 from ..directory import Entry, Member
+from ..leader_followers import Job
 from ..link import accepted, persist
 from .curve import Secure
 from .frames import Frames, joined, read_reply_frames, topic

@@ -27,7 +27,7 @@ import zmq
 
 from ...errors import TransportError
 from ...threads import NO_THREAD, start_thread
-from ..crew import belongs
+from ..leader_followers import belongs
 from ..sparing import Repeats, Sparing
 from .bounds import HEAD, PROBATION, Connection, Descriptors, Kind, too_large, too_many
 from .frames import Frames

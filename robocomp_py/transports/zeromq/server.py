@@ -26,7 +26,7 @@ from ..base import (
     Reply,
     Status,
 )
-from ..crew import Job, LeaderFollowers
+from ..leader_followers import Job, LeaderFollowers
 from ..server import ServingLink, dispatch
 from ..sparing import Sparing
 from .bounds import Kind
@@ -107,9 +107,9 @@ class Router:
             with as_transport_error("opening a socket"):
                 self._bell.connect(bell)
             undo.pop_all()
-        self._crew = LeaderFollowers("zeromq-serving", self._receive, self._ring)
+        self._threads = LeaderFollowers("zeromq-serving", self._receive, self._ring)
         try:
-            self._crew.start()
+            self._threads.start()
         except TransportError:
             self.close()
             raise
@@ -124,7 +124,7 @@ class Router:
 
     def close(self) -> None:
         """Stop, and wait for the threads. Replies that come later are forgotten."""
-        self._crew.close()
+        self._threads.close()
         with self._inside, self._ringing:
             self._send_late()  # what came after the last thread had looked
             self._closed = True

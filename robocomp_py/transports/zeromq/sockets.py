@@ -20,7 +20,7 @@ from ...errors import (
     TransportError,
 )
 from ...wire.codec import MAX_BYTES
-from ..crew import Job
+from ..leader_followers import Job
 from .curve import Secure
 from .frames import Frames
 from .zmtp import Feed, Gone

@@ -29,8 +29,8 @@ from ..base import (
     SupportsHeard,
     depth_of,
 )
-from ..crew import Job
 from ..directory import Entry, Member
+from ..leader_followers import Job
 from ..limits import BATCH
 from ..link import persist
 from ..topics import SubscribingLink

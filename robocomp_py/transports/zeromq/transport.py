@@ -31,11 +31,11 @@ from ..base import (
     TransportConfig,
     options_of,
 )
-from ..crew import Job, LeaderFollowers
 from ..directory import LONGEST_SOCKET, Entry, Member, runtime_dir
 from ..directory_transport import DirectoryTransport
 from ..inotify import Watch
 from ..keyfiles import Rights
+from ..leader_followers import Job, LeaderFollowers
 from ..limits import IDLE_TICK
 from ..link import Ends, L
 from ..memory import keep_memory
@@ -131,9 +131,9 @@ class ZeroMQTransport(DirectoryTransport):
         except BaseException:
             self._close_unstarted()
             raise
-        self._crew = LeaderFollowers("zeromq", self._loop.receive, self._loop.wake)
+        self._threads = LeaderFollowers("zeromq", self._loop.receive, self._loop.wake)
         try:
-            self._crew.start()
+            self._threads.start()
         except TransportError:
             self.close()
             raise
@@ -155,7 +155,7 @@ class ZeroMQTransport(DirectoryTransport):
         if self.guard:
             everything.callback(self.guard.close)
         everything.callback(self._close_sockets)
-        everything.callback(self._crew.close)
+        everything.callback(self._threads.close)
         everything.callback(self._close_routers)
         everything.callback(self.member.close)
         everything.callback(self.directory.stop_watching)
@@ -183,13 +183,13 @@ class ZeroMQTransport(DirectoryTransport):
         /,
         **options: int,
     ) -> Socket:
-        """A shared socket, whose input the crew attends to from now on; if not `watched`, when it is asked to."""
+        """A shared socket, whose input the receiving threads handle from now on; if not `watched`, when it is asked to."""
         socket = Socket(new_socket(self.context, kind, secure, **options), on_input, self._loop.attend)
         self._loop.add(socket, watched=watched)
         return socket
 
     def subscription(self, feed: Feed | FarFeed, on_input: Callable[[Subscription], list[Job]]) -> Subscription:
-        """A feed, whose input the crew attends to from now on."""
+        """A feed, whose input the receiving threads handle from now on."""
         subscription = Subscription(feed, on_input)
         self._loop.add(subscription)
         return subscription
@@ -235,7 +235,7 @@ class ZeroMQTransport(DirectoryTransport):
         self._loop.within(seconds)
 
     def do(self, job: Job) -> None:
-        """Have the crew run this."""
+        """Have a receiving thread run this."""
         self._loop.do(job)
 
     def routers(self) -> list[Router]:

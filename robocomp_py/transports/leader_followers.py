@@ -51,16 +51,16 @@ _LONGEST_PAUSE = 0.5
 # Where messages pass, locks are entered themselves: the same through their condition takes twice as long.
 
 _THREADS: weakref.WeakSet[threading.Thread] = weakref.WeakSet()
-"""All threads of all crews, and others that belong to transports."""
+"""Threads of all `LeaderFollowers`, and others that belong to transports."""
 
 
 def belongs(thread: threading.Thread) -> None:
-    """Note a thread of a transport that is no crew's, for `abandoned`."""
+    """Note a thread of a transport that belongs to no `LeaderFollowers`, for `abandoned`."""
     _THREADS.add(thread)
 
 
 def abandoned() -> bool:
-    """Whether the program has ended, but for threads of crews: somebody forgot to close a transport.
+    """Whether only threads of transports still run: the program forgot to close a transport.
 
     Interpreters wait for their threads before anything else, so only such a thread can notice.
     """

@@ -14,21 +14,21 @@ import pytest
 from robocomp_py.errors import TransportError
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.threads import start_thread
-from robocomp_py.transports import crew as crews
+from robocomp_py.transports import leader_followers
 from robocomp_py.transports.base import Reply, Statistics, Status, about_to_block
-from robocomp_py.transports.crew import Gate, Lane, LeaderFollowers, Servant
+from robocomp_py.transports.leader_followers import Gate, Lane, LeaderFollowers, Servant
 
 Work = queue.Queue[Callable[[], object]]
 
 
 @pytest.fixture
 def work() -> Iterator[Work]:
-    """Jobs put here are run by a crew."""
+    """Jobs put here are run by a pool."""
     jobs: Work = queue.Queue()
-    crew = LeaderFollowers("test", lambda: (jobs.get(),), wake=lambda: jobs.put(lambda: None))
-    crew.start()
+    pool = LeaderFollowers("test", lambda: (jobs.get(),), wake=lambda: jobs.put(lambda: None))
+    pool.start()
     yield jobs
-    crew.close()
+    pool.close()
 
 
 def test_one_thread_runs_all_jobs_that_are_quick(work: Work) -> None:
@@ -39,7 +39,7 @@ def test_one_thread_runs_all_jobs_that_are_quick(work: Work) -> None:
     assert len(set(threads)) == 1
 
 
-def test_a_crew_without_a_thread_to_spare_goes_on_and_hires_one_later() -> None:
+def test_a_pool_without_a_thread_to_spare_goes_on_and_hires_one_later() -> None:
     jobs: Work = queue.Queue()
     spare, refused = threading.Semaphore(2), threading.Event()
 
@@ -49,8 +49,8 @@ def test_a_crew_without_a_thread_to_spare_goes_on_and_hires_one_later() -> None:
             return False
         return start_thread(thread)
 
-    crew = LeaderFollowers("test", lambda: (jobs.get(),), wake=lambda: jobs.put(lambda: None), start=start)
-    crew.start()
+    pool = LeaderFollowers("test", lambda: (jobs.get(),), wake=lambda: jobs.put(lambda: None), start=start)
+    pool.start()
     try:
         ran, release = threading.Semaphore(0), threading.Event()
         jobs.put(lambda: (about_to_block(), ran.release()))
@@ -64,19 +64,19 @@ def test_a_crew_without_a_thread_to_spare_goes_on_and_hires_one_later() -> None:
         assert ran.acquire(timeout=SOON)  # while the other one waits: the lookout found a thread to hire
         release.set()
     finally:
-        crew.close()
+        pool.close()
 
 
-def test_a_crew_that_cannot_have_its_threads_says_so_and_leaves_none() -> None:
+def test_a_pool_that_cannot_have_its_threads_says_so_and_leaves_none() -> None:
     jobs: Work = queue.Queue()
     spare = threading.Semaphore(1)
 
     def start(thread: threading.Thread) -> bool:
         return spare.acquire(blocking=False) and start_thread(thread)
 
-    crew = LeaderFollowers("few", lambda: (jobs.get(),), wake=lambda: jobs.put(lambda: None), start=start)
+    pool = LeaderFollowers("few", lambda: (jobs.get(),), wake=lambda: jobs.put(lambda: None), start=start)
     with pytest.raises(TransportError, match="few: no thread can be started; raise the limit of processes"):
-        crew.start()
+        pool.start()
     assert not [each for each in threading.enumerate() if each.name.startswith("few-")]
 
 
@@ -132,13 +132,13 @@ def test_a_job_that_raises_is_logged_and_the_next_one_runs(work: Work, caplog: p
 
 def test_closing_waits_for_the_threads_and_may_be_done_by_a_job() -> None:
     jobs: Work = queue.Queue()
-    crew = LeaderFollowers("test", lambda: (jobs.get(),), wake=lambda: jobs.put(lambda: None))
+    pool = LeaderFollowers("test", lambda: (jobs.get(),), wake=lambda: jobs.put(lambda: None))
     before = threading.active_count()
-    crew.start()
+    pool.start()
     closed = threading.Event()
 
     def close() -> None:
-        crew.close()
+        pool.close()
         closed.set()
 
     jobs.put(close)
@@ -243,7 +243,7 @@ def test_whatever_a_job_raises_the_next_one_runs(
     assert "a message was not handled" in caplog.text
 
 
-def test_a_crew_whose_receiving_fails_goes_on_and_says_so_once(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_pool_whose_receiving_fails_goes_on_and_says_so_once(caplog: pytest.LogCaptureFixture) -> None:
     heard, failures = threading.Event(), [OSError("no descriptor is left")] * 4
     jobs: Work = queue.Queue()
 
@@ -252,11 +252,11 @@ def test_a_crew_whose_receiving_fails_goes_on_and_says_so_once(caplog: pytest.Lo
             raise failures.pop()
         return (jobs.get(),)
 
-    crew = LeaderFollowers("test", receive, wake=lambda: jobs.put(lambda: None))
-    crew.start()
+    pool = LeaderFollowers("test", receive, wake=lambda: jobs.put(lambda: None))
+    pool.start()
     jobs.put(heard.set)
     assert heard.wait(SOON)
-    crew.close()
+    pool.close()
     assert sum("receiving failed" in record.message for record in caplog.records) == 1
 
 
@@ -272,30 +272,30 @@ def test_nobody_else_receives_while_one_does_even_if_it_steps_aside() -> None:
         inside.release()
         return (job,)
 
-    crew = LeaderFollowers("test", receive, wake=lambda: jobs.put(lambda: None))
-    crew.start()
+    pool = LeaderFollowers("test", receive, wake=lambda: jobs.put(lambda: None))
+    pool.start()
     release = threading.Event()
     for _ in range(3):
         jobs.put(lambda: release.wait(SOON))
     jobs.put(heard.set)
     assert heard.wait(SOON)
     release.set()
-    crew.close()
+    pool.close()
     assert most == [0]
 
 
 def test_closing_gives_up_on_a_job_that_is_stuck(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(crews, "STUCK", 0.05)
+    monkeypatch.setattr(leader_followers, "STUCK", 0.05)
     jobs: Work = queue.Queue()
-    crew = LeaderFollowers("test", lambda: (jobs.get(),), wake=lambda: jobs.put(lambda: None))
+    pool = LeaderFollowers("test", lambda: (jobs.get(),), wake=lambda: jobs.put(lambda: None))
     before = threading.active_count()
-    crew.start()
+    pool.start()
     entered, release = threading.Event(), threading.Event()
     jobs.put(lambda: (entered.set(), release.wait(SOON * 3)))
     assert entered.wait(SOON)
-    crew.close()
+    pool.close()
     assert not release.is_set()
     assert "test-0" in caplog.text  # and others, if they take as long to end
     assert "still busy" in caplog.text
