@@ -44,7 +44,7 @@ from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Reply, Status, Transport, TransportConfig, gathering
 from robocomp_py.transports.directory import runtime_dir
 from robocomp_py.transports.inotify import Watch
-from robocomp_py.transports.shm import desk, node, room, samples
+from robocomp_py.transports.shm import dispatcher, node, room, samples
 from robocomp_py.transports.shm.haste import Haste
 from robocomp_py.transports.shm.loop import Loop
 from robocomp_py.transports.shm.mail import AHEAD, LINGER, Post, packed, unpacked
@@ -476,7 +476,7 @@ def test_a_request_is_served_while_its_sender_cannot_be_told_that_it_was_taken(
             raise failures.pop()
         return Receipts(path)
 
-    monkeypatch.setattr(desk, "Receipts", receipts)
+    monkeypatch.setattr(dispatcher, "Receipts", receipts)
     here.server(query(NAME), lambda payload, _: Reply(Status.OK, payload))
     caller = there.caller(query(NAME))
     assert caller.wait_peer(SOON)

@@ -137,11 +137,11 @@ class Caller(CallingLink["ShmTransport", Peer, int], AskingLink):
         self._haste = Haste()
 
     def open(self) -> None:
-        self.transport.desk.callers[self.client] = self
+        self.transport.dispatcher.callers[self.client] = self
         super().open()
 
     def release(self) -> None:
-        self.transport.desk.callers.pop(self.client, None)
+        self.transport.dispatcher.callers.pop(self.client, None)
         super().release()
 
     def post(self, peer: Peer, where: int, payload: Payload, number: int, end: float, deadline: float) -> bool:

@@ -24,7 +24,7 @@ from ..link import Ends
 from ..server import CommandInlet, Server, ServingLink
 from .client import Caller, CommandOutlet, Peer
 from .codec import ApartCdr
-from .desk import Desk
+from .dispatcher import Dispatcher
 from .loop import TICK, Attending, Loop
 from .mail import LINGER, Line, Mailbox, packed
 from .node import Node
@@ -75,8 +75,8 @@ class ShmTransport(DirectoryTransport):
             undo.callback(self._own.close)
             self._mailbox = Mailbox(self.node, self.member.id)
             undo.callback(self._mailbox.close)
-            self.desk = Desk(self, self._mailbox)
-            self._loop = Loop(self._wakeup, self._own, self._tick, self.desk.open_next)
+            self.dispatcher = Dispatcher(self, self._mailbox)
+            self._loop = Loop(self._wakeup, self._own, self._tick, self.dispatcher.open_next)
             self.afterwards = self._loop.afterwards
             self.directory.watch(self._watch, self._loop.wake)
             self._threads = LeaderFollowers("shm", self._loop.receive, self._loop.wake)
@@ -91,7 +91,7 @@ class ShmTransport(DirectoryTransport):
         self._settled = min(self._settled_together, time.monotonic() + LINGER)
         everything.callback(self._leave)
         everything.callback(self._let_go)
-        everything.callback(self.desk.close)
+        everything.callback(self.dispatcher.close)
         everything.callback(self._threads.close)
         everything.callback(self.member.close)
         everything.callback(self.directory.stop_watching)
@@ -200,12 +200,12 @@ class ShmTransport(DirectoryTransport):
 
     def enlist(self, link: ServingLink) -> str:
         number = self.number()
-        self.desk.serve(number, link)
+        self.dispatcher.serve(number, link)
         return str(number)
 
     def delist(self, link: ServingLink) -> None:
         if link.address:
-            self.desk.serving.pop(int(link.address), None)
+            self.dispatcher.serving.pop(int(link.address), None)
 
     def _tick(self) -> float:
         """Do what is due; seconds until the next time."""
@@ -216,7 +216,7 @@ class ShmTransport(DirectoryTransport):
         self._look_for_files(called)
         if called:
             self._forget_the_gone()
-        self.desk.note()  # in case it failed before
+        self.dispatcher.note()  # in case it failed before
         waits = self._look_after(version)
         if called:  # after links have heard the last messages of peers that have left
             self.node.heaps.forget_left()
@@ -259,7 +259,7 @@ class ShmTransport(DirectoryTransport):
 
     def _forget_the_gone(self) -> None:
         with self._lock:
-            known = self._wakers.keys() | {peer.id for peer in self.known_peers()} | self.desk.correspondents()
+            known = self._wakers.keys() | {peer.id for peer in self.known_peers()} | self.dispatcher.correspondents()
         for member_id in known:
             if not self.directory.alive(member_id):
                 with self._lock:
@@ -267,7 +267,7 @@ class ShmTransport(DirectoryTransport):
                 for each in held:
                     if each:
                         each.close()
-                self.desk.drop(member_id)
+                self.dispatcher.drop(member_id)
                 self.died()
 
 

@@ -42,7 +42,7 @@ MOST = 4096
 """Maximum number of letters that are read and wait to be opened."""
 
 
-class Desk:
+class Dispatcher:
     """`open_next` is for one thread at a time; replies may come from any."""
 
     def __init__(self, transport: ShmTransport, mailbox: Mailbox) -> None:
