@@ -183,7 +183,7 @@ class ZeroMQTransport(DirectoryTransport):
         /,
         **options: int,
     ) -> Socket:
-        """A shared socket, whose input the receiving threads handle from now on; if not `watched`, when it is asked to."""
+        """A shared socket. The receiving threads handle its input from now on; if not `watched`, on request."""
         socket = Socket(new_socket(self.context, kind, secure, **options), on_input, self._loop.attend)
         self._loop.add(socket, watched=watched)
         return socket
