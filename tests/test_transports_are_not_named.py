@@ -18,12 +18,9 @@ ROOMS = ("cli", "codegen", "deploy", "graph", "lsp", "runtime")
 NAMES = {*installed.transports(), "cyclonedds", "iceoryx", "iceoryx2", "icestorm", "zmq"}
 """The transports, and the libraries that they stand on."""
 
-_OLD_FILES = "reads what RoboComp's configurations say of Ice"
 LEFT = {
     "codegen/write.py": "removes files that earlier versions generated, by the endings of their names",
     "deploy/exporters/kubernetes.py": "/dev/shm is Linux's name of a folder",
-    "deploy/iceplaces.py": _OLD_FILES,
-    "deploy/planner.py": f"asks `iceplaces`, which {_OLD_FILES}",
 }
 """The files that still name one, and why."""
 
@@ -69,7 +66,7 @@ def test_no_room_knows_a_transport_by_name(room: str) -> None:
 @pytest.mark.parametrize(
     "code",
     [
-        'COLOURS = {"zenoh": "#fff"}', "import zmq", "from .iceplaces import ICE", "def _over_dds(): ...",
+        'COLOURS = {"zenoh": "#fff"}', "import zmq", "from .icefiles import ICE", "def _over_dds(): ...",
         'x = f"transports.zeromq.bind={y}"', "ZeroMQTransport", "DDSDeployment()", "from ..transports.shm import room",
         "f(shm=1)", "def f(shm): ...",
     ],

@@ -24,10 +24,11 @@ from ..errors import ConfigurationError, TransportError
 from ..runtime.effective import toml
 from ..transports.base import TransportConfig, find_transport
 from ..transports.deployment import Near, deployment_of, deployments
+from ..transports.network import Fault
 from ..transports.network import Way as Way
 from ..wire import names
 from .qos import lacking, unsupported_over
-from .routes import Aim, Configured, Everybody, Fault, met, unfit
+from .routes import Aim, Configured, Everybody, met, unfit
 
 
 class Usable(Protocol):

@@ -32,11 +32,10 @@ from ..runtime.effective import toml
 from ..runtime.notify import BETWEEN
 from ..spelling import unknown
 from ..transports.deployment import deployments
-from ..transports.network import Network, Site, free_ports
-from . import iceplaces, placing, security
+from ..transports.network import LOOPBACK, Fault, Network, Site
+from . import placing, security
 from .auto import Choice, Usable, choose, installed_here, unsupported_by_others
 from .configuration import check_text, span_of
-from .iceplaces import ICE, Place, Places
 from .ordering import Edge, Order, ordered
 from .plan import Link, OpenedTransport, Ours, Overrides, Plan, Security
 from .process import Member, Process
@@ -44,7 +43,6 @@ from .qos import unsupported
 from .routes import (
     Configured,
     Everybody,
-    Fault,
     check_routes,
     generated_for,
     providers,
@@ -55,7 +53,7 @@ from .routes import (
 )
 from .uses import Node, node_of, read_qos, wire
 from .waiting import Requirement, endless
-from .wiring import Wiring
+from .wiring import Placement, Wiring, place
 from .wiring import wire as wire_hosts
 
 _MOST_CIRCLES = 3
@@ -115,7 +113,7 @@ class _Planner:
         """Those of which it may have instances."""
         self._configured: list[Configured] = []
         self._programs: list[Configured] = []
-        self._choice, self._wiring, self._places = Choice(), Wiring(), Places()
+        self._choice, self._wiring, self._placement = Choice(), Wiring(), Placement()
         self._between = ordered((), {}, {})
         self._inside: dict[str, Order] = {}
         self._blamed: dict[tuple[str, str, str, str], list[str]] = {}
@@ -140,7 +138,7 @@ class _Planner:
         self._check_waiting()
         self._choice = choose([*self._configured, *self._programs], self._usable)
         if addresses := self._host_addresses(ordered):
-            self._find_over_ice(ordered, addresses)
+            self._place_interfaces(ordered, addresses)
             self._wire_hosts(ordered, addresses)
         self._check_security(nodes)
         self._tell_blamed()
@@ -157,7 +155,7 @@ class _Planner:
             placing.hosts_of(self._model, self._model.instances),
             placing.escalations(self._model),
             placing.security(self._model),
-            (*self._wiring.helpers, *self._places.helpers),
+            (*self._wiring.helpers, *self._placement.helpers),
             {each.name: self._ours(each, nodes) for each in self._configured},
         )
 
@@ -448,22 +446,28 @@ class _Planner:
         return {} if self._overrides.middleware else node.carriers
 
     def _note_program(self, node: Node) -> None:
-        """What is known of a program of somebody's own: what the network says of it, and its configuration of Ice."""
+        """What is known of a program that is not configured from here: what the network says, and its own file.
+
+        Of its file, only the transports count whose interfaces have ports of their own: that is where it is called.
+        """
         middleware = generated_for(node.linked.path.parent)
         document = Document()
         config = self._config(node) if node.instance.config else None
+        own = [name for name, each in deployments().items() if each.ports_of_interfaces]
         try:
             theirs = settings.read_for(config, node.component) if config else Document()
-            settings.settle(theirs, node.component, ICE)
+            for name in own:
+                settings.settle(theirs, node.component, name)
         except ConfigurationError as exc:
             self._error("configuration", f"`{node.name}` is configured wrongly: {exc}", node.place())
             return
-        if of_ice := theirs.data.get("transports", {}).get(ICE):
-            document.data["transports"] = {ICE: of_ice}
+        transports = theirs.data.get("transports", {})
+        if said := {name: transports[name] for name in own if transports.get(name)}:
+            document.data["transports"] = said
         for assignment, origin in self._assignments(node):
             settings.override(document, assignment, origin)
         known, complaints = settings.examine(node.component, document, node.instance.local)
-        wrong = [each for each in complaints if each.key[:2] == ("transports", ICE)]
+        wrong = [each for each in complaints if each.key[:1] == ("transports",) and each.key[1] in own]
         self._report.extend(_complaint(node, config, theirs, each) for each in wrong)
         if wrong:
             return
@@ -562,7 +566,7 @@ class _Planner:
         """At which number each host is reached, "" being this one; nothing if that is not known."""
         hosts = placing.hosts_of(self._model, self._model.instances)
         if not hosts:
-            return {"": iceplaces.LOOPBACK} if all(not node.host for each in ordered.values() for node in each) else {}
+            return {"": LOOPBACK} if all(not node.host for each in ordered.values() for node in each) else {}
         if not self._is_placed(ordered):
             return {}
         try:
@@ -572,7 +576,7 @@ class _Planner:
             return {}
 
     def _wire_hosts(self, ordered: Mapping[str, Sequence[Node]], addresses: Mapping[str, str]) -> None:
-        """How instances reach each other, beside what is found over Ice."""
+        """How instances reach each other, beside what their interfaces have ports of their own for."""
         named = {node.name: node for together in ordered.values() for node in together}
         configured = {each.name: each.settings.transports for each in self._configured}
         sites = [
@@ -593,32 +597,44 @@ class _Planner:
         once = {(fault.code, fault.instance, fault.other): fault for fault in reversed(wiring.faults)}
         for fault in reversed(once.values()):
             self._fault(fault, named)
-        further = self._places.settings
+        further = self._placement.settings
         names = (*further, *wiring.settings)
         merged = {name: (*further.get(name, ()), *wiring.settings.get(name, ())) for name in names}
         self._wiring = dataclasses.replace(wiring, settings=merged)
 
-    def _find_over_ice(self, ordered: Mapping[str, Sequence[Node]], addresses: Mapping[str, str]) -> None:
-        """Where what goes over Ice is found."""
+    def _place_interfaces(self, ordered: Mapping[str, Sequence[Node]], addresses: Mapping[str, str]) -> None:
+        """Find where transports serve interfaces that have ports of their own."""
         named = {node.name: node for together in ordered.values() for node in together}
-        places = {
-            node.name: Place(node.host, addresses[node.host], placing.port(node.instance)) for node in named.values()
-        }
-        everyone = [*self._configured, *self._programs]
-        free = free_ports(self._model.name.text, len(places))
-        here = addresses.get("", iceplaces.LOOPBACK)
-        self._places = iceplaces.find(everyone, self._choice.ways, places, free, here)
-        for fault in worth_telling(self._places.faults):
+        over = [name for name, each in deployments().items() if each.ports_of_interfaces]
+        ways = self._choice.ways
+        sites = [
+            Site(
+                each.name,
+                each.process,
+                each.host,
+                placing.port(named[each.name].instance),
+                each.is_program,
+                each.settings.transports,
+                {name: each.interfaces_over(name, ways) for name in over},
+                frozenset(filter(each.has_topics_over, over)),
+                each.document.peers,
+            )
+            for each in (*self._configured, *self._programs)
+        ]
+        self._placement = found = place(Network(self._model.name.text, addresses, sites, ways))
+        for fault in worth_telling(found.faults):
             self._fault(fault, named)
-        for each in self._configured:
-            if each.name in self._places.taken:
-                found = self._places.settings.setdefault(each.name, [])
-                found += _at_port(self._port(named[each.name]), each)
+        moved = {
+            each.name: (*found.settings.get(each.name, ()), *_at_port(self._port(named[each.name]), each))
+            for each in self._configured
+            if each.name in found.taken
+        }
+        self._placement = dataclasses.replace(found, settings={**found.settings, **moved})
 
     def _port(self, node: Node) -> int:
-        """The one it has for other transports: behind those of its interfaces over Ice."""
+        """The one it has for other transports: behind those of its interfaces."""
         first = placing.port(node.instance)
-        return first + self._places.taken.get(node.name, 0) if first else 0
+        return first + self._placement.taken.get(node.name, 0) if first else 0
 
     def _fault(self, fault: Fault, named: Mapping[str, Node]) -> None:
         related = [("the other end", named[fault.other].instance.name)] if fault.other else []

@@ -12,7 +12,8 @@ from ..contract.component import Port
 from ..contract.interface import Pattern
 from ..contract.qos import QoS
 from ..transports.base import Capability, Channel, TypeRef, find_transport, needs
-from .routes import Configured, Fault, unfit
+from ..transports.network import Fault
+from .routes import Configured, unfit
 
 _WORDS = {
     Capability.RELIABLE: "reliable or keep_all",

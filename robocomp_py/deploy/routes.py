@@ -23,32 +23,11 @@ from ..runtime.settings import Document, Settings, Way
 from ..spelling import unknown
 from ..transports.base import Capability, find_transport
 from ..transports.deployment import deployment_of
+from ..transports.network import Fault
+from ..transports.network import Way as Carried
 from ..wire import names
 
 _MIDDLEWARE = re.compile(r'^    middleware = "([^"]+)"$', re.MULTILINE)
-
-
-@dataclass(frozen=True)
-class Fault:
-    """Something wrong, in the terms of a diagnostic. `instance` is the one to blame; "" if it is none."""
-
-    code: str
-    message: str
-    hint: str = ""
-    instance: str = ""
-    subject: tuple[str, ...] = ()
-    """Of several faults with one subject, the first is worth telling."""
-    other: str = ""
-    """The instance at the other end, if it is to blame as well."""
-    port: str = ""
-    """Of the instance, if it is about one."""
-    origin: str = ""
-    """Who said what is wrong, if that is known."""
-    reason: str = ""
-    """The message without that."""
-
-    def __str__(self) -> str:
-        return f"{self.message}; {self.hint}" if self.hint else self.message
 
 
 @dataclass(frozen=True)
@@ -161,6 +140,26 @@ class Configured:
         for port in self.component.ports:
             if providing in (None, port.verb.provides):
                 yield from ((port, operation.name, pattern) for operation, pattern in port.interface.under(port.verb))
+
+    def interfaces_over(self, middleware: str, ways: Iterable[Carried]) -> list[str]:
+        """What channels call the interfaces that it implements over a middleware, by its settings or by these ways."""
+        over = (
+            way for way in ways if (way.middleware, way.provider) == (middleware, self.name) and not way.verb.is_topic
+        )
+        used = {names.segment(way.channel) for way in over}
+        found = []
+        for port in self.component.ports:
+            if port.verb is Verb.IMPLEMENTS and (segment := self.component.segment(port)):
+                operations = [operation.name for operation, _ in port.interface.under(port.verb)]
+                chosen = (self.settings.middlewares(port, name, self.generated_for) for name in operations)
+                if segment in used or any(middleware in each for each in chosen):
+                    found.append(segment)
+        return found
+
+    def has_topics_over(self, middleware: str) -> bool:
+        """Whether it publishes or subscribes over a middleware."""
+        topics = ((port, name) for port, name, pattern in self.patterns() if pattern is Pattern.PUBLISH)
+        return any(middleware in self.settings.middlewares(*at, self.generated_for) for at in topics)
 
     def offers(self, wanted: Port, segment: str | None = None) -> list[Port]:
         """Its ports that offer what a port of somebody else uses; with a segment, those called so in channels."""

@@ -21,13 +21,13 @@ from ..runtime.document import Document
 from ..runtime.notify import BETWEEN
 from ..transports.base import Capability, find_transport
 from ..transports.deployment import deployment_of, deployments, is_loopback
-from ..transports.network import Helper
+from ..transports.network import Fault, Helper
 from ..transports.permissions import router_name
 from . import keys
 from .auto import Way
 from .plan import Plan, Security
 from .process import Process
-from .routes import Configured, Fault
+from .routes import Configured
 
 _SAY_OPEN = "write `security open;`"
 _SAY = "write `security lan;` and make keys by `rcdeploy keys`, or `security open;` if everybody may take part"

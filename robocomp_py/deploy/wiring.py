@@ -10,9 +10,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ..runtime.effective import toml
-from ..transports.deployment import deployment_of
-from ..transports.network import Helper, Network, Refusal, named
-from .routes import Fault
+from ..transports.deployment import deployment_of, deployments
+from ..transports.network import Fault, Helper, Network, Refusal, named
 
 
 @dataclass(frozen=True)
@@ -21,6 +20,16 @@ class Wiring:
     """By instance, `key=value`."""
     helpers: tuple[Helper, ...] = ()
     faults: tuple[Fault, ...] = ()
+
+
+@dataclass(frozen=True)
+class Placement:
+    settings: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """By instance, `key=value`."""
+    taken: Mapping[str, int] = field(default_factory=dict)
+    """By instance, how many ports from its `port` on are those of its interfaces."""
+    faults: tuple[Fault, ...] = ()
+    helpers: tuple[Helper, ...] = ()
 
 
 def wire(network: Network) -> Wiring:
@@ -36,6 +45,26 @@ def wire(network: Network) -> Wiring:
             settings[instance] = (*settings.get(instance, ()), *given)
     helpers = tuple(helper for wiring in wirings.values() for helper in wiring.helpers)
     return Wiring(settings, helpers, tuple(_shared_ports(network, helpers)))
+
+
+def place(network: Network) -> Placement:
+    """Where the transports whose interfaces have ports of their own serve them, put together."""
+    taken: dict[str, int] = {}
+    settings: dict[str, list[str]] = {}
+    faults: list[Fault] = []
+    helpers: list[Helper] = []
+    for name, each in deployments().items():
+        if not each.ports_of_interfaces:
+            continue
+        found = each.place(network.over(name))
+        for instance, count in found.taken.items():
+            taken[instance] = taken.get(instance, 0) + count
+        for instance, options in found.options.items():
+            given = (f"transports.{name}.{key}={toml(value)}" for key, value in options)
+            settings.setdefault(instance, []).extend(given)
+        faults += found.faults
+        helpers += found.helpers
+    return Placement({name: tuple(each) for name, each in settings.items()}, taken, tuple(faults), tuple(helpers))
 
 
 def _shared_ports(network: Network, helpers: Sequence[Helper]) -> Iterator[Fault]:

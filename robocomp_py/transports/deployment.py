@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from .. import installed
 from ..contract.parameters import Complaint, Key
-from .network import Helper, Network, Refusal, Wiring
+from .network import Helper, Network, Placement, Refusal, Wiring
 from .permissions import Graph
 
 if TYPE_CHECKING:
@@ -83,6 +83,13 @@ class Deployment:
     """Whether opening and closing it removes what killed processes left outside of the run-time folder."""
     modules: tuple[tuple[str, str], ...] = ()
     """What a host must have: a module, and the package that contains it, of each."""
+
+    def place(self, network: Network) -> Placement:
+        """Where the interfaces of instances are, if they have `ports_of_interfaces`; `wire` is asked afterwards.
+
+        A `port` of an instance is that of its first interface. What other transports use of it begins behind its last.
+        """
+        return Placement()
 
     def wire(self, network: Network) -> Wiring:
         """How instances find each other, given all that the transport carries between them."""

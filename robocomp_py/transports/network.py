@@ -18,6 +18,8 @@ from ..contract.middleware import DEFAULT
 if TYPE_CHECKING:
     from ..contract.interface import Verb
 
+LOOPBACK = "127.0.0.1"
+
 FIRST_PORT, BLOCK, BLOCKS = 20000, 100, 100
 """Each network has a block of ports, below those that systems give away: for helpers, then one for each instance."""
 
@@ -63,6 +65,12 @@ class Site:
     """Whether it is a program of its own, which is not configured by `rcdeploy`."""
     options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """Of each transport, as the instance is configured."""
+    interfaces: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    """Of each transport whose interfaces have ports of their own: those that are called over it, in their order."""
+    topics: frozenset[str] = frozenset()
+    """Those of these transports over which the instance publishes or subscribes."""
+    peers: Mapping[str, str] = field(default_factory=dict)
+    """What a configuration in another form says about the ports of the instance."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +94,29 @@ class Helper:
 
 
 @dataclass(frozen=True)
+class Fault:
+    """Something wrong, in the terms of a diagnostic. `instance` is the one to blame; "" if it is none."""
+
+    code: str
+    message: str
+    hint: str = ""
+    instance: str = ""
+    subject: tuple[str, ...] = ()
+    """Of several faults with one subject, the first is worth telling."""
+    other: str = ""
+    """The instance at the other end, if it is to blame as well."""
+    port: str = ""
+    """Of the instance, if it is about one."""
+    origin: str = ""
+    """Who said what is wrong, if that is known."""
+    reason: str = ""
+    """The message without that."""
+
+    def __str__(self) -> str:
+        return f"{self.message}; {self.hint}" if self.hint else self.message
+
+
+@dataclass(frozen=True)
 class Refusal:
     """A way that a transport cannot go."""
 
@@ -103,6 +134,18 @@ class Wiring:
     """By instance."""
     helpers: tuple[Helper, ...] = ()
     refusals: tuple[Refusal, ...] = ()
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where the interfaces of instances are, over a transport whose interfaces have ports of their own."""
+
+    options: Mapping[str, Sequence[tuple[str, Any]]] = field(default_factory=dict)
+    """By instance: keys, with dots in them, and values."""
+    taken: Mapping[str, int] = field(default_factory=dict)
+    """By instance, how many ports from its `port` on are those of its interfaces."""
+    faults: Sequence[Fault] = ()
+    helpers: Sequence[Helper] = ()
 
 
 @dataclass(frozen=True)
@@ -161,6 +204,11 @@ class Network:
         """`10.0.0.1:20000`, or `[fd00::1]:20000`."""
         address = self.addresses[host]
         return f"[{address}]:{port}" if ":" in address else f"{address}:{port}"
+
+    @property
+    def free_ports(self) -> list[int]:
+        """The ports of the network that are none of its helpers or its instances."""
+        return free_ports(self.name, len(self.sites))
 
     @property
     def helper_port(self) -> int:

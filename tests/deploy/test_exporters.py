@@ -28,7 +28,7 @@ from robocomp_py.deploy.relocation import places, relocate
 from robocomp_py.deploy.security import secured
 from robocomp_py.errors import DeploymentError
 from robocomp_py.testing.patience import SOON
-from robocomp_py.transports.ice.deployment import storm
+from robocomp_py.transports.ice.places import icestorm
 from robocomp_py.transports.zenoh.deployment import router
 
 from . import security_network
@@ -141,7 +141,8 @@ def test_a_component_that_hangs_is_ended_as_by_rcdeploy_and_then_restart_counts(
 def test_what_feeds_no_watchdog_is_not_ended_for_that(folder: Path) -> None:
     program = Process("lidar", "Lidar", ("urg_node",), folder, is_program=True)
     plan = network(
-        program, helpers=(router("", {"connect": "here/Patrol"}), storm("S:tcp -p 9999"), storm("S:tcp -p 9998", 1))
+        program,
+        helpers=(router("", {"connect": "here/Patrol"}), icestorm("S:tcp -p 9999"), icestorm("S:tcp -p 9998", 1)),
     )
     units = [text for name, text in EXPORTERS["systemd"](plan, "n").files.items() if name.suffix == ".service"]
     assert len(units) == 4
@@ -450,7 +451,7 @@ def test_what_carries_messages_to_other_hosts_is_started_first(folder: Path, kin
 
 def test_icestorm_is_there_before_who_publishes_over_ice(folder: Path) -> None:
     proxy = "IceStorm/TopicManager:tcp -h 127.0.0.1 -p 9999"
-    plan = network(component(folder, "laser"), helpers=(storm(proxy),))
+    plan = network(component(folder, "laser"), helpers=(icestorm(proxy),))
     export = EXPORTERS["systemd"](plan, "n")
     assert parts(only(export, "-laser.service"))["After"] == ["robocomp-Patrol-ice-storm.service"]
     assert "transports.ice.storm" in only(export, "-ice-storm.service")

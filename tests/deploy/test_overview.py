@@ -15,7 +15,7 @@ from robocomp_py.deploy.plan import Host, Link, Plan
 from robocomp_py.deploy.policy import Escalation, Restart, When
 from robocomp_py.deploy.process import Member, Process
 from robocomp_py.deploy.table import text
-from robocomp_py.transports.ice.deployment import storm
+from robocomp_py.transports.ice.places import icestorm
 
 
 def process(name: str, **more: Any) -> Process:
@@ -59,7 +59,7 @@ def test_a_plan_says_who_runs_where_after_whom_and_who_uses_whom_over_what() -> 
 
 def test_a_plan_says_which_icestorm_its_topics_need() -> None:
     proxy = "IceStorm/TopicManager:tcp -h 127.0.0.1 -p 9999"
-    plan = Plan("One", "ice", (process("arm"),), (), helpers=(storm(proxy),))
+    plan = Plan("One", "ice", (process("arm"),), (), helpers=(icestorm(proxy),))
     assert lines(plan)[1:3] == [f"IceStorm: {proxy}, run with the network if that is here and none answers there", ""]
 
 

@@ -32,7 +32,7 @@ def every_slug() -> set[str]:
     """Those of the languages, of the generator, of the deployer, of the commands, and of configurations."""
     parts = [PACKAGE / name for name in ("dsl", "codegen", "deploy", "cli", "lsp", "usercode", "classic")]
     checks = [PACKAGE / name for name in ("contract/parameters.py", "runtime/settings.py")]
-    checks.append(PACKAGE / "transports" / "iceoptions.py")
+    checks += [PACKAGE / "transports" / name for name in ("iceoptions.py", "ice/places.py")]
     return slugs_in([*checks, *(path for part in parts for path in part.rglob("*.py"))])
 
 

@@ -1,4 +1,4 @@
-"""Ice as a deployment sees it. Where its objects are in a network, `deploy.iceplaces` finds out."""
+"""Ice as a deployment sees it. Where its objects are in a network, `places` finds out."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ...contract.parameters import Complaint
 from .. import iceoptions
 from ..deployment import Completion, Deployment, Reached
 from ..iceoptions import IceEndpoint, IceOptions
-from ..network import Helper, Network, Wiring
+from ..network import Network, Placement, Wiring
 
 if TYPE_CHECKING:
     from ...contract.component import Component, Port
@@ -24,6 +24,11 @@ class IceDeployment(Deployment):
     ports_of_interfaces = True
     shares = False  # topics need IceStorm, and calls need nothing
     modules = (("Ice", "zeroc-ice"),)
+
+    def place(self, network: Network) -> Placement:
+        from . import places  # only for a network with something to place
+
+        return places.find(network)
 
     def wire(self, network: Network) -> Wiring:
         return Wiring()
@@ -59,12 +64,6 @@ class IceDeployment(Deployment):
         for text in (*told.proxies.values(), *said):
             for each in iceoptions.parse_proxy(text).endpoints:
                 yield Reached("connects to", _address(each, told))
-
-
-def storm(proxy: str, number: int = 0, host: str | None = None) -> Helper:
-    """The IceStorm at a TopicManager's proxy; without a host, the one that has its address runs it."""
-    note = f"{proxy}, run with the network if that is here and none answers there"
-    return Helper("ice", host, {"storm": proxy}, f"ice-storm{number or ''}", "IceStorm", note=note)
 
 
 def _address(endpoint: IceEndpoint, options: IceOptions) -> str:

@@ -15,7 +15,7 @@ from robocomp_py.deploy.hosts.fleet import check_ssh, keeping, needs, share_of
 from robocomp_py.deploy.plan import Host, Plan
 from robocomp_py.deploy.process import Process
 from robocomp_py.errors import DeploymentError
-from robocomp_py.transports.ice.deployment import storm
+from robocomp_py.transports.ice.places import icestorm
 from robocomp_py.transports.network import Helper
 from robocomp_py.transports.zenoh.deployment import router
 
@@ -55,9 +55,9 @@ def test_an_agent_runs_the_router_of_its_host():
 
 def test_an_agent_runs_icestorm_for_those_who_use_ice_if_it_has_an_address_that_others_reach():
     abroad, loopback = (f"IceStorm/TopicManager:tcp -h {host} -p 9999" for host in ("10.0.0.10", "127.0.0.1"))
-    network = replace(plan("ice"), helpers=(storm(abroad), storm(loopback, 1, "")))
+    network = replace(plan("ice"), helpers=(icestorm(abroad), icestorm(loopback, 1, "")))
     assert share_of(network, ROBOT).hosted == (("ice", {"storm": abroad}),)
-    assert share_of(replace(plan("zeromq"), helpers=(storm(abroad),)), ROBOT).hosted == ()
+    assert share_of(replace(plan("zeromq"), helpers=(icestorm(abroad),)), ROBOT).hosted == ()
 
 
 def test_a_host_gets_the_keys_of_its_own_router_alone(tmp_path: Path):

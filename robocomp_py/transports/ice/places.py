@@ -1,75 +1,33 @@
-"""Where the instances of a network find each other over Ice: pure, from who uses whom.
+"""Where the instances of a network find each other over Ice: pure, from the network as it is configured.
 
-Those of one host find each other by themselves. Elsewhere, somebody has to say where an object is:
+Instances of one host find each other by themselves. In the other cases an object has a known host and port:
 
-- a program of somebody's own is where its `config`, which is one of RoboComp's, says, or at its `port`
-- what is used from another host, or by such a program, is where its configuration says, or at its `port`, or where the
-  program expects it; else, from another host, at a port that follows from the network's name
-- several interfaces of an instance are at `port`, the next one, and so on, in the order of its CDSL
+- a program that is not configured by `rcdeploy` is where its own `config` says, or at the `port` of its instance
+- an interface that another host or such a program uses is where the configuration of its instance says, or at the
+  `port` of that instance, or where the program expects it; else, for another host, at a port that follows from the
+  network's name
+- several interfaces of an instance are at its `port`, the next one, and so on, in the order of its CDSL
 
-Who uses it is told (`transports.ice.proxies`), unless its own configuration says it; likewise what a program calls a
-topic (`transports.ice.topics`).
+Each client gets these places in `transports.ice.proxies`, unless its own configuration names them. Likewise
+`transports.ice.topics` gets the names by which programs call topics.
 """
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
-from ..contract.interface import Pattern, Verb
-from ..runtime.effective import toml
-from ..transports import iceoptions
-from ..transports.ice.deployment import storm as icestorm
-from ..transports.iceoptions import IceOptions
-from ..transports.network import Helper
-from ..wire import names
-from .auto import Way
-from .routes import Configured, Fault
-
-ICE = "ice"
-
-LOOPBACK = "127.0.0.1"
+from ...wire import names
+from .. import iceoptions
+from ..iceoptions import IceOptions
+from ..network import LOOPBACK, Fault, Helper, Network, Placement, Site, Way
 
 
-@dataclass(frozen=True)
-class Place:
-    """Where an instance runs."""
-
-    host: str = ""
-    address: str = LOOPBACK
-    """At which the other hosts reach that one."""
-    port: int = 0
-    """That its network gives it; 0 if none."""
-
-
-@dataclass
-class Places:
-    """What comes of it."""
-
-    settings: dict[str, list[str]] = field(default_factory=dict)
-    """By instance, `key=value`."""
-    taken: dict[str, int] = field(default_factory=dict)
-    """By instance, how many numbers from its `port` on are those of its interfaces over Ice."""
-    faults: list[Fault] = field(default_factory=list)
-    helpers: list[Helper] = field(default_factory=list)
-    """An IceStorm for each TopicManager whose topics the network uses."""
-
-
-def find(
-    everyone: Sequence[Configured],
-    ways: Sequence[Way],
-    where: Mapping[str, Place],
-    free: Sequence[int] = (),
-    here: str = LOOPBACK,
-) -> Places:
-    """How the ways over Ice are found.
-
-    `free` are the ports that the network may give itself, `here` the address at which other hosts reach
-    the one that launches it.
-    """
-    return _Finder(everyone, [way for way in ways if way.middleware == ICE], where, free, here).found()
+def find(network: Network) -> Placement:
+    """How the ways over Ice are found."""
+    return _Finder(network).found()
 
 
 @dataclass(frozen=True)
@@ -81,26 +39,22 @@ class _Object:
 
 
 class _Finder:
-    def __init__(
-        self,
-        everyone: Sequence[Configured],
-        ways: Sequence[Way],
-        where: Mapping[str, Place],
-        free: Sequence[int],
-        here: str,
-    ) -> None:
-        self._everyone = {each.name: each for each in everyone}
-        self._calls = [way for way in ways if not way.verb.is_topic]
-        self._topics = [way for way in ways if way.verb.is_topic]
-        self._where, self._free, self._here = where, iter(free), here
-        self._options = {each.name: _options(each) for each in everyone}
+    def __init__(self, network: Network) -> None:
+        self._network, self._everyone = network, network.by_name
+        self._calls = [way for way in network.ways if not way.verb.is_topic]
+        self._topics = [way for way in network.ways if way.verb.is_topic]
+        self._free, self._here = iter(network.free_ports), network.addresses.get("", LOOPBACK)
+        self._options = {each.instance: _options(each, network.middleware) for each in network.sites}
         self._at: dict[_Object, tuple[str, int]] = {}
         """Host, "" if it is that of the instance, and port of what is known to be somewhere."""
         self._listening: list[str] = []
         """Those that are reached from other hosts."""
-        self._result = Places()
+        self._set_for: dict[str, list[tuple[str, Any]]] = {}
+        self._taken: dict[str, int] = {}
+        self._faults: list[Fault] = []
+        self._helpers: list[Helper] = []
 
-    def found(self) -> Places:
+    def found(self) -> Placement:
         for each in self._everyone.values():
             self._place(each)
         for way in self._calls:
@@ -116,22 +70,22 @@ class _Finder:
         for client, proxies in told.items():
             self._set(client, "proxies", {**self._options[client].proxies, **proxies})
         self._find_storms()
-        return self._result
+        return Placement(self._set_for, self._taken, self._faults, self._helpers)
 
     # Where things are.
 
-    def _place(self, each: Configured) -> None:
-        """What its configuration says, and what `port` says of the others."""
-        objects = [_Object(each.name, segment) for segment in self._served(each)]
+    def _place(self, each: Site) -> None:
+        """Note the places that the configuration of an instance names; its `port` counts for the other interfaces."""
+        objects = [_Object(each.instance, segment) for segment in self._served(each)]
         for served in objects:
-            if said := self._options[each.name].endpoints.get(served.segment):
+            if said := self._options[each.instance].endpoints.get(served.segment):
                 endpoint = iceoptions.parse_endpoints(said)[0]
                 if endpoint.port:
                     self._at[served] = endpoint.host, endpoint.port
-        first = self._where[each.name].port
+        first = each.port
         if not first or not objects:
             return
-        self._result.taken[each.name] = len(objects)
+        self._taken[each.instance] = len(objects)
         for number, served in enumerate(objects):
             if served in self._at:
                 continue
@@ -140,24 +94,16 @@ class _Finder:
             elif len(objects) == 1:
                 self._at[served] = "", first
 
-    def _served(self, each: Configured) -> list[str]:
+    def _served(self, each: Site) -> Sequence[str]:
         """The interfaces that it is called by over Ice."""
-        used = {names.segment(way.channel) for way in self._calls if way.provider == each.name}
-        segments = []
-        for port in each.component.ports:
-            operations = [operation.name for operation, _ in port.interface.under(port.verb)]
-            if port.verb is Verb.IMPLEMENTS and (segment := each.component.segment(port)):
-                over = (each.settings.middlewares(port, name, each.generated_for) for name in operations)
-                if segment in used or any(ICE in every for every in over):
-                    segments.append(segment)
-        return segments
+        return each.interfaces.get(self._network.middleware, ())
 
     def _place_as_expected(self, way: Way) -> None:
-        """What a program of somebody's own expects to be somewhere is there."""
+        """Serve an interface where a program expects it."""
         client, served = self._everyone[way.client], _object(way)
         if not client.is_program:
             return
-        said = self._options[client.name].proxies.get(way.port)
+        said = self._options[client.instance].proxies.get(way.port)
         if said:
             expected = iceoptions.parse_proxy(said).endpoints[0].port
             if served not in self._at:
@@ -170,7 +116,7 @@ class _Finder:
             self._fault(way, message, f"give `{way.provider}` the port that the program asks: port 10003;")
 
     def _place_anywhere(self, way: Way) -> None:
-        """Serve what another host uses at a port of the network's, if nothing says where it is."""
+        """Serve an interface that another host uses at a port of the network, if it has no place yet."""
         port, served = next(self._free, 0), _object(way)
         if served in self._at or self._everyone[served.instance].is_program:
             return
@@ -188,34 +134,34 @@ class _Finder:
         """Of two instances on one host, only one can listen at a port."""
         first: dict[tuple[str, int], _Object] = {}
         for served, (_, port) in self._at.items():
-            other = first.setdefault((self._where[served.instance].host, port), served)
+            other = first.setdefault((self._everyone[served.instance].host, port), served)
             if other.instance != served.instance:
                 both = f"`{other.instance}` and `{served.instance}`"
                 message = f"port {port} is that of `{other.segment}` and of `{served.segment}` over Ice, of {both}"
                 hint = "give one of them another one; several interfaces of an instance have one each, in a row"
                 fault = Fault("port-clash", message, hint, served.instance, (both, str(port)), other.instance)
-                self._result.faults.append(fault)
+                self._faults.append(fault)
 
     def _listen(self) -> None:
-        """Who has to do with somebody on another host is reached at the address of its own."""
+        """Have instances with peers on another host listen at the address of their own host."""
         crossing = filter(self._crosses, (*self._calls, *self._topics))
         for name in dict.fromkeys(end for way in crossing for end in (way.client, way.provider)):
             if self._options[name].host == iceoptions.HOST:
                 self._listening.append(name)
-                self._set(name, "host", self._where[name].address)
+                self._set(name, "host", self._address(name))
 
     def _proxy(self, way: Way) -> Iterator[tuple[str, str]]:
-        """What a client has to be told of whom it uses, with its key."""
+        """The proxy that a client needs for an interface, and the key of that option."""
         client, provider, served = self._everyone[way.client], self._everyone[way.provider], _object(way)
         if client.is_program or (not provider.is_program and not self._crosses(way)):
             return
-        options = self._options[client.name]
+        options = self._options[client.instance]
         if options.proxy_of(way.channel):
             return
         key, segment = _key(way.channel), served.segment
         if served in self._at:
             host, port = self._at[served]
-            there = self._where[way.provider].address if self._crosses(way) else LOOPBACK
+            there = self._address(way.provider) if self._crosses(way) else LOOPBACK
             yield key, f"{segment.lower()}:tcp -h {_quoted(host or there)} -p {port}"
         elif own := _old_proxy(client, way.port):
             yield key, own
@@ -227,14 +173,14 @@ class _Finder:
     # IceStorm.
 
     def _find_storms(self) -> None:
-        """Whoever publishes or subscribes over Ice needs it, also if the others are outside of the network."""
+        """Find the IceStorm of each publisher and subscriber, also of those whose peers are outside of the network."""
         users = dict.fromkeys(end for way in self._topics for end in (way.client, way.provider))
-        users |= dict.fromkeys(name for name, each in self._everyone.items() if _has_topics(each))
+        users |= dict.fromkeys(each.instance for each in self._network.sites if self._network.middleware in each.topics)
         own = [name for name in users if not self._everyone[name].is_program]
-        abroad = any(self._where[name].host for name in users)
+        abroad = any(self._everyone[name].host for name in users)
         storms = {name: self._storm_of(name, abroad=abroad) for name in own}
         for number, storm in enumerate(dict.fromkeys(storms.values())):
-            self._result.helpers.append(icestorm(storm, number, "" if LOOPBACK in storm else None))
+            self._helpers.append(icestorm(storm, number, "" if LOOPBACK in storm else None))
         self._name_topics()
         said = {name: self._options[name].storm for name in users if name not in storms}
         known = storms | {name: storm for name, storm in said.items() if storm != iceoptions.STORM}
@@ -243,7 +189,7 @@ class _Finder:
                 self._check_topic(way, known)
 
     def _storm_of(self, name: str, *, abroad: bool) -> str:
-        """Where an instance looks for IceStorm; told to it, if else it would look at its own address."""
+        """The proxy of the IceStorm that an instance uses. It is set if the instance would look at its own address."""
         storm, host = self._options[name].storm, self._options[name].host
         if any(each.host for each in iceoptions.parse_proxy(storm).endpoints):
             return storm
@@ -255,7 +201,7 @@ class _Finder:
         return storm
 
     def _name_topics(self) -> None:
-        """Programs call a topic as their own configuration says, or as its interface; the others are told."""
+        """Give instances the names that programs have for their topics, from a configuration or an interface."""
         by_programs: dict[str, str] = {}
         for way in self._topics:
             for end in (way.provider, way.client):
@@ -276,7 +222,7 @@ class _Finder:
                 self._set(end, "topics", self._options[end].topics)
 
     def _check_topic(self, way: Way, storms: Mapping[str, str]) -> None:
-        """Both ends have to mean the same topic of the same IceStorm, or nothing is ever heard."""
+        """Refuse a publisher and a subscriber that use different topics or different IceStorms."""
         client, provider = storms[way.client], storms[way.provider]
         heard, told = (self._options[end].topic_of(way.channel) for end in (way.client, way.provider))
         if not any(_is_one(a, b) for a in _corners(client) for b in _corners(provider)):
@@ -295,20 +241,23 @@ class _Finder:
             return
         subject = way.client, way.provider, way.interface
         fault = Fault("middleware-mismatch", message, hint, way.client, subject, way.provider, way.port)
-        self._result.faults.append(fault)
+        self._faults.append(fault)
 
     # What all need.
 
+    def _address(self, instance: str) -> str:
+        return self._network.address(self._everyone[instance])
+
     def _crosses(self, way: Way) -> bool:
-        return self._where[way.client].host != self._where[way.provider].host
+        return self._everyone[way.client].host != self._everyone[way.provider].host
 
     def _set(self, instance: str, key: str, value: Any) -> None:
         if not self._everyone[instance].is_program:
-            self._result.settings.setdefault(instance, []).append(f"transports.ice.{key}={toml(value)}")
+            self._set_for.setdefault(instance, []).append((key, value))
 
     def _fault(self, way: Way, message: str, hint: str) -> None:
         subject = way.client, way.provider, way.interface
-        self._result.faults.append(Fault("no-address", message, hint, way.client, subject, way.provider, way.port))
+        self._faults.append(Fault("no-address", message, hint, way.client, subject, way.provider, way.port))
 
 
 def _object(way: Way) -> _Object:
@@ -316,25 +265,19 @@ def _object(way: Way) -> _Object:
 
 
 def _key(channel: str) -> str:
-    """By which options name the interface of an instance."""
+    """The key of an interface of an instance in the options."""
     *namespace, instance, segment, _ = channel.split("/")
     return "/".join(("", *namespace, instance, segment)) if namespace else f"{instance}/{segment}"
 
 
-def _options(each: Configured) -> IceOptions:
+def _options(each: Site, middleware: str) -> IceOptions:
     """Of an instance whose configuration has been checked."""
-    return iceoptions.read(each.settings.transports.get(ICE, {}))
+    return iceoptions.read(each.options.get(middleware, {}))
 
 
-def _has_topics(each: Configured) -> bool:
-    patterns = each.patterns()
-    topics = ((port, name) for port, name, pattern in patterns if pattern is Pattern.PUBLISH)
-    return any(ICE in each.settings.middlewares(*at, each.generated_for) for at in topics)
-
-
-def _old_proxy(client: Configured, port: str) -> str:
-    """Where a file in another form says that an instance finds what a port uses; "" if it does not."""
-    found = client.document.peers.get(port.lower(), "")
+def _old_proxy(client: Site, port: str) -> str:
+    """The proxy that a configuration in another form names for a port; "" if it names none."""
+    found = client.peers.get(port.lower(), "")
     with contextlib.suppress(ValueError):
         return found if found and iceoptions.parse_proxy(found) else ""
     return ""
@@ -348,13 +291,13 @@ def _at_host(proxy: str, host: str) -> str:
 
 
 def _corners(proxy: str) -> set[tuple[str, str, int]]:
-    """Where the objects of a proxy are, whatever way that is written."""
+    """The places of the objects of a proxy, in one form."""
     found = iceoptions.parse_proxy(proxy)
     return {(found.identity, _number(each.host), each.port) for each in found.endpoints}
 
 
 def _is_one(corner: tuple[str, str, int], other: tuple[str, str, int]) -> bool:
-    """Whether they may be the same; a program that names no host may mean any."""
+    """Whether two places may be the same; a place without a host may be on any."""
     return corner == other or (corner[0] == other[0] and corner[2] == other[2] and "" in (corner[1], other[1]))
 
 
@@ -364,3 +307,9 @@ def _number(host: str) -> str:
 
 def _quoted(host: str) -> str:
     return f'"{host}"' if ":" in host else host
+
+
+def icestorm(proxy: str, number: int = 0, host: str | None = None) -> Helper:
+    """The IceStorm at a TopicManager's proxy; without a host, the one that has its address runs it."""
+    note = f"{proxy}, run with the network if that is here and none answers there"
+    return Helper("ice", host, {"storm": proxy}, f"ice-storm{number or ''}", "IceStorm", note=note)
