@@ -52,16 +52,12 @@ def write_page(found: Sequence[Found], every: Sequence[Row], seed: int, page: Pa
     page.write_text(f"{before}{_BEGIN}\n\n{_section(_read(old), found, every, seed)}\n\n{_END}{after}")
 
 
-_Cells = tuple[str, str]
-"""What was found, and whether it was kept."""
+_HEADING = "| row | over | found |"
 
 
-def _section(known: dict[tuple[str, str], _Cells], found: Sequence[Found], every: Sequence[Row], seed: int) -> str:
+def _section(known: dict[tuple[str, str], str], found: Sequence[Found], every: Sequence[Row], seed: int) -> str:
     for each in found:
-        figures = "; ".join(map(str, each.result.figures)) if each.result else ""
-        missed = "; ".join(map(_on_the_page, each.misses[:3]))
-        verdict = f"missed: {missed}" if each.misses else "kept"
-        known[each.row.name, each.transport] = _cell(figures), _cell(verdict)
+        known[each.row.name, each.transport] = _cell(_summary(each))
     packages = ("pyzmq", "cyclonedds", "eclipse-zenoh", "iceoryx2")
     versions = ", ".join(f"{name} {metadata.version(name)}" for name in packages)
     machine = f"{os.cpu_count()} cores, Linux {platform.release().split('-')[0]}, Python {platform.python_version()}"
@@ -72,24 +68,32 @@ def _section(known: dict[tuple[str, str], _Cells], found: Sequence[Found], every
         "",
         f"Found with {machine}, {versions}; last run: seed {seed}, load average {os.getloadavg()[1]:.0f} at its end.",
         "",
-        "| row | over | found | |",
-        "|---|---|---|---|",
+        _HEADING,
+        "|---|---|---|",
     ]
     for row in every:
         for transport in row.transports:
             if (row.name, transport) in known:
-                lines.append(f"| {row.name} | {transport} | {' | '.join(known[row.name, transport])} |")
+                lines.append(f"| {row.name} | {transport} | {known[row.name, transport]} |")
     return "\n".join(lines)
 
 
-def _read(old: str) -> dict[tuple[str, str], _Cells]:
+def _summary(found: Found) -> str:
+    """Its figures, without those that must be 0 and are, and its misses."""
+    figures = [str(each) for each in found.result.figures if each.limit != 0 or not each.kept] if found.result else []
+    if found.misses:
+        figures.append(f"**missed:** {'; '.join(map(_on_the_page, found.misses[:3]))}")
+    return "; ".join(figures) or "kept"
+
+
+def _read(old: str) -> dict[tuple[str, str], str]:
     """What an earlier run wrote."""
     known = {}
-    for line in old.splitlines():
+    for line in old.partition(_HEADING)[2].splitlines():
         cells = line.strip("|").split(" | ")
-        if len(cells) == 4:
-            row, transport, figures, verdict = (cell.strip() for cell in cells)
-            known[row, transport] = figures, verdict
+        if len(cells) == 3:
+            row, transport, summary = (cell.strip() for cell in cells)
+            known[row, transport] = summary
     return known
 
 

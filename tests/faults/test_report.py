@@ -41,9 +41,20 @@ def test_a_page_keeps_what_was_not_run_again(tmp_path: Path) -> None:
     assert lines[0] == "before"
     assert lines[-1] == "after"
     assert [line for line in lines if "slowest" in line] == [
-        "| kill | zeromq | slowest 0.75 s (≤ 1) | kept |",
-        "| kill | dds | slowest 2 s (≤ 1) | missed: slowest 2 s (≤ 1) |",
-        "| stop | zeromq | slowest 0.5 s (≤ 1) | kept |",
+        "| kill | zeromq | slowest 0.75 s (≤ 1) |",
+        "| kill | dds | slowest 2 s (≤ 1); **missed:** slowest 2 s (≤ 1) |",
+        "| stop | zeromq | slowest 0.5 s (≤ 1) |",
     ]
     assert "| kill | kill -9 | 0 hangs |" in lines
     assert "seed 2," in page.read_text()
+
+
+def test_a_page_leaves_out_figures_that_must_be_0_and_are(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("<!-- written by `make faults` --><!-- end of what `make faults` writes -->")
+    lost = [
+        Found(KILL, name, Result([Figure("lost", n, limit=0)]), "", 1.0, True) for n, name in enumerate(KILL.transports)
+    ]
+    write_page(lost, [KILL], 1, page)
+    assert "| kill | zeromq | kept |" in page.read_text()
+    assert "| kill | dds | lost 1 (≤ 0); **missed:** lost 1 (≤ 0) |" in page.read_text()
