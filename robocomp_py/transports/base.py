@@ -7,11 +7,11 @@ Three patterns, two function types, four verbs:
     query    n:1    Service  caller -> server
 
 A transport never sees a type, a declared exception or a component. It calls sinks and services
-from its own threads, holding no lock, the messages of one inlet one after the other; they may
-take long, and may use this transport themselves, and the transport keeps receiving meanwhile.
-Foreign exceptions stop at its border: what it raises is a `TransportError`. What it cannot do it
-declares (`capabilities`), and `require` refuses it by name. `robocomp_py.testing.conformance`
-holds all of this as tests; a transport is what passes them.
+from its own threads, holding no lock, and delivers the messages of one inlet one after the other.
+Sinks and services may take long and may use the same transport; it keeps receiving meanwhile.
+A transport raises only `TransportError`; exceptions of its middleware are converted. It declares
+what it can do (`capabilities`), and `require` refuses a channel that needs more.
+`robocomp_py.testing.conformance` tests all of this; every transport must pass it.
 """
 
 from __future__ import annotations
@@ -41,16 +41,16 @@ class Status(IntEnum):
     """How a call ended, on the wire."""
 
     OK = 0  # payload: the response
-    THROWN = 1  # payload: an exception the operation declares
-    FAILED = 2  # payload: type, message and traceback of one it does not
-    EXPIRED = 3  # its deadline was over before it was executed
+    THROWN = 1  # payload: a declared exception
+    FAILED = 2  # payload: type, message and traceback of any other exception
+    EXPIRED = 3  # not executed: its deadline had passed
     MISMATCH = 4  # payload: the server's contract, as UTF-8 text
-    BUSY = 5  # not executed: too many calls wait there
-    REFUSED = 6  # not executed: not served there
+    BUSY = 5  # not executed: too many calls wait
+    REFUSED = 6  # not executed: this process does not serve the operation
 
 
 STATUSES = {status.value: status for status in Status}
-"""By number; quicker than asking the enumeration."""
+"""By number; faster than `Status(number)`."""
 
 
 class Reply(NamedTuple):
@@ -59,22 +59,22 @@ class Reply(NamedTuple):
 
 
 answered: Callable[[tuple[Status, Payload]], Reply] = partial(tuple.__new__, Reply)
-"""`Reply(…)` of a pair, without the detour through a constructor in Python: for what happens at every call."""
+"""`Reply(*pair)`, but faster, since it runs at every call: it skips the constructor in Python."""
 
 Sink = Callable[[Payload], object]
 """Takes one message."""
 
 Service = Callable[[Payload, float], "Reply | Future[Reply]"]
-"""Answers one request, at once or later; the second argument is when it expires (`time.monotonic`).
+"""Answers one request, at once or later; the second argument is when the request expires (`time.monotonic`).
 
-It should not raise; if it does, or its Future does, the call ends as FAILED without a payload."""
+It should not raise. If it or its Future raises, the call ends as FAILED without a payload."""
 
 
 class Capability(Flag):
     """What a transport can do beyond the four verbs."""
 
     NONE = 0
-    RELIABLE = auto()  # a reliable publication waits rather than lose
+    RELIABLE = auto()  # a reliable publication waits instead of being lost
     LATCHED = auto()  # late subscribers get the last `depth` messages
     CROSS_PROCESS = auto()
     CROSS_HOST = auto()
@@ -88,11 +88,11 @@ ANY_QOS = Capability.RELIABLE | Capability.LATCHED | Capability.DEADLINE | Capab
 
 @dataclass(frozen=True, slots=True)
 class TypeRef:
-    """The type of a channel's messages, as transports know it: compared, and shown where it differs.
+    """The type of a channel's messages, as a transport sees it: compared, and shown if two sides differ.
 
-    `text` is what the fingerprint stands for; two sides that differ show it to each other.
-    `request`, and `response` of a query, are for middleware that has types of its own and shows
-    them to others; without them its messages are octets there.
+    `text` is the contract behind the fingerprint; two sides that differ show it to each other.
+    `request`, and `response` of a query, are for middleware with visible types of its own;
+    without them its messages are plain octets.
     """
 
     name: str
@@ -104,9 +104,9 @@ class TypeRef:
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """One operation on its way. `name`: see `wire.names`; its instance may be `*`.
+    """The path of one operation through a transport. `name`: see `wire.names`; its instance may be `*`.
 
-    `*` is any instance but the transport's own ones: who filters what it hears hears not itself.
+    `*` is any instance but the transport's own ones: a component does not receive its own publications.
     """
 
     name: str
@@ -115,25 +115,27 @@ class Channel:
     qos: QoS = DEFAULT_QOS
     idempotent: bool = False
     on_receive: Callable[[str], object] | None = field(default=None, compare=False, repr=False)
-    """Of an inlet of a topic: called with its channel for each message when it comes in, not when its turn has come."""
+    """For an inlet of a topic: called with the name of the channel when a message arrives, before it waits in a
+    queue."""
     exclusive: bool = field(default=True, compare=False, repr=False)
-    """Of what is served: whether a claim of its own keeps others from it, also at the same moment. Else another one is
-    opened by the same component that stands for it, too; and who is announced already is refused all the same."""
+    """For a served channel: whether it needs a claim of its own, which also stops a server that starts at the same
+    moment. False if another claim of the same component covers it. A channel that is already served is refused in
+    either case."""
     lazy: bool = field(default=False, compare=False, repr=False)
-    """Of what is served: whether hardly anybody asks for it, so that what it takes may be made when somebody does."""
+    """For a served channel: whether it is rarely called, so that its resources may be created at the first call."""
 
 
 @dataclass
 class Statistics:
-    """What a link met with. Counters only grow; they are exact when the link is quiet."""
+    """Counters of a link. They only grow, and are exact while no message is in flight."""
 
     received: int = 0
-    malformed: int = 0  # dropped: not a message of ours
+    malformed: int = 0  # dropped: not a valid message
     mismatched: int = 0  # dropped or refused: another contract under the same name
     expired: int = 0  # not executed, or not delivered: too late
     repeated: int = 0  # not executed again
-    lost: int = 0  # messages of a sender we heard before and after, but not these
-    dropped: int = 0  # given up by us: a queue was full
+    lost: int = 0  # missing from the sequence of a sender
+    dropped: int = 0  # discarded here: a queue was full
 
 
 class Link(Protocol):
@@ -145,14 +147,14 @@ class Link(Protocol):
     def wait_peer(self, timeout: float) -> bool:
         """Wait until the other side is visible, at most `timeout` seconds.
 
-        With many possible peers, one suffices. Raises ContractMismatch if all who are there mean
-        something else, and Closed.
+        With many possible peers, one suffices. Raises ContractMismatch if all visible peers have
+        another contract, and Closed.
         """
         ...
 
     def close(self) -> None:
         """Stop. Idempotent. After it returns no sink or service of this link is called again, and
-        whoever waited for an answer got `Closed`. May be called from a sink."""
+        every waiting call has ended with `Closed`. May be called from a sink."""
         ...
 
 
@@ -160,21 +162,21 @@ class Outlet(Link, Protocol):
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
         """Send one message, from any thread.
 
-        A publication to nobody is fine; a best-effort one never waits, a reliable one waits for
-        slow readers at most `deadline` seconds, then raises Timeout. A command raises Unreachable
-        if nobody serves it, and is never sent twice.
+        A publication needs no subscriber. A best-effort one never waits; a reliable one waits for
+        slow subscribers at most `deadline` seconds, then raises Timeout. A command without a server
+        raises Unreachable. A command is never sent twice.
         """
         ...
 
 
 class Caller(Link, Protocol):
     def call(self, payload: Payload, deadline: float) -> Future[Reply]:
-        """Ask, and go on. The Future ends within `deadline` seconds, by a Reply or a
-        TransportError; cancelling it leaves nothing behind."""
+        """Send a request without waiting. The Future ends within `deadline` seconds, with a Reply or
+        a TransportError; cancelling it leaves nothing behind."""
         ...
 
     def ask(self, payload: Payload, deadline: float) -> Reply:
-        """Ask, and wait at most `deadline` seconds: the fast path, no Future involved."""
+        """Send a request and wait for its reply, at most `deadline` seconds: the fast path, without a Future."""
         ...
 
 
@@ -194,7 +196,7 @@ class Transport(Protocol):
     def server(self, channel: Channel, service: Service) -> Link: ...
 
     def close(self) -> None:
-        """Close every link, then everything else. Idempotent; no thread or socket of ours is left."""
+        """Close every link, then everything else. Idempotent; no thread or socket of the transport is left."""
         ...
 
 
@@ -202,9 +204,9 @@ class Transport(Protocol):
 class TransportConfig:
     """What a transport is opened with.
 
-    `options` is its table of the configuration, `[transports.<name>]`; `owner` is who opens it,
-    for messages to people. `wanted` is asked again and again while it, or a link of it, cannot be
-    opened before somebody else is there: once it says no, waiting ends with `Closed`.
+    `options` is its table of the configuration, `[transports.<name>]`; `owner` is the component
+    that opens it, for messages to people. While the transport or a link must wait for another
+    process before it can open, it polls `wanted`; once that returns False, it raises `Closed`.
     """
 
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -213,12 +215,12 @@ class TransportConfig:
 
 
 TransportFactory = Callable[[TransportConfig], Transport]
-"""What an entry point names, a class as a rule. Its `capabilities` are read before anything is opened. What else a
-deployment has to know is declared beside it: see `deployment`."""
+"""The target of an entry point, usually a class. Its `capabilities` are read before anything is opened. A second entry
+point declares what a deployment needs: see `deployment`."""
 
 
 def find_transport(name: str) -> TransportFactory:
-    """The installed transport of that name; raises ConfigurationError, naming those there are."""
+    """The installed transport of that name; raises ConfigurationError, which lists the installed ones."""
     with installed.asked_once():
         known = installed.transports()
         if name not in known:
@@ -259,10 +261,10 @@ class Loan(Protocol):
 
 
 class Question(Protocol):
-    """A request that may be sent again if it is not known whether it arrived, and is executed once by a server's life.
+    """A request that may be sent again if it may not have arrived. One run of a server executes it once.
 
-    Its `ask` or its `call` do what those of the caller do, again and again, one after the other. Every question ends,
-    by `close`.
+    Its `ask` and `call` are those of the caller, and may be repeated one after the other. Every question must be
+    closed.
     """
 
     def ask(self, deadline: float) -> Reply: ...
@@ -275,11 +277,11 @@ class Question(Protocol):
 @runtime_checkable
 class SupportsConnected(Protocol):
     def wait_connected(self, timeout: float) -> bool:
-        """Wait until an end of a topic is connected to all visible ends of the other side, at most `timeout` seconds.
+        """Wait until a link of a topic is connected to all visible links of the other side, at most `timeout` seconds.
 
-        Once it has returned True, an inlet hears what those publishers send from then on, and what an outlet sends
-        from then on reaches those subscribers. Of a publisher and a subscriber, the one that became visible later sees
-        the other. So if both have waited here, nothing that is published afterwards is missed. Raises Closed.
+        Once it has returned True, an inlet receives all that those publishers send from then on, and all that an
+        outlet sends from then on reaches those subscribers. Of a publisher and a subscriber, the one that became
+        visible later sees the other. So if both have waited here, no later publication is missed. Raises Closed.
         """
         ...
 
@@ -288,8 +290,8 @@ class SupportsConnected(Protocol):
 class SupportsHeard(Protocol):
     @property
     def heard(self) -> bool:
-        """Whether a message of this outlet may be of use to a peer, now or later. Answers at once: it is asked before
-        each message that could go by several transports."""
+        """Whether a message of this outlet may reach a peer, now or later. Must be fast: it is read before each message
+        that could go by several transports."""
         ...
 
 
@@ -303,21 +305,21 @@ class SupportsLoan(Protocol):
 @runtime_checkable
 class SupportsSources(Protocol):
     def sources(self) -> list[Source]:
-        """The publishers of a topic that are there and alive at this moment."""
+        """The publishers of a topic that are alive now."""
         ...
 
 
 @runtime_checkable
 class SupportsQuestion(Protocol):
     def question(self, payload: Payload) -> Question:
-        """A request under one number, however often it is sent."""
+        """A request that keeps its number, however often it is sent."""
         ...
 
 
 @runtime_checkable
 class SupportsGathering(Protocol):
     def gathering(self) -> AbstractContextManager[None]:
-        """While it is entered, opened and closed links need not become visible to peers; at its end, all do at once.
+        """A context in which opened and closed links need not become visible to peers; at its end, all do at once.
 
         Leaving it may raise TransportError.
         """
@@ -327,10 +329,10 @@ class SupportsGathering(Protocol):
 @runtime_checkable
 class SupportsHost(Protocol):
     def host(self, config: TransportConfig) -> AbstractContextManager[None]:
-        """While it is entered, what the components of this host share (a router, a broker) runs here.
+        """A context in which this process runs what the components of this host share (a router, a broker).
 
-        It may be entered before, beside and after components, and while another process runs the same; components must
-        do without it. Entering may raise TransportError.
+        It may be entered at any time, also while another process runs the same. Components must work without it.
+        Entering may raise TransportError.
         """
         ...
 
@@ -345,11 +347,11 @@ class OptionalPart(NamedTuple):
 OPTIONAL_PARTS = (
     OptionalPart(SupportsConnected, "an outlet or inlet of a topic", "it counts as connected once it is open"),
     OptionalPart(SupportsHeard, "an outlet", "each message is sent"),
-    OptionalPart(SupportsLoan, "an outlet", "a message is filled elsewhere, and copied"),
+    OptionalPart(SupportsLoan, "an outlet", "a message is filled in other memory, and copied"),
     OptionalPart(SupportsSources, "an inlet of a topic", "the transport cannot declare LIVELINESS"),
     OptionalPart(SupportsQuestion, "a caller", "a repeated request may be executed twice"),
     OptionalPart(SupportsGathering, "a transport", "each link becomes visible when it is opened"),
-    OptionalPart(SupportsHost, "a factory", "components run what they share themselves"),
+    OptionalPart(SupportsHost, "a factory", "components run the shared process themselves"),
 )
 
 
@@ -370,7 +372,7 @@ def hosting(name: str, config: TransportConfig) -> AbstractContextManager[None]:
 
 
 def require(transport: Transport, name: str, channel: Channel) -> None:
-    """Raise UnsupportedQoS if the channel asks for what the transport does not offer."""
+    """Raise UnsupportedQoS if the QoS of the channel needs what the transport does not offer."""
     missing = needs(channel) & ~transport.capabilities
     if missing:
         wanted = ", ".join(str(each.name).lower() for each in missing)
@@ -396,11 +398,11 @@ def needs(channel: Channel) -> Capability:
 
 
 KEEP_ALL_DEPTH = 10_000
-"""All messages are as many as this: memory is bounded."""
+"""Queue length under KEEP_ALL: memory is bounded."""
 
 
 def depth_of(qos: QoS) -> int:
-    """How many messages may wait."""
+    """Maximum number of waiting messages."""
     return KEEP_ALL_DEPTH if qos.history is History.KEEP_ALL else qos.depth
 
 
@@ -413,18 +415,18 @@ def options_of(config: TransportConfig, **defaults: Any) -> dict[str, Any]:
 
 
 def reply_of(service: Service, payload: Payload, expires: float) -> Reply | Future[Reply]:
-    """Run a service; what it returns, whatever it does."""
+    """Run a service; FAILED if it raises."""
     try:
         return service(payload, expires)
     except KeyboardInterrupt:
-        raise  # meant for the main thread, which may be the one that asks: of `inproc`
-    except BaseException:  # also SystemExit, which would end a thread of the transport, and nothing else
+        raise  # meant for the main thread, which runs the service itself in `inproc`
+    except BaseException:  # also SystemExit, which would only end a thread of the transport
         log.exception("a service raised")
         return Reply(Status.FAILED)
 
 
 def pass_on(reply: Future[Reply], answer: Callable[[Reply], object]) -> None:
-    """Pass a reply on that a service has promised, when there is one, whatever becomes of it."""
+    """Pass on the reply of a Future once it is done; FAILED if the Future failed or was cancelled."""
 
     def finished(done: Future[Reply]) -> None:
         error = None if done.cancelled() else done.exception()
@@ -436,17 +438,17 @@ def pass_on(reply: Future[Reply], answer: Callable[[Reply], object]) -> None:
 
 
 LONGEST_CONTRACT = 64 * 1024
-"""Characters of a contract. Longer ones are not compared: the other side may be hostile."""
+"""Maximum characters of a contract. Longer ones are not compared: the other side may be hostile."""
 
 _MOST_DIFFERENCES = 2000
-"""Characters of what is said to differ."""
+"""Maximum characters of a list of differences."""
 
 
 def mismatch(channel: Channel, other: TypeRef) -> str:
     """Both fingerprints and what differs, for a log or an error."""
     mine = channel.type
     if not other.text:
-        what = "the other side does not say what"
+        what = "the other side does not send its contract"
     elif len(other.text) > LONGEST_CONTRACT:
         what = f"the other side describes it in more than {LONGEST_CONTRACT} characters"
     else:
@@ -458,19 +460,19 @@ def mismatch(channel: Channel, other: TypeRef) -> str:
     )
 
 
-# A thread of a transport that runs a sink or service may be about to wait for an answer in it.
-# It can say so, and the transport lets another of its threads receive meanwhile.
+# A sink or service may make a blocking call on a thread of the transport. It announces this by
+# `about_to_block`, and another thread of the transport receives meanwhile.
 
 
 class _Receiving(threading.local):
-    hand_over: Callable[[], None] | None = None  # of the class, since to look for what is not there takes a microsecond
+    hand_over: Callable[[], None] | None = None  # on the class: a failed attribute lookup takes a microsecond
 
 
 _receiving = _Receiving()
 
 
 def about_to_block() -> None:
-    """Say that this thread is about to wait. Costs nothing on a thread that does not receive."""
+    """Announce that this thread is about to wait. Costs nothing on a thread that does not receive."""
     hand_over = _receiving.hand_over
     if hand_over:
         hand_over()

@@ -1,4 +1,4 @@
-"""Who asks one process, the one that serves its channel, and finds it in the directory."""
+"""Clients that find the one server of their channel in the directory."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .pending import Pending
 from .replies import Numbered
 
 LOOK = 0.05
-"""Seconds between two looks whether the peers live whose answers are awaited."""
+"""Seconds between two checks whether the peers of pending calls live."""
 
 
 P = TypeVar("P", bound=Reached)
@@ -31,7 +31,7 @@ W = TypeVar("W")
 
 
 class FindingLink(DirectoryLink[T], ABC, Generic[T, P, W]):
-    """`P` is what such a process is to us, `W` what says there that a request is for this channel."""
+    """`P` is the type of a peer, `W` the type of what a request bears so that the peer finds this channel."""
 
     def __init__(self, transport: T, channel: Channel) -> None:
         super().__init__(transport, channel)
@@ -46,7 +46,7 @@ class FindingLink(DirectoryLink[T], ABC, Generic[T, P, W]):
 
     @abstractmethod
     def where(self, entry: Entry) -> W:
-        """What requests bear there."""
+        """What requests to that entry bear."""
 
     def met(self, peer: P) -> None:
         """A server was found."""
@@ -67,7 +67,7 @@ class FindingLink(DirectoryLink[T], ABC, Generic[T, P, W]):
         found = self._found
         if found and not found[0].closed and not (fresh and self.transport.directory.version() != self._found_at):
             return found
-        self.check_open()  # once we are closed nothing is found any more, so it need not be looked at above
+        self.check_open()  # a closed link finds nothing, so the fast path above need not check
         version = self.transport.directory.version()
         self._found = None
         for member, entry in self.counterparts(strict=True):
@@ -80,7 +80,7 @@ class FindingLink(DirectoryLink[T], ABC, Generic[T, P, W]):
                     self._found = None
                 self.check_open()
                 return found
-        raise Unreachable(f"{self.channel.name}: nobody serves it")
+        raise Unreachable(f"{self.channel.name}: no server")
 
     def look(self) -> bool:
         there = [(member.id, self.where(entry)) for member, entry in self.counterparts()]
@@ -90,12 +90,12 @@ class FindingLink(DirectoryLink[T], ABC, Generic[T, P, W]):
         return True
 
     def lost(self, peer: P) -> bool:
-        """Whether a process has stopped serving this channel, as one that refuses a request probably has."""
+        """Whether a process has stopped serving this channel."""
         self.look()
         return not (self._found and self._found[0] is peer)
 
     def still(self, peer: P) -> None:
-        """Raise if there is no point in waiting any longer."""
+        """Raise if the peer is gone or this link is closed, so that waiting is useless."""
         self.check_open()
         if not peer.alive():
             self.transport.drop(peer)
@@ -106,7 +106,7 @@ class FindingLink(DirectoryLink[T], ABC, Generic[T, P, W]):
 
 
 class CommandingLink(FindingLink[T, P, W], ABC):
-    """Sends one command after the other."""
+    """Sends commands, one at a time."""
 
     role, facing = "commands", "receives"
 
@@ -119,18 +119,18 @@ class CommandingLink(FindingLink[T, P, W], ABC):
         self.take_turn(self._order, deadline)
         try:
             self.check_open()
-            peer, where = self.server(fresh=True)  # nothing would tell that it does not serve this any more
+            peer, where = self.server(fresh=True)  # a command has no reply that would report an outdated server
             self.command(peer, where, payload, end, deadline)
         finally:
             self._order.release()
 
     @abstractmethod
     def command(self, peer: P, where: W, payload: Payload, end: float, deadline: float) -> None:
-        """Send it there until `end`, which is so many seconds after `send` began."""
+        """Send it before `end`, which is `deadline` seconds after `send` began."""
 
 
 class CallingLink(FindingLink[T, P, W], SupportsQuestion, ABC):
-    """Calls that end by an answer of their peer, by its end, by their deadline, or by being cancelled."""
+    """Calls end when the peer replies or dies, when their deadline passes, or when they are cancelled."""
 
     role, facing = "calls", "serves"
 
@@ -139,12 +139,12 @@ class CallingLink(FindingLink[T, P, W], SupportsQuestion, ABC):
         self._pending = Pending(channel.name)
         self._flags = Flag.IDEMPOTENT if channel.idempotent else Flag.NONE
         self._met: dict[Hashable, P] = {}
-        """The peers that were asked, and may still answer."""
+        """Peers that received a request and may still reply."""
 
     def ask_peer(self, peer: P, where: W, payload: Payload, number: int, end: float, deadline: float) -> Reply:
-        """Ask under that number, or a new one if it is 0, and wait. Raises TransportError.
+        """Send a request with that number (0: a new one) and wait for the reply. Raises TransportError.
 
-        A transport whose threads can wait for their answers themselves does so here, which saves handing them over.
+        A transport overrides this if a calling thread can receive its reply itself, which saves a change of threads.
         """
         future = self._send(peer, where, payload, number, end, deadline)
         try:
@@ -154,9 +154,9 @@ class CallingLink(FindingLink[T, P, W], SupportsQuestion, ABC):
             raise self.no_answer(deadline) from None
 
     def post(self, peer: P, where: W, payload: Payload, number: int, end: float, deadline: float) -> bool:
-        """Send a request whose answer will come to `answered`; False if it could not be sent until `end`.
+        """Send a request; its reply is passed to `answered` later. False if it could not be sent until `end`.
 
-        A transport whose library keeps the calls itself overrides `call` and `ask_peer`, and does not need this.
+        A transport whose library tracks calls itself overrides `call` and `ask_peer` instead.
         """
         raise NotImplementedError
 
@@ -182,9 +182,9 @@ class CallingLink(FindingLink[T, P, W], SupportsQuestion, ABC):
                 peer, where = self.server()
                 reply = self.ask_peer(peer, where, payload, number, end, deadline)
                 if reply.status is not Status.REFUSED or not self.refuses(peer, reply):
-                    return reply  # else it was not executed, and may be asked for where it is served now
+                    return reply  # a refused request was not executed, and is sent to the new server
         except TransportError:
-            self.check_open()  # what goes wrong because we are closed is that
+            self.check_open()  # an error after closing is reported as Closed
             raise
 
     def _send(self, peer: P, where: W, payload: Payload, number: int, end: float, deadline: float) -> Future[Reply]:
@@ -205,7 +205,7 @@ class CallingLink(FindingLink[T, P, W], SupportsQuestion, ABC):
         return self.lost(peer)
 
     def answered(self, key: Hashable, header: ReplyHeader, payload: Payload) -> None:
-        """An answer came in from the peer with that key. Runs callbacks, which may take long."""
+        """Take a reply of the peer with that key. Runs callbacks, which may take long."""
         call = key, header.sequence
         try:
             reply = accepted(self.channel, Reply(STATUSES[header.status], payload))
@@ -236,7 +236,7 @@ class CallingLink(FindingLink[T, P, W], SupportsQuestion, ABC):
         self._pending.close(Closed(f"{self.channel.name}: the link is closed"))
 
     def late_to_ask(self, peer: P, deadline: float) -> Timeout:
-        return Timeout(f"{self.channel.name}: could not be asked within {deadline:g} s")
+        return Timeout(f"{self.channel.name}: the request could not be sent in {deadline:g} s")
 
     def no_answer(self, deadline: float) -> Timeout:
         return Timeout(f"{self.channel.name}: no answer in {deadline:g} s")

@@ -1,4 +1,4 @@
-"""How far a sender may go ahead of its readers, for middleware that loses what a slow reader has no room for."""
+"""Flow control between a sender and its readers, for middleware that drops messages of slow readers."""
 
 from __future__ import annotations
 
@@ -11,29 +11,30 @@ from .limits import BYTES_AHEAD
 
 
 class Credit:
-    """How far a sender may go ahead of its readers: `ahead` messages that a reader has not taken yet.
+    """Lets a sender be at most `ahead` messages ahead of its slowest reader.
 
-    `readers` tells who there is, and since when: any number that is another one if it went and came
-    back. What was on its way to it then may be lost, and will never be taken. Readers may tell what
-    they took by a single number for many messages. One thread at a time sends.
+    `readers` returns the present readers, each with a number that changes if the reader left and came
+    back. Messages on their way to it at that time may be lost; the sender does not wait for them.
+    A reader may acknowledge many messages by one number. Only one thread sends at a time.
     """
 
     def __init__(self, ahead: int, readers: Callable[[], Mapping[int, int]]) -> None:
         self._ahead, self._readers = ahead, readers
         self._changed = threading.Condition()
         self._taken: dict[int, tuple[int, int]] = {}
-        """Of each reader, since when it is there, and the number up to which it took what was sent."""
+        """By reader: its number from `readers`, and the last message that it took."""
         self._floor = -ahead
-        """What all had taken at the last look; so far ahead at first, that there is one before anything is sent."""
+        """The last message that all readers had taken at the last look. The first value forces a look before
+        sending."""
         self._sizes: deque[int] = deque()
-        """Of what was sent after that."""
+        """Of the messages sent after `_floor`."""
         self._bytes = 0
         self.sent = 0
 
     def claim(self, size: int = 0) -> bool:
-        """Count one more message as sent, if it may be for all that is known without a look at the readers.
+        """Count one more message as sent, if there is room according to the last look at the readers.
 
-        So a new one may be left out of account for `ahead` messages.
+        So a new reader may go unnoticed for `ahead` messages.
         """
         if self.sent - self._floor >= self._ahead or self._bytes >= BYTES_AHEAD:
             return False
@@ -43,7 +44,8 @@ class Credit:
         return True
 
     def wait(self, end: float, still: Callable[[], object], size: int = 0) -> bool:
-        """Wait until one more, of `size` bytes, may be sent, and count it; `still` is called meanwhile, may raise."""
+        """Wait until a message of `size` bytes may be sent, and count it. `still` is called meanwhile, and may
+        raise."""
         while True:
             with self._changed:
                 self._look()

@@ -294,7 +294,7 @@ class _Outlet(_Link, SupportsHeard):
         if self.channel.pattern is Pattern.COMMAND:
             server = next(iter(self.peers()), None)
             if server is None:
-                raise Unreachable(f"{self.channel.name}: nobody serves it")
+                raise Unreachable(f"{self.channel.name}: no server")
             self._give(server, payload, end)
             return
         if not self._order.acquire(timeout=max(0.0, deadline)):
@@ -434,7 +434,7 @@ class _Caller(_Link):
         version = self._bus.version  # before looking: what comes while we look is looked for again
         found = next(iter(self.peers()), None)
         if found is None:
-            raise Unreachable(f"{self.channel.name}: nobody serves it")
+            raise Unreachable(f"{self.channel.name}: no server")
         assert isinstance(found, _Server)
         self._found = version, found
         return found

@@ -1,15 +1,15 @@
-"""Threads that take turns at receiving (leader and followers), and what they pass messages through.
+"""Threads that take turns to receive (leader and followers), and the queues that messages pass.
 
-The leader waits for input and runs what came in itself, so that nothing is handed from thread to
-thread while handlers are quick. When one waits for an answer (`about_to_block`), or still runs at the
-next look of the lookout, another thread becomes the leader and goes on receiving; the former one
-finishes what it runs and then stands by.
+The leader waits for input and runs the handlers itself: while they are quick, no message changes
+threads. If a handler makes a blocking call (`about_to_block`) or is still running at the next look
+of the lookout thread, another thread becomes the leader and receives. The former leader finishes
+its handler and becomes a follower.
 
     leader    receive → run one job → still the leader? → again
     lookout   while there is traffic, look every 10 to 40 ms: does the same job still run? → another leads
 
-Jobs are begun in the order in which they came in, by the leader. If the system has no thread to spare, the leader
-remains the leader: input waits until its job is over, or until the lookout can start a thread.
+The leader begins jobs in the order of their arrival. If the system can start no thread, the leader stays the
+leader: input waits until its job has ended, or until the lookout can start a thread.
 """
 
 from __future__ import annotations
@@ -40,15 +40,15 @@ STUCK = 5.0
 """Seconds for which closing waits for a handler that is running."""
 
 _LAZINESS = 4
-"""So many times `PATIENCE` may pass between two looks while all jobs are short: each costs as much as a message."""
+"""While all jobs are short, the lookout looks this many times less often: a look costs as much as a message."""
 
 _QUIET = 0.5
-"""After so many seconds without traffic the lookout sleeps until there is some."""
+"""Seconds without traffic after which the lookout sleeps until the next job."""
 
 _LONGEST_PAUSE = 0.5
-"""Seconds between two attempts to receive, when one after the other fails."""
+"""Maximum seconds between two attempts to receive, if they fail."""
 
-# Where messages pass, locks are entered themselves: the same through their condition takes twice as long.
+# Code that runs for each message acquires the lock itself: through its condition it takes twice as long.
 
 _THREADS: weakref.WeakSet[threading.Thread] = weakref.WeakSet()
 """Threads of all `LeaderFollowers`, and others that belong to transports."""
@@ -62,7 +62,7 @@ def belongs(thread: threading.Thread) -> None:
 def abandoned() -> bool:
     """Whether only threads of transports still run: the program forgot to close a transport.
 
-    Interpreters wait for their threads before anything else, so only such a thread can notice.
+    At its end an interpreter first waits for its threads, so only one of them can notice.
     """
     if threading.main_thread().is_alive():
         return False
@@ -72,9 +72,9 @@ def abandoned() -> bool:
 class LeaderFollowers:
     """Calls `receive` again and again, on one thread at a time, and runs the jobs it returns.
 
-    `receive` blocks until there is something to do or `wake` was called. What takes long, or calls
-    somebody's code, belongs into a job: nobody else receives before `receive` has returned, not
-    even if it steps aside. If it raises, that is logged, and after a pause it is called again.
+    `receive` blocks until there is something to do or `wake` was called. Long work and calls of user
+    code belong into a job: no other thread receives before `receive` has returned, not even after
+    `about_to_block`. If it raises, that is logged, and after a pause it is called again.
     """
 
     def __init__(
@@ -84,13 +84,13 @@ class LeaderFollowers:
         wake: Callable[[], None],
         start: Callable[[threading.Thread], bool] = start_thread,
     ) -> None:
-        """`start` starts a thread, and returns False if the system has none to spare."""
+        """`start` starts a thread, and returns False if the system cannot."""
         self._name, self._receive, self._wake, self._start = name, receive, wake, start
         self._jobs: deque[Job] = deque()
         self._threads: list[threading.Thread] = []
         self._closing = threading.Event()
         self._ends = False
-        """The same; looking at it is no call of a function."""
+        """The same as `_closing`, but faster to read: no function is called."""
         self._traffic = threading.Event()
         self._watched = False
         self._lock = threading.RLock()
@@ -105,7 +105,7 @@ class LeaderFollowers:
         """Seconds to wait after `receive` has failed; 0 while it succeeds."""
 
     def start(self) -> None:
-        """Raises TransportError if the system has no thread to spare; nothing of it runs then."""
+        """Raises TransportError if the system can start no thread; then none of the threads runs."""
         with self._lock:
             started = self._hire(self._serve, "0") and self._hire(self._look_out, "lookout")
         if not started:
@@ -165,7 +165,7 @@ class LeaderFollowers:
     def _input(self) -> Iterable[Job]:
         try:
             jobs = self._receive()
-        except Exception:  # if this thread ended, nobody would receive any more
+        except Exception:  # if this thread ended, no thread would receive any more
             if not self._pause and not self._closing.is_set():
                 log.exception("%s: receiving failed; trying again until it succeeds", self._name)
             self._pause = min(2 * self._pause or PATIENCE, _LONGEST_PAUSE)
@@ -183,7 +183,7 @@ class LeaderFollowers:
             self._traffic.set()
         try:
             job()
-        except BaseException:  # also SystemExit, which would end this thread, and nothing else
+        except BaseException:  # also SystemExit, which would only end this thread
             log.exception("%s: a message was not handled", self._name)
         self._lock.acquire()  # half of what `with` takes, and nothing here raises
         leads = self._leader is me
@@ -193,7 +193,7 @@ class LeaderFollowers:
         return leads
 
     def _hand_over(self, overdue: Job | None = None) -> None:
-        """Let another thread lead: the leader says so in its job, or that job is overdue."""
+        """Let another thread lead. Called by the leader in its job, or by the lookout for an overdue job."""
         with self._lock:
             mine = self._leader is threading.current_thread() and self._running is not None
             if self._closing.is_set() or not (mine or (overdue is not None and self._running is overdue)):
@@ -204,7 +204,7 @@ class LeaderFollowers:
                 if not self._short:
                     log.warning("%s: nothing is received until a handler has ended: %s", self._name, NO_THREAD)
                 self._short = True
-                return  # the lookout comes back to it
+                return  # the lookout tries again
             self._short = False
             self._leader = self._running = None
 
@@ -213,7 +213,8 @@ class LeaderFollowers:
             self._traffic.wait()
             quiet, pause = 0.0, PATIENCE
             while quiet < _QUIET:
-                begun, busy = self._begun, self._running is not None  # not the job: its message takes memory
+                # keeps no reference to the job, whose message takes memory
+                begun, busy = self._begun, self._running is not None
                 pause = PATIENCE if busy else min(pause * 1.2, _LAZINESS * PATIENCE)
                 if self._closing.wait(pause):
                     return
@@ -231,15 +232,15 @@ class LeaderFollowers:
 class Gate:
     """Lets calls through until it is closed, and knows when the last one has left.
 
-    Who passes takes no lock: it is in the list before it looks whether the gate is closed, and who closes it looks
-    into the list afterwards. Operations on a list are atomic.
+    Entering takes no lock. A thread enters the list before it checks whether the gate is closed; `close` closes the
+    gate before it reads the list. Operations on a list are atomic.
     """
 
     def __init__(self, name: str) -> None:
         self._name = name
         self._left = threading.Condition()
         self.inside: list[int] = []
-        """The threads that are."""
+        """The threads inside."""
         self.closed = False
 
     def enter(self) -> bool:
@@ -255,12 +256,12 @@ class Gate:
             self.left()
 
     def left(self) -> None:
-        """Tell who closes it that somebody has left."""
+        """Tell `close` that a thread has left."""
         with self._left:
             self._left.notify_all()
 
     def close(self) -> None:
-        """Let nobody in any more, and wait for those inside, except the calling thread.
+        """Let no thread in any more, and wait for those inside, except the calling thread.
 
         A handler that is stuck is left alone after a while; that is logged.
         """
@@ -272,16 +273,16 @@ class Gate:
 
 
 class Servant:
-    """A service behind its gate: what expired is not executed, and nothing is once it is closed."""
+    """A service behind its gate: it executes no expired request, and nothing once it is closed."""
 
     def __init__(self, name: str, service: Service, stats: Statistics) -> None:
         self._service, self._stats = service, stats
         self._gate = Gate(name)
 
     def serve(self, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> bool:
-        """Have a request answered, now or later; False if it was closed before, and nothing is answered."""
+        """Answer a request, now or later; False, without an answer, if it is closed."""
         gate, me = self._gate, threading.get_ident()
-        gate.inside.append(me)  # `enter` and `leave`, but quicker
+        gate.inside.append(me)  # `enter` and `leave` inlined, for speed
         try:
             if gate.closed:
                 return False
@@ -302,7 +303,7 @@ class Servant:
                 gate.left()
 
     def ask(self, payload: Payload, now: float, expires: float) -> Reply | Future[Reply] | None:
-        """What the service returns to a request of the calling thread itself; None if it was closed before."""
+        """Run the service on the calling thread, which made the request; None if it is closed."""
         gate, me = self._gate, threading.get_ident()
         gate.inside.append(me)
         try:
@@ -319,14 +320,14 @@ class Servant:
                 gate.left()
 
     def close(self) -> None:
-        """Let nothing begin any more, and wait for what runs."""
+        """Start no more handlers, and wait for the running ones."""
         self._gate.close()
 
 
 class Lane:
     """The messages of one inlet on their way to its sink: in order, one at a time, at most `depth` waiting.
 
-    A lane that is full gives up its oldest message (`lossy`), or takes no more until there is room.
+    A full lane drops its oldest message (`lossy`), or takes no more until there is room.
     """
 
     def __init__(self, name: str, sink: Sink, depth: int, *, lossy: bool, stats: Statistics) -> None:
@@ -335,7 +336,7 @@ class Lane:
         self._lock = threading.RLock()
         self._changed = threading.Condition(self._lock)
         self._wanted = 0
-        """How many wait for room."""
+        """The number of threads that wait for room."""
         self._draining = False
         self._summoned = False
         self._gate = Gate(name)
@@ -353,18 +354,18 @@ class Lane:
     def put(self, payload: Payload, patience: float = 0.0, *, may_be_lost: bool = False) -> bool:
         """Append a message, after waiting for room at most `patience` seconds; whether it was taken.
 
-        One that may be lost is given up, and counted, where there is no room: it counts as taken. Somebody has to call
-        `drain` then. A closed lane takes everything and forgets it.
+        If there is no room, a message that may be lost is dropped and counted, and `put` returns True. After `put`,
+        the caller must have `drain` called. A closed lane takes everything and discards it.
         """
         self._lock.acquire()
         try:
             waiting = self._waiting
             if len(waiting) >= self._depth:
                 if self._lossy:
-                    with contextlib.suppress(IndexError):  # `drain` may be quicker
+                    with contextlib.suppress(IndexError):  # `drain` may have taken it
                         waiting.popleft()
                         self._stats.dropped += 1
-                elif may_be_lost:  # and not what waits, which may be of somebody whose messages must not be
+                elif may_be_lost:  # not the oldest, which may be a message that must not be lost
                     if not self._gate.closed:
                         self._stats.dropped += 1
                     return True
@@ -377,7 +378,7 @@ class Lane:
             self._lock.release()
 
     def put_all(self, payloads: list[Payload]) -> int:
-        """`put` each, without waiting for room; how many were taken. Those behind one that was not, are not, either."""
+        """`put` each, without waiting for room; how many were taken. Stops at the first one that was not."""
         if len(payloads) == 1 or len(self._waiting) + len(payloads) > self._depth:
             return next((number for number, each in enumerate(payloads) if not self.put(each)), len(payloads))
         with self._lock:
@@ -387,7 +388,7 @@ class Lane:
 
     @property
     def idle(self) -> bool:
-        """Whether all that was put has been given to the sink, and that has returned; no `drain` is due."""
+        """Whether the sink has handled every message, and no `drain` is due."""
         with self._lock:
             return not (self._waiting or self._draining or self._summoned)
 
@@ -396,13 +397,13 @@ class Lane:
         self._sink = wrap(self._sink)
 
     def start_with(self, payloads: Iterable[Payload]) -> None:
-        """Append the newest `depth` of these, without waiting for room: what a late subscriber has missed."""
+        """Append the newest `depth` of these, which a late subscriber has missed; does not wait for room."""
         with self._lock:
             if not self._gate.closed:
                 self._waiting.extend(deque(payloads, self._depth))
 
     def summon(self) -> bool:
-        """Whether `drain` has to be called: not if it runs, nor between a summons and its being obeyed."""
+        """Whether the caller has to call `drain`: not if it runs already, or another thread was told to call it."""
         with self._lock:
             if self._draining or self._summoned:
                 return False
@@ -410,7 +411,7 @@ class Lane:
             return True
 
     def drain(self) -> None:
-        """Give the sink what waits. Returns at once if another thread is doing so."""
+        """Give the waiting messages to the sink. Returns at once if another thread is doing so."""
         lock = self._lock
         lock.acquire()
         self._summoned, draining = False, self._draining
@@ -419,7 +420,7 @@ class Lane:
         if draining:
             return
         waiting, gate, me = self._waiting, self._gate, threading.get_ident()
-        gate.inside.append(me)  # `enter` and `leave`, but quicker; who finds it closed has nothing to give
+        gate.inside.append(me)  # `enter` and `leave` inlined, for speed; a closed lane is empty
         try:
             while True:
                 try:
@@ -439,7 +440,7 @@ class Lane:
                 self._stats.received += 1
                 try:
                     self._sink(payload)
-                except BaseException:  # also SystemExit: the messages that follow are to be delivered all the same
+                except BaseException:  # also SystemExit: later messages must still be delivered
                     log.exception("%s: a message was not handled", self._name)
         finally:
             gate.inside.remove(me)
@@ -447,14 +448,14 @@ class Lane:
                 gate.left()
 
     def close(self) -> None:
-        """Forget what waits. The sink is not called any more once this returns."""
+        """Discard what waits. The sink is not called any more once this returns."""
         with self._lock:
             self._waiting.clear()
             self._changed.notify_all()
         self._gate.close()
 
     def _await_room(self, patience: float) -> bool:
-        """With the lock, which is let go meanwhile."""
+        """Called with the lock, which is released while waiting."""
         self._wanted += 1
         try:
             return self._changed.wait_for(lambda: not self.full or self._gate.closed, patience)

@@ -152,7 +152,7 @@ class AskingLink(Link):
             self._news.clear()
             if not self.visible():
                 if not self.counterparts(strict=True) or monotonic() >= end:
-                    raise Unreachable(f"{self.channel.name}: nobody serves it")
+                    raise Unreachable(f"{self.channel.name}: no server")
                 about_to_block()
                 self.await_news(end)  # it is there, and discovery not quite finished
             self.check_open()

@@ -69,7 +69,7 @@ class Asking(Link):
         if found is None or found[0] != version:
             serving = self.counterparts(strict=True)
             if not serving:
-                raise Unreachable(f"{self.channel.name}: nobody serves it")
+                raise Unreachable(f"{self.channel.name}: no server")
             before = [token for token in serving if found and token.channel == found[1].channel]
             token = (before or serving)[-1]  # the one that came last: the other may be leaving
             key = self.address(token)
