@@ -1,13 +1,13 @@
-"""Who is there, on this machine: a file per open transport, in a folder of the user's own.
+"""The directory: it lists the open transports of this host, one file each, in a private folder of the user.
 
-    <run-time folder>/<transport>/<id>.json         what it offers and wants; replaced as a whole, so never half-read
-    <run-time folder>/<transport>/<id>.lock         locked as long as its process lives, however it ends
-    <run-time folder>/<transport>/by/<place>/<id>   a symbolic link to the first: it has to do with these channels
+    <run-time folder>/<transport>/<id>.json         what it offers and wants; replaced atomically
+    <run-time folder>/<transport>/<id>.lock         locked while its process lives
+    <run-time folder>/<transport>/by/<place>/<id>   a symbolic link to the first: the member uses channels of this place
 
-A place is the interface of an instance; those who look for it look there, and need not know of anybody else. Of each
-interface there are two more, one for those who name no instance, and one for all: see `_Places`.
+A place stands for one interface of one instance. A member that looks for it reads that place only. Each interface
+has two more places: one for members that name no instance, and one for all members. See `_Places`.
 
-A lock that can be taken belongs to somebody dead; whoever notices removes what was left.
+A lock that can be taken belongs to a dead process; the member that notices this removes its files.
 The run-time folder is `$ROBOCOMP_RUNTIME_DIR`, or `$XDG_RUNTIME_DIR/robocomp`, or
 `robocomp-<uid>` in the folder for temporary files; always mode 0700, never a symbolic link (see `owned.py`).
 """
@@ -39,34 +39,34 @@ from .owned import NotOurs, make_private
 log = logging.getLogger("robocomp.transport")
 
 LONGEST_SOCKET = 107
-"""Bytes that the path of a socket may have; the kernel takes no more."""
+"""Maximum bytes in the path of a socket; a limit of the kernel."""
 
 _SETTLED = 0.1
-"""What was read of a place less than so many seconds after it changed is read again: its time stamp is too coarse."""
+"""Seconds after a change in which a place is read again, since its time stamp is too coarse to show a second change."""
 
 _UNTOLD = 0.5
-"""Seconds between two looks where the system does not tell of changes."""
+"""Seconds between two looks if the system does not report changes."""
 
 _ROLL_CALL = 1.0
-"""Seconds between two looks whether those who were found live, while their places change."""
+"""Seconds between two checks whether found members live, while their places change."""
 
 _MOST_ASKED = 10_000
 
 _INDEX = "by"
 
 _OF_MEMBERS = (".json", ".lock")
-"""The ends of the names of files of members; who is killed while it leaves has no lock any more."""
+"""Suffixes of the files of members. A member that was killed while leaving may have no lock any more."""
 
 _TRIES = 100
-"""So often a place is made again that others, who left it, have removed meanwhile."""
+"""Maximum attempts to create a place that leaving members remove again."""
 
 _ALL = "**"
-"""In the name of a place, the instance of all."""
+"""Stands for the instance in the name of a place for all members."""
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One end of one channel. `role` says which one, in the words of the transport."""
+    """One link. `role` says which end of the channel it is, in the words of the transport."""
 
     role: str
     channel: str
@@ -87,14 +87,14 @@ class Member:
     entries: tuple[Entry, ...]
 
     def facing(self, role: str, channel: str) -> Iterator[Found]:
-        """Its ends of a channel in that role; the channel, or theirs, may have `*` for its instance."""
+        """Its links of a channel in that role; either channel may have `*` for its instance."""
         for entry in self.entries:
             if entry.role == role and (matches(channel, entry.channel) or matches(entry.channel, channel)):
                 yield Found(self, entry)
 
 
 class Found(NamedTuple):
-    """An end of a channel: the member that announces it, and its entry."""
+    """A link in the directory: its entry, and the member that announces it."""
 
     member: Member
     entry: Entry
@@ -117,7 +117,7 @@ class Found(NamedTuple):
 
 
 def runtime_dir(*below: str) -> Path:
-    """The folder for sockets and directory files, made if it is missing; or the subfolder of these names, not made.
+    """The folder for sockets and directory files, created if it is missing; with `below`, a subfolder, not created.
 
     Raises ConfigurationError if a folder on the way belongs to another user, is a symbolic link, or is open to others.
     """
@@ -132,7 +132,7 @@ def runtime_dir(*below: str) -> Path:
     except NotOurs as exc:
         raise ConfigurationError(f"run-time folder {folder} {exc}, or set ROBOCOMP_RUNTIME_DIR") from exc
     except OSError as exc:
-        if exc.errno in (errno.EMFILE, errno.ENFILE, errno.ENOMEM):  # another folder would be of no help
+        if exc.errno in (errno.EMFILE, errno.ENFILE, errno.ENOMEM):  # another folder would not help
             raise TransportError(f"run-time folder {folder}: {exc.strerror}") from exc
         raise ConfigurationError(f"run-time folder {folder}: {exc.strerror}; set ROBOCOMP_RUNTIME_DIR") from exc
     return folder.joinpath(*below)
@@ -141,29 +141,29 @@ def runtime_dir(*below: str) -> Path:
 def _temporary() -> Path:
     try:
         return Path(tempfile.gettempdir())
-    except OSError as exc:  # it tries to write; without file descriptors nothing can be written, for one
+    except OSError as exc:  # it tries to write a file, which fails without free descriptors, for example
         raise ConfigurationError(f"run-time folder: {exc.strerror}; set ROBOCOMP_RUNTIME_DIR") from exc
 
 
 class _Places(NamedTuple):
-    """Where those are who have to do with a channel.
+    """The places of a channel.
 
-    The beginning of its name is what it has in common with the other operations of its interface: `robot/world/Laser`.
+    They are named by the part of its name that all operations of its interface share: `robot/world/Laser`.
     """
 
     own: str
-    """Of those who say the same name, whether or not there is an instance in it."""
+    """For members that use exactly this name."""
     all: str
-    """Of those of any instance, and those who name none."""
+    """For all members of this interface, with or without an instance."""
     star: str
-    """Of those who name no instance; the same as `own` for them."""
+    """For members that name no instance; equals `own` if the channel names none."""
 
     def sought(self) -> tuple[str, ...]:
-        """Where those are who may mean it."""
+        """The places to look into for peers of the channel."""
         return (self.all,) if self.own == self.star else (self.own, self.star)
 
     def announced(self) -> tuple[str, ...]:
-        """Where whoever has to do with it is to be found."""
+        """The places where users of the channel are announced."""
         return self.own, self.all
 
 
@@ -179,33 +179,33 @@ def _places_below(beginning: str) -> _Places:
 
 
 class _File(NamedTuple):
-    """What a member wrote."""
+    """The file of a member."""
 
     stamp: tuple[int, int, int]
     member: Member | None
-    """None if it makes no sense to us."""
+    """None if it cannot be understood."""
 
 
 class _Place:
-    """What is known of a place."""
+    """What was read of a place."""
 
     def __init__(self, folder: str) -> None:
         self.folder = folder
         self.files: dict[str, _File] = {}
         """By member."""
         self.sought: set[tuple[str, str]] = set()
-        """The roles and channels that are looked for here."""
+        """The roles and channels that this process looks for here."""
         self.stamp = -1, 0
         self.changed_at = 0.0
         self.settled = False
-        """Whether it was read so long after it changed that nothing may have been missed."""
+        """Whether it was read long enough after its last change that nothing was missed."""
 
 
 class Directory:
     """The members of one transport. Safe to use from any thread.
 
-    When it cannot be read for a while (no file descriptor is left, say), that is logged once, and
-    what was read last holds until it can. A folder that was removed has no members.
+    While it cannot be read (no file descriptor is left, for example), that is logged once, and the
+    last contents remain valid. A folder that was removed has no members.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -216,36 +216,36 @@ class Directory:
         self._on_change: Callable[[], object] = _nothing
         self._lock = threading.Lock()
         self._places: dict[str, _Place] = {}
-        """By name, those that something is looked for in."""
+        """By name: the places that this process looks into."""
         self._found: dict[tuple[str, str], dict[str, list[Found]]] = {}
-        """By role and channel that were looked for, and by member."""
+        """The results by role and channel, then by member."""
         self._roll_call = 0.0
         self._stopped: dict[str, float] = {}
-        """By member: since when its process is known to be stopped."""
+        """By member: since when its process is known to be stopped (SIGSTOP)."""
         self._unreadable = False
         self._version = 0
 
     def watch(self, watch: Watch, on_change: Callable[[], object]) -> None:
-        """From now on, look only at what this watch tells of, as far as it can.
+        """From now on, look only at folders that this watch reports, as far as it can watch them.
 
-        `on_change` is called when the version has changed, on whichever thread has found that.
+        `on_change` is called when the version has changed, on the thread that noticed it.
         """
         self._watch, self._on_change = watch, on_change
 
     def stop_watching(self) -> None:
-        """Before leaving: what the last one removes must not be made again by who still looks there."""
+        """Called before leaving: a folder that the last member removes must not be created again by a look into it."""
         with self._lock:
             self._watch = None
 
     @property
     def pause(self) -> float:
-        """Seconds after which it is to be looked again, or 0 if the watch tells when."""
+        """Seconds until the next look, or 0 if the watch reports all changes."""
         watch = self._watch
         told = watch and watch.able and all([watch.watches(place.folder) for place in list(self._places.values())])
         return 0.0 if told else _UNTOLD
 
     def join(self, owner: str) -> Membership:
-        """Become a member. What killed ones left before they were members is removed, too."""
+        """Become a member. Files of members that were killed while joining are removed, too."""
         with contextlib.suppress(OSError):
             if not is_swept(self._folder):
                 left = {os.path.splitext(name)[0] for name in os.listdir(self._folder) if name.endswith(_OF_MEMBERS)}
@@ -257,12 +257,12 @@ class Directory:
         return Membership(self._folder, owner)
 
     def version(self) -> int:
-        """A number that grows when what was looked for here changes. Cheap while nothing does."""
+        """A number that grows when a result of `find` changes. Cheap while nothing changes."""
         with self._looked():
             return self._version
 
     def find(self, role: str, channel: str) -> list[Found]:
-        """Ends of a channel in that role; the channel, or theirs, may have `*` for its instance."""
+        """Links of a channel in that role; either channel may have `*` for its instance."""
         with self._looked():
             known = self._found.get((role, channel))
             if known is None:
@@ -270,7 +270,7 @@ class Directory:
             return [found for name in sorted(known) for found in known[name]]
 
     def still_has(self, member_id: str, entry: Entry) -> bool:
-        """Whether what was found is there this moment, in this folder, and its process lives."""
+        """Whether the entry is in this folder now, and its process lives."""
         try:
             entries = _parse(_content(self._folder / f"{member_id}.json"), member_id).entries
         except (OSError, ValueError, TypeError, KeyError):
@@ -278,7 +278,7 @@ class Directory:
         return entry in entries and self.alive(member_id)
 
     def alive(self, member_id: str) -> bool:
-        """Whether a member's process lives. Removes what a dead one left."""
+        """Whether a member's process lives. Removes the files of a dead one."""
         if _locked(self._folder / f"{member_id}.lock"):
             return True
         with contextlib.suppress(OSError):
@@ -286,7 +286,7 @@ class Directory:
         return False
 
     def responds(self, member: Member, within: float) -> bool:
-        """Whether a member's process lives, and has not been stopped (by SIGSTOP, say) for so many seconds."""
+        """Whether a member's process lives, and has not been stopped (by SIGSTOP, for example) for `within` seconds."""
         if self.alive(member.id) and state_of(member.pid) != "T":
             self._stopped.pop(member.id, None)
             return True
@@ -295,7 +295,7 @@ class Directory:
 
     @contextlib.contextmanager
     def _looked(self) -> Iterator[None]:
-        """With the lock, and knowing what is there."""
+        """With the lock, and after reading what has changed."""
         with self._lock:
             before = self._version
             try:
@@ -323,7 +323,7 @@ class Directory:
                 self._look_into(place)
 
     def _look_into(self, place: _Place) -> None:
-        """Read who is there, if that may have changed."""
+        """Read the members of a place, if they may have changed."""
         now = time.monotonic()
         told = self._watch is not None and _watched(self._watch, place.folder)
         stamp = _stamp_of_folder(place.folder)
@@ -331,7 +331,7 @@ class Directory:
             place.changed_at, place.settled = now, False
         elif place.settled:
             return
-        place.stamp, place.settled = (-1, 0), False  # unless all can be read
+        place.stamp, place.settled = (-1, 0), False  # in case reading fails
         gone = self._read(place)
         self._unreadable = False
         place.stamp, place.settled = stamp, told or now - place.changed_at >= _SETTLED
@@ -341,12 +341,12 @@ class Directory:
         if is_roll_call:
             self._roll_call = now + _ROLL_CALL
         for role, channel in place.sought:
-            found = self._those_who_mean(role, channel, are_called=is_roll_call)
+            found = self._matching(role, channel, is_roll_call=is_roll_call)
             self._version += found != self._found[role, channel]
             self._found[role, channel] = found
 
     def _read(self, place: _Place) -> Collection[str]:
-        """Have it know the files of those who are there; returns who has left."""
+        """Read the files of the members of a place; returns the members that have left."""
         try:
             names = os.listdir(place.folder)
         except FileNotFoundError:
@@ -361,19 +361,19 @@ class Directory:
                     known if known and known.stamp == stamp else _File(stamp, _understood(_content(path), name))
                 )
             except FileNotFoundError:  # it has left
-                self.alive(name)  # or was killed while it did
+                self.alive(name)  # or was killed while leaving
         gone = place.files.keys() - files.keys()
         place.files = files
         return gone
 
-    def _those_who_mean(self, role: str, channel: str, *, are_called: bool) -> dict[str, list[Found]]:
-        """By member, what they say of it; those whose processes live, as far as known or, if so, asked."""
+    def _matching(self, role: str, channel: str, *, is_roll_call: bool) -> dict[str, list[Found]]:
+        """By member, its matching links. Members found before are checked for life only at a roll call."""
         before = self._found.get((role, channel), {})
         result = {}
         for place in map(self._places.__getitem__, _places(channel).sought()):
             for name, file in place.files.items():
                 found = list(file.member.facing(role, channel)) if file.member else []
-                if found and ((not are_called and before.get(name) == found) or self.alive(name)):
+                if found and ((not is_roll_call and before.get(name) == found) or self.alive(name)):
                     result[name] = found
         return result
 
@@ -389,16 +389,16 @@ class Directory:
                     self._places[name] = place
         except OSError as exc:
             self._complain(exc)
-            self._version += 1  # so that who looked for it looks again
+            self._version += 1  # so that the caller looks again
             return {}
         for name in _places(channel).sought():
             self._places[name].sought.add((role, channel))
-        self._found[role, channel] = self._those_who_mean(role, channel, are_called=True)
+        self._found[role, channel] = self._matching(role, channel, is_roll_call=True)
         return self._found[role, channel]
 
 
 def _nothing() -> None:
-    """Nobody wants to know."""
+    """The default callback."""
 
 
 def _understood(raw: bytes, name: str) -> Member | None:
@@ -421,7 +421,7 @@ def _stamp(info: os.stat_result) -> tuple[int, int, int]:
 
 
 def _content(path: str | Path) -> bytes:
-    file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)  # in half the time that `open` takes: there are many
+    file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)  # twice as fast as `open`; there are many files
     try:
         parts = []
         while part := os.read(file, 65536):
@@ -432,7 +432,7 @@ def _content(path: str | Path) -> bytes:
 
 
 class Membership:
-    """Our own entry, as long as we keep it open."""
+    """The own member of this process, while it is open."""
 
     def __init__(self, folder: Path, owner: str) -> None:
         self.id = f"{os.getpid()}-{secrets.token_hex(4)}"
@@ -440,7 +440,7 @@ class Membership:
         self._owner = owner
         self._entries: list[Entry] = []
         self._shown: dict[str, list[Entry]] = {}
-        """By place, what is announced there."""
+        """By place: the entries announced there."""
         self._gathering = 0
         self._unwritten = False
         self._lock = threading.Lock()
@@ -454,17 +454,17 @@ class Membership:
             raise
 
     def address(self, suffix: str) -> Path:
-        """A path for a socket of ours, removed with everything else that we leave."""
+        """A path for a socket; it is removed with the other files of this member."""
         return self._file.with_name(f"{self.id}-{suffix}")
 
     @property
     def entries(self) -> tuple[Entry, ...]:
-        """What is announced."""
+        """The announced entries."""
         return tuple(self._entries)
 
     @contextlib.contextmanager
     def gathered(self) -> Iterator[None]:
-        """What is added while this is entered is written at once at its end: all others look at whatever is written."""
+        """Entries added in this context are written together at its end, since each write makes every peer look."""
         with self._lock:
             self._gathering += 1
         try:
@@ -476,19 +476,19 @@ class Membership:
                     self._write()
 
     def add(self, entry: Entry) -> None:
-        """Announce; raises TransportError if that cannot be written."""
+        """Announce an entry; raises TransportError if that cannot be written."""
         with self._lock:
             self._entries.append(entry)
             try:
                 self._write()
             except TransportError:
                 self._entries.remove(entry)
-                with contextlib.suppress(TransportError):  # what others read by now, although they are not all told
+                with contextlib.suppress(TransportError):  # some peers may have read the entry already
                     self._write()
                 raise
 
     def remove(self, entry: Entry) -> None:
-        """Take back; that it cannot be written is logged, since who closes has to go on."""
+        """Withdraw an entry. A failure is only logged, since closing has to go on."""
         with self._lock:
             if entry not in self._entries or self._held < 0:
                 return
@@ -504,8 +504,9 @@ class Membership:
             if self._held < 0:
                 return
             try:
-                with contextlib.suppress(OSError):  # whoever looks there next removes it
-                    self._lock_file.unlink(missing_ok=True)  # first: who sees our entries go finds nobody who lives
+                with contextlib.suppress(OSError):  # otherwise the next member that looks removes it
+                    # first, so that peers that see the entries go find no living process
+                    self._lock_file.unlink(missing_ok=True)
                     _remove_all(self._file.parent, self.id, self._shown)
             finally:
                 os.close(self._held)
@@ -518,17 +519,17 @@ class Membership:
         record = {"owner": self._owner, "pid": os.getpid(), "entries": list(map(told_of, self._entries))}
         draft = self._file.with_suffix(".draft")
         with _as_transport_error(self._file.parent):
-            self._lock_file.stat()  # without it others take us for dead, even if the folder was made again
+            self._lock_file.stat()  # without the lock file, peers take this process for dead
             draft.write_text(json.dumps(record))
             draft.replace(self._file)
             self._show()
 
     def _show(self) -> None:
-        """Be found at the places that our entries have to do with, and have who looks there see what has changed."""
+        """Update the links in the places of our entries, so that members that look there see the change."""
         shown: dict[str, list[Entry]] = {}
         for entry in self._entries:
             places = _places(entry.channel)
-            shown[places.own] = shown.setdefault(places.all, [])  # who looks at several of them reads the same of all
+            shown[places.own] = shown.setdefault(places.all, [])  # the same entries in every place of a member
             shown[places.all].append(entry)
         index = os.path.join(self._file.parent, _INDEX)
         for place in self._shown.keys() - shown.keys():
@@ -538,14 +539,14 @@ class Membership:
             if place not in self._shown:
                 _link(os.path.join(index, place), self.id)
             elif entries != self._shown[place]:
-                with contextlib.suppress(FileNotFoundError):  # somebody has removed all that is here
+                with contextlib.suppress(FileNotFoundError):  # the folder was removed
                     os.utime(os.path.join(index, place))
-            self._shown[place] = entries  # only now: what fails is done the next time
+            self._shown[place] = entries  # only now, so that a failed update is repeated
 
 
 def _watched(watch: Watch, place: str) -> bool:
     if watch.able and not watch.watches(place):
-        with contextlib.suppress(OSError):  # also of a folder that was removed: there is nobody
+        with contextlib.suppress(OSError):  # also if the folder was removed: it has no members
             _make(place)
             watch.add(place)
     return watch.watches(place)
@@ -558,11 +559,11 @@ def _make(place: str) -> None:
 
 
 def _link(place: str, member_id: str) -> None:
-    """Lead from there to the file of a member."""
+    """Create a link in a place to the file of a member."""
     for _ in range(_TRIES):
         try:
             os.symlink(f"../../{member_id}.json", os.path.join(place, member_id))
-        except FileNotFoundError:  # nobody was there yet, or the last one has just left
+        except FileNotFoundError:  # the place has no members yet, or the last one has just left
             with contextlib.suppress(FileNotFoundError):  # or is just leaving
                 _make(place)
         else:
@@ -573,37 +574,38 @@ def _link(place: str, member_id: str) -> None:
 def _withdraw(place: str, member_id: str) -> None:
     with contextlib.suppress(OSError):
         os.unlink(os.path.join(place, member_id))
-    if _ALL not in place and ANY not in place:  # those are kept: many look there, though hardly ever somebody is there
+    # the others stay: many members look there, although they are mostly empty
+    if _ALL not in place and ANY not in place:
         with contextlib.suppress(OSError):
             os.rmdir(place)
 
 
 def _remove_all(folder: Path, member_id: str, places: Iterable[str]) -> None:
-    """Remove what a member leaves at these places and elsewhere; if it is the last one, the index, too."""
+    """Remove all files of a member, and its links in these places; with the last member, the index, too."""
     for place in places:
         _withdraw(os.path.join(folder, _INDEX, place), member_id)
     others = False
     for name in os.listdir(folder):
         if name.startswith(member_id):
             (folder / name).unlink(missing_ok=True)
-        elif "-" in name and name.endswith(".lock"):  # shm has a lock of another kind, without one
+        elif "-" in name and name.endswith(".lock"):  # shm has another kind of lock file, without a dash
             others = True
     if not others:
         _remove_index(folder)
 
 
 def _places_of_dead(folder: Path, member_id: str) -> Iterable[str]:
-    """Where there are links to a member that may have been killed at any moment."""
+    """The places with links to a member that may have been killed at any moment."""
     try:
         entries = _parse(_content(folder / f"{member_id}.json"), member_id).entries
-    except (OSError, ValueError, TypeError, KeyError):  # killed while it came or left
+    except (OSError, ValueError, TypeError, KeyError):  # killed while joining or leaving
         index = folder / _INDEX
         return os.listdir(index) if index.exists() else ()
     return {place for entry in entries for place in _places(entry.channel).announced()}
 
 
 def _remove_index(folder: Path) -> None:
-    """Nobody is there any more, unless somebody is just coming: who has a file stays, and so does the way to it."""
+    """Remove the index after the last member. Links of a member that is just joining stay."""
     index = os.path.join(folder, _INDEX)
     with contextlib.suppress(OSError):
         for mark in (SWEPT, UNWATCHED):
@@ -611,7 +613,7 @@ def _remove_index(folder: Path) -> None:
         for place in (os.path.join(index, name) for name in os.listdir(index)):
             with contextlib.suppress(OSError):
                 for link in (os.path.join(place, name) for name in os.listdir(place)):
-                    if not os.path.exists(link):  # of one that was killed between taking back and leaving
+                    if not os.path.exists(link):  # of a member that was killed while leaving
                         os.unlink(link)
                 os.rmdir(place)
         os.rmdir(index)
@@ -630,7 +632,7 @@ def _parse(raw: bytes, name: str) -> Member:
 
 
 def member_of(record: Any, member_id: str) -> Member:
-    """Who told that of itself. Raises ValueError, TypeError or KeyError."""
+    """The member that a record describes. Raises ValueError, TypeError or KeyError."""
     owner, pid = record["owner"], record["pid"]
     if type(owner) is not str or type(pid) is not int:
         raise TypeError("owner or pid of a member")
@@ -641,12 +643,12 @@ _KEYS = tuple(each.name for each in fields(Entry))
 
 
 def told_of(entry: Entry) -> dict[str, Any]:
-    """What an entry is in JSON."""
+    """An entry as a JSON object."""
     return {key: getattr(entry, key) for key in _KEYS}
 
 
 def _entry(told: dict[str, Any]) -> Entry:
-    """What is told of an entry, perhaps by another program. Raises TypeError; what we do not know is passed over."""
+    """An entry from a JSON object, perhaps of another program. Ignores unknown keys. Raises TypeError."""
     entry = Entry(**{key: told[key] for key in _KEYS if key in told})
     for key in _KEYS:
         if type(getattr(entry, key)) is not (int if key == "fingerprint" else str):
@@ -660,7 +662,7 @@ def _locked(path: Path) -> bool:
     except FileNotFoundError:
         return False
     except OSError:
-        return True  # not to be told now; the living must not be taken for dead
+        return True  # unknown; a living process must not be taken for dead
     try:
         fcntl.flock(probe, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -671,7 +673,7 @@ def _locked(path: Path) -> bool:
 
 
 def state_of(pid: int) -> str:
-    """The letter by which Linux tells the state of a process (`T`: stopped, `Z`: ended); "" if nothing is told."""
+    """The letter of Linux for the state of a process (`T`: stopped, `Z`: ended); "" if it is unknown."""
     try:
         status = Path(f"/proc/{pid}/stat").read_text()
     except OSError:
@@ -682,15 +684,15 @@ def state_of(pid: int) -> str:
 def clear(folder: Path) -> bool:
     """Remove what killed processes left in the folder of a transport; whether members were among them.
 
-    Whoever comes next does so, too. This is for who has ended processes, and cannot know whether anybody will come.
-    Raises OSError; what could not be removed then means nothing, as before.
+    The next member does so, too. This is for a program that has ended processes, since no further member may come.
+    Raises OSError; files that could not be removed are harmless.
     """
     members = {os.path.splitext(name)[0] for name in os.listdir(folder) if name.endswith(_OF_MEMBERS)}
     gone = [name for name in members if (pid := name.partition("-")[0]).isdecimal() and is_gone(int(pid))]
     directory = Directory(folder)
     found = [name for name in gone if not directory.alive(name)]
     for each in (folder, *(below for below in folder.iterdir() if below.is_dir() and below.name != _INDEX)):
-        (each / SWEPT).unlink(missing_ok=True)  # whoever has just looked did so while they lived
+        (each / SWEPT).unlink(missing_ok=True)  # a recent sweep may have seen these processes alive
         sweep(each)
         (each / SWEPT).unlink(missing_ok=True)
     return bool(found)

@@ -1,4 +1,4 @@
-"""Transports whose ends find each other in the directory of the run-time folder: what all of them have in common."""
+"""The base of transports whose links find each other in the directory of the run-time folder."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _SERVING = ("serves", "receives")
 
 
 class Reached(Protocol):
-    """A process that serves, as those who ask it know it."""
+    """A server process, as its clients see it."""
 
     id: str
     closed: bool
 
     @property
     def key(self) -> Hashable:
-        """Names it in the calls that it is to answer."""
+        """Identifies it in pending calls."""
         ...
 
     def alive(self) -> bool: ...
@@ -39,35 +39,35 @@ class Reached(Protocol):
 
 
 class DirectoryTransport(BaseTransport[Found], SupportsGathering):
-    """Such a transport: its links, which the thread that receives for all of them looks after, too."""
+    """Such a transport. The thread that receives for its links also has them look for peers."""
 
     directory: Directory
     member: Membership
     served: Path
-    """The folder of the claims: who serves what."""
+    """The folder of the claims, which tells which component serves what."""
 
     def __init__(self) -> None:
         super().__init__()
         self.gathers = False
         """Whether more links are about to be opened or closed."""
         self._known = -1
-        """The version of the directory that all links have seen."""
+        """The newest version of the directory that all links have seen."""
         self._call_at = 0.0
-        """When to look next whether known peers still live."""
+        """When to check next whether known peers still live."""
         self._peers: dict[Hashable, Any] = {}
-        """The processes that are asked, by their keys."""
+        """The server processes in use, by key."""
 
     @abstractmethod
     def enlist(self, link: ServingLink) -> str:
-        """Have requests for a link given to it; the address at which they come in."""
+        """Start to deliver requests to a link; returns the address for them."""
 
     @abstractmethod
     def delist(self, link: ServingLink) -> None:
-        """Have no more requests given to it."""
+        """Stop to deliver requests to it."""
 
     @abstractmethod
     def look_soon(self) -> None:
-        """Have the thread that receives look after the links now."""
+        """Have the receiving thread run `tick` now."""
 
     def find(self, role: str, channel: str) -> list[Found]:
         return self.directory.find(role, channel)
@@ -87,7 +87,7 @@ class DirectoryTransport(BaseTransport[Found], SupportsGathering):
             self.look_soon()
 
     def asked(self, key: Hashable, make: Callable[[], R]) -> R:
-        """The process that is asked under that key; it is made if it is not known yet."""
+        """The server process with that key; created by `make` if it is not known yet."""
         with self._lock:
             self.check_open()
             if key not in self._peers:
@@ -96,7 +96,7 @@ class DirectoryTransport(BaseTransport[Found], SupportsGathering):
             return found
 
     def drop(self, peer: Reached) -> None:
-        """The process is dead: nothing we wait for there will be answered."""
+        """The process is dead and will send no reply: forget it."""
         with self._lock:
             self._peers.pop(peer.key, None)
         peer.close()
@@ -111,7 +111,7 @@ class DirectoryTransport(BaseTransport[Found], SupportsGathering):
             return list(self._peers.values())
 
     def drop_the_dead(self) -> None:
-        """Let go of what is held for processes that have ended, whether or not they are asked again."""
+        """Release what is held for processes that have ended."""
         for peer in self.known_peers():
             if not peer.alive():
                 self.drop(peer)
@@ -126,7 +126,7 @@ class DirectoryTransport(BaseTransport[Found], SupportsGathering):
         return min([IDLE_TICK, *self._look_after(version)])
 
     def is_roll_call(self, version: int) -> bool:
-        """Whether it is time to look whether known peers still live."""
+        """Whether it is time to check whether known peers still live."""
         due = version != self._known or time.monotonic() >= self._call_at
         if due:
             self._call_at = time.monotonic() + ROLL_CALL
@@ -134,12 +134,12 @@ class DirectoryTransport(BaseTransport[Found], SupportsGathering):
 
     def _open(self, make: Callable[[], L]) -> L:
         link = super()._open(make)
-        if not self._guarded(link.look, False):  # it may have missed a peer that came while it was opened
+        if not self._guarded(link.look, False):  # a peer that came meanwhile may have been missed
             self._known = -1
         return link
 
     def _look_after(self, version: int) -> list[float]:
-        """Have links look into the directory, which has that version, and tick; seconds until they want to again."""
+        """Have links look into the directory, if its version is new, and tick; seconds until the next time."""
         if version != self._known and self.look_at_peers():
             self._known = version
         return self.tick_links()
@@ -149,10 +149,10 @@ T = TypeVar("T", bound=DirectoryTransport)
 
 
 class DirectoryLink(BaseLink[T, Found]):
-    """One end of a channel: announced in the directory, and looking there for those it faces."""
+    """A link that is announced in the directory and finds its peers there."""
 
     marks = ""
-    """Letters behind the traits of its QoS, which say what else it does."""
+    """Letters for further traits, appended to those of its QoS."""
 
     def __init__(self, transport: T, channel: Channel) -> None:
         super().__init__(transport, channel)
