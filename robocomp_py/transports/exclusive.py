@@ -1,8 +1,8 @@
-"""What only one on this host may have: a channel that is served, a router that is run.
+"""Claims: the right to serve a channel, or to run a router, exclusively on this host.
 
 A claim is a locked file in the run-time folder. The kernel releases it when its process ends,
-however that happens; the file says who holds it, for messages to people. What killed processes left
-in a folder is removed when a process claims its first name there.
+however it ends. The file names the holder, for messages to people. When a process claims its first
+name in a folder, it removes the files of killed processes there.
 """
 
 from __future__ import annotations
@@ -19,26 +19,26 @@ from pathlib import Path
 from ..errors import AlreadyServed, TransportError
 
 _LONGEST = 200
-"""File names may have 255 bytes; longer ones are shortened to so many, with a digest of the whole."""
+"""Maximum bytes of a name; a longer one is shortened, with a digest of the whole. File names may have 255 bytes."""
 
 _PID = re.compile(r"\(pid (\d{1,9})\)$")
 
 _SIGNING, _REMOVING = 3.0, 1.0
-"""Seconds for which whoever has just locked a file may not have signed it yet, or removed it, if the signature is one
-of the dead (or of somebody in another container): it may be held up."""
+"""Seconds to wait for another process that has locked a file: until it has signed it, and until it has removed a file
+with the signature of a dead process (or of one in another container)."""
 
 _LONGEST_PAUSE = 0.02
-"""Seconds between two attempts meanwhile."""
+"""Maximum seconds between two attempts meanwhile."""
 
 SWEPT = "swept"
-"""The name of the mark of a folder with many files; see `is_swept`."""
+"""The file that marks a folder with many files as swept; see `is_swept`."""
 _MANY = 200
 _WHILE = 10.0
-"""Seconds within which a folder with many files is looked through once."""
+"""Seconds within which only one process sweeps a folder with many files."""
 
 
 class Claim:
-    """Held until it is closed, or its process has ended."""
+    """A claim. It is held until it is closed or its process ends."""
 
     def __init__(self, path: Path, held: int) -> None:
         self._path, self._held = path, held
@@ -50,21 +50,21 @@ class Claim:
             held, self._held = self._held, -1
         if held < 0:
             return
-        with contextlib.suppress(OSError):  # a file that stays, but is not locked, means nothing
-            if _is(self._path, held):  # else the folder was removed, and this file is another's
-                self._path.unlink()  # while it is locked: nobody else can have claimed it meanwhile
+        with contextlib.suppress(OSError):  # a file that stays without a lock is harmless
+            if _is(self._path, held):  # else the folder was removed, and the file belongs to another process
+                self._path.unlink()  # while it is locked, so that no other process can claim it meanwhile
         os.close(held)
 
 
 def claim(folder: Path, name: str, owner: str) -> Claim:
-    """Have `name` to ourselves. Raises AlreadyServed, naming who has it, if somebody does."""
+    """Claim `name`. Raises AlreadyServed, which names the holder, if it is claimed already."""
     if folder not in _swept:
         _swept.add(folder)
         sweep(folder)
     begun, pause = time.monotonic(), 0.001
     while (claimed := try_claim(folder, name, owner)) is None:
         who = _signature(folder, name)
-        settled = bool(who) and not is_gone(_pid(who))  # else it has not been signed yet, or is just being removed
+        settled = bool(who) and not is_gone(_pid(who))  # else it is just being signed or removed
         if settled or time.monotonic() - begun >= (_REMOVING if who else _SIGNING):
             raise AlreadyServed(f"{name}: already served by {who or holder(folder, name)}")
         time.sleep(pause)
@@ -73,30 +73,30 @@ def claim(folder: Path, name: str, owner: str) -> Claim:
 
 
 _swept: set[Path] = set()
-"""Folders that this process has looked through."""
+"""Folders that this process has swept."""
 
 
 def sweep(folder: Path) -> None:
-    """Remove the files of processes that ended without giving back what they had claimed."""
+    """Remove the files of processes that ended without releasing their claims."""
     if is_swept(folder):
         return
     with contextlib.suppress(OSError):
         left = [name for name in os.listdir(folder) if name.endswith(".lock")]
         mark_swept(folder, len(left))
         for name in left:
-            with contextlib.suppress(OSError):  # what cannot be removed now means nothing, and is removed another time
+            with contextlib.suppress(OSError):  # a file that stays is harmless, and is removed later
                 _remove_left(folder / name)
 
 
 def is_swept(folder: Path) -> bool:
-    """Whether somebody has just looked through a folder with many files: one of all is enough."""
+    """Whether a process has just swept a folder with many files: one sweep is enough for all."""
     with contextlib.suppress(OSError):
         return time.time() - (folder / SWEPT).stat().st_mtime < _WHILE
     return False
 
 
 def mark_swept(folder: Path, files: int) -> None:
-    """Say that a folder with so many files is looked through now."""
+    """Note that a folder with `files` files is swept now."""
     if files > _MANY:
         (folder / SWEPT).touch()
 
@@ -107,14 +107,14 @@ def _remove_left(path: Path) -> None:
     held = os.open(path, os.O_RDWR | os.O_CLOEXEC)
     try:
         fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:  # somebody claims it just now, or has an id that we cannot see
+    except BlockingIOError:  # another process claims it just now, or has an id that is not visible here
         os.close(held)
     else:
         Claim(path, held).close()
 
 
 def is_gone(pid: int) -> bool:
-    """Whether there is no process of this id, as far as we can see. Containers do not see each other's."""
+    """Whether no visible process has this id. Containers do not see each other's processes."""
     try:
         os.kill(pid, 0)
     except (ProcessLookupError, OverflowError):
@@ -125,7 +125,7 @@ def is_gone(pid: int) -> bool:
 
 
 def try_claim(folder: Path, name: str, owner: str) -> Claim | None:
-    """Have `name` to ourselves, or None if somebody else has it. Never waits."""
+    """Claim `name`; None if another process holds it. Never waits."""
     path = _file(folder, name)
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -135,7 +135,7 @@ def try_claim(folder: Path, name: str, owner: str) -> Claim | None:
                 fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 if _is(path, held):
                     os.ftruncate(held, 0)
-                    os.pwrite(held, f"{owner or 'somebody'} (pid {os.getpid()})".encode(), 0)
+                    os.pwrite(held, f"{owner or 'an unnamed process'} (pid {os.getpid()})".encode(), 0)
                     return Claim(path, held)
             except BlockingIOError:
                 os.close(held)
@@ -143,30 +143,30 @@ def try_claim(folder: Path, name: str, owner: str) -> Claim | None:
             except BaseException:
                 os.close(held)
                 raise
-            os.close(held)  # who had it removed the file between our two steps
+            os.close(held)  # its last holder removed the file between our two steps
     except OSError as exc:
         raise TransportError(f"{name}: cannot be claimed in {folder}: {exc.strerror}") from exc
 
 
 def is_claimed(folder: Path, name: str) -> bool:
-    """False if `name` was given back. Still true if who had it was killed, or if the folder was removed."""
+    """False if the claim of `name` was released. Still true if its holder was killed, or the folder was removed."""
     return os.path.exists(_file(folder, name)) or not os.path.exists(folder)
 
 
 def holder(folder: Path, name: str) -> str:
-    """Who has claimed `name`, in words."""
-    return _signature(folder, name) or "somebody who just came or left"
+    """The holder of `name`, for messages."""
+    return _signature(folder, name) or "a process that has just started or stopped"
 
 
 def _signature(folder: Path, name: str) -> str:
-    """What stands in the file: nothing yet, for a moment after it was locked, and nothing any more once it has gone."""
+    """The text of the file; "" shortly after it was locked, and after it was removed."""
     with contextlib.suppress(OSError):
         return _file(folder, name).read_text(errors="replace")
     return ""
 
 
 def _pid(signature: str) -> int:
-    """Whose signature it is; 0 if it is nobody's."""
+    """The process id in a signature; 0 if it has none."""
     found = _PID.search(signature)
     return int(found[1]) if found else 0
 
@@ -176,7 +176,7 @@ def _file(folder: Path, name: str) -> Path:
 
 
 def file_name(name: str) -> str:
-    """How a channel, or the beginning of one, is written as the name of a file."""
+    """The file name for a channel, or for the first part of its name."""
     plain = name.replace("/", ".")  # segments of channels contain no dots
     if len(plain.encode()) > _LONGEST:
         plain = f"{plain[: _LONGEST // 2]}-{hashlib.sha256(name.encode()).hexdigest()[:16]}"

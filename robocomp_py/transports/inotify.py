@@ -1,4 +1,4 @@
-"""Being told when folders change, where the system can tell (Linux: inotify)."""
+"""Watches folders for changes, where the system can report them (Linux: inotify)."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ log = logging.getLogger("robocomp.transport")
 
 _TOUCHED, _MOVED_TO, _CREATED, _DELETED = 0x4, 0x80, 0x100, 0x200
 _GONE = 0x8000
-"""Nothing more will be told of a folder."""
+"""No more changes of a folder will be reported."""
 _TOO_MUCH = 0x4000
 
 UNWATCHED = "unwatched"
-"""The name of the mark of a folder that cannot be watched."""
+"""The file that marks a folder as one that cannot be watched."""
 _WHILE = 60.0
-"""Seconds within which one of all processes says that it cannot watch a folder: of hundreds, most cannot."""
+"""Seconds within which only one process logs that it cannot watch a folder, since hundreds may be affected."""
 
 
 class Watch:
-    """A descriptor that has input when something came to one of the watched folders, or went, or they were touched.
+    """A descriptor that has input when a file was added to or removed from a watched folder, or the folder was touched.
 
-    Where the system cannot, or will not, nothing is watched, and nothing told: then look from time to time.
+    If the system cannot watch, nothing is reported, and the caller has to look from time to time.
     """
 
     def __init__(self, folder: Path) -> None:
-        """`folder` is what people are told of if nothing can be watched."""
+        """`folder` is named in the log if nothing can be watched."""
         self._lock = threading.Lock()
         self.fileno = -1
         self._watched: set[str] = set()
@@ -40,7 +40,7 @@ class Watch:
             self._library = ctypes.CDLL(None, use_errno=True)
             self.fileno = self._library.inotify_init1(os.O_NONBLOCK | os.O_CLOEXEC)
             if self.fileno < 0:
-                why = os.strerror(ctypes.get_errno())  # each user has 128 of them as a rule, for all processes
+                why = os.strerror(ctypes.get_errno())  # usually, all processes of a user share 128 instances
                 log.log(
                     logging.WARNING if _is_first(folder) else logging.DEBUG,
                     "%s is looked at from time to time instead of being watched: %s; "
@@ -55,7 +55,7 @@ class Watch:
         return self.fileno >= 0
 
     def add(self, folder: str) -> None:
-        """Watch a folder, if it is there and that is possible."""
+        """Watch a folder, if it exists and can be watched."""
         mask = _TOUCHED | _MOVED_TO | _CREATED | _DELETED
         with self._lock:
             if self.fileno >= 0:
@@ -68,7 +68,7 @@ class Watch:
         return folder in self._watched
 
     def read(self) -> bool:
-        """Take note of what was told; whether that is news."""
+        """Read the input; whether there are unread changes."""
         with self._lock:
             self._read()
             return bool(self._changed)
@@ -91,7 +91,7 @@ class Watch:
                     at += 16 + int.from_bytes(told[at + 12 : at + 16], "little")
                     if mask & _TOO_MUCH:
                         self._changed |= self._watched
-                        self._watched.clear()  # perhaps that one of them has gone was not told either
+                        self._watched.clear()  # the removal of a folder may have been missed, too
                     elif number in self._folders:
                         folder = self._folders[number]
                         self._changed.add(folder)
@@ -108,7 +108,7 @@ class Watch:
 
 
 def _is_first(folder: Path) -> bool:
-    """Whether nobody has said for a while that a folder cannot be watched."""
+    """Whether no process has logged lately that this folder cannot be watched."""
     told = folder / UNWATCHED
     with contextlib.suppress(OSError):
         if abs(time.time() - told.stat().st_mtime) < _WHILE:

@@ -1,4 +1,4 @@
-"""What a receiver has seen of its senders, by the sequence numbers of their headers. Pure."""
+"""Detects lost and repeated messages by the sequence numbers in their headers. Pure."""
 
 from __future__ import annotations
 
@@ -7,34 +7,33 @@ from collections import OrderedDict
 from .base import Statistics
 
 SENDERS = 1024
-"""Of so many senders, the most recently heard ones, a ledger remembers the numbers."""
+"""Maximum number of senders that a ledger remembers: those of the latest messages."""
 
 WINDOW = 1024
-"""So many numbers of a sender that have been skipped a ledger remembers; older ones count as seen."""
+"""Maximum number of skipped sequence numbers that a ledger remembers per sender; older ones count as seen."""
 
 _EARLIER = 64
-"""Of a sender that is first heard in mid-stream, so many earlier messages may still be on their way."""
+"""Numbers before the first message of a sender that may still arrive."""
 
 
 class Ledger:
     """Counts what was lost and repeated. Senders number the messages of a link from 1, without gaps.
 
-    With `ordered`, messages of a sender arrive in order, so a gap is a loss. Without, several may
-    be on their way at once, and only repetitions can be told: what comes late is new if its number
-    was skipped. However late that is; but only the last WINDOW skipped numbers are remembered, and
-    of a message that may or may not have been seen it is said that it was, since nothing must be
-    executed twice.
+    With `ordered`, messages of a sender arrive in order, so a gap is a loss. Without, they may overtake
+    each other, and only repetitions are detected: a late message is new if its number was skipped.
+    The last WINDOW skipped numbers are remembered. An older number counts as seen, since no request
+    may be executed twice.
     """
 
     def __init__(self, stats: Statistics, *, ordered: bool) -> None:
         self._stats, self._ordered = stats, ordered
         self._seen: OrderedDict[int, tuple[int, dict[int, None]]] = OrderedDict()
-        """Of each sender the highest number, and those below it that were skipped, in their order."""
+        """By sender: the highest number, and the skipped numbers below it, in order."""
         self._latest: int | None = None
-        """Who was heard last, and so is the last of these."""
+        """The sender of the latest message, which is the last key of `_seen`."""
 
     def admit(self, sender: int, sequence: int) -> bool:
-        """Note a message; False if it was seen before. What precedes the first one heard is no loss."""
+        """Note a message; False if it was seen before. Numbers before the first message count as no loss."""
         known = self._seen.get(sender)
         if known is None:
             if len(self._seen) >= SENDERS:
@@ -64,5 +63,5 @@ class Ledger:
 
 
 def _between(low: int, high: int) -> dict[int, None]:
-    """The last WINDOW numbers between two."""
+    """The numbers between two, at most the last WINDOW."""
     return dict.fromkeys(range(max(low + 1, high - WINDOW), high))

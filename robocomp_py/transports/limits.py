@@ -15,22 +15,22 @@ BATCH = 32
 """Messages taken from one source before the others have their turn."""
 
 BYTES_AHEAD = 2 * 1024 * 1024
-"""While so many bytes are on their way to a reader, nothing more is sent; the last message may be of any size.
+"""Bytes on their way to a reader beyond which nothing more is sent; the last message may have any size.
 
-That is what the queues on the way hold: those of the sender, and of a router.
+The queues of the sender and of a router hold as much.
 """
 
 MOST_AHEAD = 1000
 """Maximum number of messages that a sender is ahead of a reader, whatever its depth."""
 
 PARTS = 4
-"""A reader tells its sender what it took after such a part of what the sender may be ahead."""
+"""A reader reports what it took this many times within the number of messages that its sender may be ahead."""
 
 BYTES_WAITING = 64 * 1024 * 1024
-"""Maximum number of bytes, beyond the depth, that wait of senders that do not wait for their readers."""
+"""Maximum number of waiting bytes, beyond the depth, from senders that do not wait for their readers."""
 
 ROLL_CALL = 1.0
-"""Seconds between two looks whether known peers still live; a killed one does not take its leave."""
+"""Seconds between two checks whether known peers still live, since a killed one cannot tell."""
 
 IDLE_TICK = 1.0
-"""Seconds between two looks of an idle transport whether all is as it was."""
+"""Seconds between two checks of an idle transport."""

@@ -1,10 +1,10 @@
-"""What all links and transports have in common, however a transport finds its peers.
+"""The base of all links and transports, independent of how a transport finds its peers.
 
-    BaseTransport   opens links by the four verbs, looks after them on its receiving thread, and closes them
+    BaseTransport   opens links by the four verbs, serves them on its receiving thread, and closes them
     BaseLink        one end of a channel: it waits for peers, compares contracts, and closes once
 
 The strategy that finds peers is two methods of the transport, `find` and `is_own`. They read a directory of the
-run-time folder (`announced.py`), the endpoints that DDS has discovered, or the liveliness tokens of Zenoh.
+run-time folder (`directory_transport.py`), the endpoints that DDS has discovered, or the liveliness tokens of Zenoh.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from .sparing import Sparing
 log = logging.getLogger("robocomp.transport")
 
 LEAVING = 2.0
-"""Seconds that may pass between the end of a peer and the news of it."""
+"""Maximum seconds between the end of a peer and its detection."""
 
 _FIRST_PAUSE, _LONGEST_PAUSE, _GROWTH = 0.002, 0.05, 1.5
 """Seconds between two looks for a peer: the first pause, the longest one, and the factor between two pauses."""
@@ -63,7 +63,7 @@ class Peer(Protocol):
 
     @property
     def text(self) -> str:
-        """What its fingerprint stands for; "" if that is not known yet."""
+        """The contract behind its fingerprint; "" if it is not known yet."""
         ...
 
     @property
@@ -101,9 +101,9 @@ class BaseTransport(ABC, Generic[P]):
         self._lock = threading.RLock()
         self._links: list[BaseLink[Any, P]] = []
         self._last: dict[object, str] = {}
-        """The last problem of each link's work, so that it is logged once."""
+        """By method of a link: its last error, so that it is logged once."""
         self._hindered_since: dict[object, float] = {}
-        """Since when that work fails."""
+        """By method of a link: since when it fails."""
 
     # The four verbs.
 
@@ -138,22 +138,22 @@ class BaseTransport(ABC, Generic[P]):
 
     @abstractmethod
     def release(self, everything: contextlib.ExitStack) -> None:
-        """Push what is to be closed after the links; what is pushed last is closed first. Called once."""
+        """Push what must be closed after the links; the last one pushed is closed first. Called once."""
 
     # How links find their peers.
 
     @abstractmethod
     def find(self, role: str, channel: str) -> Iterable[P]:
-        """The ends of a channel in that role; the channel, or theirs, may have `*` for its instance."""
+        """The links of a channel in that role; either channel may have `*` for its instance."""
 
     @abstractmethod
     def is_own(self, peer: P) -> bool:
-        """Whether this transport made that end."""
+        """Whether that link belongs to this transport."""
 
     # What links use.
 
     def opening(self, link: BaseLink[Any, P]) -> contextlib.AbstractContextManager[None]:
-        """Entered while a link is opened: a place to turn foreign exceptions into a TransportError."""
+        """A context for opening a link, which may turn foreign exceptions into a TransportError."""
         return contextlib.nullcontext()
 
     @abstractmethod
@@ -180,7 +180,7 @@ class BaseTransport(ABC, Generic[P]):
             with self.opening(link):
                 link.open()
                 with self._lock:
-                    self._links.append(link)  # only now: the receiving thread looks after those in the list
+                    self._links.append(link)  # only now: the receiving thread uses the links in the list
                 link.opened()
             self.check_open()
         except BaseException:
@@ -191,11 +191,11 @@ class BaseTransport(ABC, Generic[P]):
     # On the thread that receives.
 
     def look_at_peers(self) -> bool:
-        """Have all links look who is there; whether all of them could."""
+        """Have all links look for peers; whether all of them could."""
         return all([self._guarded(link.look, False) for link in list(self._links)])
 
     def tick_links(self) -> list[float]:
-        """Have all links do what is due; the seconds until some want to again."""
+        """Have all links do what is due; the seconds after which links want to tick again."""
         waits = [self._guarded(link.tick, None) for link in list(self._links)]
         return [wait for wait in waits if wait is not None]
 
@@ -208,7 +208,7 @@ class BaseTransport(ABC, Generic[P]):
         return True
 
     def _guarded(self, work: Callable[[], R], otherwise: R) -> R:
-        """Run a link's work on the thread that receives for all: if it fails, the others go on."""
+        """Run a method of a link on the receiving thread; an error does not affect other links."""
         try:
             result = work()
         except TransportError as exc:
@@ -218,14 +218,14 @@ class BaseTransport(ABC, Generic[P]):
         except Exception as exc:
             if self._last.get(work) != repr(exc):
                 self._last[work] = repr(exc)
-                log.exception("looking after a link; trying again")
+                log.exception("a link failed; trying again")
             return otherwise
         self._last.pop(work, None)
         self._hindered_since.pop(work, None)
         return result
 
     def _hindered(self, work: object, exc: TransportError) -> None:
-        """Log why a link cannot connect, unless the peer may just be leaving: that takes up to `LEAVING`."""
+        """Log why a link cannot connect, but not before `LEAVING` seconds: its peer may just be leaving."""
         if time.monotonic() - self._hindered_since.setdefault(work, time.monotonic()) < LEAVING:
             log.debug("%s; trying again", exc)
         elif self._last.get(work) != str(exc):
@@ -258,22 +258,22 @@ class BaseLink(SupportsConnected, Generic[T, P]):
     # What adapters fill in.
 
     def open(self) -> None:
-        """Make what is needed. If it raises, the link is closed."""
+        """Open what the link needs. If it raises, the link is closed."""
 
     def opened(self) -> None:
-        """The receiving thread looks after this link from now on."""
+        """Called once the receiving thread serves this link."""
 
     def tick(self) -> float | None:
-        """Do what is due; the seconds until the next time, or None if the transport's usual pause will do."""
+        """Do what is due; the seconds until the next time, or None for the usual pause of the transport."""
         return None
 
     def look(self) -> bool:
-        """A peer came or went. Returns whether all of it was dealt with; otherwise this is called again."""
+        """Handle changes of the peers. Returns False if it has to be called again."""
         self.counterparts()
         return True
 
     def visible(self) -> bool:
-        """Whether a peer is there. Raises ContractMismatch if all that are there have another contract."""
+        """Whether a peer is visible. Raises ContractMismatch if all visible ones have another contract."""
         return bool(self.counterparts(strict=True))
 
     def connected(self) -> bool:
@@ -284,7 +284,7 @@ class BaseLink(SupportsConnected, Generic[T, P]):
         """Tell peers that this end is gone; called once."""
 
     def release(self) -> None:
-        """Let go of what this link holds, which is not everything if it could not be opened; called once."""
+        """Release what this link holds; called once, also if it was opened only in part."""
 
     # The contract of `base.Link`.
 
@@ -314,11 +314,11 @@ class BaseLink(SupportsConnected, Generic[T, P]):
         return _LONGEST_PAUSE
 
     def wait_until(self, condition: Callable[[], bool], timeout: float) -> bool:
-        """Wait at most `timeout` seconds for something that peers bring about. Raises Closed."""
+        """Wait at most `timeout` seconds for a condition that peers fulfil. Raises Closed."""
         end = time.monotonic() + timeout
         while True:
             self.check_open()
-            self._news.clear()  # before looking: news that come meanwhile are not missed
+            self._news.clear()  # before the look, so that later news are not missed
             if condition():
                 self._next_look = _FIRST_PAUSE
                 return True
@@ -332,7 +332,7 @@ class BaseLink(SupportsConnected, Generic[T, P]):
         self._next_look = min(_GROWTH * self._next_look, self.longest_pause)
 
     def has_news(self) -> None:
-        """A peer came or went: whoever waits for one looks now, and then at short intervals again."""
+        """A peer came or went: waiting threads look now, and then again at short intervals."""
         self._next_look = _FIRST_PAUSE
         self._news.set()
 
@@ -346,13 +346,14 @@ class BaseLink(SupportsConnected, Generic[T, P]):
             raise Closed(f"{self.channel.name}: {self.transport.gone or 'the link is closed'}")
 
     def faced(self) -> list[P]:
-        """The peers that mean this channel by their name. For an end with `*`, that is no end of its own transport."""
+        """The peers whose channel matches this one. For a channel with `*`, peers of the same transport do not
+        count."""
         name, transport = self.channel.name, self.transport
         found = transport.find(self.facing, name)
         return [peer for peer in found if peer.channel == name or not transport.is_own(peer)]
 
     def usable(self, peers: list[P]) -> list[P]:
-        """Those of the peers that can be dealt with."""
+        """The peers that this link can use."""
         return peers
 
     def counterparts(self, *, strict: bool = False) -> list[P]:
@@ -371,7 +372,7 @@ class BaseLink(SupportsConnected, Generic[T, P]):
         return same
 
     def definition_of(self, key: Hashable) -> str:
-        """The contract of a peer that does not announce it; "" if it is not known. May wait for the peer's answer."""
+        """The contract of a peer that does not announce it; "" if it is not known. May wait for a reply of the peer."""
         return ""
 
     def report_mismatch(self, key: Hashable, fingerprint: int, text: str = "") -> None:
@@ -383,10 +384,10 @@ class BaseLink(SupportsConnected, Generic[T, P]):
         if self._sparing.may_tell():
             other = TypeRef("", fingerprint, text or self.definition_of(key))
             log.error("%s", mismatch(self.channel, other))
-        self.stats.mismatched += 1  # at last: whoever sees the count finds the reason in the log
+        self.stats.mismatched += 1  # after logging, so that the log explains the count
 
     def malformed(self, why: object) -> None:
-        """Count a message that is none of ours; the first one is logged."""
+        """Count a message that is not valid; the first one is logged."""
         if self.stats.malformed == 0:
             log.warning("%s: dropped a malformed message (further ones are only counted): %s", self.channel.name, why)
         self.stats.malformed += 1
@@ -396,7 +397,7 @@ class BaseLink(SupportsConnected, Generic[T, P]):
 
 
 def accepted(channel: Channel, reply: Reply) -> Reply:
-    """A reply; raises ContractMismatch if the server refused the request for that, in the server's own words."""
+    """A reply; raises ContractMismatch if the server refused the request for its contract."""
     if reply.status is Status.MISMATCH:
         payload = reply.payload or b""
         data = bytes(payload[0]) if isinstance(payload, list) else bytes(payload)
@@ -405,7 +406,7 @@ def accepted(channel: Channel, reply: Reply) -> Reply:
 
 
 def persist(send: Callable[[], bool], end: float, still: Callable[[], object], closed: threading.Event) -> bool:
-    """Try to send until `end`; `still` is called meanwhile, and may raise. For queues that do not tell of room."""
+    """Try to send until `end`; `still` is called meanwhile, and may raise. For queues that do not report free space."""
     pause, patient = _FIRST_ATTEMPT, time.monotonic() + _SHORTLY
     while not send():
         left = end - time.monotonic()

@@ -5,14 +5,14 @@ from __future__ import annotations
 from functools import cache
 
 KEPT = 32 * 1024 * 1024
-"""Bytes that a process keeps for large messages after the first ones, rather than ask for them with each."""
+"""Bytes that a process keeps for large messages, instead of requesting them for each."""
 
 
 @cache
 def keep_memory() -> None:
-    """Have the C library keep what large messages free, for the next ones. Once per process.
+    """Have the C library keep the memory of large messages for later ones. Once per process.
 
-    glibc gives memory back beyond twice the largest block that it once mapped for itself, and getting
-    it again costs more than all else about a message of a megabyte. So we map one, and never touch it.
+    glibc returns free memory beyond twice the largest block that it has mapped. Getting it again is the
+    largest cost of a message of a megabyte. So this maps a large block once, and never touches it.
     """
     bytes(KEPT // 2)

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 _FOLDER = os.O_PATH | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
-"""O_PATH needs no permission to read, so the owner of a folder that is closed to us can be told, too."""
+"""O_PATH needs no permission to read, so it also reveals the owner of an unreadable folder."""
 
 
 class NotOurs(Exception):
@@ -69,7 +69,7 @@ def _opened(name: str | Path, path: Path, above: int | None = None) -> Iterator[
 
 
 def _in_the_way(name: str | Path, path: Path, above: int | None) -> str:
-    """What is there instead of a folder. This is for the message only: it may have changed since."""
+    """What is there instead of a folder, for the message only: it may have changed since."""
     info = os.stat(name, dir_fd=above, follow_symlinks=False)
     if not stat.S_ISLNK(info.st_mode):
         return f"needs a folder, and {path} is a file of {_user(info.st_uid)}; {_removal(info.st_uid, path)}"
@@ -89,7 +89,7 @@ def _check_owner(path: Path, opened: int) -> None:
 
 
 def _check_parent(folder: Path) -> None:
-    """Raises NotOurs if any user may rename the folder: then what was checked need not be what is used."""
+    """Raises NotOurs if any user may rename the folder and so exchange it after the check."""
     parent = folder.resolve().parent
     mode = parent.stat().st_mode
     if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:

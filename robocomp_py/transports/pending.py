@@ -1,4 +1,4 @@
-"""Calls under way: each ends once, by an answer, by its deadline, by failure or by being cancelled."""
+"""Pending calls: each ends once, by a reply, a failure, its deadline, or because it is cancelled."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..errors import Timeout, TransportError
 from .base import Reply
 
 Do = Callable[[Callable[[], object]], object]
-"""Has something done, now or by somebody else: whoever ends a Future runs its callbacks, which may take long."""
+"""Runs a job, now or on another thread: ending a Future runs its callbacks, which may take long."""
 
 
 def at_once(job: Callable[[], object]) -> None:
@@ -33,9 +33,9 @@ class Pending:
         return len(self._calls)
 
     def add(self, key: Hashable, deadline: float, end: float | None = None) -> Future[Reply]:
-        """A new call; raises what `close` was given, once that has happened.
+        """Begin a call; once closed, raises the error that `close` was given.
 
-        `end` is for a call that has waited for something before: when its deadline is over.
+        `end` is when the deadline passes, for a call that has already waited for something.
         """
         future: Future[Reply] = Future()
         end = time.monotonic() + deadline if end is None else end
@@ -47,11 +47,11 @@ class Pending:
         return future
 
     def knows(self, key: Hashable) -> bool:
-        """Whether such a call is under way."""
+        """Whether this call is pending."""
         return key in self._calls
 
     def settle(self, key: Hashable, reply: Reply) -> bool:
-        """End a call by its answer; False if it has ended already."""
+        """End a call by its reply; False if it has ended already."""
         future = self._take(key)
         if future is None or not future.set_running_or_notify_cancel():
             return False
@@ -73,7 +73,7 @@ class Pending:
             do(partial(self.fail, key, error))
 
     def close(self, error: TransportError) -> None:
-        """End all calls, now, and let no further one begin."""
+        """End all calls now, and refuse new ones."""
         with self._lock:
             self._closed = error
         self.fail_all(error)
@@ -90,13 +90,13 @@ class Pending:
         return min((end - now for end, _ in ends if now < end < math.inf), default=None)
 
     def _overdue(self, key: Hashable) -> Timeout:
-        """How a call has to end, which is told once: whoever looks before that is done need not have it done again."""
+        """The error for an overdue call. It also marks the call, so that it is not found overdue again."""
         future, _, deadline = self._calls[key]
         self._calls[key] = future, math.inf, deadline
         return Timeout(f"{self._name}: no answer in {deadline:g} s")
 
     def _forget(self, key: Hashable, future: Future[Reply]) -> None:
-        """That call has ended; the same may have been asked again, by whoever noticed before us."""
+        """The call has ended. Its key may already belong to a new call of another thread."""
         with self._lock:
             found = self._calls.get(key)
             if found and found[0] is future:

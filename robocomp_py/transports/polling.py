@@ -1,4 +1,4 @@
-"""A base for transports over sockets that are Python's: one thread polls all of them.
+"""A base for transports over Python's sockets: one thread polls all of them.
 
 A subclass says how it listens, connects and frames its messages, and derives its links from `PublishingLink` and
 `SubscribingLink` (`topics.py`), `CommandingLink` and `CallingLink` (`client.py`), `CommandInlet` and `Server`
@@ -33,7 +33,7 @@ class _Watched(NamedTuple):
 
 
 class PollingTransport(DirectoryTransport):
-    """`name` is that of its folder and of its threads. A subclass calls `start` once it can take input."""
+    """`name` names its folder and its threads. A subclass calls `start` once it can take input."""
 
     name: str
 
@@ -60,9 +60,9 @@ class PollingTransport(DirectoryTransport):
     def watch(self, what: socket.socket, on_input: Callable[[], Iterable[Job]], on_end: Callable[[], object]) -> None:
         """Have the receiving thread call `on_input` when there is input.
 
-        When that raises OSError, the thread closes the socket and calls `on_end`. Only that thread closes sockets: all
-        others shut them down, which it notices. A descriptor that one thread closes while another one polls it may
-        belong to another socket by then.
+        When that raises OSError, the thread closes the socket and calls `on_end`. Only that thread closes sockets;
+        other threads shut them down, which it notices. Otherwise a closed descriptor that is still being polled could
+        already belong to another socket.
         """
         self._watched[what.fileno()] = _Watched(what, on_input, on_end)
         self._ring()
@@ -94,7 +94,7 @@ class PollingTransport(DirectoryTransport):
     def _receive(self) -> Iterable[Job]:
         now = time.monotonic()
         if now >= self._next_tick:
-            self._next_tick = now + TICK  # before looking: what becomes due meanwhile is not missed
+            self._next_tick = now + TICK  # before the tick, so that a later request to tick is not missed
             self._next_tick = min(self._next_tick, time.monotonic() + self.tick())
         watched, poll = dict(self._watched), select.poll()
         for number in (self._wakes.fileno(), *watched):

@@ -1,4 +1,4 @@
-"""Files of private keys: who else may read them."""
+"""Files of private keys must not be readable by other users."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ def _insist(info: os.stat_result, path: Path, option: str) -> None:
 
 
 def excess(mode: int, owner: int, us: int) -> int:
-    """What a mode gives to others that it must not; 0 if nothing."""
+    """The bits of a mode that allow others too much; 0 if there are none."""
     return mode & 0o077 & ~allowed(owner, us)
 
 
 def allowed(owner: int, us: int) -> int:
     """The widest mode of a private key, by PostgreSQL's rule.
 
-    What root owns, a group may read: so who runs a machine hands a key to one user of it, as Kubernetes does.
+    A group may read a file of root: so an administrator gives a key to one user, as Kubernetes does.
     """
     return 0o640 if owner == 0 != us else 0o600

@@ -1,11 +1,11 @@
-"""What a subscriber does about the QoS of those it hears, on every transport in the same way.
+"""How a subscriber applies QoS, the same on every transport.
 
-    meet      who is there, and what each offers: what is missing is said once; lifespans hold from now on
-    admit     a message came in: it is noted for deadlines and liveliness, and how long it may wait
-    delivery  when its turn has come, it is given up if it has become too old
+    meet      publishers and their QoS are known: logs once what a publisher lacks; lifespans apply from now on
+    admit     a message arrived: notes it for deadlines and liveliness, and notes when it becomes too old
+    delivery  before the sink: drops a message that has become too old
 
-The age of a message is counted from the stamp in its header, by the clocks of both hosts; on two
-hosts, lifespans are worth as much as these agree. From then on the monotonic clock counts.
+On arrival, the age of a message is computed from the stamp in its header. Between two hosts it is only as exact as
+their clocks agree. After arrival the monotonic clock counts.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from .directory import Directory, Found
 log = logging.getLogger("robocomp.transport")
 
 HISTORY_TRIES = 3
-"""So often what a publisher has latched is asked for if it does not come in time; then what comes next is heard."""
+"""Attempts to get the latched messages of a publisher; then the subscriber goes on with new messages."""
 
 _MOST = 1000
-"""What so many publishers offer is looked at; further ones pass for such that offer what is asked for."""
+"""Maximum number of publishers whose QoS is checked; further ones are taken to offer enough."""
 
 
 def living(directory: Directory, found: Iterable[Found], asked: QoS) -> list[Source]:
-    """Those of a directory that publish, and whose processes live.
+    """The publishers of a directory whose processes live.
 
-    One that is stopped is given half of its lease, so that it is missed within the whole of it.
+    A stopped process (SIGSTOP) counts for half of its lease, so that its loss is noticed within the whole lease.
     """
     sources = [(member, Source(entry.channel, from_traits(entry.traits))) for member, entry in found]
     leases = (min(filter(None, (asked.lease, source.qos.lease)), default=math.inf) for _, source in sources)
@@ -44,7 +44,7 @@ def living(directory: Directory, found: Iterable[Found], asked: QoS) -> list[Sou
 
 
 class _Ageing(NamedTuple):
-    """A payload that is delivered until then, by the monotonic clock; it had some age when it came in."""
+    """A payload that may be delivered `until` then, by the monotonic clock; `age` is its age on arrival."""
 
     until: float
     age: float
@@ -53,9 +53,9 @@ class _Ageing(NamedTuple):
 
 
 class Reception:
-    """One subscription. `through` puts something in front of its sink; it is called at most once.
+    """One subscription. `through` wraps its sink; it is called at most once.
 
-    While nobody asks for anything, `on` is False, and `admit` need not be called.
+    While no QoS needs it, `on` is False, and `admit` need not be called.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class Reception:
         self._now, self._stamp_now = now, stamp_now
         self._on_receive = channel.on_receive
         self._lifespans: dict[str, float] = {}
-        """By channel: the shorter one of ours and its publisher's."""
+        """By channel: the shorter lifespan of subscriber and publisher."""
         self._told: set[tuple[str, QoS]] = set()
         self._ageing = False
         self.on = self._on_receive is not None
@@ -78,7 +78,7 @@ class Reception:
             self._start_ageing()
 
     def meet(self, sources: Iterable[Source]) -> None:
-        """These publish now. To be called when that changes; not for every message."""
+        """These are the publishers now. To be called when they change, not for every message."""
         for name, offered in sources:
             if offered.lifespan is None:
                 self._lifespans.pop(name, None)
@@ -109,16 +109,16 @@ class Reception:
     def _start_ageing(self) -> None:
         if not self._ageing:
             self._through(self._while_fresh)
-            self._ageing = self.on = True  # at last: what is admitted as ageing is known to be so when it is delivered
+            self._ageing = self.on = True  # after wrapping the sink, which must unwrap every `_Ageing`
 
     def _while_fresh(self, sink: Sink) -> Sink:
         def deliver(payload: Payload) -> None:
-            if type(payload) is not _Ageing:  # it came in before anybody spoke of lifespans
+            if type(payload) is not _Ageing:  # it arrived before a lifespan applied
                 sink(payload)
             elif self._now() < payload.until:
                 sink(payload.payload)
             else:
-                self._stats.received -= 1  # it was counted on its way here
+                self._stats.received -= 1  # the queue has counted it already
                 self._expired(payload)
 
         return deliver
@@ -140,7 +140,7 @@ class Reception:
 
 
 def _unkept(channel: str, publisher: str, missing: list[Shortfall]) -> str:
-    """For the log: what is missing, of whom, and what to do about it."""
+    """For the log: what is missing, which publisher lacks it, and the remedy."""
     whose = f" of {publisher}" if publisher != channel else ""
     return (
         f"{channel}: the publisher{whose} keeps less than this subscription asks for: {'; '.join(map(str, missing))}. "

@@ -1,9 +1,9 @@
-"""Requests that are repeated, and what was answered to them: those of idempotent operations, which are asked again
-when it is not known whether they arrived.
+"""Repeated requests and their replies: a client repeats a request of an idempotent operation if it may not have
+arrived.
 
-    client    one number for a question, however often it is asked (`Numbered`)
-    server    new: executed, its reply is kept; under way: the reply goes to where it was last asked for; answered
-              before: answered from what was kept
+    client    uses one number for a request, however often it is sent (`Numbered`)
+    server    a new request: executes it and keeps the reply; one that is being executed: sends the reply to the latest
+              repetition; one that has a reply: sends the kept reply again
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from ..wire.codec import Payload
 from .base import Reply
 
 KEPT = 256
-"""The last replies to a client that are kept."""
+"""Maximum number of replies that are kept per client."""
 
 CLIENTS = 1024
 
 OCTETS = 16 * 1024 * 1024
-"""Of all replies together. What is forgotten is executed again when it is asked again, which does no harm."""
+"""Maximum octets of all replies. Without its reply a repeated request is executed again, which is harmless."""
 
 LARGEST = 1024 * 1024
 """A larger reply is not kept."""
@@ -33,29 +33,29 @@ _UNDER_WAY = 10_000
 Answer = Callable[[Reply], object]
 
 Asked = tuple[int, int]
-"""A client, and its number for the question."""
+"""A client, and its number for the request."""
 
 
 class Replies:
-    """Of one server. Safe to use from any thread."""
+    """The replies of one server. Safe to use from any thread."""
 
     def __init__(self, kept: int = KEPT, octets: int = OCTETS) -> None:
         self._most, self._most_octets = kept, octets
         self._lock = threading.Lock()
         self._kept: OrderedDict[int, OrderedDict[int, Reply]] = OrderedDict()
-        """By client; who was answered last stands last."""
+        """By client; the one that got the latest reply is the last."""
         self._octets = 0
         self._under_way: OrderedDict[Asked, Answer] = OrderedDict()
 
     def begun(self, asked: Asked, answer: Answer) -> Answer:
-        """A request is going to be executed; what is to be called with its reply."""
+        """Note that a request will be executed; returns the function to call with its reply."""
         with self._lock:
             self._under_way[asked] = answer
-            if len(self._under_way) > _UNDER_WAY:  # some are never answered
+            if len(self._under_way) > _UNDER_WAY:  # some never get a reply
                 self._under_way.popitem(last=False)
 
         def answered(reply: Reply) -> None:
-            self.keep(asked, reply)  # first: who asks again just now finds it under way, or answered
+            self.keep(asked, reply)  # first, so that a repetition at this moment finds the request or its reply
             with self._lock:
                 where = self._under_way.pop(asked, answer)
             where(reply)
@@ -63,7 +63,7 @@ class Replies:
         return answered
 
     def again(self, asked: Asked, answer: Answer) -> Callable[[], object] | None:
-        """A request was repeated: what is to be done about it. None if nothing is known of it any more."""
+        """What to do about a repeated request; None if it is not known any more."""
         with self._lock:
             if asked in self._under_way:
                 self._under_way[asked] = answer
@@ -108,7 +108,7 @@ class _Numbering(Protocol):
 
 
 class Numbered:
-    """A `Question` of a caller whose questions are known by a number."""
+    """A `Question` of a caller that numbers its requests."""
 
     def __init__(self, caller: _Numbering, payload: Payload, number: int) -> None:
         self._caller, self._payload, self._number = caller, payload, number

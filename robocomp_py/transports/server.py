@@ -1,4 +1,4 @@
-"""Who is commanded and who is called, of transports whose ends find each other in the directory."""
+"""Servers and command inlets of transports whose links find each other in the directory."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ log = logging.getLogger("robocomp.transport")
 class ServingLink(DirectoryLink[DirectoryTransport], ABC):
     ordered: bool
     address = ""
-    """Where its requests come in; "" until they do."""
+    """The address for its requests; "" until it is open."""
     _claim: Claim | None = None
 
     def __init__(self, transport: DirectoryTransport, channel: Channel) -> None:
@@ -33,15 +33,15 @@ class ServingLink(DirectoryLink[DirectoryTransport], ABC):
         self.ledger = Ledger(self.stats, ordered=self.ordered)
 
     def open(self) -> None:
-        self._have_alone()
+        self._claim_channel()
         self.address = self.transport.enlist(self)
         self.announce(self.address)
 
-    def _have_alone(self) -> None:
+    def _claim_channel(self) -> None:
         directory = self.transport.directory
         for member, entry in directory.find(self.role, self.channel.name):
-            other = entry.channel != self.channel.name  # one that has `*` in its name, or ours has
-            # One of the same name has a claim, which tells of it sooner, or another one that stands for it.
+            other = entry.channel != self.channel.name  # one of the two has `*` for its instance
+            # A claim protects a server with the same name, so its entry counts only if it is still there now.
             if directory.alive(member.id) if other else directory.still_has(member.id, entry):
                 raise AlreadyServed(f"{self.channel.name}: already served by {member.owner} (pid {member.pid})")
         if self.channel.exclusive:
@@ -49,10 +49,10 @@ class ServingLink(DirectoryLink[DirectoryTransport], ABC):
 
     @abstractmethod
     def accept(self, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> Job | None:
-        """Take a request; what is left to do about it."""
+        """Take a request; returns the job that remains."""
 
     def take(self, request: Request, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> Job | None:
-        """Take a request that means what we mean, unless it was taken before; what is left to do about it."""
+        """Take a request with the right contract, unless it was taken before; returns the job that remains."""
         if not self.ledger.admit(request.client, request.sequence):
             return None
         return self.accept(payload, expires, answer)
@@ -71,13 +71,13 @@ class ServingLink(DirectoryLink[DirectoryTransport], ABC):
 
     @abstractmethod
     def finish(self) -> None:
-        """Let nothing begin any more, and wait for what runs."""
+        """Start no more handlers, and wait for the running ones."""
 
 
 def dispatch(
     link: ServingLink | None, request: Request, payload: Payload, arrived: float, answer: Callable[[Reply], object]
 ) -> Job | None:
-    """Give a request to the link that serves it; what is left to do about it. It is refused if that does not."""
+    """Give a request to its link, or refuse it if there is none; returns the job that remains."""
     if link is None:
         return None if request.flags & Flag.ONEWAY else partial(answer, Reply(Status.REFUSED))
     if request.fingerprint != link.channel.type.fingerprint:

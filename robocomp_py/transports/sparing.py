@@ -1,4 +1,4 @@
-"""What others can bring about as often as they like is logged sparingly."""
+"""Limits how often an event is logged that peers can cause at any rate."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from collections.abc import Callable, Hashable
 
 FIRST = 5
 PAUSE = 10.0
-"""Seconds."""
+"""Seconds between two log lines after the first ones."""
 
 
 class Sparing:
-    """Lets the first few of many alike things be told, and later one in ten seconds."""
+    """Allows the first few of many similar log lines, then one in ten seconds."""
 
     def __init__(self, now: Callable[[], float] = time.monotonic) -> None:
         self._now, self._told, self._next = now, 0, 0.0
@@ -26,15 +26,15 @@ class Sparing:
 
 
 class Repeats:
-    """Of what comes again and again in one of several ways, lets each way be told once in ten seconds."""
+    """Allows one log line in ten seconds for each kind of event."""
 
     def __init__(self, now: Callable[[], float] = time.monotonic) -> None:
         self._now = now
         self._told: dict[Hashable, tuple[float, int]] = {}
-        """When it may be told again, and how many were not told."""
+        """By kind: when it may be logged again, and how many lines were left out."""
 
     def untold(self, way: Hashable) -> int | None:
-        """How many were left out since one was told, if this is to be told; None if this is left out, too."""
+        """The number of lines left out since the last one, if this one is to be logged; None if it is left out, too."""
         now = self._now()
         again, untold = self._told.get(way, (now, 0))
         if now < again:
@@ -47,4 +47,4 @@ class Repeats:
 
 
 _MAX_WAYS = 100
-"""So many are kept in mind."""
+"""Maximum number of kinds that are remembered."""

@@ -1,4 +1,4 @@
-"""The ends of topics, of transports whose ends find each other in the directory."""
+"""Publishers and subscribers of transports whose links find each other in the directory."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from .ledger import Ledger
 from .reception import Reception, living
 
 Fields = tuple[int, int, int, int, int]
-"""Those of a `Publication`."""
+"""The fields of a `Publication`."""
 
 
 class PublishingLink(DirectoryLink[T], ABC):
-    """Numbers its messages, and sends one after the other."""
+    """Numbers its messages, and sends one at a time."""
 
     role, facing = "publishes", "subscribes"
 
@@ -47,7 +47,7 @@ class PublishingLink(DirectoryLink[T], ABC):
 
 
 class SubscribingLink(DirectoryLink[T], SupportsSources):
-    """Counts what was lost and repeated, does what the QoS asks for, and gives the sink one message after the other."""
+    """Counts lost and repeated messages, applies the QoS, and gives the sink one message at a time."""
 
     role, facing = "subscribes", "publishes"
 
@@ -70,19 +70,19 @@ class SubscribingLink(DirectoryLink[T], SupportsSources):
         return True
 
     def meet(self, found: Iterable[Found]) -> None:
-        """These publish now."""
+        """These are the publishers now."""
         self._reception.meet(_source(each) for each in found)
 
     def sources(self) -> list[Source]:
         return living(self.transport.directory, self.counterparts(), self.channel.qos)
 
     def take(self, channel: str, header: Publication, payload: Payload) -> Job | None:
-        """A message that came in; what is left to do about it."""
+        """Take a message that arrived; returns the job that remains."""
         admitted = self.admitted(channel, header, payload)
         return self._lane.drain if admitted is not None and self._lane.put(admitted) else None
 
     def admitted(self, channel: str, header: Fields, payload: Payload) -> Payload | None:
-        """What to put into the lane of a message of that channel, if it has our contract and was not heard before."""
+        """What to put into the lane for a message; None if its contract differs or it was received before."""
         _, fingerprint, source, sequence, stamp = header
         if fingerprint != self._fingerprint:
             self.report_mismatch(source, fingerprint)

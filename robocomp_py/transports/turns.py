@@ -1,7 +1,6 @@
-"""Requests that wait to be handled: those of one sender in order, the senders by turns.
+"""A fair queue of requests: those of one sender in order, the senders in turn.
 
-A sender that is quick, or that sends without waiting for answers, would keep the others waiting behind all of its
-requests. With turns, another sender waits for one of them.
+In a plain queue, others would wait behind all requests of a fast sender. With turns, they wait for one of them.
 """
 
 from __future__ import annotations
@@ -18,13 +17,13 @@ class Turns(Generic[T]):
     """A queue. Its length is the number of requests that wait. Safe to use from any thread."""
 
     def __init__(self, octets_of: Callable[[T], int] | None = None) -> None:
-        """`octets_of` tells how large a request is, where `octets` is to be known."""
+        """`octets_of` returns the size of a request; only with it, `octets` is counted."""
         self._octets_of = octets_of
         self.octets = 0
-        """Of all requests that wait."""
+        """The total size of the waiting requests."""
         self._lock = threading.Lock()
         self._waiting: dict[int, deque[T]] = {}
-        """By sender; the one whose turn is next comes first."""
+        """By sender; the sender whose turn is next comes first."""
         self._size = 0
 
     def __len__(self) -> int:
@@ -45,7 +44,7 @@ class Turns(Generic[T]):
         """The next request. Raises IndexError if there is none."""
         with self._lock:
             if not self._size:
-                raise IndexError("nothing waits")
+                raise IndexError("no request waits")
             self._size -= 1
             sender = next(iter(self._waiting))
             requests = self._waiting.pop(sender)

@@ -154,7 +154,7 @@ def test_one_who_has_not_signed_yet_has_it_all_the_same(tmp_path: Path, monkeypa
     mine = claim(tmp_path, NAME, "world")
     (file,) = files(tmp_path)
     file.write_text("")
-    with pytest.raises(AlreadyServed, match="somebody who just came"):
+    with pytest.raises(AlreadyServed, match="a process that has just started"):
         claim(tmp_path, NAME, "impostor")
     mine.close()
 

@@ -869,7 +869,7 @@ def test_of_a_router_elsewhere_and_of_other_transports_nothing_is_run() -> None:
         hosting("zenoh", TransportConfig({"connect": "tcp/127.0.0.1:1"})),
         hosting("inproc", TransportConfig()),
     ):
-        assert holder(runtime_dir() / "zenoh", "router") == "somebody who just came or left"
+        assert holder(runtime_dir() / "zenoh", "router") == "a process that has just started or stopped"
 
 
 def test_while_the_router_hangs_deadlines_hold_and_its_holder_is_named(caplog: pytest.LogCaptureFixture) -> None:
