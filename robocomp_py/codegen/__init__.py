@@ -1,1 +1,1 @@
-"""Models to files. Text is in templates; what needs thought is in filters."""
+"""Generates files from models. Templates hold the text; filters hold the logic."""

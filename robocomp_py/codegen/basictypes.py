@@ -1,4 +1,4 @@
-"""What the basic types are called in other languages of interfaces."""
+"""The names of the basic types in other interface languages."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class Spelling(NamedTuple):
     """In OMG IDL. An instant is a struct there: see `omgidl.plain`."""
 
     ros: str
-    """In messages of ROS 2; what has a slash in it is a message of another package."""
+    """In messages of ROS 2; a name with a slash is a message of another package."""
 
 
 SPELLED = {

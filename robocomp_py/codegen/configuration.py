@@ -11,12 +11,12 @@ from .names import camel
 from .shadows import Shadows
 
 _ROOM = 26
-"""Characters of a line of TOML before its comment."""
+"""Column of the comments in TOML."""
 
 
 @dataclass(frozen=True)
 class Scope:
-    """One parameter class: what it is called, what it holds, and the classes of its lists' items."""
+    """One parameter class: its name, its parameters, and the classes of the items of its lists."""
 
     name: str
     spec: ParameterSet
@@ -65,7 +65,7 @@ def parameter_lines(scope: Scope) -> str:
 
 
 def parameter_shadows(scope: Scope) -> Shadows:
-    """What the members of a parameter class hide from those behind them."""
+    """The names that the members of a parameter class hide from later members."""
     shadows = Shadows()
     for each in scope.spec.parameters:
         shadows.member(each.name, _annotation(each))
@@ -147,9 +147,9 @@ def _toml_lines(params: ParameterSet, path: str, mark: str = "") -> list[str]:
         words += ["dynamic"] if parameter.dynamic else []
         lines.append(beside(f"{mark}{parameter.name} = {_toml(parameter.default)}", "; ".join(words)))
     for each in params.lists:
-        limit = "any number" if each.maximum is None else f"{each.minimum} to {each.maximum}"
-        said = each.description or "repeat the table for each"
-        lines += ["", remark(f"{each.name}: {limit} of these; {said}", 0)]
+        limit = "any number of" if each.maximum is None else f"{each.minimum} to {each.maximum}"
+        said = each.description or "one table for each"
+        lines += ["", remark(f"{each.name}: {limit} items; {said}", 0)]
         needed = "" if each.minimum and not mark else "# "
         for _ in range(max(1, each.minimum if not mark else 1)):
             lines += [f"{needed}[[{path}.{each.name}]]", *_toml_lines(each.items, f"{path}.{each.name}", needed)]

@@ -1,7 +1,7 @@
-"""What the writers of other people's formats share: IDSL files, and what their names mean.
+"""Shared by the exporters to foreign formats: IDSL files, and lookup of their definitions.
 
-They start from what a file says, and not from the contract it comes to: they keep its names, its inheritance and its
-comments, and say of everything that a format cannot hold where it stands.
+Exporters start from the syntax of a file, not from its contract. So they can keep names, inheritance and comments, and
+report the place of everything that a format cannot express.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from .layout import on_one_line
 
 @dataclass(frozen=True)
 class Files:
-    """IDSL files in which nothing is wrong, with all that they import, each behind what it imports."""
+    """IDSL files without mistakes, with all imported files. Each file stands after those that it imports."""
 
     all: tuple[m.File, ...]
 
     @cached_property
     def clash(self) -> str:
-        """What is defined in two of them, in words, or nothing."""
+        """A message about a name that two files define; "" if there is none."""
         seen: dict[str, m.File] = {}
         for file in self.all:
             for each in file.definitions:
@@ -52,7 +52,7 @@ class Files:
 
     @cached_property
     def contracts(self) -> tuple[Module, ...]:
-        """What they come to; files that share a module are one."""
+        """The contracts of the files; files of the same module are merged."""
         known: dict[str, Definition] = {}
         found: dict[str, Module] = {}
         for file in self.all:
@@ -64,7 +64,7 @@ class Files:
         return tuple(found.values())
 
     def bases(self, definition: m.Interface | m.Exception_, module: str) -> Iterator[tuple[str, m.Definition]]:
-        """What it extends, however indirectly, each once and with its module."""
+        """Its direct and indirect bases, each once and with its module."""
         waiting, seen = [(base.text, module) for base in definition.bases], set[str]()
         while waiting:
             name = qualified(*waiting.pop(0))
@@ -77,7 +77,7 @@ class Files:
 
 
 def in_order(file: m.File) -> list[m.Definition]:
-    """The definitions of a file, each behind those it uses; else as they stand."""
+    """The definitions of a file in its order, but each after those it uses."""
     module = file.module.text
     own = {qualified(each.name.text, module): each for each in file.definitions}
     done: dict[str, m.Definition] = {}
@@ -116,12 +116,12 @@ def _uses(definition: m.Definition) -> Iterator[Name]:
 
 
 def innermost(kind: m.TypeName) -> Name:
-    """The type whose sequence, of sequences perhaps, this is."""
+    """The item type of nested sequences; any other type itself."""
     while isinstance(kind, m.SequenceOf):
         kind = kind.item
     return kind
 
 
 def heading(file: str) -> str:
-    """What a file that is generated from another one begins with."""
+    """The first line of a generated file."""
     return f"Generated from {on_one_line(file)} by rcgen {__version__}: edits are lost."

@@ -1,4 +1,4 @@
-"""Contracts as expressions of Python: annotations, zeros, and the literals that generated code carries."""
+"""Contracts as Python expressions: annotations, default values, and the literals in generated code."""
 
 from __future__ import annotations
 
@@ -58,12 +58,12 @@ def expanded(kind: t.Sequence | t.Dictionary, here: str) -> str:
 
 
 def accepted(kind: t.Type, here: str) -> str:
-    """The annotation of a value to send: any array-like for an array."""
+    """The annotation of an argument: any array-like value is accepted for an array."""
     return "ArrayLike" if is_array(kind) else hint(kind, here)
 
 
 def returns(operation: Operation[Any], here: str) -> str:
-    """What an operation returns in Python."""
+    """The return annotation of an operation."""
     hints = [hint(output.type, here) for output in operation.outputs]
     match hints:
         case []:
@@ -87,7 +87,7 @@ def _dtype(kind: t.Sequence) -> str:
 
 
 def zero(kind: t.Type, here: str, default: Any = None) -> str:
-    """An expression for the value of something not set."""
+    """An expression for the default value of a type."""
     match kind:
         case t.Primitive():
             return quoted(default) if default is not None else quoted(kind.zero)
@@ -122,7 +122,7 @@ def field_line(field: t.Field, here: str, shadows: Shadows) -> str:
 
 
 def _factory(kind: t.Type, here: str) -> str:
-    """What makes the zero of a type that can be changed in place."""
+    """The default factory of a mutable type; "" for an immutable one."""
     match kind:
         case t.Struct(name=name):
             return reference(name, here)
@@ -135,7 +135,7 @@ def _factory(kind: t.Type, here: str) -> str:
 
 
 def field_shadows(fields: Sequence[t.Field], here: str) -> Shadows:
-    """What the fields of a class hide from those behind them."""
+    """The names that the fields of a class hide from later fields."""
     shadows = Shadows()
     for field in fields:
         factory = _factory(field.type, here)
@@ -179,12 +179,12 @@ def loan_signature(operation: Operation[Any], interface: Interface, here: str, s
 
 
 def loan_message(operation: Operation[Any], here: str) -> str:
-    """The class of what is filled: that of the operation's only parameter, or one of its own."""
+    """The class of the message to fill: that of the operation's only parameter, or a generated one."""
     return message_class(operation) if has_message(operation) else hint(operation.inputs[0].type, here)
 
 
 def has_message(operation: Operation[Any]) -> bool:
-    """Whether a class of its own holds the parameters of an operation while they are filled."""
+    """Whether a class is generated that holds the parameters of an operation while they are filled."""
     return len(operation.inputs) != 1 or not isinstance(operation.inputs[0].type, t.Struct)
 
 
@@ -202,16 +202,16 @@ def loan_passed(operation: Operation[Any]) -> str:
 
 def loan_doc(operation: Operation[Any]) -> str:
     many = len(loan_arguments(operation)) > 1
-    given, they = ("arrays of these shapes", "The arrays are") if many else ("an array of this shape", "The array is")
+    given, they = ("arrays of these shapes", "The arrays") if many else ("an array of this shape", "The array")
     return (
-        f"`{operation.name}` with {given} to fill, where the message is sent from.\n\n"
-        f"Leaving the block sends it, unless by an exception. {they} not zeros to begin "
-        "with, and not ours any more in the end."
+        f"`{operation.name}` with {given}, to be filled in the memory that is sent.\n\n"
+        f"The message is sent at the end of the `with` block, unless it raises. {they} "
+        "must be filled completely, and must not be used after the block."
     )
 
 
 def proxy_shadows(port: Port, here: str) -> Shadows:
-    """What the methods of a proxy hide from those behind them."""
+    """The names that the methods of a proxy hide from later methods."""
     shadows = Shadows()
     for operation, pattern in port.interface.under(port.verb):
         uses = [accepted(each.type, here) for each in operation.inputs]
@@ -232,7 +232,7 @@ def fakes_class(port: Port) -> str:
 
 
 def is_keyword(port: Port) -> bool:
-    """Whether no class can have a member of this name."""
+    """Whether the name of a port is a keyword of Python, so that no class can have such a member."""
     return iskeyword(port.name)
 
 
@@ -249,7 +249,7 @@ def fake_line(operation: Operation[Any], shadows: Shadows) -> str:
 
 
 def fake_shadows(port: Port) -> Shadows:
-    """What the operations of an interface hide from those behind them."""
+    """The names that the operations of an interface hide from later ones."""
     shadows = Shadows()
     for operation in nameable(port):
         shadows.member(operation.name, f"{returns(operation, '')} Fake")
@@ -262,7 +262,7 @@ def handler_signature(port: Port, operation: Operation[Any]) -> str:
 
 
 def handler(port: Port, operation: Operation[Any]) -> str:
-    """A new handler: a method that returns zeros."""
+    """A new handler: a method that returns default values."""
     lines = [handler_signature(port, operation), f"    {docstring(operation_doc(operation), 8)}"]
     zeros = [zero(output.type, "") for output in operation.outputs]
     line = f"return {', '.join(zeros)}"
@@ -369,7 +369,7 @@ def port_expression(port: Port, indent: int) -> str:
 
 
 def _qos(qos: QoS, indent: int) -> str:
-    """`QoS(depth=1)`: what differs from the default."""
+    """`QoS(depth=1)`: the values that differ from the default."""
     plain = QoS()
     given = []
     for name in QoS.__dataclass_fields__:
@@ -384,7 +384,7 @@ def _qos(qos: QoS, indent: int) -> str:
 
 
 def operation_doc(operation: Operation[Any]) -> str:
-    """What its IDSL says of an operation, then its declaration there."""
+    """The docstring of an operation: its comment in the IDSL, then its declaration."""
     names = (operation.name, *(field.name for field in (*operation.inputs, *operation.outputs)))
     said = capital(operation.doc.strip(), *names)
     first = said or f"`{operation.name}` of {operation.interface.replace('::', '.')}."
@@ -392,20 +392,20 @@ def operation_doc(operation: Operation[Any]) -> str:
 
 
 def overlap_doc(component: Component) -> str:
-    """What the author of a worker may rely on: which of its methods run at the same time."""
-    beside = [f"{port.handler('')}…" for port in component.ports if port.concurrent]
-    if not beside:
-        rule = "No two methods here ever run at once."
+    """The docstring of a worker: which of its methods run at the same time."""
+    concurrent = [f"{port.handler('')}…" for port in component.ports if port.concurrent]
+    if not concurrent:
+        rule = "Only one method runs at a time."
     else:
         rule = (
-            f"Methods {' and '.join(beside)} may run at any time, also several at once (`concurrent`): "
-            "what they share with others needs a lock. No two of the other methods here ever run at once."
+            f"Methods {' and '.join(concurrent)} are `concurrent`: they may run at any time, and several at once. "
+            "Protect attributes that they share with a lock. Of the other methods, only one runs at a time."
         )
-    return f"{rule} While one waits for an answer from another component, a handler may run."
+    return f"{rule} While it waits for the reply of another component, a handler may run."
 
 
 def struct_doc(name: str, doc: str, parts: Sequence[str] = ()) -> str:
-    """What its IDSL says of a type, or else whose it is. `parts` are the names of its fields or enumerators."""
+    """The docstring of a type: its comment in the IDSL, or else its module. `parts` are its fields or enumerators."""
     return _sentence(capital(doc.strip(), short(name), *parts) or f"{short(name)} of module {module_of(name)}")
 
 

@@ -1,4 +1,4 @@
-"""Interfaces in the languages of others, each written by a plug-in."""
+"""Exports interfaces to foreign formats, each of which a plug-in writes."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from .generate import Artifact, GenerationError
 
 
 def export(files: Files, to: str, report: Report) -> tuple[Artifact, ...]:
-    """The files of that format; what it cannot hold is reported, and then they are not to be used.
+    """The files of that format. If the report has errors, because the format cannot express something, do not use them.
 
-    Raises GenerationError if the files do not fit together, ConfigurationError if nothing writes the format.
+    Raises GenerationError if the files clash, ConfigurationError if no plug-in writes the format.
     """
     if files.clash:
         raise GenerationError(f"{files.clash}; give them to rcgen one by one")

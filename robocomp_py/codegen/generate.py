@@ -1,4 +1,4 @@
-"""Models to files, as values. Nothing here touches the disk."""
+"""Generates files from models, as values: the disk is not touched."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Artifact:
 
 @dataclass(frozen=True)
 class Model:
-    """What a component is generated from, and the names of the files that say so."""
+    """The model of a component, and the names of its files."""
 
     component: Component
     modules: tuple[Module, ...]
@@ -59,16 +59,16 @@ class Model:
 
 
 def generate(model: Model) -> tuple[Artifact, ...]:
-    """All files of a component: its generic part, and what is written once."""
+    """All files of a component: its generic part, and the files that are written once."""
     generic = {path: Artifact(PurePosixPath(path), text) for path, text in _generic(model).items()}
     specific = [Artifact(PurePosixPath(path), text, Owner.USER) for path, text in _specific(model).items()]
     return (*generic.values(), *specific)
 
 
 def generate_module(module: Module, ports: Sequence[Port] = (), siblings: Sequence[str] = ()) -> str:
-    """The Python module of an IDSL module, with proxies for these ports. `siblings` are the Python modules beside it.
+    """The Python module of an IDSL module, with proxies for these ports. `siblings` are the other generated modules.
 
-    Raises GenerationError if two things would have the same name.
+    Raises GenerationError if two definitions would have the same name.
     """
     own = [port for port in ports if port.verb.has_proxy and port.interface.module == module.name]
     proxies = {names.proxy_class(port): port for port in own}
@@ -77,18 +77,18 @@ def generate_module(module: Module, ports: Sequence[Port] = (), siblings: Sequen
     twice = [name for name, number in Counter(bound_names(text)).items() if number > 1]
     if twice:
         files = ", ".join(module.files)
-        raise GenerationError(f"{files}: two things would be called `{twice[0]}` in Python; give one another name")
+        raise GenerationError(f"{files}: two definitions would be named `{twice[0]}` in Python; rename one")
     return excused_file(text, names.module_name(module.name))
 
 
 def starter(name: str, lower: str) -> dict[str, str]:
-    """The models of a new component, by file name: `name` is that of its interface, `lower` its own."""
+    """The models of a new component by file name: `name` is the name of its interface, `lower` its own."""
     kinds = {f"{lower}.cdsl": "starter.cdsl.j2", f"{name}.idsl": "starter.idsl.j2", f"{lower}.pdsl": "starter.pdsl.j2"}
     return {file: _render(template, name=name, lower=lower) for file, template in kinds.items()}
 
 
 def starter_specifics(model: Model, name: str) -> dict[PurePosixPath, str]:
-    """What a starter has instead of empty handlers."""
+    """The files in which a new component has example code instead of empty handlers."""
     kinds = {"specificworker.py": "starter_worker.py.j2", _test(model.component): "starter_test.py.j2"}
     return {PurePosixPath(path): _render(kind, component=model.component, name=name) for path, kind in kinds.items()}
 
@@ -143,7 +143,7 @@ def _common(model: Model) -> dict[str, Any]:
 
 
 class _Aliases:
-    """Remembers which aliases a file has already."""
+    """The aliases that a file already defines."""
 
     def __init__(self) -> None:
         self._made: set[str] = set()

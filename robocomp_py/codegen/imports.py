@@ -1,4 +1,4 @@
-"""What generated code imports: found out by looking at what it uses, so that the two always agree."""
+"""The imports of generated code, computed from the names that the code uses."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .layout import WIDTH
 from .linting import excused
 
 MARK = "# imports\n"
-"""Stands in a template where its imports go."""
+"""Placeholder for the imports in a template."""
 
 STANDARD = {
     "abc": ("abstractmethod",),
@@ -26,7 +26,7 @@ TYPES = (
     *("DeclaredError", "Dictionary", "Enumeration", "ExceptionType", "Field", "Future", "Interface", "Operation"),
     *("Pattern", "Proxy", "Sequence", "Struct"),
 )
-"""What the modules of types use of the run time's front door."""
+"""Names of `runtime.api` that modules of types use."""
 
 API = (
     *TYPES,
@@ -38,13 +38,13 @@ BUILTINS = ("bool", "dict", "float", "int", "list", "str", "tuple")
 
 
 def complete(text: str, siblings: Collection[str], package: str = ".") -> str:
-    """Put the imports where the mark is: of libraries, and of those modules of a package that are used."""
+    """Replace the mark by the imports of libraries, and of the modules of a package that the text uses."""
     used = used_names(text) - set(bound_names(text))
     return excused(text).replace(MARK, import_statements(used, siblings, package), 1)
 
 
 def import_statements(used: Collection[str], siblings: Collection[str], package: str) -> str:
-    """The imports of these names, in the order and the form that formatters want."""
+    """The imports of these names, ordered and laid out as formatters do."""
     standard = [import_from(source, names) for source, names in _using(STANDARD, used)]
     standard = [*(f"import {name}" for name in ("builtins", "typing") if name in used), *standard]
     libraries = ["import numpy as np"] if "np" in used else []
@@ -60,7 +60,7 @@ def import_statements(used: Collection[str], siblings: Collection[str], package:
 
 
 def import_from(source: str, names: Sequence[str]) -> str:
-    """An import in one line, or one name a line if it would be too long."""
+    """An import on one line, or with one name per line if it would be too long."""
     ordered = sorted(names, key=_order)
     line = f"from {source} import {', '.join(ordered)}"
     if len(line) <= WIDTH:
@@ -69,12 +69,12 @@ def import_from(source: str, names: Sequence[str]) -> str:
 
 
 def used_names(text: str) -> set[str]:
-    """The names that a text takes from its module's scope."""
+    """The names that a text uses from the scope of its module."""
     return set(_used(ast.parse(text)))
 
 
 def bound_names(text: str) -> list[str]:
-    """The names that a text gives to something in its module's scope, in order."""
+    """The names that a text binds in the scope of its module, in order."""
     found: list[str] = []
     for node in ast.parse(text).body:
         match node:
@@ -112,6 +112,6 @@ def _using(table: Mapping[str, tuple[str, ...]], used: Collection[str]) -> Itera
 
 
 def _order(name: str) -> tuple[int, list[str | int]]:
-    """As isort has it: CONSTANTS, Classes, functions; numbers in names by their value."""
+    """A sort key with the order of isort: CONSTANTS, Classes, functions; numbers in names by their value."""
     rank = 0 if name.isupper() and len(name) > 1 else 1 if name[:1].isupper() else 2
     return rank, [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", name.lower())]

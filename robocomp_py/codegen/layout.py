@@ -1,4 +1,4 @@
-"""Generated lines: as formatters lay them out, and no longer than they allow."""
+"""Lays out generated lines as formatters do, within their line length."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from typing import Any
 
 WIDTH = 88
-"""What formatters take for granted."""
+"""Default line length of formatters."""
 
 
 def call(function: str, arguments: Sequence[str], indent: int, around: int = 0) -> str:
-    """A call in one line, or one argument a line if that, with what is `around` it, would be too long."""
+    """A call on one line, or with one argument per line if it would be too long with `around` more characters."""
     line = f"{function}({', '.join(arguments)})"
     if indent + len(line) + around <= WIDTH and "\n" not in line:
         return line
@@ -24,7 +24,7 @@ def call(function: str, arguments: Sequence[str], indent: int, around: int = 0) 
 
 
 def tuple_of(items: Sequence[str], before: int, indent: int = 4) -> str:
-    """A tuple, one item a line; a single one in one line if there is room behind `before` characters."""
+    """A tuple with one item per line; a single item on one line if it fits after `before` characters."""
     line = f"({', '.join(items)},)" if items else "()"
     if not items or (len(items) == 1 and before + len(line) + 1 <= WIDTH and "\n" not in line):
         return line
@@ -34,7 +34,7 @@ def tuple_of(items: Sequence[str], before: int, indent: int = 4) -> str:
 
 
 def signature(name: str, arguments: Sequence[str], returned: str, indent: int = 4) -> str:
-    """A `def` line, or one argument a line if it would be too long."""
+    """A `def` line, or one argument per line if it would be too long."""
     line = f"def {name}({', '.join(arguments)}) -> {returned}:"
     if indent + len(line) <= WIDTH:
         return line
@@ -44,7 +44,7 @@ def signature(name: str, arguments: Sequence[str], returned: str, indent: int = 
 
 
 def spread(annotation: str, indent: int, before: int, after: int) -> str:
-    """An annotation on several lines, if it would be too long for one, with so much around it."""
+    """An annotation, on several lines if it is too long with `before` and `after` more characters."""
     head, bracket, rest = annotation.partition("[")
     if not bracket or annotation.startswith('"') or indent + before + len(annotation) + after <= WIDTH:
         return annotation
@@ -55,7 +55,7 @@ def spread(annotation: str, indent: int, before: int, after: int) -> str:
 
 
 def assigned(head: str, value: str, indent: int) -> str:
-    """`head = value`, the value in parentheses on a line of its own if that makes it fit."""
+    """`head = value`, with the value in parentheses on its own line if that makes it fit."""
     before = len(head.rpartition("\n")[2]) + (0 if "\n" in head else indent)
     if before + len(f" = {value}") <= WIDTH or indent + 4 + len(value) > WIDTH:
         return f"{head} = {value}"
@@ -74,14 +74,14 @@ def docstring(text: str, indent: int) -> str:
     margin = " " * indent
     if len(lines) == 1 and indent + len(lines[0]) + 6 <= WIDTH:
         return f"{quote}{lines[0]}{quote}"
-    if len(lines) == 1:  # the closing quotes need a line of their own: then the text gets two
+    if len(lines) == 1:  # the closing quotes do not fit: wrap the text so that it has two lines
         lines = _wrap(lines[0], WIDTH - indent - 6)
     body = "\n".join(f"{margin}{line}".rstrip() for line in lines[1:])
     return f"{quote}{lines[0]}\n{body}\n{margin}{quote}".replace(f"\n\n{margin}{quote}", f"\n{margin}{quote}")
 
 
 def commented(line: str, text: str, indent: int) -> str:
-    """A statement with a comment behind it or, if that would be too long, above it."""
+    """A statement with a comment after it or, if that would be too long, above it."""
     words = " ".join(printable(text).split())
     if not words:
         return line
@@ -91,12 +91,12 @@ def commented(line: str, text: str, indent: int) -> str:
 
 
 def remark(text: str, indent: int) -> str:
-    """A comment on as many lines as it needs."""
+    """A comment, wrapped."""
     return f"\n{' ' * indent}".join(f"# {line}" for line in _wrap(printable(text), WIDTH - indent - 2))
 
 
 def text(value: str, indent: int, around: int) -> str:
-    """A string in one line or, if that, with what is `around` it, would be too long, in several."""
+    """A string on one line, or on several if it would be too long with `around` more characters."""
     if indent + len(quoted(value)) + around <= WIDTH:
         return quoted(value)
     margin = " " * indent
@@ -105,7 +105,7 @@ def text(value: str, indent: int, around: int) -> str:
 
 
 def quoted(value: Any) -> str:
-    """A literal of Python and of TOML; texts in double quotes."""
+    """A literal that is valid in Python and TOML; strings in double quotes."""
     if not isinstance(value, str):
         return repr(value).replace("e+", "e")
     escaped = json.dumps(value, ensure_ascii=False)
@@ -113,33 +113,33 @@ def quoted(value: Any) -> str:
 
 
 def on_one_line(text: str) -> str:
-    """A text that ends no line: the name of a file, say."""
+    """A text without line breaks, such as the name of a file."""
     return printable(text).replace("\n", " ")
 
 
 def shell_word(text: str) -> str:
-    """A text as one word of a command that somebody copies."""
+    """A text as one word of a shell command."""
     return shlex.quote(on_one_line(text))
 
 
 def printable(text: str) -> str:
-    """A text without what could end a line or a file where none ends."""
+    """A text with spaces for all characters that are not printable, except line breaks."""
     return "".join(char if char.isprintable() or char == "\n" else " " for char in text)
 
 
 def one_line(text: str, *names: str) -> str:
-    """The first paragraph of a documentation on one line. `names` are those of what it is about."""
+    """The first paragraph of a documentation on one line. `names` are kept as they are: see `capital`."""
     return capital(" ".join(printable(text).strip().split("\n\n")[0].split()), *names)
 
 
 def capital(text: str, *names: str) -> str:
-    """The text as the beginning of a sentence; a name that it begins with stays as it is."""
+    """The text with a capital first letter, unless it begins with one of these names."""
     found = re.match(r"\w+", text)
     return text if found and found[0] in names else text[:1].upper() + text[1:]
 
 
 def _wrap_prose(given: Sequence[str], width: int) -> list[str]:
-    """Lines that fit. A line that is too long continues on the next, unless that is an item of a list, say."""
+    """Wrap lines. The rest of a long line continues on the next one, unless that begins an item of a list."""
     lines, rest = list[str](), ""
     for line, following in zip(given, [*given[1:], ""], strict=True):
         wrapped = _wrap(f"{rest} {line}".strip(), width) or [""]
@@ -149,7 +149,7 @@ def _wrap_prose(given: Sequence[str], width: int) -> list[str]:
 
 
 _ITEM = re.compile(r"\s|[-+*•@\\]|\w+\s*[:=]|\(?\w{1,2}\)|\d+\.|(Returns?|Param)\b")
-"""How a line begins that does not continue the sentence of the line above it."""
+"""Matches the begin of a line that does not continue the sentence of the line above it."""
 
 
 def _wrap(text: str, width: int) -> list[str]:
@@ -157,7 +157,7 @@ def _wrap(text: str, width: int) -> list[str]:
 
 
 def _top_level(text: str) -> list[str]:
-    """The parts between commas that stand in no bracket and no string."""
+    """Split a text at commas outside brackets and strings."""
     parts, depth = [""], 0
     for token in re.findall(r'"(?:[^"\\]|\\.)*"|.', text):
         depth += {"[": 1, "]": -1}.get(token, 0)

@@ -1,9 +1,9 @@
-"""Comments for linters in generated code, where the names and texts of the models leave no other choice.
+"""Comments that silence linters in generated code, where names and texts of the models break a rule.
 
-    one line     # noqa: E741, RUF100           an argument `l`, a text too long to split
-    one file     # ruff: noqa: N999, RUF100     rules that a linter can only be told for the whole file
+    one line     # noqa: E741, RUF100           an argument `l`, a text that cannot be split
+    one file     # ruff: noqa: N999, RUF100     rules that can only be silenced for the whole file
 
-RUF100 comes along because a linter that does not apply a rule complains of the comment instead.
+RUF100 is silenced, too: a linter that does not check the rule would complain about the comment.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _LOWER_ALIAS = re.compile(r"_?[a-z0-9]")
 
 
 def excused(text: str) -> str:
-    """The text with comments on the lines that linters would complain of."""
+    """The text with comments on the lines that break a rule."""
     lines = text.splitlines()
     reasons: dict[int, set[str]] = {}
     for node in ast.walk(ast.parse(text)):
@@ -44,7 +44,7 @@ def excused(text: str) -> str:
 
 
 def excused_file(text: str, module: str) -> str:
-    """The text of a generated module, with a comment below its first line if whole-file rules complain of it."""
+    """The text of a generated module, with a comment below its first line if it breaks rules for whole files."""
     rules = sorted(set(_whole_file(text, module)))
     if not rules:
         return text
@@ -54,7 +54,7 @@ def excused_file(text: str, module: str) -> str:
 
 def _whole_file(text: str, module: str) -> Iterator[str]:
     if not _MODULE.fullmatch(module):
-        yield "N999"  # the module is called like that of its IDSL
+        yield "N999"  # the module has the name of its IDSL module
     for node in ast.walk(ast.parse(text)):
         match node:
             case ast.AnnAssign(target=ast.Name(id=name), annotation=ast.Name(id="TypeAlias")):

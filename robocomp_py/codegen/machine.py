@@ -10,7 +10,7 @@ from .layout import call, docstring, quoted, tuple_of
 
 
 def states_of(component: Component) -> list[State]:
-    """The states whose methods a component has to have; of those that share a method, the first."""
+    """The states whose methods a component must have; if states share a method, only the first."""
     found: dict[str, State] = {}
     for state in component.machine.every_state() if component.machine else ():
         found.setdefault(state.method, state)
@@ -18,7 +18,7 @@ def states_of(component: Component) -> list[State]:
 
 
 def machine_expression(machine: StateMachine, indent: int) -> str:
-    """The `StateMachine( … )` that generated code carries, behind `machine=`."""
+    """The `StateMachine( … )` in generated code, after `machine=`."""
     inner = indent + 4
     arguments = [
         quoted(machine.name),
@@ -42,7 +42,7 @@ def state_method(state: State, machine: StateMachine) -> str:
 
 
 def state_doc(state: State, machine: StateMachine) -> str:
-    """When a state's method is called, and what leads on from there."""
+    """The docstring of a state's method: when it is called, and which transitions leave the state."""
     leaving = [f"self.{trigger}()" for trigger in machine.leaving(state.name)]
     said = f"Called when `{state.label}` is entered"
     if state.final:
@@ -51,7 +51,7 @@ def state_doc(state: State, machine: StateMachine) -> str:
 
 
 def _ended_by(method: str, machine: StateMachine) -> list[str]:
-    """What the end states of a method end."""
+    """The machine or states that end when the end states of a method are entered."""
     whole = ["the state machine"] if any(each.method == method for each in machine.states) else []
     around = [each for each in machine.every_state() if any(inner.method == method for inner in each.states)]
     return [*whole, *(f"`{each.name}`" for each in around)]
@@ -78,5 +78,5 @@ def _transition(transition: Transition, indent: int) -> str:
 
 
 def _tuple(items: Sequence[str], name: str, indent: int) -> str:
-    """A tuple behind `name`, which stands so far to the right."""
+    """A tuple after `name`, which is indented this far."""
     return tuple_of(items, indent + len(name), indent)

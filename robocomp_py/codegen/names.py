@@ -1,4 +1,4 @@
-"""Names of the models as names of Python. What has two names in a model has two in Python."""
+"""Python names for the names in models. Different names stay different."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _CLASSES = {
     ),
     *("np", "typing"),
 }
-"""What modules of types use for themselves."""
+"""Names that modules of types use themselves."""
 
 _MODULES = {
     *_CLASSES,
@@ -39,7 +39,7 @@ _MODULES = {
     *("GenericWorker", "PARAMS", "Params", "SpecificWorker", "abstractmethod", "component", "genericworker"),
     *("Fake", "Fakes", "TypedDict", "fakes", "middleware", "params"),
 }
-"""What is in the generic part beside the modules of types, and what it uses for itself."""
+"""Names of other modules in the generic part, and names that the generic part uses itself."""
 
 _ARGUMENTS = {"self", "deadline"}
 _METHODS = {"interface", "_ask", "_ask_async", "_send", "_loan", "_bound"}
@@ -47,7 +47,7 @@ _MEMBERS = {
     *("as_integer_ratio", "bit_count", "bit_length", "conjugate", "denominator", "from_bytes", "imag", "is_integer"),
     *("mro", "name", "numerator", "real", "to_bytes", "value", "ClassVar", "Enumeration"),
 }
-"""What every IntEnum has, in all versions of Python."""
+"""Attributes of IntEnum, in all versions of Python."""
 
 
 def short(name: str) -> str:
@@ -60,52 +60,52 @@ def module_of(name: str) -> str:
 
 
 def class_name(name: str) -> str:
-    """What a definition is called in its own module."""
+    """The name of a definition in its own module."""
     return _free(short(name), _CLASSES)
 
 
 def module_name(name: str) -> str:
-    """What the Python module of an IDSL module is called."""
+    """The name of the Python module of an IDSL module."""
     return _free(name, _MODULES)
 
 
 def reference(name: str, here: str) -> str:
-    """What a definition is called from a module; `here` is "" outside of all."""
+    """The name of a definition as seen from the module `here`; "" outside all modules."""
     module = module_of(name)
     return class_name(name) if module == here else f"{module_name(module)}.{class_name(name)}"
 
 
 def member_name(name: str) -> str:
-    """An enumerator."""
-    sunder = name.startswith("_") and name.endswith("_")  # those are the enum module's
+    """The name of an enumerator."""
+    sunder = name.startswith("_") and name.endswith("_")  # reserved by the enum module
     return f"{name}_" if sunder else _free(name, _MEMBERS)
 
 
 def argument(field: t.Field) -> str:
-    """A parameter of an operation."""
+    """The name of a parameter of an operation."""
     return _free(field.name, _ARGUMENTS)
 
 
 def method(operation: Operation[Any]) -> str:
-    """An operation of a proxy."""
+    """The name of a proxy's method for an operation."""
     return _free(operation.name, _METHODS)
 
 
 def twin(operation: Operation[Any], interface: Interface) -> str:
-    """An operation of a proxy that does not wait."""
+    """The name of a proxy's asynchronous method for an operation."""
     return _unlike(f"{operation.name}Async", {other.name for other in interface.operations})
 
 
 def loan(operation: Operation[Any], interface: Interface) -> str:
-    """The method of a proxy that gives a message to fill: `loanPushImage`."""
+    """The name of a proxy's method that lends a message to fill: `loanPushImage`."""
     name = f"loan{operation.name[:1].upper()}{operation.name[1:]}"
     return _unlike(name, {other.name for other in interface.operations})
 
 
 def loan_arguments(operation: Operation[Any]) -> list[str]:
-    """What the arrays of its message are called: by their own names or, where two are called so, by the way to them.
+    """The names of the arrays of a message. Where two arrays have the same name, their paths are used.
 
-    If there is one parameter, a struct, that is the message, and the way to an array begins in it.
+    If the only parameter is a struct, that struct is the message, and paths begin inside it.
     """
     inside = len(operation.inputs) == 1 and isinstance(operation.inputs[0].type, t.Struct)
     paths = [[field.name for field in path[inside:]] for path, _ in t.arrays(operation.inputs)]
@@ -120,7 +120,7 @@ def loan_arguments(operation: Operation[Any]) -> list[str]:
 
 
 def message_class(operation: Operation[Any]) -> str:
-    """What holds the parameters of an operation while they are filled."""
+    """The name of the class that holds the parameters of an operation while they are filled."""
     return class_name(operation.request.name)
 
 
@@ -151,8 +151,8 @@ def self_dot(name: str) -> str:
 
 
 def _free(name: str, taken: Collection[str]) -> str:
-    """A name that is neither a keyword nor taken: with an underscore behind if it is; and if it is but for underscores
-    behind it, so that `list` and `list_` stay apart.
+    """The name, with an underscore appended if it is a keyword or taken. The same holds for a name that ends in
+    underscores and is taken without them, so that `list` and `list_` stay different.
     """
     bare = name.rstrip("_")
     return f"{name}_" if keyword.iskeyword(bare) or bare in taken else name

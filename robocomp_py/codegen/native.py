@@ -1,13 +1,12 @@
-"""What programs need that know nothing of us, to talk to a component: `generic/<middleware>/`.
+"""Files for programs without robocomp_py that communicate with a component: `generic/<middleware>/`.
 
-    channels.json   every channel of the component, and what travels on it (docs/guides/native.md)
-    *.idl           the types of what travels, where they are in CDR; MessagePack's are in channels.json
+    channels.json   all channels of the component, and their messages (docs/guides/native.md)
+    *.idl           the types of messages in CDR; the types of MessagePack are in channels.json
 
-A transport may have a third entry point for this, of the group `robocomp_py.natives`: a function of the uses of a
-component and of the line that says where the files come from. It returns texts by name, and the content of
-`channels.json`.
+A transport may have a third entry point for this, of the group `robocomp_py.natives`. It is a function of the channels
+of a component and of the heading of generated files, and returns texts by name and the content of `channels.json`.
 
-The names are those of a component that runs as generated, without a deployment.
+Channel names are those of a component without deployment.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ Json = dict[str, Any]
 
 @dataclass(frozen=True)
 class Use:
-    """An operation of a port, and the channel it has."""
+    """An operation of a port, and its channel."""
 
     port: Port
     operation: Operation[Any]
@@ -41,7 +40,7 @@ class Use:
 
     @property
     def messages(self) -> tuple[tuple[str, bool], ...]:
-        """What travels, and whether it comes to the component."""
+        """The kinds of messages, and whether the component receives them."""
         called = not self.port.verb.has_proxy
         match self.pattern:
             case Pattern.PUBLISH:
@@ -53,11 +52,11 @@ class Use:
 
 
 Native = Callable[[list[Use], str], tuple[dict[str, str], Json]]
-"""What an entry point names."""
+"""The type of these entry points."""
 
 
 def native(component: Component, middleware: str, about: str) -> dict[str, str]:
-    """Texts by path, for each middleware of the component; `about` says where they come from."""
+    """The files for each middleware of the component, by path. `about` is their heading."""
     texts: dict[str, str] = {}
     for name in dict.fromkeys((middleware, *filter(None, (port.middleware for port in component.ports)))):
         uses = [use for use in _uses(component) if (use.port.middleware or middleware) == name]
@@ -143,7 +142,7 @@ _HEADERS = {
     "request": "version uint8, flags uint8, fingerprint uint64, client uint64, sequence uint64, remaining_ms uint32",
     "reply": "version uint8, status uint8, client uint64, sequence uint64, server uint64",
 }
-"""`wire/header.py` in other words: little-endian, unpadded."""
+"""The headers of `wire/header.py`: little-endian, without padding."""
 
 
 def headers(uses: Iterable[Use]) -> Json:
@@ -157,7 +156,7 @@ WIDTH = 120
 
 
 def written(value: Any, indent: int = 0, before: int = 0) -> str:
-    """JSON as people write it: in one line what fits, with so much `before` it; else an item a line."""
+    """JSON for readers: a value on one line if it fits after `before` characters, otherwise one item per line."""
     line = json.dumps(value, ensure_ascii=False)
     if not isinstance(value, dict | list) or (indent and indent + before + len(line) < WIDTH):
         return line

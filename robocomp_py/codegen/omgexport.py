@@ -1,8 +1,8 @@
-"""IDSL to OMG IDL 4, for programs that use DDS by themselves: the types, and what travels for each operation.
+"""Exports IDSL to OMG IDL 4, for programs that use DDS directly: the types, and the messages of each operation.
 
-A file for each module. Beside what omgidl.py says: a query has a request and a response, a command a request, a
-publication a struct of its own; an operation without a pattern has all three, if it may be a publication.
-Exceptions are structs, with the fields of those they extend. There is no header of ours in any of them.
+There is a file for each module. In addition to the rules of omgidl.py: a query has a request and a response, a command
+a request, and a publication its own struct. An operation without a pattern has all three if it can be a publication.
+Exceptions are structs that include the fields of their bases. Our message headers are not part of them.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from .names import short
 
 
 def to_omgidl(files: Files, report: Report) -> tuple[Artifact, ...]:
-    """A file for each module; what IDL cannot hold is reported."""
+    """A file for each module; reports what IDL cannot express."""
     sent: list[t.Type] = []
     constants: list[Constant] = []
     for module in files.contracts:
@@ -50,7 +50,7 @@ def to_omgidl(files: Files, report: Report) -> tuple[Artifact, ...]:
 
 
 _ABOUT = heading("IDSL")
-"""How the file of types begins that are in no module."""
+"""Heading of the file with types that belong to no module."""
 
 
 def _messages(operation: Operation[Any]) -> Iterator[t.Struct]:
@@ -79,7 +79,7 @@ def _check(module: Module, files: Files, report: Report) -> None:
     _check_scope(scope, module.name, report)
     for written, at in scope:
         if written.lower() == "final":
-            message = f"`{written}` is an annotation that every struct has, and idlc takes the one for the other"
+            message = f"`{written}` is also an annotation of every struct, and idlc confuses the two"
             report.error("not-in-omgidl", message, at.span, "rename it")
     for each in syntax.values():
         match each:
@@ -87,26 +87,26 @@ def _check(module: Module, files: Files, report: Report) -> None:
                 _check_scope([(field.name.text, field.name) for field in fields], name.text, report)
                 for field in fields:
                     if field.default:
-                        message = f"compilers of IDL know no defaults; that of `{field.name}` is left out"
+                        message = f"IDL has no defaults; the default of `{field.name}` is omitted"
                         report.warning("lossy-in-omgidl", message, field.default.span)
             case m.Enum(name=name, members=members):
                 _check_scope([(member.name.text, member.name) for member in members], name.text, report)
             case m.Interface(operations=operations):
                 for param in (param for operation in operations for param in operation.params if param.default):
-                    message = f"compilers of IDL know no defaults; that of `{param.name}` is left out"
+                    message = f"IDL has no defaults; the default of `{param.name}` is omitted"
                     report.warning("lossy-in-omgidl", message, param.name.span)
                 for operation in operations:
                     names = [(param.name.text, param.name) for param in operation.params]
                     _check_scope(names, "", report)
             case m.Const(type=Name(text="time"), name=name):
-                message = f"no constant of IDL is a struct; `{name}` becomes int64, nanoseconds since 1970"
+                message = f"a constant in IDL cannot be a struct; `{name}` becomes int64, nanoseconds since 1970"
                 report.warning("lossy-in-omgidl", message, name.span)
             case _:
                 pass
 
 
 def _named(module: Module, syntax: dict[str, m.Definition]) -> Iterator[tuple[str, Name]]:
-    """What a module of IDL gives a name to, and what that is called like in the IDSL."""
+    """The names that a module of IDL defines, each with the name in the IDSL that it comes from."""
     for each in module.definitions:
         at = syntax[short(each.name)]
         match each:
@@ -125,17 +125,17 @@ def _named(module: Module, syntax: dict[str, m.Definition]) -> Iterator[tuple[st
 
 
 def _check_scope(names: list[tuple[str, Name]], owner: str, report: Report) -> None:
-    """`owner` is what they are in, which is one of the names there."""
+    """Report clashes of names. The scope `owner` is itself one of the names in it."""
     seen: dict[str, tuple[str, Name]] = {}
     for written, at in names:
         other, first = seen.setdefault(written.lower(), (written, at))
         related = [] if first is at else [("first here", first.span)]
         if written == owner or (written == other and first is not at):
-            message = f"`{written}` would stand for two things in one place, which IDL does not allow"
+            message = f"`{written}` would be defined twice in one scope, which IDL does not allow"
             report.error("not-in-omgidl", message, at.span, "rename one of them", *related)
             continue
         if first is at:
             other = owner
         if written.lower() == other.lower():
-            message = f"`{written}` and `{other}` differ in case only, which not every compiler of IDL takes"
-            report.warning("alike-in-omgidl", message, at.span, "idlc does: -f case-sensitive", *related)
+            message = f"`{written}` and `{other}` differ only in case, which some IDL compilers reject"
+            report.warning("alike-in-omgidl", message, at.span, "idlc accepts it with -f case-sensitive", *related)

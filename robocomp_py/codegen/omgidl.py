@@ -1,11 +1,11 @@
-"""Contracts as OMG IDL 4: what messages look like to programs that know nothing of us.
+"""Contracts as OMG IDL 4: the messages as programs without robocomp_py see them.
 
     time         robocomp::Time {int32 sec; uint32 nanosec}
-    enumeration  int32, and constants: values may be negative, which no enum of IDL's is
+    enumeration  int32, and constants: values may be negative, but an enum of IDL has no negative values
     dictionary   a sequence of {key; value}, named after the dictionary
-    empty        one octet, as ROS 2 does
+    empty        one byte, as in ROS 2
 
-All types are final. A file holds what is used of one module, and includes those of other modules.
+All types are final. A file holds the used types of one module, and includes the files of other modules.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from .layout import printable
 from .names import module_of, short
 
 WIDTH = 100
-"""What fits on a page of IDL."""
+"""Line length of IDL files."""
 
 
-# -- what travels, as structs ----------------------------------------------------------
+# -- messages as structs ----------------------------------------------------------------
 
 OURS = "robocomp"
 """The module of types that belong to no interface."""
@@ -47,11 +47,11 @@ REQUEST_HEADER = t.Struct(
     f"{OURS}::RequestHeader",
     (
         t.Field("version", t.UINT8, doc="1"),
-        t.Field("flags", t.UINT8, doc="1: no reply is wanted, as for commands; 2: doing it twice does no harm"),
-        t.Field("remaining_ms", t.UINT32, doc="what is left of the caller's deadline; 0xffffffff: all the time"),
+        t.Field("flags", t.UINT8, doc="1: no reply wanted (a command); 2: idempotent"),
+        t.Field("remaining_ms", t.UINT32, doc="rest of the client's deadline; 0xffffffff: no limit"),
         t.Field("fingerprint", t.UINT64, doc="of the operation"),
-        t.Field("client", t.UINT64, doc="a random number, the caller's own"),
-        t.Field("sequence", t.UINT64, doc="counts what this caller sends on this channel, from 1"),
+        t.Field("client", t.UINT64, doc="random number of the client"),
+        t.Field("sequence", t.UINT64, doc="number of the message of this client on this channel, from 1"),
         t.Field("stamp", t.INT64, doc="ns since 1970"),
     ),
     doc="In front of every request and command.",
@@ -65,7 +65,7 @@ REPLY_HEADER = t.Struct(
         ),
         t.Field("client", t.UINT64, doc="that of the request"),
         t.Field("sequence", t.UINT64, doc="that of the request"),
-        t.Field("server", t.UINT64, doc="random, and another one after every start"),
+        t.Field("server", t.UINT64, doc="random number of the server, new at every start"),
         t.Field("stamp", t.INT64, doc="ns since 1970"),
     ),
     doc="In front of every reply. If its status is not 0, the response is empty; see `error`.",
@@ -75,8 +75,8 @@ PUBLICATION_HEADER = t.Struct(
     (
         t.Field("version", t.UINT8, doc="1"),
         t.Field("fingerprint", t.UINT64, doc="of the operation"),
-        t.Field("source", t.UINT64, doc="a random number, the publisher's own"),
-        t.Field("sequence", t.UINT64, doc="counts what this publisher sends, from 1"),
+        t.Field("source", t.UINT64, doc="random number of the publisher"),
+        t.Field("sequence", t.UINT64, doc="number of the message of this publisher, from 1"),
         t.Field("stamp", t.INT64, doc="ns since 1970"),
     ),
     doc="In front of every publication.",
@@ -86,22 +86,22 @@ CREDIT = t.Struct(
     (
         t.Field("reader", t.UINT64),
         t.Field("source", t.UINT64),
-        t.Field("sequence", t.UINT64, doc="the last message that it has taken"),
-        t.Field("window", t.UINT32, doc="how many more it has room for"),
+        t.Field("sequence", t.UINT64, doc="the last message that the reader has taken"),
+        t.Field("window", t.UINT32, doc="number of further messages that it has room for"),
     ),
-    doc="How far robocomp_py's own readers of a reliable topic are. Others need not tell.",
+    doc="Flow control of robocomp_py's readers of a reliable topic. Other readers need not send it.",
 )
 
 _NOTHING = t.Field("structure_needs_at_least_one_member", t.UINT8)
 
 
 def publication_name(operation: Operation[Any]) -> str:
-    """`RoboCompLaserPub::LaserPubPushLaserDataPublication`: other than its request's, for an operation may be both."""
+    """`RoboCompLaserPub::LaserPubPushLaserDataPublication`. It differs from the name of the request."""
     return f"{operation.request.name.removesuffix('Request')}Publication"
 
 
 def publication(operation: Operation[Any], *, headed: bool) -> t.Struct:
-    """What is published, with our header as its first member or without it."""
+    """The struct of a publication; with `headed`, our header is its first member."""
     return _message(publication_name(operation), operation, "published", PUBLICATION_HEADER if headed else None)
 
 
@@ -110,7 +110,7 @@ def request(operation: Operation[Any], *, headed: bool) -> t.Struct:
 
 
 def response(operation: Operation[Any], *, headed: bool) -> t.Struct:
-    """What is answered; with our header, room for what is said instead is behind it."""
+    """The struct of a reply; with `headed`, our header is its first member, and its last one holds an error."""
     if not headed:
         return _message(operation.response.name, operation, "answered", None)
     error = t.Field("error", t.Sequence(t.UINT8))
@@ -118,8 +118,8 @@ def response(operation: Operation[Any], *, headed: bool) -> t.Struct:
 
 
 def exception(kind: t.ExceptionType) -> t.Struct:
-    """What a reply holds whose status says that the operation threw."""
-    name = t.Field("exception", t.STRING, doc="its full name, and behind each `<` that of what it extends")
+    """The struct of a declared exception in a reply."""
+    name = t.Field("exception", t.STRING, doc="its full name, then, after each `<`, the name of its base")
     about = " ".join(filter(None, (kind.doc, "Thrown, in place of a response: a reply of status 1.")))
     return t.Struct(kind.name, (name, *_renamed(kind.all_fields, {"exception"})), doc=about)
 
@@ -132,7 +132,7 @@ def _message(name: str, operation: Operation[Any], what: str, header: t.Struct |
 
 
 def _renamed(fields: Iterable[t.Field], taken: set[str]) -> tuple[t.Field, ...]:
-    """The fields, those whose names are taken with underscores behind."""
+    """The fields, with underscores appended to names that are taken."""
     found = []
     for field in fields:
         name = field.name
@@ -144,7 +144,7 @@ def _renamed(fields: Iterable[t.Field], taken: set[str]) -> tuple[t.Field, ...]:
 
 
 def plain(kind: t.Type) -> t.Type:
-    """A type made of what IDL has: numbers, strings, sequences, structs; and enumerations, which we write as int32."""
+    """A type expressed by numbers, strings, sequences, structs and enumerations, which are written as int32."""
     match kind:
         case t.Primitive():
             return TIME if kind is t.TIME else kind
@@ -160,7 +160,7 @@ def plain(kind: t.Type) -> t.Type:
 
 
 def ambiguous(kinds: Iterable[t.Type]) -> set[str]:
-    """The names by which these, and all that they use, mean different things; nothing forbids a model to have them."""
+    """The names that stand for different types among these and all that they use. A contract allows such names."""
     known: dict[str, t.Type] = {}
     found: set[str] = set()
 
@@ -185,7 +185,7 @@ def ambiguous(kinds: Iterable[t.Type]) -> set[str]:
 def idl(
     sent: Iterable[t.Type], parts: Iterable[t.Type], head: str, constants: Iterable[Constant] = ()
 ) -> dict[str, str]:
-    """IDL files by name: types that are sent as they are, types that are parts of them, and all that these use.
+    """IDL files by name. `sent` are types of messages and `parts` other types; all types that they use are included.
 
     `head` is the first line of every file.
     """
@@ -208,11 +208,11 @@ def idl(
 
 
 def _files(kinds: Iterable[t.Struct | t.Enumeration]) -> dict[str, str]:
-    """The file of each module: its own, but one for modules that need each other."""
+    """The file of each module. Modules that need each other share one."""
     uses: dict[str, set[str]] = {}
     for kind in kinds:
         uses.setdefault(module_of(kind.name), set()).update(module_of(each.name) for each in t.walk(kind))
-    for _ in uses:  # what is reached in several steps is reached at once, too
+    for _ in uses:  # the transitive closure
         for reached in uses.values():
             reached.update(*(uses[module] for module in list(reached)))
     return {module: next(first for first in uses if first in uses[module] and module in uses[first]) for module in uses}
@@ -250,7 +250,7 @@ def _file(
         for number, kind in enumerate(inside):
             if number:
                 yield ""
-            # Where a type is called `Nested`, idlc takes the annotation for it.
+            # If a type is named `Nested`, idlc confuses the annotation with it.
             nested = kind.name not in topics and "nested" not in names
             lines = _constants(kind) if isinstance(kind, t.Enumeration) else _struct(kind, names, nested)
             yield from (f"    {line}" for line in lines)
@@ -260,7 +260,7 @@ def _file(
 
 
 def _runs(kinds: Iterable[t.Struct | t.Enumeration]) -> list[tuple[str, list[t.Struct | t.Enumeration]]]:
-    """Those of a module that stand together, in the order in which they need each other."""
+    """Runs of types of the same module, in the order in which they need each other."""
     runs: list[tuple[str, list[t.Struct | t.Enumeration]]] = []
     for kind in kinds:
         if not runs or runs[-1][0] != module_of(kind.name):
@@ -310,7 +310,7 @@ def _struct(kind: t.Struct, names: set[str], nested: bool) -> Iterator[str]:
 
 
 def _spelled(kind: t.Type, module: str, members: set[str], names: set[str]) -> str:
-    """A type, as a member of a struct with these members in a module with these names."""
+    """The spelling of a type in a struct with these members, in a module with these names."""
     match kind:
         case t.Primitive():
             return SPELLED[kind].omg
@@ -318,13 +318,13 @@ def _spelled(kind: t.Type, module: str, members: set[str], names: set[str]) -> s
             return "int32"
         case t.Sequence(item):
             inside = _spelled(item, module, members, names)
-            return f"sequence<{inside}{' ' if inside.endswith('>') else ''}>"  # `>>` is something else to idlc
+            return f"sequence<{inside}{' ' if inside.endswith('>') else ''}>"  # idlc reads `>>` as another token
         case t.Struct(name=name):
             other, own = module_of(name), short(name)
             path = f"{_escaped(other)}::{_escaped(own)}"
             if other == module and own.lower() not in members:
                 return _escaped(own)
-            return f"::{path}" if other.lower() in members | names else path  # fastddsgen knows no `::` in front
+            return f"::{path}" if other.lower() in members | names else path  # fastddsgen rejects a leading `::`
         case t.Dictionary():
             raise AssertionError(f"not plain: {kind}")
 
@@ -360,16 +360,16 @@ _KEYWORDS = frozenset(
     """,
     )
 )
-"""Those of IDL 4.2, in lower case: what differs from them only in case is reserved, too."""
+"""Keywords of IDL 4.2, in lower case: names that differ only in case are reserved, too."""
 
 
 def _escaped(name: str) -> str:
-    """A name as IDL has to spell it: an underscore in front is no part of it."""
+    """A name as IDL spells it: a leading underscore escapes it and is not part of it."""
     return f"_{name}" if name.lower() in _KEYWORDS or name.startswith("_") else name
 
 
 def _notes(kinds: Sequence[t.Struct | t.Enumeration], twice: set[str]) -> Iterator[str]:
-    """What compilers may say about names that the contract allows and IDL does not."""
+    """Comments about names that the contract allows, but compilers of IDL may reject."""
     same = {short(kind.name) for kind in kinds if kind.name in twice}
     alike: set[str] = set()
     scopes: dict[str, list[str]] = {}
@@ -388,5 +388,5 @@ def _notes(kinds: Sequence[t.Struct | t.Enumeration], twice: set[str]) -> Iterat
             yield from _comment(f"{what}: {', '.join(sorted(names))}.", 0)
 
 
-_ALIKE = "Names that differ in case only, which idlc takes with -f case-sensitive, and other compilers may not"
-_SAME = "Names that stand for two things in one place, which IDL does not allow"
+_ALIKE = "Names that differ only in case, which idlc accepts with -f case-sensitive and other compilers may reject"
+_SAME = "Names that are defined twice in one scope, which IDL does not allow"

@@ -1,15 +1,15 @@
-"""IDSL to the `.msg` and `.srv` files of ROS 2: a package for each module, which colcon builds.
+"""Exports IDSL to the `.msg` and `.srv` files of ROS 2: a package for each module, which colcon builds.
 
     module RoboCompLaser      package robocomp_laser
-    struct, exception         msg/Name.msg; an exception has the fields of those it extends, too
+    struct, exception         msg/Name.msg; an exception includes the fields of its bases
     enum                      int32, and msg/Name.msg with its constants
-    sequence                  an array; inside another one, msg/Name.msg with the one field `items`
+    sequence                  an array; inside another one, msg/Name.msg with a single field `items`
     dictionary                an array of msg/NameEntry.msg, each with a key and a value
     time                      builtin_interfaces/Time
     const                     msg/Constants.msg
     query                     srv/InterfaceOperation.srv
     publication, command      msg/InterfaceOperation.msg
-    without a pattern         both, for either may be meant
+    without a pattern         both
 
 Types are CamelCase, fields lower_snake_case, constants UPPER_SNAKE_CASE, as ROS demands.
 """
@@ -40,7 +40,7 @@ WIDTH = 100
 
 
 def to_rosmsg(files: Files, report: Report) -> tuple[Artifact, ...]:
-    """A package for each module; what ROS cannot hold is reported."""
+    """A package for each module; reports what ROS cannot express."""
     packages = [_Package(module, files, report) for module in files.contracts]
     for package in packages:
         package.fill()
@@ -66,7 +66,7 @@ def _check_packages(packages: Iterable[_Package], files: Files, report: Report) 
         at = places[package.module.name]
         first = seen.setdefault(package.name, at)
         if first is not at:
-            message = f"`{first}` and `{at}` would both be the package {package.name}"
+            message = f"`{first}` and `{at}` would both become the package {package.name}"
             report.error("not-in-rosmsg", message, at.span, "rename one of them", ("first here", first.span))
 
 
@@ -76,11 +76,11 @@ class _Package:
     files: Files
     report: Report
     texts: dict[str, str] = field(default_factory=dict)
-    """What it holds, by path: `msg/TData.msg`."""
+    """Its files, by path: `msg/TData.msg`."""
     uses: set[str] = field(default_factory=set)
-    """The packages whose types are in it."""
-    _whose: dict[str, Name] = field(default_factory=dict)
-    """What each file comes from."""
+    """The packages that it depends on."""
+    _origins: dict[str, Name] = field(default_factory=dict)
+    """The definition that each file comes from."""
     _wrappers: set[str] = field(default_factory=set)
 
     @property
@@ -109,7 +109,7 @@ class _Package:
         for path, text in texts.items():
             yield Artifact(PurePosixPath(self.name) / path, text)
 
-    # What the module defines.
+    # Definitions of the module.
 
     def _definition(self, kind: t.Struct | t.Enumeration | t.Dictionary | t.ExceptionType, at: Name) -> None:
         name = short(kind.name)
@@ -124,11 +124,11 @@ class _Package:
             case t.ExceptionType(all_fields=fields, doc=doc):
                 names = self._field_names(name)
                 lines = self._fields(fields, names, at, f"of `{name}`")
-                about = _comment(" ".join(filter(None, (doc, "An exception, which no service of ROS can throw."))))
+                about = _comment(" ".join(filter(None, (doc, "An exception, which services in ROS cannot throw."))))
                 self._add(f"msg/{self._type_name(at)}.msg", [*about, *lines], at)
 
     def _entry(self, kind: t.Dictionary, at: Name) -> None:
-        """The message that is an item of what a dictionary becomes."""
+        """The message for the entries of a dictionary."""
         lines = [f"{self._spelled(kind.key, at)} key", f"{self._spelled(kind.value, at)} value"]
         self._add(f"msg/{camel(short(kind.name))}Entry.msg", lines, at)
 
@@ -146,7 +146,9 @@ class _Package:
             name = self._check_constant(short(each.name), seen, at)
             kind = each.type
             if kind is t.TIME:
-                self._lossy(f"no constant of ROS is a time; `{at}` becomes int64, nanoseconds since 1970", at.span)
+                self._lossy(
+                    f"a constant in ROS cannot be a time; `{at}` becomes int64, nanoseconds since 1970", at.span
+                )
                 kind = t.INT64
             value = each.value
             if isinstance(kind, t.Enumeration):
@@ -157,9 +159,9 @@ class _Package:
     def _check_constant(self, name: str, seen: dict[str, str], at: Name) -> str:
         upper = _upper(name)
         if not re.fullmatch(r"[A-Z][A-Z0-9_]*", upper):
-            self._refuse(f"`{name}` is no name for a constant of ROS, which begins with a letter", at)
+            self._refuse(f"`{name}` is not a valid constant name in ROS: it must begin with a letter", at)
         elif seen.setdefault(upper, name) != name:
-            self._refuse(f"`{seen[upper]}` and `{name}` would both be the constant {upper}", at)
+            self._refuse(f"`{seen[upper]}` and `{name}` would both become the constant {upper}", at)
         return upper
 
     # Operations.
@@ -168,7 +170,7 @@ class _Package:
         syntax = self._operation_syntax(interface, operation)
         name = f"{camel(interface.short)}{camel(operation.name)}"
         for thrown in syntax.throws:
-            self._lossy(f"no service of ROS throws; its caller gets no `{thrown}`", thrown.span)
+            self._lossy(f"services in ROS cannot throw; the caller will not get `{thrown}`", thrown.span)
         pattern, twice = f"[{operation.pattern}]" if operation.pattern else "", "idempotent" * operation.idempotent
         title = " ".join(filter(None, (f"{interface.short}.{operation.name}", pattern, twice)))
         about = list(_comment(": ".join(filter(None, (title, operation.doc)))))
@@ -192,9 +194,9 @@ class _Package:
             name = _field_name(each.name)
             first = seen.setdefault(name, each.name)
             if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
-                self._refuse(f"`{each.name}` is no name for a field of ROS, which begins with a letter", where)
+                self._refuse(f"`{each.name}` is not a valid field name in ROS: it must begin with a letter", where)
             elif first != each.name:
-                self._refuse(f"`{first}` and `{each.name}` would both be the field {name}", where)
+                self._refuse(f"`{first}` and `{each.name}` would both become the field {name}", where)
             elif name != each.name:
                 renamed[each.name] = name
             lines += self._field(each, name, where)
@@ -207,7 +209,7 @@ class _Package:
     def _field(self, each: t.Field, name: str, at: Name) -> Iterator[str]:
         value = each.default
         if each.type is t.TIME and value is not None:
-            self._lossy(f"no time of ROS has a default; that of `{at}` is left out", at.span)
+            self._lossy(f"a time in ROS cannot have a default; the default of `{at}` is omitted", at.span)
             value = None
         if value is not None and isinstance(each.type, t.Enumeration):
             value = dict(each.type.members)[value]
@@ -220,7 +222,7 @@ class _Package:
             yield line
 
     def _field_names(self, definition: str) -> dict[str, Name]:
-        """Where the fields of a struct, or of an exception and those it extends, stand."""
+        """The names of the fields of a struct, or of an exception and its bases, with their places."""
         found = self._syntax(f"{self.module.name}::{definition}")
         syntaxes: list[m.Definition] = [found]
         if isinstance(found, m.Exception_):
@@ -253,7 +255,7 @@ class _Package:
                 return f"{self._spelled(item, at)}[]"
 
     def _wrapper(self, kind: t.Sequence | t.Dictionary, at: Name) -> str:
-        """A message that holds what cannot be the item of an array."""
+        """A message around a type that cannot be the item of an array."""
         name = self._item_name(kind)
         path = f"msg/{name}.msg"
         if path not in self._wrappers:
@@ -264,7 +266,7 @@ class _Package:
         return name
 
     def _item_name(self, kind: t.Type) -> str:
-        """What a type is called among the messages of this package: `Float32Sequence` if it has no name."""
+        """The name of a type among the messages of this package: `Float32Sequence` if it has no name."""
         if isinstance(kind, t.Primitive):
             return camel(kind.value)
         if isinstance(kind, t.Sequence) and not kind.name:
@@ -281,7 +283,7 @@ class _Package:
     def _type_name(self, name: Name) -> str:
         found = camel(name.text)
         if not re.fullmatch(r"[A-Z][A-Za-z0-9]*", found):
-            self._refuse(f"`{name}` is no name for a message of ROS, which begins with a letter", name)
+            self._refuse(f"`{name}` is not a valid message name in ROS: it must begin with a letter", name)
         elif found != name.text:
             self.report.warning("renamed-in-rosmsg", f"`{name}` is renamed: {found}", name.span)
         return found
@@ -289,12 +291,14 @@ class _Package:
     # Files and places.
 
     def _add(self, path: str, lines: Iterable[str], at: Name) -> None:
-        first = self._whose.setdefault(path, at)
+        first = self._origins.setdefault(path, at)
         if first is not at:
             name = PurePosixPath(path).name
             related = ("first here", first.span)
             message = f"`{first}` and `{at}` would both become {path}"
-            self.report.error("not-in-rosmsg", message, at.span, f"rename what becomes {name}", related)
+            self.report.error(
+                "not-in-rosmsg", message, at.span, f"rename one of them, so that only one becomes {name}", related
+            )
         self.texts[path] = "\n".join(lines) + "\n"
 
     def _syntax(self, name: str) -> m.Definition:
@@ -336,7 +340,7 @@ _KEYWORDS = {each.lower() for each in keyword.kwlist} | set(
     """,
     )
 )
-"""What would not compile as a member in the languages that ROS generates."""
+"""Keywords of C++ and Python, which cannot be members in the code that ROS generates."""
 
 
 def _literal(value: Any) -> str:
@@ -385,8 +389,8 @@ def _package_xml(package: str, module: str, uses: list[str], about: str) -> str:
         f"  <name>{package}</name>\n"
         "  <version>0.0.0</version>\n"
         f"  <description>The types and operations of {module}</description>\n"
-        '  <maintainer email="you@example.org">whoever publishes this</maintainer>\n'
-        "  <license>that of the IDSL it is generated from</license>\n"
+        '  <maintainer email="you@example.org">TODO: maintainer</maintainer>\n'
+        "  <license>TODO: the license of the IDSL file</license>\n"
         "  <buildtool_depend>ament_cmake</buildtool_depend>\n"
         "  <buildtool_depend>rosidl_default_generators</buildtool_depend>\n"
         f"{depends}"

@@ -1,10 +1,10 @@
-"""Members of a class that are called like something the members behind them need.
+"""Members of a class that have the same name as a type that later members need.
 
     class Scan:
         list: int = 0
         points: list[float] = field(default_factory=list)     # the int
 
-What Python has is then called `builtins.list`; what the module has gets an alias, `_Point = Point`.
+A built-in is then written as `builtins.list`; a name of the module gets an alias, `_Point = Point`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _QUALIFIED = {name: f"builtins.{name}" for name in BUILTINS} | {name: f"typing.{
 
 
 class Shadows:
-    """The names that the members of a class hide from its later members. Fed in the order of the class."""
+    """The names that the members of a class hide from later members. Add members in the order of the class."""
 
     def __init__(self) -> None:
         self._members: set[str] = set()
@@ -30,11 +30,11 @@ class Shadows:
         self._members.add(name)
 
     def avoid(self, text: str) -> str:
-        """An expression that does not use what is hidden."""
+        """The expression, with other names for those that are hidden."""
         return _NAME.sub(lambda found: _another(found[0]) if found[0] in self._hidden else found[0], text)
 
     def aliases(self) -> list[str]:
-        """The statements by which the module gives it other names."""
+        """The statements that define the other names."""
         return [f"{_another(name)} = {name}" for name in sorted(self._hidden) if name not in _QUALIFIED]
 
 

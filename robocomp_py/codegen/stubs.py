@@ -1,4 +1,4 @@
-"""What an existing specific part does not have yet, or has in another form than its generic part asks for."""
+"""Finds and adds the methods that an existing specific part lacks, and finds those with a wrong signature."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from .names import module_name
 
 @dataclass(frozen=True)
 class Stubs:
-    """Methods to write, by name, and the imports they need besides those there."""
+    """Missing methods by name, and the imports that they need in addition."""
 
     missing: dict[str, str]
     unfit: dict[str, str]
-    """Methods that do not take what they are given, each with the line it should begin with."""
+    """Methods with wrong arguments, each with its correct first line."""
     imports: str
     gone: tuple[str, ...] = ()
-    """Modules of the generic part that are imported, but not generated."""
+    """Imported modules of the generic part that are no longer generated."""
 
 
 def find_stubs(folder: Path, model: Model, read: Read) -> Stubs:
-    """What the specificworker.py of a folder lacks; nothing if it is not valid Python, or if its class cannot be judged
-    by reading. The component itself says at its start what it lacks.
+    """What the specificworker.py of a folder lacks; nothing if it is not valid Python, or if its class cannot be
+    analysed. The component itself reports missing methods at its start.
     """
     siblings = [module_name(module.name) for module in model.modules]
     try:
@@ -59,22 +59,22 @@ def find_stubs(folder: Path, model: Model, read: Read) -> Stubs:
 
 
 _OTHERS = ("fakes", "genericworker", "params")
-"""What the generic part has beside the modules of types."""
+"""Other modules of the generic part than those of types."""
 
 
 def _fits(worker: Worker, name: str, number: int) -> bool:
-    """Whether a method takes this number of values; True if that cannot be told."""
+    """Whether a method takes this number of values; True if that is unknown."""
     method = worker.find(name)
     return method is None or method.definition is None or takes(method.definition.args, number)
 
 
-# Written into it.
+# Adding methods.
 
 
 def with_stubs(folder: Path, stubs: Stubs, read: Read) -> bytes:
-    """The specificworker.py of a folder with the missing methods at the end of its class; all else stays as it is.
+    """The specificworker.py of a folder with the missing methods at the end of its class. Nothing else changes.
 
-    Raises GenerationError for a class that nothing can be put into.
+    Raises GenerationError for a class to which no methods can be added.
     """
     worker, path = read_worker(folder, read), folder / FILE
     assert worker is not None, "or nothing would be missing"
@@ -83,7 +83,7 @@ def with_stubs(folder: Path, stubs: Stubs, read: Read) -> bytes:
     if worker.source.path != path:
         raise GenerationError(f"{path}: its SpecificWorker is defined in {worker.source.path.name}; paste the methods")
     if last is None or worker.main.node.lineno == body[0].lineno:
-        raise GenerationError(f"{path}: SpecificWorker is written on one line; begin a new line behind its `:`")
+        raise GenerationError(f"{path}: SpecificWorker is written on one line; begin a new line after its `:`")
     lines = text.split("\n")
     margin = re.match(r"\s*", lines[body[0].lineno - 1])
     methods = [_indented(each, margin[0] if margin else "") for each in stubs.missing.values()]
@@ -96,7 +96,7 @@ def with_stubs(folder: Path, stubs: Stubs, read: Read) -> bytes:
 
 
 def _indented(method: str, margin: str) -> str:
-    """A method as deep as the others in its class, whatever they are indented by."""
+    """A method with the same indentation as the others in its class."""
     inner = textwrap.dedent(method)
     if "\t" in margin:
         inner = re.sub(r"^(?: {4})+", lambda found: "\t" * (len(found[0]) // 4), inner, flags=re.MULTILINE)
@@ -104,7 +104,7 @@ def _indented(method: str, margin: str) -> str:
 
 
 def _with_imports(text: str, imports: str) -> str:
-    """A module with more imports: each where linters want it, if the others are."""
+    """A module with these imports added, at the places that linters expect."""
     for statement in ast.parse(imports).body:
         lines = text.split("\n")
         there = [node for node in ast.parse(text).body if isinstance(node, ast.Import | ast.ImportFrom)]
@@ -151,7 +151,7 @@ def _is_library(node: ast.stmt) -> bool:
 
 
 def _encoded(text: str, before: bytes, path: Path) -> bytes:
-    """A text as its file was written: with its line ends, mark and encoding."""
+    """A text in the encoding, and with the line ends and byte order mark, of its file."""
     encoding, _ = tokenize.detect_encoding(io.BytesIO(before).readline)
     crlf = before.count(b"\r\n") * 2 > before.count(b"\n")
     try:

@@ -1,4 +1,4 @@
-"""Files to disk: all of some components or nothing, and never over anybody's own."""
+"""Writes generated files: all files of some components or none, and never over files that rcgen did not write."""
 
 from __future__ import annotations
 
@@ -20,34 +20,34 @@ from typing import Any, Self
 from .generate import Artifact, GenerationError, Owner
 
 _MARK = re.compile(rb'(?:# |// |<!-- |\{\n  "about": ")Generated from (.+) by rcgen ')
-"""How our files begin: Python, OMG IDL, XML, JSON."""
+"""Matches the first line of generated files: Python, OMG IDL, XML, JSON."""
 
 
 @dataclass
 class Changes:
-    """What a run does, as paths below the component's folder."""
+    """The changes of a run, as paths below the component's folder."""
 
     missing: list[str] = field(default_factory=list)
     outdated: list[str] = field(default_factory=list)
     removed: list[str] = field(default_factory=list)
-    """What was generated once, and is not any more."""
+    """Files that are no longer generated."""
     kept: list[str] = field(default_factory=list)
-    """Files of the user that are left alone."""
+    """Files of the user, which stay unchanged."""
 
     @property
     def written(self) -> list[str]:
         return self.missing + self.outdated
 
     def lines(self, root: Path) -> list[str]:
-        """What is out of date, a line each."""
+        """One line for each file that is out of date."""
         kinds = (("missing", self.missing), ("out of date", self.outdated), ("no longer generated", self.removed))
         return [f"{kind}: {root / name}" for kind, names in kinds for name in names]
 
 
 def write(*components: tuple[Path, Sequence[Artifact]]) -> list[Changes]:
-    """Bring components' folders up to date. Raises GenerationError, and leaves all of them as they were.
+    """Bring components' folders up to date. If it raises GenerationError, all folders are unchanged.
 
-    Signals that come meanwhile have their effect when all is done: it takes some milliseconds only.
+    Signals are handled afterwards, some milliseconds later.
     """
     planned = [(root, artifacts, compare(artifacts, root)) for root, artifacts in components]
     for root, _, _ in planned:
@@ -65,13 +65,13 @@ def write(*components: tuple[Path, Sequence[Artifact]]) -> list[Changes]:
 
 
 def compare(artifacts: Sequence[Artifact], root: Path) -> Changes:
-    """What `write` would do. Raises GenerationError for what it would refuse."""
+    """What `write` would do. Raises GenerationError if `write` would."""
     changes = Changes()
     with _refusing(root):
         for artifact in artifacts:
             _add(changes, artifact, root)
         wanted = {str(artifact.path) for artifact in artifacts}
-        whole = any(name.startswith("generic/") for name in wanted)  # else it is nothing of a component
+        whole = any(name.startswith("generic/") for name in wanted)  # otherwise it is not a component
         for path in _generated(root / "generic") if whole else ():
             name = str(path.relative_to(root))
             if name not in wanted:
@@ -81,14 +81,14 @@ def compare(artifacts: Sequence[Artifact], root: Path) -> Changes:
 
 
 def origin(path: Path) -> str:
-    """The model a file was generated from, by rcgen; "" for a file that it did not write."""
+    """The model that rcgen generated a file from; "" for a file that rcgen did not write."""
     with path.open("rb") as file:
         found = _MARK.match(file.read(1000))
     return found[1].decode(errors="replace") if found else ""
 
 
 def _generated(generic: Path) -> list[Path]:
-    """The files that a generic part holds and rcgen wrote. Folders that are links are somebody else's."""
+    """The files of a generic part that rcgen wrote. Linked folders are skipped."""
     folders = [generic, *(path for path in generic.glob("*") if path.is_dir() and not path.is_symlink())]
     files = sorted(path for folder in folders for path in folder.glob("*") if path.suffix in _SUFFIXES)
     return [path for path in files if _is_file(path) and origin(path)]
@@ -102,25 +102,27 @@ def _add(changes: Changes, artifact: Artifact, root: Path) -> None:
     path, name = root / artifact.path, str(artifact.path)
     for folder in (root, *reversed([root / parent for parent in artifact.path.parents][:-1])):
         if os.path.lexists(folder) and not folder.is_dir():
-            raise GenerationError(f"{folder} is no folder, but one of that name is needed; nothing was written")
+            raise GenerationError(f"{folder} is not a folder, but a folder of that name is needed; nothing was written")
         if folder != root and folder.is_symlink():
             raise GenerationError(
-                f"{folder} is a link; rcgen writes into folders of its own only, so nothing was written"
+                f"{folder} is a link, and rcgen does not write into linked folders; nothing was written"
             )
     if not os.path.lexists(path):
         changes.missing.append(name)
     elif not path.is_file():
-        raise GenerationError(f"{path} is no file, but one of that name is needed; nothing was written")
+        raise GenerationError(f"{path} is not a file, but a file of that name is needed; nothing was written")
     elif artifact.owner is Owner.USER:
         changes.kept.append(name)
     elif not _is_file(path) or not origin(path):
-        raise GenerationError(f"{path} was not written by rcgen; move it away, its name is needed; nothing was written")
+        raise GenerationError(
+            f"{path} was not written by rcgen; rename it, as rcgen needs the name; nothing was written"
+        )
     elif path.read_bytes() != artifact.text.encode():
         changes.outdated.append(name)
 
 
 def _check_owner(artifacts: Sequence[Artifact], root: Path) -> None:
-    """Refuse to put one component over another one in the same folder."""
+    """Refuse to overwrite another component in the same folder."""
     path = root / "generic" / "genericworker.py"
     new = next((artifact for artifact in artifacts if root / artifact.path == path), None)
     if new is None or not path.is_file():
@@ -129,13 +131,13 @@ def _check_owner(artifacts: Sequence[Artifact], root: Path) -> None:
     before, now = origin(path), found[1].decode() if found else ""
     if before != now and not ((root / now).is_file() and not (root / before).is_file()):
         raise GenerationError(
-            f"{root / 'generic'} was generated from {before}: give {now} a folder of its own (-o DIR), "
-            "or remove that one; nothing was written"
+            f"{root / 'generic'} was generated from {before}: give {now} another folder (-o DIR), "
+            "or remove the old one; nothing was written"
         )
 
 
 def _is_file(path: Path) -> bool:
-    """Whether something is a file itself, and not only leads to one."""
+    """Whether a path is a regular file, not a link to one."""
     return stat.S_ISREG(path.lstat().st_mode)
 
 
@@ -182,15 +184,15 @@ class _Transaction:
         lost = self._undo() if exc is not None else []
         os.close(self._lock)
         if lost:
-            (self._staging / _LOCK).unlink(missing_ok=True)  # so that nobody takes it for stale
-            where = ", ".join(f"{path} (what it held is in {aside})" for path, aside in lost)
-            raise GenerationError(f"{exc}; and this could not be put back: {where}") from exc
+            (self._staging / _LOCK).unlink(missing_ok=True)  # without a lock, `remove_stale` keeps it
+            where = ", ".join(f"{path} (its old content is in {aside})" for path, aside in lost)
+            raise GenerationError(f"{exc}; these files could not be restored: {where}") from exc
         shutil.rmtree(self._staging, ignore_errors=True)
         if exc is not None:
             self._remove_made()
             return
         for folder in self._left:
-            with contextlib.suppress(OSError):  # there is something left in it
+            with contextlib.suppress(OSError):  # it is not empty
                 folder.rmdir()
 
     def _make_folders(self, folder: Path) -> None:
@@ -206,10 +208,10 @@ class _Transaction:
             self._moved.append((path, aside))
 
     def _undo(self) -> list[tuple[Path, Path]]:
-        """Put back what was there; returns what cannot be, each with where it is now."""
+        """Restore the old files. Returns those that could not be restored, each with its present place."""
         for path in self._made:
             if not path.is_dir():
-                with contextlib.suppress(OSError):  # then nothing can be put back there, which is said below
+                with contextlib.suppress(OSError):  # then the old file cannot be restored, which is reported below
                     path.unlink(missing_ok=True)
         lost = []
         for path, aside in reversed(self._moved):
@@ -222,18 +224,18 @@ class _Transaction:
     def _remove_made(self) -> None:
         for path in reversed(self._made):
             if path.is_dir():
-                with contextlib.suppress(OSError):  # somebody else put something into it
+                with contextlib.suppress(OSError):  # another process has put files into it
                     path.rmdir()
 
 
-# Staging folders. Whoever made one holds a lock in it as long as he lives, however he ends; one whose lock is free
-# was left behind. What it holds is the generator's own, half written or replaced: nothing that a user wrote.
+# Staging folders. A run holds a lock in its folder until its process ends, so a folder with a free lock is stale. It
+# holds only files of the generator, new or replaced ones, never files of the user.
 
 
 def _locked(staging: Path) -> int:
-    """Put a lock into a folder; its descriptor. There is no moment at which others could take it."""
+    """Create a lock in a folder, and return its descriptor. It is taken before it becomes visible by its name."""
     lock = os.open(staging / f"{_LOCK}-new", os.O_CREAT | os.O_RDWR, 0o600)
-    with contextlib.suppress(OSError):  # a disk without locks: then nobody can tell that it is stale
+    with contextlib.suppress(OSError):  # a disk without locks: stale folders stay
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         os.rename(staging / f"{_LOCK}-new", staging / _LOCK)
     return lock
@@ -256,8 +258,8 @@ _STAGING, _LOCK = ".rcgen-", "lock"
 
 @contextlib.contextmanager
 def _undisturbed() -> Iterator[None]:
-    """Keep signals waiting that would end us. By handlers: a mask would hold for this thread, and not for those that
-    libraries have started.
+    """Delay signals that would end the process. This uses handlers, because a signal mask would hold for this thread
+    only, and not for threads that libraries have started.
     """
     waiting: list[int] = []
     before: dict[int, Any] = {}

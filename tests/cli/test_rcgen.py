@@ -411,7 +411,7 @@ def test_of_several_components_all_are_generated_or_none(two: tuple[Path, Path],
     assert rcgen(models) == 1
     said = capsys.readouterr()
     assert said.out == ""
-    assert said.err.endswith("was not written by rcgen; move it away, its name is needed; nothing was written\n")
+    assert said.err.endswith("was not written by rcgen; rename it, as rcgen needs the name; nothing was written\n")
     assert snapshot(arm.parent) == before
     (leg / "generic" / "genericworker.py").unlink()
     assert rcgen(models) == 0
@@ -441,7 +441,7 @@ def test_two_components_cannot_share_a_folder(arm: Path, tmp_path: Path, capsys:
     assert rcgen([str(arm / "arm.cdsl"), str(arm / "leg.cdsl")]) == 1
     assert "arm.cdsl and leg.cdsl would share" in capsys.readouterr().err
     assert rcgen([str(arm / "leg.cdsl")]) == 1
-    assert "was generated from arm.cdsl: give leg.cdsl a folder of its own (-o DIR)" in capsys.readouterr().err
+    assert "was generated from arm.cdsl: give leg.cdsl another folder (-o DIR)" in capsys.readouterr().err
     assert snapshot(arm) == before
 
 
@@ -594,7 +594,7 @@ def test_the_tests_of_components_called_alike_run_together_as_their_readme_says(
         assert rcgen(["--new", "Hello", "-o", folder]) == 0
     model_in(inside / "leg", leg_cdsl="Component leg { language python; };")
     assert rcgen(["leg/leg.cdsl"]) == 0
-    [option] = re.findall(r"of equal name: (\S+)", (inside / "leg" / "README.md").read_text())
+    [option] = re.findall(r"of one name need (\S+)", (inside / "leg" / "README.md").read_text())
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", option, "left", "right", "a", "b", "leg"]
     tested = subprocess.run(command, capture_output=True, text=True)
     assert tested.returncode == 0, tested.stdout

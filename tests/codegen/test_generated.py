@@ -82,7 +82,7 @@ def test_every_definition_is_in_its_module_and_carries_its_contract(component: s
 def test_what_no_check_of_the_languages_has_found_is_refused_at_last() -> None:
     """Two names in one module of Python would leave one of them unseen."""
     clash = Module("Arm", (t.Struct("Arm::ARM_INTERFACE", ()), Interface("Arm::Arm", ())), ("Arm.idsl",))
-    with pytest.raises(GenerationError, match=r"Arm\.idsl: two things would be called `ARM_INTERFACE` in Python"):
+    with pytest.raises(GenerationError, match=r"Arm\.idsl: two definitions would be named `ARM_INTERFACE` in Python"):
         generate_module(clash)
 
 

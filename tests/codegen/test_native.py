@@ -189,11 +189,11 @@ def test_what_compilers_may_complain_of_is_said_at_the_beginning() -> None:
         return text["Arm.idl"].partition("\n\n")[0]
 
     assert head("x", "y") == f"// {ABOUT}"
-    assert "differ in case only" in head("x", "X")
+    assert "differ only in case" in head("x", "X")
     assert head("x", "X").endswith(": X, x.")
-    assert "stand for two things" in head("Point")
-    assert "stand for two things" in head("x", name="Arm")
-    assert "stand for two things" in head("x", name="Final")
+    assert "defined twice in one scope" in head("Point")
+    assert "defined twice in one scope" in head("x", name="Arm")
+    assert "defined twice in one scope" in head("x", name="Final")
 
 
 def test_a_name_that_stands_for_two_types_is_said_to(tmp_path: Path) -> None:
@@ -203,7 +203,7 @@ def test_a_name_that_stands_for_two_types_is_said_to(tmp_path: Path) -> None:
     component = linked(model_in(tmp_path, Arm_idsl=idsl, arm_cdsl=cdsl)).component
     assert json.loads(written(component, "zeromq")["channels.json"])["ambiguous"] == ["Arm::ArmMoveRequest"]
     assert (
-        "stand for two things in one place, which IDL does not allow: ArmMoveRequest"
+        "are defined twice in one scope, which IDL does not allow: ArmMoveRequest"
         in (written(component, "zenoh")["Arm.idl"].partition("\n\n")[0])
     )
 
@@ -423,4 +423,4 @@ def test_the_compiler_complains_of_names_where_the_file_says_that_it_may(tmp_pat
     assert "collides" in said
     for name, text in files.items():
         complained = f"{name}:" in said
-        assert complained == ("differ in case only" in text or "stand for two things" in text), name
+        assert complained == ("differ only in case" in text or "defined twice in one scope" in text), name

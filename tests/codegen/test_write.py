@@ -163,13 +163,13 @@ def another_component(arm: Path) -> None:
 @pytest.mark.parametrize(
     ("obstacle", "said"),
     [
-        (foreign_file, "was not written by rcgen; move it away"),
-        (folder_for_a_file, "is no file, but one of that name is needed"),
-        (file_for_a_folder, "is no folder, but one of that name is needed"),
-        (link_for_a_folder, "is a link; rcgen writes into folders of its own only"),
-        (link_for_a_file, "was not written by rcgen; move it away"),
-        (link_that_leads_nowhere, "is no file, but one of that name is needed"),
-        (another_component, "was generated from leg.cdsl: give arm.cdsl a folder of its own (-o DIR)"),
+        (foreign_file, "was not written by rcgen; rename it"),
+        (folder_for_a_file, "is not a file, but a file of that name is needed"),
+        (file_for_a_folder, "is not a folder, but a folder of that name is needed"),
+        (link_for_a_folder, "is a link, and rcgen does not write into linked folders"),
+        (link_for_a_file, "was not written by rcgen; rename it"),
+        (link_that_leads_nowhere, "is not a file, but a file of that name is needed"),
+        (another_component, "was generated from leg.cdsl: give arm.cdsl another folder (-o DIR)"),
     ],
 )
 def test_what_is_in_the_way_is_refused_and_everything_left_as_it_was(
@@ -272,7 +272,7 @@ def test_what_cannot_be_put_back_is_still_there_and_said_to_be(arm: Path, monkey
     kept = (arm / "generic" / "genericworker.py").read_bytes()
     with monkeypatch.context() as patch:
         patch.setattr(Path, "rename", rename)
-        with pytest.raises(GenerationError, match="this could not be put back") as raised:
+        with pytest.raises(GenerationError, match="these files could not be restored") as raised:
             write((arm, [generic("genericworker.py", "two\n")]))
     [aside] = arm.glob(".rcgen-*/old-*")
     assert str(aside) in str(raised.value)

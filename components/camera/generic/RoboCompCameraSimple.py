@@ -1,6 +1,6 @@
 # Generated from CameraSimple.idsl by rcgen 0.1.0: edits are lost.
 # ruff: noqa: N999, UP040, RUF100
-"""Module RoboCompCameraSimple: what travels, and how to send it."""
+"""Module RoboCompCameraSimple: types, interfaces and proxies."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Generated from CameraSimplePub.idsl by rcgen 0.1.0: edits are lost.
 # ruff: noqa: N999, RUF100
-"""Module RoboCompCameraSimplePub: what travels, and how to send it."""
+"""Module RoboCompCameraSimplePub: types, interfaces and proxies."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CAMERASIMPLEPUB_INTERFACE = Interface(
 
 
 class CameraSimplePubPublisher(Proxy):
-    """Publishes CameraSimplePub; waits only if its QoS is reliable."""
+    """Publishes CameraSimplePub. A call waits only if its QoS is reliable."""
 
     interface = CAMERASIMPLEPUB_INTERFACE
 
@@ -44,11 +44,11 @@ class CameraSimplePubPublisher(Proxy):
         *,
         deadline: float | None = None,
     ) -> AbstractContextManager[RoboCompCameraSimple.TImage]:
-        """`pushImage` with an array of this shape to fill, where the message is sent
-        from.
+        """`pushImage` with an array of this shape, to be filled in the memory that is
+        sent.
 
-        Leaving the block sends it, unless by an exception. The array is not zeros to
-        begin with, and not ours any more in the end.
+        The message is sent at the end of the `with` block, unless it raises. The array
+        must be filled completely, and must not be used after the block.
         """
         return self._loan(
             _CameraSimplePub_pushImage,

@@ -1,5 +1,7 @@
 # Generated from camera.cdsl by rcgen 0.1.0: edits are lost.
-"""What a test of camera may fake, for ComponentTest: by port, then by operation."""
+"""Types of the fakes for tests of camera with ComponentTest: by port, then by
+operation.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +11,12 @@ from robocomp_py.testing.fakes import Fake
 
 
 class CameraSimplePubFakes(TypedDict, total=False):
-    """What the other side of `camerasimplepub` does."""
+    """Fakes for the peer of `camerasimplepub`."""
 
     pushImage: Fake[None]
 
 
 class Fakes(TypedDict, total=False):
-    """The other sides of all ports."""
+    """Fakes for the peers of all ports."""
 
     camerasimplepub: CameraSimplePubFakes

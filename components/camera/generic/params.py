@@ -1,5 +1,5 @@
 # Generated from camera.pdsl by rcgen 0.1.0: edits are lost.
-"""The parameters of camera: read-only, and within their ranges."""
+"""The parameters of camera."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from robocomp_py.runtime.api import Parameter, ParameterKind, Parameters, Parame
 
 @dataclass(frozen=True, slots=True)
 class Params(Parameters):
-    """All of them; ConfigurationError if a value is not allowed."""
+    """All parameters. Raises ConfigurationError if a value is not allowed."""
 
     map: str = "../house.toml"  # file of the house, from this component's folder
     width: int = 160  # pixels, 16 to 1920

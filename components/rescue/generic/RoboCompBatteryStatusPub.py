@@ -1,6 +1,6 @@
 # Generated from BatteryStatusPub.idsl by rcgen 0.1.0: edits are lost.
 # ruff: noqa: N999, RUF100
-"""Module RoboCompBatteryStatusPub: what travels, and how to send it."""
+"""Module RoboCompBatteryStatusPub: types, interfaces and proxies."""
 
 from __future__ import annotations
 

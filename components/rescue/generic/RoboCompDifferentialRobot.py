@@ -1,6 +1,6 @@
 # Generated from DifferentialRobot.idsl by rcgen 0.1.0: edits are lost.
 # ruff: noqa: N999, RUF100
-"""Module RoboCompDifferentialRobot: what travels, and how to send it."""
+"""Module RoboCompDifferentialRobot: types, interfaces and proxies."""
 
 from __future__ import annotations
 
@@ -134,9 +134,9 @@ DIFFERENTIALROBOT_INTERFACE = Interface(
 class DifferentialRobotProxy(Proxy):
     """Calls DifferentialRobot of another component.
 
-    Deadlines are in seconds. Raises what the operation declares, RemoteFailure for
-    other exceptions over there, and TransportErrors: Unreachable, Timeout, Busy,
-    ContractMismatch, Refused, Closed.
+    Deadlines are in seconds. A call raises the exceptions that the operation declares,
+    RemoteFailure for any other exception of the server, and TransportErrors:
+    Unreachable, Timeout, Busy, ContractMismatch, Refused, Closed.
     """
 
     interface = DIFFERENTIALROBOT_INTERFACE
@@ -158,7 +158,9 @@ class DifferentialRobotProxy(Proxy):
         *,
         deadline: float | None = None,
     ) -> Future[RoboCompGenericBase.TBaseState]:
-        """`getBaseState` without waiting: a Future that ends within the deadline."""
+        """Call `getBaseState` without waiting. The Future is done within the
+        deadline.
+        """
         return self._ask_async(_DifferentialRobot_getBaseState, (), deadline)
 
     def getBasePose(self, *, deadline: float | None = None) -> tuple[int, int, float]:
@@ -174,7 +176,9 @@ class DifferentialRobotProxy(Proxy):
         *,
         deadline: float | None = None,
     ) -> Future[tuple[int, int, float]]:
-        """`getBasePose` without waiting: a Future that ends within the deadline."""
+        """Call `getBasePose` without waiting. The Future is done within the
+        deadline.
+        """
         return self._ask_async(_DifferentialRobot_getBasePose, (), deadline)
 
     def setSpeedBase(
@@ -199,7 +203,9 @@ class DifferentialRobotProxy(Proxy):
         *,
         deadline: float | None = None,
     ) -> Future[None]:
-        """`setSpeedBase` without waiting: a Future that ends within the deadline."""
+        """Call `setSpeedBase` without waiting. The Future is done within the
+        deadline.
+        """
         return self._ask_async(_DifferentialRobot_setSpeedBase, (adv, rot), deadline)
 
     def stopBase(self, *, deadline: float | None = None) -> None:
@@ -210,7 +216,7 @@ class DifferentialRobotProxy(Proxy):
         return self._ask(_DifferentialRobot_stopBase, (), deadline)
 
     def stopBaseAsync(self, *, deadline: float | None = None) -> Future[None]:
-        """`stopBase` without waiting: a Future that ends within the deadline."""
+        """Call `stopBase` without waiting. The Future is done within the deadline."""
         return self._ask_async(_DifferentialRobot_stopBase, (), deadline)
 
     def resetOdometer(self, *, deadline: float | None = None) -> None:
@@ -221,7 +227,9 @@ class DifferentialRobotProxy(Proxy):
         return self._ask(_DifferentialRobot_resetOdometer, (), deadline)
 
     def resetOdometerAsync(self, *, deadline: float | None = None) -> Future[None]:
-        """`resetOdometer` without waiting: a Future that ends within the deadline."""
+        """Call `resetOdometer` without waiting. The Future is done within the
+        deadline.
+        """
         return self._ask_async(_DifferentialRobot_resetOdometer, (), deadline)
 
     def setOdometer(
@@ -243,7 +251,9 @@ class DifferentialRobotProxy(Proxy):
         *,
         deadline: float | None = None,
     ) -> Future[None]:
-        """`setOdometer` without waiting: a Future that ends within the deadline."""
+        """Call `setOdometer` without waiting. The Future is done within the
+        deadline.
+        """
         return self._ask_async(_DifferentialRobot_setOdometer, (state,), deadline)
 
     def setOdometerPose(
@@ -269,7 +279,9 @@ class DifferentialRobotProxy(Proxy):
         *,
         deadline: float | None = None,
     ) -> Future[None]:
-        """`setOdometerPose` without waiting: a Future that ends within the deadline."""
+        """Call `setOdometerPose` without waiting. The Future is done within the
+        deadline.
+        """
         return self._ask_async(
             _DifferentialRobot_setOdometerPose,
             (x, z, alpha),
@@ -299,7 +311,9 @@ class DifferentialRobotProxy(Proxy):
         *,
         deadline: float | None = None,
     ) -> Future[None]:
-        """`correctOdometer` without waiting: a Future that ends within the deadline."""
+        """Call `correctOdometer` without waiting. The Future is done within the
+        deadline.
+        """
         return self._ask_async(
             _DifferentialRobot_correctOdometer,
             (x, z, alpha),

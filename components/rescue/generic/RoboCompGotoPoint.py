@@ -1,6 +1,6 @@
 # Generated from GotoPoint.idsl by rcgen 0.1.0: edits are lost.
 # ruff: noqa: N999, RUF100
-"""Module RoboCompGotoPoint: what travels, and how to send it."""
+"""Module RoboCompGotoPoint: types, interfaces and proxies."""
 
 from __future__ import annotations
 
@@ -53,9 +53,9 @@ GOTOPOINT_INTERFACE = Interface(
 class GotoPointProxy(Proxy):
     """Calls GotoPoint of another component.
 
-    Deadlines are in seconds. Raises what the operation declares, RemoteFailure for
-    other exceptions over there, and TransportErrors: Unreachable, Timeout, Busy,
-    ContractMismatch, Refused, Closed.
+    Deadlines are in seconds. A call raises the exceptions that the operation declares,
+    RemoteFailure for any other exception of the server, and TransportErrors:
+    Unreachable, Timeout, Busy, ContractMismatch, Refused, Closed.
     """
 
     interface = GOTOPOINT_INTERFACE
@@ -85,7 +85,7 @@ class GotoPointProxy(Proxy):
         *,
         deadline: float | None = None,
     ) -> Future[None]:
-        """`go` without waiting: a Future that ends within the deadline."""
+        """Call `go` without waiting. The Future is done within the deadline."""
         return self._ask_async(_GotoPoint_go, (nodo, x, y, alpha), deadline)
 
     def turn(self, speed: float, *, deadline: float | None = None) -> None:
@@ -96,7 +96,7 @@ class GotoPointProxy(Proxy):
         return self._ask(_GotoPoint_turn, (speed,), deadline)
 
     def turnAsync(self, speed: float, *, deadline: float | None = None) -> Future[None]:
-        """`turn` without waiting: a Future that ends within the deadline."""
+        """Call `turn` without waiting. The Future is done within the deadline."""
         return self._ask_async(_GotoPoint_turn, (speed,), deadline)
 
     def stop(self, *, deadline: float | None = None) -> None:
@@ -107,7 +107,7 @@ class GotoPointProxy(Proxy):
         return self._ask(_GotoPoint_stop, (), deadline)
 
     def stopAsync(self, *, deadline: float | None = None) -> Future[None]:
-        """`stop` without waiting: a Future that ends within the deadline."""
+        """Call `stop` without waiting. The Future is done within the deadline."""
         return self._ask_async(_GotoPoint_stop, (), deadline)
 
     def atTarget(self, *, deadline: float | None = None) -> bool:
@@ -118,5 +118,5 @@ class GotoPointProxy(Proxy):
         return self._ask(_GotoPoint_atTarget, (), deadline)
 
     def atTargetAsync(self, *, deadline: float | None = None) -> Future[bool]:
-        """`atTarget` without waiting: a Future that ends within the deadline."""
+        """Call `atTarget` without waiting. The Future is done within the deadline."""
         return self._ask_async(_GotoPoint_atTarget, (), deadline)

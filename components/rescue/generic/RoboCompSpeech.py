@@ -1,6 +1,6 @@
 # Generated from Speech.idsl by rcgen 0.1.0: edits are lost.
 # ruff: noqa: N999, RUF100
-"""Module RoboCompSpeech: what travels, and how to send it."""
+"""Module RoboCompSpeech: types, interfaces and proxies."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ SPEECH_INTERFACE = Interface(
 class SpeechProxy(Proxy):
     """Calls Speech of another component.
 
-    Deadlines are in seconds. Raises what the operation declares, RemoteFailure for
-    other exceptions over there, and TransportErrors: Unreachable, Timeout, Busy,
-    ContractMismatch, Refused, Closed.
+    Deadlines are in seconds. A call raises the exceptions that the operation declares,
+    RemoteFailure for any other exception of the server, and TransportErrors:
+    Unreachable, Timeout, Busy, ContractMismatch, Refused, Closed.
     """
 
     interface = SPEECH_INTERFACE
@@ -62,7 +62,7 @@ class SpeechProxy(Proxy):
         *,
         deadline: float | None = None,
     ) -> Future[bool]:
-        """`say` without waiting: a Future that ends within the deadline."""
+        """Call `say` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Speech_say, (text, overwrite), deadline)
 
     def isBusy(self, *, deadline: float | None = None) -> bool:
@@ -73,5 +73,5 @@ class SpeechProxy(Proxy):
         return self._ask(_Speech_isBusy, (), deadline)
 
     def isBusyAsync(self, *, deadline: float | None = None) -> Future[bool]:
-        """`isBusy` without waiting: a Future that ends within the deadline."""
+        """Call `isBusy` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Speech_isBusy, (), deadline)

@@ -1,5 +1,7 @@
 # Generated from rescue.cdsl by rcgen 0.1.0: edits are lost.
-"""What a test of rescue may fake, for ComponentTest: by port, then by operation."""
+"""Types of the fakes for tests of rescue with ComponentTest: by port, then by
+operation.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +13,14 @@ from . import RoboCompGenericBase
 
 
 class SpeechFakes(TypedDict, total=False):
-    """What the other side of `speech` does."""
+    """Fakes for the peer of `speech`."""
 
     say: Fake[bool]
     isBusy: Fake[bool]
 
 
 class GotoPointFakes(TypedDict, total=False):
-    """What the other side of `gotopoint` does."""
+    """Fakes for the peer of `gotopoint`."""
 
     go: Fake[None]
     turn: Fake[None]
@@ -27,7 +29,7 @@ class GotoPointFakes(TypedDict, total=False):
 
 
 class DifferentialRobotFakes(TypedDict, total=False):
-    """What the other side of `differentialrobot` does."""
+    """Fakes for the peer of `differentialrobot`."""
 
     getBaseState: Fake[RoboCompGenericBase.TBaseState]
     getBasePose: Fake[tuple[int, int, float]]
@@ -40,7 +42,7 @@ class DifferentialRobotFakes(TypedDict, total=False):
 
 
 class Fakes(TypedDict, total=False):
-    """The other sides of all ports."""
+    """Fakes for the peers of all ports."""
 
     speech: SpeechFakes
     gotopoint: GotoPointFakes

@@ -1,5 +1,5 @@
 # Generated from rescue.cdsl by rcgen 0.1.0: edits are lost.
-"""The ports of rescue, and the methods its SpecificWorker has to write."""
+"""The ports of rescue, and the methods that its SpecificWorker must define."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .params import PARAMS, Params
 
 
 class GenericWorker(Worker[Params]):
-    """Base of SpecificWorker: proxies are attributes, handlers are methods to write."""
+    """Base of SpecificWorker: proxies are attributes, handlers are abstract methods."""
 
     component = Component(
         "rescue",

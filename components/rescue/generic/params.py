@@ -1,5 +1,5 @@
 # Generated from rescue.pdsl by rcgen 0.1.0: edits are lost.
-"""The parameters of rescue: read-only, and within their ranges."""
+"""The parameters of rescue."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from robocomp_py.runtime.api import Parameter, ParameterKind, Parameters, Parame
 
 @dataclass(frozen=True, slots=True)
 class Params(Parameters):
-    """All of them; ConfigurationError if a value is not allowed."""
+    """All parameters. Raises ConfigurationError if a value is not allowed."""
 
     charger_x: float = 0.8  # m, where the charging station is, -100.0 to 100.0
     charger_z: float = 2.6  # m, -100.0 to 100.0

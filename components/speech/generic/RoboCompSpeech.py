@@ -1,6 +1,6 @@
 # Generated from Speech.idsl by rcgen 0.1.0: edits are lost.
 # ruff: noqa: N999, RUF100
-"""Module RoboCompSpeech: what travels, and how to send it."""
+"""Module RoboCompSpeech: types, interfaces and proxies."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # Generated from speech.pdsl by rcgen 0.1.0: edits are lost.
-"""The parameters of speech: read-only, and within their ranges."""
+"""The parameters of speech."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from robocomp_py.runtime.api import Parameter, ParameterKind, Parameters, Parame
 
 @dataclass(frozen=True, slots=True)
 class Params(Parameters):
-    """All of them; ConfigurationError if a value is not allowed."""
+    """All parameters. Raises ConfigurationError if a value is not allowed."""
 
     computes_per_word: int = 3  # how long a word takes, 1 to 100
 

@@ -1,6 +1,6 @@
 # Generated from Laser.idsl by rcgen 0.1.0: edits are lost.
 # ruff: noqa: N999, PYI042, UP040, RUF100
-"""Module RoboCompLaser: what travels, and how to send it."""
+"""Module RoboCompLaser: types, interfaces and proxies."""
 
 from __future__ import annotations
 
@@ -123,9 +123,9 @@ LASER_INTERFACE = Interface(
 class LaserProxy(Proxy):
     """Calls Laser of another component.
 
-    Deadlines are in seconds. Raises what the operation declares, RemoteFailure for
-    other exceptions over there, and TransportErrors: Unreachable, Timeout, Busy,
-    ContractMismatch, Refused, Closed.
+    Deadlines are in seconds. A call raises the exceptions that the operation declares,
+    RemoteFailure for any other exception of the server, and TransportErrors:
+    Unreachable, Timeout, Busy, ContractMismatch, Refused, Closed.
     """
 
     interface = LASER_INTERFACE
@@ -138,7 +138,9 @@ class LaserProxy(Proxy):
         return self._ask(_Laser_getLaserData, (), deadline)
 
     def getLaserDataAsync(self, *, deadline: float | None = None) -> Future[TLaserData]:
-        """`getLaserData` without waiting: a Future that ends within the deadline."""
+        """Call `getLaserData` without waiting. The Future is done within the
+        deadline.
+        """
         return self._ask_async(_Laser_getLaserData, (), deadline)
 
     def getLaserAndBStateData(
@@ -158,7 +160,7 @@ class LaserProxy(Proxy):
         *,
         deadline: float | None = None,
     ) -> Future[tuple[TLaserData, RoboCompGenericBase.TBaseState]]:
-        """`getLaserAndBStateData` without waiting: a Future that ends within the
+        """Call `getLaserAndBStateData` without waiting. The Future is done within the
         deadline.
         """
         return self._ask_async(_Laser_getLaserAndBStateData, (), deadline)
@@ -175,7 +177,7 @@ class LaserProxy(Proxy):
         *,
         deadline: float | None = None,
     ) -> Future[LaserConfData]:
-        """`getLaserConfData` without waiting: a Future that ends within the
+        """Call `getLaserConfData` without waiting. The Future is done within the
         deadline.
         """
         return self._ask_async(_Laser_getLaserConfData, (), deadline)

@@ -1,5 +1,7 @@
 # Generated from wander.cdsl by rcgen 0.1.0: edits are lost.
-"""What a test of wander may fake, for ComponentTest: by port, then by operation."""
+"""Types of the fakes for tests of wander with ComponentTest: by port, then by
+operation.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,7 @@ from . import RoboCompGenericBase, RoboCompLaser
 
 
 class LaserFakes(TypedDict, total=False):
-    """What the other side of `laser` does."""
+    """Fakes for the peer of `laser`."""
 
     getLaserData: Fake[RoboCompLaser.TLaserData]
     getLaserAndBStateData: Fake[
@@ -21,7 +23,7 @@ class LaserFakes(TypedDict, total=False):
 
 
 class DifferentialRobotFakes(TypedDict, total=False):
-    """What the other side of `differentialrobot` does."""
+    """Fakes for the peer of `differentialrobot`."""
 
     getBaseState: Fake[RoboCompGenericBase.TBaseState]
     getBasePose: Fake[tuple[int, int, float]]
@@ -34,7 +36,7 @@ class DifferentialRobotFakes(TypedDict, total=False):
 
 
 class Fakes(TypedDict, total=False):
-    """The other sides of all ports."""
+    """Fakes for the peers of all ports."""
 
     laser: LaserFakes
     differentialrobot: DifferentialRobotFakes

@@ -1,5 +1,5 @@
 # Generated from wander.pdsl by rcgen 0.1.0: edits are lost.
-"""The parameters of wander: read-only, and within their ranges."""
+"""The parameters of wander."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from robocomp_py.runtime.api import Parameter, ParameterKind, Parameters, Parame
 
 @dataclass(frozen=True, slots=True)
 class Params(Parameters):
-    """All of them; ConfigurationError if a value is not allowed."""
+    """All parameters. Raises ConfigurationError if a value is not allowed."""
 
     explores: bool = False  # whether it explores before it is told to
     speed: float = 1.2  # m/s on a free way, 0.1 to 2.0

@@ -1,6 +1,6 @@
 # Generated from BatteryStatusPub.idsl by rcgen 0.1.0: edits are lost.
 # ruff: noqa: N999, RUF100
-"""Module RoboCompBatteryStatusPub: what travels, and how to send it."""
+"""Module RoboCompBatteryStatusPub: types, interfaces and proxies."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ BATTERYSTATUSPUB_INTERFACE = Interface(
 
 
 class BatteryStatusPubPublisher(Proxy):
-    """Publishes BatteryStatusPub; waits only if its QoS is reliable."""
+    """Publishes BatteryStatusPub. A call waits only if its QoS is reliable."""
 
     interface = BATTERYSTATUSPUB_INTERFACE
 

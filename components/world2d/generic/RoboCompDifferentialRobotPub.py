@@ -1,6 +1,6 @@
 # Generated from DifferentialRobotPub.idsl by rcgen 0.1.0: edits are lost.
 # ruff: noqa: N999, RUF100
-"""Module RoboCompDifferentialRobotPub: what travels, and how to send it."""
+"""Module RoboCompDifferentialRobotPub: types, interfaces and proxies."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ DIFFERENTIALROBOTPUB_INTERFACE = Interface(
 
 
 class DifferentialRobotPubPublisher(Proxy):
-    """Publishes DifferentialRobotPub; waits only if its QoS is reliable."""
+    """Publishes DifferentialRobotPub. A call waits only if its QoS is reliable."""
 
     interface = DIFFERENTIALROBOTPUB_INTERFACE
 

@@ -1,6 +1,6 @@
 # Generated from Laser.idsl by rcgen 0.1.0: edits are lost.
 # ruff: noqa: N999, PYI042, UP040, RUF100
-"""Module RoboCompLaser: what travels, and how to send it."""
+"""Module RoboCompLaser: types, interfaces and proxies."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Generated from LaserPub.idsl by rcgen 0.1.0: edits are lost.
 # ruff: noqa: N999, RUF100
-"""Module RoboCompLaserPub: what travels, and how to send it."""
+"""Module RoboCompLaserPub: types, interfaces and proxies."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LASERPUB_INTERFACE = Interface(
 
 
 class LaserPubPublisher(Proxy):
-    """Publishes LaserPub; waits only if its QoS is reliable."""
+    """Publishes LaserPub. A call waits only if its QoS is reliable."""
 
     interface = LASERPUB_INTERFACE
 

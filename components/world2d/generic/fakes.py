@@ -1,5 +1,7 @@
 # Generated from world2d.cdsl by rcgen 0.1.0: edits are lost.
-"""What a test of world2d may fake, for ComponentTest: by port, then by operation."""
+"""Types of the fakes for tests of world2d with ComponentTest: by port, then by
+operation.
+"""
 
 from __future__ import annotations
 
@@ -9,25 +11,25 @@ from robocomp_py.testing.fakes import Fake
 
 
 class DifferentialRobotPubFakes(TypedDict, total=False):
-    """What the other side of `differentialrobotpub` does."""
+    """Fakes for the peer of `differentialrobotpub`."""
 
     pushBaseState: Fake[None]
 
 
 class LaserPubFakes(TypedDict, total=False):
-    """What the other side of `laserpub` does."""
+    """Fakes for the peer of `laserpub`."""
 
     pushLaserData: Fake[None]
 
 
 class BatteryStatusPubFakes(TypedDict, total=False):
-    """What the other side of `batterystatuspub` does."""
+    """Fakes for the peer of `batterystatuspub`."""
 
     pushBatteryState: Fake[None]
 
 
 class Fakes(TypedDict, total=False):
-    """The other sides of all ports."""
+    """Fakes for the peers of all ports."""
 
     differentialrobotpub: DifferentialRobotPubFakes
     laserpub: LaserPubFakes

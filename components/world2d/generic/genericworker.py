@@ -1,5 +1,5 @@
 # Generated from world2d.cdsl by rcgen 0.1.0: edits are lost.
-"""The ports of world2d, and the methods its SpecificWorker has to write."""
+"""The ports of world2d, and the methods that its SpecificWorker must define."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .params import PARAMS, Params
 
 
 class GenericWorker(Worker[Params]):
-    """Base of SpecificWorker: proxies are attributes, handlers are methods to write."""
+    """Base of SpecificWorker: proxies are attributes, handlers are abstract methods."""
 
     component = Component(
         "world2d",

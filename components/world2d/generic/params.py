@@ -1,5 +1,5 @@
 # Generated from world2d.pdsl by rcgen 0.1.0: edits are lost.
-"""The parameters of world2d: read-only, and within their ranges."""
+"""The parameters of world2d."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from robocomp_py.runtime.api import Parameter, ParameterKind, Parameters, Parame
 
 @dataclass(frozen=True, slots=True)
 class Params(Parameters):
-    """All of them; ConfigurationError if a value is not allowed."""
+    """All parameters. Raises ConfigurationError if a value is not allowed."""
 
     map: str = "../house.toml"  # file of the house, from this component's folder
     picture: str = ""  # SVG file to draw at the end what happened; none if empty

@@ -1,6 +1,6 @@
-"""What everything does.
+"""The code of everything.
 
-Yours: rcgen wrote this file once and never touches it again.
+This file is yours: rcgen wrote it once and never changes it again.
 """
 
 from __future__ import annotations
@@ -13,13 +13,14 @@ from .generic.genericworker import GenericWorker
 
 
 class SpecificWorker(GenericWorker):
-    """Methods Counter_… may run at any time, also several at once (`concurrent`): what
-    they share with others needs a lock. No two of the other methods here ever run at
-    once. While one waits for an answer from another component, a handler may run.
+    """Methods Counter_… are `concurrent`: they may run at any time, and several at
+    once. Protect attributes that they share with a lock. Of the other methods, only one
+    runs at a time. While it waits for the reply of another component, a handler may
+    run.
     """
 
     def initialize(self) -> None:
-        """Called once, when the components required are there."""
+        """Called once, when all required components are visible."""
         # Proxies: self.store_proxy, self.store1_proxy, self.drawing_proxy,
         # self.news_proxy, self.store2_proxy, self.drawing1_proxy
 

@@ -1,4 +1,4 @@
-"""Runs this component: `python -m` with its name, or `rc run` with its path."""
+"""Run this component with `python -m NAME`, or with `rc run PATH`."""
 
 from robocomp_py.runtime.run import main
 

@@ -1,6 +1,6 @@
-"""What import does.
+"""The code of import.
 
-Yours: rcgen wrote this file once and never touches it again.
+This file is yours: rcgen wrote it once and never changes it again.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from .generic.genericworker import GenericWorker
 
 
 class SpecificWorker(GenericWorker):
-    """No two methods here ever run at once. While one waits for an answer from another
+    """Only one method runs at a time. While it waits for the reply of another
     component, a handler may run.
     """
 
     def initialize(self) -> None:
-        """Called once, when the components required are there."""
+        """Called once, when all required components are visible."""
         # Proxies: self.odd_proxy, self.point_proxy, self.empty_proxy, self.odd1_proxy
 
     def compute(self) -> None:

@@ -1,6 +1,6 @@
 # Generated from Everything.idsl by rcgen 0.1.0: edits are lost.
 # ruff: noqa: N999, UP040, RUF100
-"""Module Everything: what travels, and how to send it."""
+"""Module Everything: types, interfaces and proxies."""
 
 from __future__ import annotations
 
@@ -443,9 +443,9 @@ NEWS_INTERFACE = Interface(
 class StoreProxy(Proxy):
     """Calls Store of another component.
 
-    Deadlines are in seconds. Raises what the operation declares, RemoteFailure for
-    other exceptions over there, and TransportErrors: Unreachable, Timeout, Busy,
-    ContractMismatch, Refused, Closed.
+    Deadlines are in seconds. A call raises the exceptions that the operation declares,
+    RemoteFailure for any other exception of the server, and TransportErrors:
+    Unreachable, Timeout, Busy, ContractMismatch, Refused, Closed.
     """
 
     interface = STORE_INTERFACE
@@ -458,7 +458,7 @@ class StoreProxy(Proxy):
         return self._ask(_Store_count, (), deadline)
 
     def countAsync(self, *, deadline: float | None = None) -> Future[int]:
-        """`count` without waiting: a Future that ends within the deadline."""
+        """Call `count` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Store_count, (), deadline)
 
     def keep(self, what: Containers, *, deadline: float | None = None) -> Containers:
@@ -474,7 +474,7 @@ class StoreProxy(Proxy):
         *,
         deadline: float | None = None,
     ) -> Future[Containers]:
-        """`keep` without waiting: a Future that ends within the deadline."""
+        """Call `keep` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Store_keep, (what,), deadline)
 
     def widths(self, what: Widths, *, deadline: float | None = None) -> Widths:
@@ -490,7 +490,7 @@ class StoreProxy(Proxy):
         *,
         deadline: float | None = None,
     ) -> Future[Widths]:
-        """`widths` without waiting: a Future that ends within the deadline."""
+        """Call `widths` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Store_widths, (what,), deadline)
 
     def slices(
@@ -511,7 +511,7 @@ class StoreProxy(Proxy):
         *,
         deadline: float | None = None,
     ) -> Future[tuple[Slices, int, Shapes.Point]]:
-        """`slices` without waiting: a Future that ends within the deadline."""
+        """Call `slices` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Store_slices, (what,), deadline)
 
     def check(self, fail: bool, late: bool, *, deadline: float | None = None) -> None:
@@ -528,7 +528,7 @@ class StoreProxy(Proxy):
         *,
         deadline: float | None = None,
     ) -> Future[None]:
-        """`check` without waiting: a Future that ends within the deadline."""
+        """Call `check` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Store_check, (fail, late), deadline)
 
     def adjust(
@@ -556,7 +556,7 @@ class StoreProxy(Proxy):
         *,
         deadline: float | None = None,
     ) -> Future[None]:
-        """`adjust` without waiting: a Future that ends within the deadline."""
+        """Call `adjust` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Store_adjust, (to, level, note, share), deadline)
 
     def cube(self, what: Cube, *, deadline: float | None = None) -> Cube:
@@ -567,7 +567,7 @@ class StoreProxy(Proxy):
         return self._ask(_Store_cube, (what,), deadline)
 
     def cubeAsync(self, what: Cube, *, deadline: float | None = None) -> Future[Cube]:
-        """`cube` without waiting: a Future that ends within the deadline."""
+        """Call `cube` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Store_cube, (what,), deadline)
 
     def levels(self, what: ByLevel, *, deadline: float | None = None) -> ByLevel:
@@ -583,7 +583,7 @@ class StoreProxy(Proxy):
         *,
         deadline: float | None = None,
     ) -> Future[ByLevel]:
-        """`levels` without waiting: a Future that ends within the deadline."""
+        """Call `levels` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Store_levels, (what,), deadline)
 
     def acknowledge(self, *, deadline: float | None = None) -> None:
@@ -594,7 +594,9 @@ class StoreProxy(Proxy):
         return self._ask(_Store_acknowledge, (), deadline)
 
     def acknowledgeAsync(self, *, deadline: float | None = None) -> Future[None]:
-        """`acknowledge` without waiting: a Future that ends within the deadline."""
+        """Call `acknowledge` without waiting. The Future is done within the
+        deadline.
+        """
         return self._ask_async(_Store_acknowledge, (), deadline)
 
     def nothings(self, number: int, *, deadline: float | None = None) -> list[Nothing]:
@@ -610,7 +612,7 @@ class StoreProxy(Proxy):
         *,
         deadline: float | None = None,
     ) -> Future[list[Nothing]]:
-        """`nothings` without waiting: a Future that ends within the deadline."""
+        """Call `nothings` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Store_nothings, (number,), deadline)
 
     def trigger(
@@ -629,7 +631,7 @@ class StoreProxy(Proxy):
 
 @dataclass(slots=True)
 class NewsToldRequest:
-    """What `told` sends, to be filled."""
+    """The message of `told`, to be filled."""
 
     what: str = ""
     values: NDArray[np.float32] = field(default_factory=lambda: np.empty(0, np.float32))
@@ -637,7 +639,7 @@ class NewsToldRequest:
 
 @dataclass(slots=True)
 class NewsComparedRequest:
-    """What `compared` sends, to be filled."""
+    """The message of `compared`, to be filled."""
 
     left: Containers = field(default_factory=Containers)
     right: Containers = field(default_factory=Containers)
@@ -645,7 +647,7 @@ class NewsComparedRequest:
 
 
 class NewsPublisher(Proxy):
-    """Publishes News; waits only if its QoS is reliable."""
+    """Publishes News. A call waits only if its QoS is reliable."""
 
     interface = NEWS_INTERFACE
 
@@ -668,10 +670,10 @@ class NewsPublisher(Proxy):
         *,
         deadline: float | None = None,
     ) -> AbstractContextManager[NewsToldRequest]:
-        """`told` with an array of this shape to fill, where the message is sent from.
+        """`told` with an array of this shape, to be filled in the memory that is sent.
 
-        Leaving the block sends it, unless by an exception. The array is not zeros to
-        begin with, and not ours any more in the end.
+        The message is sent at the end of the `with` block, unless it raises. The array
+        must be filled completely, and must not be used after the block.
         """
         return self._loan(_News_told, NewsToldRequest, (values,), deadline)
 
@@ -697,10 +699,10 @@ class NewsPublisher(Proxy):
         raw: int | tuple[int, ...] = 0,
         deadline: float | None = None,
     ) -> AbstractContextManager[Containers]:
-        """`kept` with arrays of these shapes to fill, where the message is sent from.
+        """`kept` with arrays of these shapes, to be filled in the memory that is sent.
 
-        Leaving the block sends it, unless by an exception. The arrays are not zeros to
-        begin with, and not ours any more in the end.
+        The message is sent at the end of the `with` block, unless it raises. The arrays
+        must be filled completely, and must not be used after the block.
         """
         return self._loan(_News_kept, Containers, (numbers, flags, raw), deadline)
 
@@ -731,11 +733,11 @@ class NewsPublisher(Proxy):
         numbers: int | tuple[int, ...] = 0,
         deadline: float | None = None,
     ) -> AbstractContextManager[NewsComparedRequest]:
-        """`compared` with arrays of these shapes to fill, where the message is sent
-        from.
+        """`compared` with arrays of these shapes, to be filled in the memory that is
+        sent.
 
-        Leaving the block sends it, unless by an exception. The arrays are not zeros to
-        begin with, and not ours any more in the end.
+        The message is sent at the end of the `with` block, unless it raises. The arrays
+        must be filled completely, and must not be used after the block.
         """
         return self._loan(
             _News_compared,
@@ -754,7 +756,7 @@ class NewsPublisher(Proxy):
 
 
 class StorePublisher(Proxy):
-    """Publishes Store; waits only if its QoS is reliable."""
+    """Publishes Store. A call waits only if its QoS is reliable."""
 
     interface = STORE_INTERFACE
 

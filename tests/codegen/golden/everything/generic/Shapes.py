@@ -1,6 +1,6 @@
 # Generated from Shapes.idsl by rcgen 0.1.0: edits are lost.
 # ruff: noqa: N999, UP040, RUF100
-"""Module Shapes: what travels, and how to send it."""
+"""Module Shapes: types, interfaces and proxies."""
 
 from __future__ import annotations
 
@@ -54,9 +54,9 @@ DRAWING_INTERFACE = Interface(
 class DrawingProxy(Proxy):
     """Calls Drawing of another component.
 
-    Deadlines are in seconds. Raises what the operation declares, RemoteFailure for
-    other exceptions over there, and TransportErrors: Unreachable, Timeout, Busy,
-    ContractMismatch, Refused, Closed.
+    Deadlines are in seconds. A call raises the exceptions that the operation declares,
+    RemoteFailure for any other exception of the server, and TransportErrors:
+    Unreachable, Timeout, Busy, ContractMismatch, Refused, Closed.
     """
 
     interface = DRAWING_INTERFACE
@@ -74,12 +74,12 @@ class DrawingProxy(Proxy):
         *,
         deadline: float | None = None,
     ) -> Future[None]:
-        """`draw` without waiting: a Future that ends within the deadline."""
+        """Call `draw` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Drawing_draw, (outline,), deadline)
 
 
 class DrawingPublisher(Proxy):
-    """Publishes Drawing; waits only if its QoS is reliable."""
+    """Publishes Drawing. A call waits only if its QoS is reliable."""
 
     interface = DRAWING_INTERFACE
 

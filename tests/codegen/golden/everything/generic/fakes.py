@@ -1,5 +1,7 @@
 # Generated from everything.cdsl by rcgen 0.1.0: edits are lost.
-"""What a test of everything may fake, for ComponentTest: by port, then by operation."""
+"""Types of the fakes for tests of everything with ComponentTest: by port, then by
+operation.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,7 @@ from . import Everything, Shapes
 
 
 class StoreFakes(TypedDict, total=False):
-    """What the other side of `store` does."""
+    """Fakes for the peer of `store`."""
 
     count: Fake[int]
     keep: Fake[Everything.Containers]
@@ -27,7 +29,7 @@ class StoreFakes(TypedDict, total=False):
 
 
 class Store1Fakes(TypedDict, total=False):
-    """What the other side of `store1` does."""
+    """Fakes for the peer of `store1`."""
 
     count: Fake[int]
     keep: Fake[Everything.Containers]
@@ -43,13 +45,13 @@ class Store1Fakes(TypedDict, total=False):
 
 
 class DrawingFakes(TypedDict, total=False):
-    """What the other side of `drawing` does."""
+    """Fakes for the peer of `drawing`."""
 
     draw: Fake[None]
 
 
 class NewsFakes(TypedDict, total=False):
-    """What the other side of `news` does."""
+    """Fakes for the peer of `news`."""
 
     told: Fake[None]
     level: Fake[None]
@@ -58,20 +60,20 @@ class NewsFakes(TypedDict, total=False):
 
 
 class Store2Fakes(TypedDict, total=False):
-    """What the other side of `store2` does."""
+    """Fakes for the peer of `store2`."""
 
     adjust: Fake[None]
     announced: Fake[None]
 
 
 class Drawing1Fakes(TypedDict, total=False):
-    """What the other side of `drawing1` does."""
+    """Fakes for the peer of `drawing1`."""
 
     draw: Fake[None]
 
 
 class Fakes(TypedDict, total=False):
-    """The other sides of all ports."""
+    """Fakes for the peers of all ports."""
 
     store: StoreFakes
     store1: Store1Fakes

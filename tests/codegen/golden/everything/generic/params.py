@@ -1,5 +1,5 @@
 # Generated from everything.pdsl by rcgen 0.1.0: edits are lost.
-"""The parameters of everything: read-only, and within their ranges."""
+"""The parameters of everything."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from robocomp_py.runtime.api import (
 
 @dataclass(frozen=True, slots=True)
 class MotorsGainsItem(Parameters):
-    """An item of gains; ConfigurationError if a value is not allowed."""
+    """An item of gains. Raises ConfigurationError if a value is not allowed."""
 
     p: float = 1.0
     i: float = 0.0
@@ -37,7 +37,7 @@ MotorsGainsItem.__spec__ = ParameterSet(
 
 @dataclass(frozen=True, slots=True)
 class MotorsItem(Parameters):
-    """An item of motors; ConfigurationError if a value is not allowed."""
+    """An item of motors. Raises ConfigurationError if a value is not allowed."""
 
     id: int = 0
     gains: tuple[MotorsGainsItem, ...] = ()
@@ -55,7 +55,7 @@ MotorsItem.__spec__ = ParameterSet(
 
 @dataclass(frozen=True, slots=True)
 class SensorsGainsItem(Parameters):
-    """An item of gains; ConfigurationError if a value is not allowed."""
+    """An item of gains. Raises ConfigurationError if a value is not allowed."""
 
     factor: float = 1.0
 
@@ -71,7 +71,7 @@ SensorsGainsItem.__spec__ = ParameterSet(
 
 @dataclass(frozen=True, slots=True)
 class SensorsItem(Parameters):
-    """An item of sensors; ConfigurationError if a value is not allowed."""
+    """An item of sensors. Raises ConfigurationError if a value is not allowed."""
 
     name: str = "front"
     gains: tuple[SensorsGainsItem, ...] = ()
@@ -89,7 +89,7 @@ SensorsItem.__spec__ = ParameterSet(
 
 @dataclass(frozen=True, slots=True)
 class Params(Parameters):
-    """All of them; ConfigurationError if a value is not allowed."""
+    """All parameters. Raises ConfigurationError if a value is not allowed."""
 
     verbose: bool = False  # whether to tell more
     device: str = "/dev/tty\\USB0"  # where the device is

@@ -1,6 +1,6 @@
 # Generated from Names.idsl by rcgen 0.1.0: edits are lost.
 # ruff: noqa: PYI042, RUF009, UP040, RUF100
-"""Module class: what travels, and how to send it."""
+"""Module class: types, interfaces and proxies."""
 
 from __future__ import annotations
 
@@ -129,9 +129,9 @@ Point.__contract__ = Struct(
 
 dict_: TypeAlias = dict[str, Point]
 
-_Mode = Mode  # a field is called so
-_Point = Point  # a field is called so
-_np = np  # a field is called so
+_Mode = Mode  # a field has this name, too
+_Point = Point  # a field has this name, too
+_np = np  # a field has this name, too
 
 
 @dataclass(slots=True)
@@ -167,7 +167,7 @@ list2.__contract__ = Struct(
     list2,
 )
 
-_field = field  # a field is called so
+_field = field  # a field has this name, too
 
 
 @dataclass(slots=True)
@@ -219,7 +219,7 @@ Sequence_.__contract__ = Struct(
     Sequence_,
 )
 
-_Struct = Struct  # a field is called so
+_Struct = Struct  # a field has this name, too
 
 
 @dataclass(slots=True)
@@ -546,15 +546,15 @@ EMPTY_INTERFACE = Interface(
     (),
 )
 
-_Future = Future  # an operation is called so
+_Future = Future  # an operation has this name, too
 
 
 class OddProxy(Proxy):
     """Calls Odd of another component.
 
-    Deadlines are in seconds. Raises what the operation declares, RemoteFailure for
-    other exceptions over there, and TransportErrors: Unreachable, Timeout, Busy,
-    ContractMismatch, Refused, Closed.
+    Deadlines are in seconds. A call raises the exceptions that the operation declares,
+    RemoteFailure for any other exception of the server, and TransportErrors:
+    Unreachable, Timeout, Busy, ContractMismatch, Refused, Closed.
     """
 
     interface = ODD_INTERFACE
@@ -583,7 +583,7 @@ class OddProxy(Proxy):
         *,
         deadline: builtins.float | None = None,
     ) -> _Future[None]:
-        """`import` without waiting: a Future that ends within the deadline."""
+        """Call `import` without waiting. The Future is done within the deadline."""
         return self._ask_async(
             _Odd_import,
             (deadline_, deadline__, self_, class_),
@@ -608,7 +608,7 @@ class OddProxy(Proxy):
         *,
         deadline: builtins.float | None = None,
     ) -> _Future[tuple[list_, Mode, dict_]]:
-        """`list` without waiting: a Future that ends within the deadline."""
+        """Call `list` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Odd_list, (list,), deadline)
 
     def Point(
@@ -629,7 +629,7 @@ class OddProxy(Proxy):
         *,
         deadline: builtins.float | None = None,
     ) -> _Future[tuple[_Point, _Point]]:
-        """`Point` without waiting: a Future that ends within the deadline."""
+        """Call `Point` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Odd_Point, (Point,), deadline)
 
     def interface_(self, *, deadline: builtins.float | None = None) -> int:
@@ -640,7 +640,7 @@ class OddProxy(Proxy):
         return self._ask(_Odd_interface, (), deadline)
 
     def interfaceAsync(self, *, deadline: builtins.float | None = None) -> _Future[int]:
-        """`interface` without waiting: a Future that ends within the deadline."""
+        """Call `interface` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Odd_interface, (), deadline)
 
     def _ask_(
@@ -663,7 +663,7 @@ class OddProxy(Proxy):
         *,
         deadline: builtins.float | None = None,
     ) -> _Future[int]:
-        """`_ask` without waiting: a Future that ends within the deadline."""
+        """Call `_ask` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Odd__ask, (x, float), deadline)
 
     def _send_(self, *, deadline: builtins.float | None = None) -> None:
@@ -674,7 +674,7 @@ class OddProxy(Proxy):
         return self._ask(_Odd__send, (), deadline)
 
     def _sendAsync(self, *, deadline: builtins.float | None = None) -> _Future[None]:
-        """`_send` without waiting: a Future that ends within the deadline."""
+        """Call `_send` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Odd__send, (), deadline)
 
     def getX(self, *, deadline: builtins.float | None = None) -> None:
@@ -685,7 +685,7 @@ class OddProxy(Proxy):
         return self._ask(_Odd_getX, (), deadline)
 
     def getXAsync_(self, *, deadline: builtins.float | None = None) -> _Future[None]:
-        """`getX` without waiting: a Future that ends within the deadline."""
+        """Call `getX` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Odd_getX, (), deadline)
 
     def getXAsync(self, *, deadline: builtins.float | None = None) -> int:
@@ -696,7 +696,7 @@ class OddProxy(Proxy):
         return self._ask(_Odd_getXAsync, (), deadline)
 
     def getXAsyncAsync(self, *, deadline: builtins.float | None = None) -> _Future[int]:
-        """`getXAsync` without waiting: a Future that ends within the deadline."""
+        """Call `getXAsync` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Odd_getXAsync, (), deadline)
 
     def str(self, *, deadline: builtins.float | None = None) -> builtins.str:
@@ -711,7 +711,7 @@ class OddProxy(Proxy):
         *,
         deadline: builtins.float | None = None,
     ) -> _Future[builtins.str]:
-        """`str` without waiting: a Future that ends within the deadline."""
+        """Call `str` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Odd_str, (), deadline)
 
     def strs(
@@ -732,7 +732,7 @@ class OddProxy(Proxy):
         *,
         deadline: builtins.float | None = None,
     ) -> _Future[builtins.list[builtins.str]]:
-        """`strs` without waiting: a Future that ends within the deadline."""
+        """Call `strs` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Odd_strs, (str,), deadline)
 
     def float(
@@ -755,7 +755,7 @@ class OddProxy(Proxy):
         *,
         deadline: builtins.float | None = None,
     ) -> _Future[builtins.float]:
-        """`float` without waiting: a Future that ends within the deadline."""
+        """Call `float` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Odd_float, (float, mode), deadline)
 
     def tuple(self, *, deadline: builtins.float | None = None) -> builtins.str:
@@ -770,7 +770,7 @@ class OddProxy(Proxy):
         *,
         deadline: builtins.float | None = None,
     ) -> _Future[builtins.str]:
-        """`tuple` without waiting: a Future that ends within the deadline."""
+        """Call `tuple` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Odd_tuple, (), deadline)
 
     def Future(
@@ -791,7 +791,7 @@ class OddProxy(Proxy):
         *,
         deadline: builtins.float | None = None,
     ) -> _Future[Sequence_]:
-        """`Future` without waiting: a Future that ends within the deadline."""
+        """Call `Future` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Odd_Future, (from_,), deadline)
 
     def class_(self, *, deadline: builtins.float | None = None) -> lambda_.T:
@@ -806,7 +806,7 @@ class OddProxy(Proxy):
         *,
         deadline: builtins.float | None = None,
     ) -> _Future[lambda_.T]:
-        """`class` without waiting: a Future that ends within the deadline."""
+        """Call `class` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Odd_class, (), deadline)
 
     def l(  # noqa: E743, RUF100
@@ -831,7 +831,7 @@ class OddProxy(Proxy):
         *,
         deadline: builtins.float | None = None,
     ) -> _Future[I]:
-        """`l` without waiting: a Future that ends within the deadline."""
+        """Call `l` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Odd_l, (l, O, I), deadline)
 
     def command(self, s: Struct_, *, deadline: builtins.float | None = None) -> None:
@@ -845,9 +845,9 @@ class OddProxy(Proxy):
 class EmptyProxy(Proxy):
     """Calls Empty of another component.
 
-    Deadlines are in seconds. Raises what the operation declares, RemoteFailure for
-    other exceptions over there, and TransportErrors: Unreachable, Timeout, Busy,
-    ContractMismatch, Refused, Closed.
+    Deadlines are in seconds. A call raises the exceptions that the operation declares,
+    RemoteFailure for any other exception of the server, and TransportErrors:
+    Unreachable, Timeout, Busy, ContractMismatch, Refused, Closed.
     """
 
     interface = EMPTY_INTERFACE
@@ -855,7 +855,7 @@ class EmptyProxy(Proxy):
 
 @dataclass(slots=True)
 class OddImportRequest:
-    """What `import` sends, to be filled."""
+    """The message of `import`, to be filled."""
 
     deadline: int = 0
     deadline_: int = 0
@@ -864,7 +864,7 @@ class OddImportRequest:
 
 
 class OddPublisher(Proxy):
-    """Publishes Odd; waits only if its QoS is reliable."""
+    """Publishes Odd. A call waits only if its QoS is reliable."""
 
     interface = ODD_INTERFACE
 
@@ -889,10 +889,11 @@ class OddPublisher(Proxy):
         *,
         deadline: float | None = None,
     ) -> AbstractContextManager[OddImportRequest]:
-        """`import` with an array of this shape to fill, where the message is sent from.
+        """`import` with an array of this shape, to be filled in the memory that is
+        sent.
 
-        Leaving the block sends it, unless by an exception. The array is not zeros to
-        begin with, and not ours any more in the end.
+        The message is sent at the end of the `with` block, unless it raises. The array
+        must be filled completely, and must not be used after the block.
         """
         return self._loan(_Odd_import, OddImportRequest, (field,), deadline)
 

@@ -1,5 +1,7 @@
 # Generated from names.cdsl by rcgen 0.1.0: edits are lost.
-"""What a test of import may fake, for ComponentTest: by port, then by operation."""
+"""Types of the fakes for tests of import with ComponentTest: by port, then by
+operation.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,7 @@ from . import class_, lambda_
 
 
 class OddFakes(TypedDict, total=False):
-    """What the other side of `odd` does."""
+    """Fakes for the peer of `odd`."""
 
     list: Fake[tuple[class_.list_, class_.Mode, class_.dict_]]
     Point: Fake[tuple[class_.Point, class_.Point]]
@@ -31,17 +33,17 @@ class OddFakes(TypedDict, total=False):
 
 
 class PointFakes(TypedDict, total=False):
-    """What the other side of `point` does."""
+    """Fakes for the peer of `point`."""
 
     T: Fake[lambda_.T]
 
 
 class EmptyFakes(TypedDict, total=False):
-    """What the other side of `empty` does."""
+    """Fakes for the peer of `empty`."""
 
 
 class Odd1Fakes(TypedDict, total=False):
-    """What the other side of `odd1` does."""
+    """Fakes for the peer of `odd1`."""
 
     _send: Fake[None]
     getX: Fake[None]
@@ -49,7 +51,7 @@ class Odd1Fakes(TypedDict, total=False):
 
 
 class Fakes(TypedDict, total=False):
-    """The other sides of all ports."""
+    """Fakes for the peers of all ports."""
 
     odd: OddFakes
     point: PointFakes

@@ -1,6 +1,6 @@
 # Generated from lambda.idsl by rcgen 0.1.0: edits are lost.
 # ruff: noqa: UP040, RUF100
-"""Module lambda: what travels, and how to send it."""
+"""Module lambda: types, interfaces and proxies."""
 
 from __future__ import annotations
 
@@ -46,15 +46,15 @@ POINT_INTERFACE = Interface(
     (_Point_T,),
 )
 
-_T = T  # an operation is called so
+_T = T  # an operation has this name, too
 
 
 class PointProxy(Proxy):
     """Calls Point of another component.
 
-    Deadlines are in seconds. Raises what the operation declares, RemoteFailure for
-    other exceptions over there, and TransportErrors: Unreachable, Timeout, Busy,
-    ContractMismatch, Refused, Closed.
+    Deadlines are in seconds. A call raises the exceptions that the operation declares,
+    RemoteFailure for any other exception of the server, and TransportErrors:
+    Unreachable, Timeout, Busy, ContractMismatch, Refused, Closed.
     """
 
     interface = POINT_INTERFACE
@@ -67,5 +67,5 @@ class PointProxy(Proxy):
         return self._ask(_Point_T, (T,), deadline)
 
     def TAsync(self, T: _T, *, deadline: float | None = None) -> Future[_T]:
-        """`T` without waiting: a Future that ends within the deadline."""
+        """Call `T` without waiting. The Future is done within the deadline."""
         return self._ask_async(_Point_T, (T,), deadline)

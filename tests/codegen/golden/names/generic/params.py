@@ -1,5 +1,5 @@
 # Generated from names.pdsl by rcgen 0.1.0: edits are lost.
-"""The parameters of import: read-only, and within their ranges."""
+"""The parameters of import."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from robocomp_py.runtime.api import (
 
 @dataclass(frozen=True, slots=True)
 class ParamsItem(Parameters):
-    """An item of Params; ConfigurationError if a value is not allowed."""
+    """An item of Params. Raises ConfigurationError if a value is not allowed."""
 
     __spec__: ClassVar[ParameterSet]
 
@@ -32,7 +32,7 @@ ParamsItem.__spec__ = ParameterSet(
 
 @dataclass(frozen=True, slots=True)
 class MotorsGainsItem(Parameters):
-    """An item of gains; ConfigurationError if a value is not allowed."""
+    """An item of gains. Raises ConfigurationError if a value is not allowed."""
 
     __spec__: ClassVar[ParameterSet]
 
@@ -45,7 +45,7 @@ MotorsGainsItem.__spec__ = ParameterSet(
 
 @dataclass(frozen=True, slots=True)
 class MotorsItem(Parameters):
-    """An item of motors; ConfigurationError if a value is not allowed."""
+    """An item of motors. Raises ConfigurationError if a value is not allowed."""
 
     gains: tuple[MotorsGainsItem, ...] = ()
 
@@ -61,7 +61,7 @@ MotorsItem.__spec__ = ParameterSet(
 
 @dataclass(frozen=True, slots=True)
 class MotorsGainsItem2(Parameters):
-    """An item of motors_gains; ConfigurationError if a value is not allowed."""
+    """An item of motors_gains. Raises ConfigurationError if a value is not allowed."""
 
     __spec__: ClassVar[ParameterSet]
 
@@ -74,7 +74,7 @@ MotorsGainsItem2.__spec__ = ParameterSet(
 
 @dataclass(frozen=True, slots=True)
 class ClassVarItem(Parameters):
-    """An item of ClassVar; ConfigurationError if a value is not allowed."""
+    """An item of ClassVar. Raises ConfigurationError if a value is not allowed."""
 
     __spec__: ClassVar[ParameterSet]
 
@@ -87,7 +87,7 @@ ClassVarItem.__spec__ = ParameterSet(
 
 @dataclass(frozen=True, slots=True)
 class Params(Parameters):
-    """All of them; ConfigurationError if a value is not allowed."""
+    """All parameters. Raises ConfigurationError if a value is not allowed."""
 
     int: int = 1
     str: builtins.str = "a"

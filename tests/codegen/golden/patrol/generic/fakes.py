@@ -1,5 +1,7 @@
 # Generated from patrol.cdsl by rcgen 0.1.0: edits are lost.
-"""What a test of patrol may fake, for ComponentTest: by port, then by operation."""
+"""Types of the fakes for tests of patrol with ComponentTest: by port, then by
+operation.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +11,12 @@ from robocomp_py.testing.fakes import Fake
 
 
 class DrawingFakes(TypedDict, total=False):
-    """What the other side of `drawing` does."""
+    """Fakes for the peer of `drawing`."""
 
     draw: Fake[None]
 
 
 class Fakes(TypedDict, total=False):
-    """The other sides of all ports."""
+    """Fakes for the peers of all ports."""
 
     drawing: DrawingFakes

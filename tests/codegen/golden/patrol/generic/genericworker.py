@@ -1,5 +1,5 @@
 # Generated from patrol.cdsl by rcgen 0.1.0: edits are lost.
-"""The ports of patrol, and the methods its SpecificWorker has to write."""
+"""The ports of patrol, and the methods that its SpecificWorker must define."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from . import Shapes
 
 
 class GenericWorker(Worker[None]):
-    """Base of SpecificWorker: proxies are attributes, handlers are methods to write."""
+    """Base of SpecificWorker: proxies are attributes, handlers are abstract methods."""
 
     component = Component(
         "patrol",

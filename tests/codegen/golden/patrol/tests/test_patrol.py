@@ -1,4 +1,4 @@
-"""Runs patrol in this process, with fakes for what it is connected to."""
+"""Runs patrol in this process, with fakes for its peers."""
 
 from __future__ import annotations
 

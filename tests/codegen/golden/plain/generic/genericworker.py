@@ -1,5 +1,5 @@
 # Generated from plain.cdsl by rcgen 0.1.0: edits are lost.
-"""The ports of plain, and the methods its SpecificWorker has to write."""
+"""The ports of plain, and the methods that its SpecificWorker must define."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from robocomp_py.runtime.api import Component, Worker
 
 
 class GenericWorker(Worker[None]):
-    """Base of SpecificWorker: proxies are attributes, handlers are methods to write."""
+    """Base of SpecificWorker: proxies are attributes, handlers are abstract methods."""
 
     component = Component(
         "plain",
