@@ -26,6 +26,11 @@ class _Known:
             self.entries[group] = {entry.name: entry for entry in sorted(found, key=lambda entry: entry.name)}
         return self.entries[group]
 
+    def extensions(self) -> list[EntryPoint]:
+        self._every = self._every or entry_points()
+        groups = [group for group in self._every.groups if group.startswith("robocomp_py.")]
+        return [each for group in groups for each in self._every.select(group=group)]
+
     def load(self, group: str, name: str) -> Any:
         if (group, name) not in self.loaded:
             self.loaded[group, name] = self.of(group)[name].load()
@@ -48,6 +53,11 @@ def transport(name: str) -> Any:
 def entries(group: str) -> Mapping[str, EntryPoint]:
     """The entry points of a group by their names; none is imported."""
     return _now().of(group)
+
+
+def extensions() -> list[EntryPoint]:
+    """The entry points of all groups of ours; none is imported."""
+    return _now().extensions()
 
 
 def load(group: str, name: str) -> Any:

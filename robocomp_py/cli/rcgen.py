@@ -10,34 +10,21 @@ import sys
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Any
 
 from .. import installed, plugins
-from ..codegen.exporting import Files
-from ..codegen.formats import export
-from ..codegen.generate import (
-    Artifact,
-    GenerationError,
-    Model,
-    Owner,
-    generate,
-    starter,
-    starter_specifics,
-)
-from ..codegen.stubs import find_stubs, with_stubs
-from ..codegen.write import Changes, compare, remove_stale, write
+from ..codegen import unchanged
 from ..contract.middleware import AUTO, carrier
-from ..deploy.routes import generated_for
 from ..dsl.diagnostics import Diagnostic, Severity
-from ..dsl.format import format_text
-from ..dsl.workspace import LinkedComponent, Workspace, read_file
 from ..errors import ConfigurationError
-from ..runtime import settings
 from ..spelling import unknown
-from ..transports.deployment import deployments
-from ..usercode.check import as_warnings, complaints, stubs_command
-from ..usercode.reading import FILE
 from .common import FINE, USAGE, WRONG, add_include, command, complain, parser, show
-from .replacing import replace_file
+from .progress import Progress
+
+if TYPE_CHECKING:  # if nothing has changed, the generator is not loaded
+    from ..codegen.generate import Artifact, Model
+    from ..codegen.write import Changes
+    from ..dsl.workspace import LinkedComponent, Workspace
 
 _EXAMPLES = """\
 examples:
@@ -72,22 +59,34 @@ class _Job:
     is_as_before: bool
     """Whether its middleware is one that was chosen when it was generated before."""
     linked: LinkedComponent
+    trace: unchanged.Trace
+    """Of all that was read for it."""
     adopted: plugins.Adopted | None = None
     """What is understood of a component for another framework; None of one that is ours."""
 
     @property
     def complaints(self) -> list[Diagnostic]:
         """The mistakes in its specific part, as the file is now."""
-        return complaints(self.linked, Workspace(), self.root)
+        from ..dsl.workspace import Workspace
+        from ..usercode.check import complaints
+
+        return complaints(self.linked, Workspace(read=self.trace.read), self.root)
 
     @property
     def command(self) -> str:
         """What appends the stubs that it lacks."""
+        from ..usercode.check import stubs_command
+
         return stubs_command(self.linked.path, self.root)
 
 
 @command
 def main(arguments: Sequence[str] | None = None) -> int:
+    with installed.asked_once(), Progress("rcgen") as progress:
+        return _run(arguments, progress)
+
+
+def _run(arguments: Sequence[str] | None, progress: Progress) -> int:
     made = _parser()
     options = made.parse_args(arguments)
     if options.to:
@@ -104,26 +103,83 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if wrong := _unknown(options.middleware):
         print(f"rcgen: --middleware {options.middleware}: {wrong}", file=sys.stderr)
         return USAGE
+    made_by = ""
+    if options.models and not options.to:
+        made_by = unchanged.generator()
+        found = unchanged.up_to_date(_request(options), made_by)
+        if found is not None and all(options.middleware in (None, each.middleware) for each in found):
+            return _tell_unchanged(found, options)
+    from ..codegen.generate import GenerationError
+
     try:
         if options.to:
             return _export(options)
         if options.new:
             return _new(options.new, options.output or Path(options.new.lower()), options.middleware)
-        jobs = _jobs(options.models, options.include, options.output, options.middleware)
-        if jobs is None:
-            return WRONG
-        for job in jobs:
-            if library := _library(job.root):
-                print(f"rcgen: warning: {library}; rename it", file=sys.stderr)
-        if options.check:
-            return _check(jobs)
-        amended = _amended(jobs) if options.stubs else {}
-        changes = write(*((job.root, job.artifacts) for job in jobs))
-        for path, text in amended.items():
-            _amend(path, text)
-        return _tell_as_json(jobs, changes) if options.json else _tell(jobs, changes, amended)
+        return _generate(options, made_by, progress)
     except (GenerationError, ConfigurationError) as exc:
+        progress.erase()
         return complain(f"rcgen: {exc}")
+
+
+def _request(options: argparse.Namespace) -> unchanged.Request:
+    return unchanged.Request(tuple(options.models), tuple(options.include), options.output)
+
+
+def _generate(options: argparse.Namespace, made_by: str, progress: Progress) -> int:
+    from ..codegen.write import write
+    from ..dsl.workspace import read_file
+
+    trace = unchanged.Trace(read_file)
+    jobs = _jobs(options.models, options.include, options.output, options.middleware, trace, progress)
+    if jobs is None:
+        return WRONG
+    warnings = [f"rcgen: warning: {library}; rename it" for job in jobs if (library := _library(job.root))]
+    for warning in warnings:
+        print(warning, file=sys.stderr)
+    if options.check:
+        return _check(jobs, progress)
+    amended = _amended(jobs) if options.stubs else {}
+    progress.show("writing")
+    changes = write(*((job.root, job.artifacts) for job in jobs))
+    for path, text in amended.items():
+        _amend(path, text)
+    progress.erase()
+    is_fine = (_tell_as_json if options.json else _tell)(jobs, changes, amended) and not warnings
+    if is_fine:
+        components = [each for job in jobs if (each := _up_to_date(job))]
+        if len(components) == len(jobs):
+            unchanged.remember(_request(options), trace, components, made_by)
+    return FINE
+
+
+def _up_to_date(job: _Job) -> unchanged.Component | None:
+    """A component that was written, as it is recorded; None if not everything is as it was written."""
+    from ..codegen.generate import Owner
+    from ..codegen.write import origin
+    from ..deploy.routes import generated_for
+
+    now = unchanged.generic_part(str(job.root))
+    own = {str(each.path): each.text for each in job.artifacts if each.owner is Owner.GENERATOR}
+    user = [str(each.path) for each in job.artifacts if each.owner is Owner.USER]
+    is_whole = not job.adopted and {"specificworker.py", "etc/config.toml"} <= set(user)  # else a plug-in has its say
+    is_as_written = all(now.get(name) == unchanged.digest(text.encode()) for name, text in own.items())
+    others = [name for name, content in now.items() if name not in own and content not in ("link", "special")]
+    if not (is_whole and is_as_written) or any(origin(job.root / name) for name in others):
+        return None
+    if generated_for(job.root) != job.model.middleware or _depends_on_other_folder(job):
+        return None
+    folders = {str(parent) for each in job.artifacts for parent in each.path.parents} - {"."}
+    middleware = job.model.middleware
+    name = job.model.component.name
+    digest = unchanged.together(now)
+    return unchanged.Component(name, str(job.root), middleware, digest, tuple(user), tuple(sorted(folders)))
+
+
+def _depends_on_other_folder(job: _Job) -> bool:
+    """Whether plug-ins are asked about the folder of the model, which is not that of the component."""
+    model = job.linked.model
+    return job.root != job.linked.path.parent and (model is None or any(model.all("gui")))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -163,6 +219,11 @@ _MIDDLEWARE = (
 
 def _export(options: argparse.Namespace) -> int:
     """The interfaces in another language."""
+    from ..codegen.exporting import Files
+    from ..codegen.formats import export
+    from ..codegen.write import compare, write
+    from ..dsl.workspace import Workspace
+
     others = [path for path in options.models if path.suffix.lower() != ".idsl"]
     if others:
         return complain(f"rcgen: {others[0]} is no .idsl file; --to is for interfaces")
@@ -182,16 +243,29 @@ def _export(options: argparse.Namespace) -> int:
     return FINE
 
 
-def _jobs(models: list[Path], include: list[Path], output: Path | None, middleware: str | None) -> list[_Job] | None:
+def _jobs(
+    models: list[Path],
+    include: list[Path],
+    output: Path | None,
+    middleware: str | None,
+    trace: unchanged.Trace,
+    progress: Progress,
+) -> list[_Job] | None:
     """What is to be generated; None if a model is wrong, which has been said then."""
-    workspace = Workspace(include)
-    paths = _components(models, workspace)
-    found = [(path, workspace.component(path)) for path in paths]
+    from ..codegen.generate import GenerationError, Model, generate
+    from ..deploy.routes import generated_for
+    from ..dsl.workspace import Workspace
+
+    workspace = Workspace(include, trace.read)
+    progress.show("reading")
+    paths = _components(models, workspace, trace)
+    found = [(path, workspace.component(path)) for path in progress.over(paths, "components read")]
     show(workspace.report.diagnostics)
     if workspace.report.errors:
         return None
+    trace.is_steady &= not workspace.report.diagnostics  # a warning is repeated in the next run
     jobs: dict[Path, _Job] = {}
-    for path, linked in found:
+    for path, linked in progress.over(found, "components generated"):
         assert linked is not None, "there was no error"
         root = output or path.parent
         if root.resolve() in jobs:
@@ -208,12 +282,14 @@ def _jobs(models: list[Path], include: list[Path], output: Path | None, middlewa
         if loader := plugins.worker_loader(root):
             adopted = loader.adopted(linked, root, workspace, chosen)
             artifacts = tuple(each for each in artifacts if _serves_adopted(each))
-        jobs[root.resolve()] = _Job(model, root, artifacts, as_before, linked, adopted)
+        jobs[root.resolve()] = _Job(model, root, artifacts, as_before, linked, trace, adopted)
     return list(jobs.values())
 
 
 def _not_configured_yet(artifacts: tuple[Artifact, ...], root: Path) -> tuple[Artifact, ...]:
     """The artifacts without a configuration, if the folder has one in another form, which goes on to count."""
+    from ..runtime import settings
+
     ours = root / "etc" / "config.toml"
     if settings.find(root) in (None, ours):
         return artifacts
@@ -222,15 +298,20 @@ def _not_configured_yet(artifacts: tuple[Artifact, ...], root: Path) -> tuple[Ar
 
 def _serves_adopted(artifact: Artifact) -> bool:
     """Whether an artifact is written for a component that has its own specific part."""
+    from ..codegen.generate import Owner
+
     return artifact.owner is Owner.GENERATOR or artifact.path == PurePosixPath("etc/config.toml")
 
 
-def _components(models: list[Path], workspace: Workspace) -> list[Path]:
+def _components(models: list[Path], workspace: Workspace, trace: unchanged.Trace) -> list[Path]:
     """The CDSL files meant: those given, and those of the networks given."""
+    from ..codegen.generate import GenerationError
+
     found: list[Path] = []
     for path in models:
         match path.suffix.lower():
             case _ if path.is_dir():
+                trace.note_models_in(path)
                 found.append(_model_in(path))
             case ".cdsl":
                 found.append(path)
@@ -245,6 +326,8 @@ def _components(models: list[Path], workspace: Workspace) -> list[Path]:
 
 def _model_in(folder: Path) -> Path:
     """The CDSL file of a component's folder."""
+    from ..codegen.generate import GenerationError
+
     found = sorted(folder.glob("*.cdsl"))
     found = [each for each in found if len(found) == 1 or each.stem.lower() == folder.resolve().name.lower()] or found
     if len(found) != 1:
@@ -270,6 +353,8 @@ _NEEDED = ("jinja2", "lark", "msgpack", "numpy", "pytest", "rich", "robocomp_py"
 
 def _library(root: Path) -> str:
     """What is wrong with the name of a component's folder, if it is that of something that is imported by name."""
+    from ..transports.deployment import deployments
+
     name = root.resolve().name
     needed = {*_NEEDED, *(module for each in deployments().values() for module, _ in each.modules)}
     if name not in needed | sys.stdlib_module_names:
@@ -278,7 +363,10 @@ def _library(root: Path) -> str:
     return f"{root} is called like {whose}: what is started beside it would import this folder instead"
 
 
-def _check(jobs: list[_Job]) -> int:
+def _check(jobs: list[_Job], progress: Progress) -> int:
+    from ..codegen.write import compare
+
+    progress.erase()
     code = _say([line for job in jobs for line in compare(job.artifacts, job.root).lines(job.root)])
     found = [each for job in jobs for each in job.complaints]
     show(found)
@@ -294,58 +382,105 @@ def _say(lines: list[str]) -> int:
 
 def _amended(jobs: list[_Job]) -> dict[Path, bytes]:
     """The specific parts that lack methods, with stubs for these methods."""
+    from ..codegen.stubs import find_stubs, with_stubs
+    from ..usercode.reading import FILE
+
     found = {}
     for job in jobs:
-        stubs = find_stubs(job.root, job.model, read_file)
+        stubs = find_stubs(job.root, job.model, job.trace.read)
         if stubs.missing:
-            found[job.root / FILE] = with_stubs(job.root, stubs, read_file)
+            found[job.root / FILE] = with_stubs(job.root, stubs, job.trace.read)
     return found
 
 
 def _amend(path: Path, text: bytes) -> None:
+    from ..codegen.generate import GenerationError
+    from .replacing import replace_file
+
     try:
         replace_file(path, text)
     except OSError as exc:
         raise GenerationError(f"{path}: {exc.strerror}; it is as it was, and all else is generated") from exc
 
 
-def _tell(jobs: list[_Job], changed: list[Changes], amended: Collection[Path]) -> int:
+def _tell(jobs: list[_Job], changed: list[Changes], amended: Collection[Path]) -> bool:
+    """Print what was done, and what is wrong with specific parts; whether nothing is."""
+    from ..usercode.check import as_warnings
+    from ..usercode.reading import FILE
+
+    is_fine = True
     for job, changes in zip(jobs, changed, strict=True):
         done = [f"{len(changes.written)} written"] if changes.written else []
         done += [f"{len(changes.removed)} removed"] if changes.removed else []
-        chosen = f"{job.model.middleware}{', as before' if job.is_as_before else ''}"
-        print(f"{job.model.component.name}: {', '.join(done) or 'up to date'} in {job.root}/ ({chosen})")
+        print(_line(job.model.component.name, ", ".join(done), job.root, job.model.middleware, job.is_as_before))
         if job.root / FILE in amended:
             print(f"{job.root / FILE}: stubs of what it lacked are at the end of its class")
         if job.adopted is None:
             sys.stdout.flush()
-            show(as_warnings(job.complaints))
-            _announce_stubs(job)
+            found = as_warnings(job.complaints)
+            show(found)
+            is_fine &= not _announce_stubs(job) and not found
         else:
             print()
             print("\n".join(job.adopted.lines()))
-    return FINE
+    return is_fine
 
 
-def _tell_as_json(jobs: list[_Job], changed: list[Changes]) -> int:
+def _line(name: str, done: str, root: Path | str, middleware: str, is_as_before: bool) -> str:
+    return f"{name}: {done or 'up to date'} in {root}/ ({middleware}{', as before' if is_as_before else ''})"
+
+
+def _tell_as_json(jobs: list[_Job], changed: list[Changes], amended: Collection[Path]) -> bool:
+    """The same for machines."""
+    from ..usercode.check import as_warnings
+
+    is_fine = True
     for job, changes in zip(jobs, changed, strict=True):
-        found = {
-            "component": job.model.component.name,
-            "folder": str(job.root),
+        report = job.adopted.to_json() if job.adopted else []
+        found = as_warnings(job.complaints)
+        said = _as_json(job.model.component.name, job.root) | {
             "written": changes.written,
             "removed": changes.removed,
             "existing": job.adopted is not None,
-            "report": job.adopted.to_json() if job.adopted else [],
-            "diagnostics": [each.to_json() for each in as_warnings(job.complaints)],
+            "report": report,
+            "diagnostics": [each.to_json() for each in found],
         }
-        print(json.dumps(found))
+        print(json.dumps(said))
+        is_fine &= not found and _fits(job)
+    return is_fine
+
+
+def _as_json(name: str, root: Path | str) -> dict[str, Any]:
+    """What is said of a component that is up to date."""
+    said = {"component": name, "folder": str(root), "written": [], "removed": []}
+    return said | {"existing": False, "report": [], "diagnostics": []}
+
+
+def _fits(job: _Job) -> bool:
+    """Whether there is nothing to add to a specific part, or to change in it."""
+    from ..codegen.stubs import find_stubs
+
+    stubs = find_stubs(job.root, job.model, job.trace.read)
+    return not (stubs.missing or stubs.unfit or stubs.gone)
+
+
+def _tell_unchanged(components: Sequence[unchanged.Component], options: argparse.Namespace) -> int:
+    """Print that components are up to date."""
+    for each in components:
+        if options.json:
+            print(json.dumps(_as_json(each.name, each.root)))
+        elif not options.check:
+            as_before = not options.middleware and each.middleware != AUTO
+            print(_line(each.name, "", each.root, each.middleware, as_before))
     return FINE
 
 
-def _announce_stubs(job: _Job) -> None:
-    """Say which methods the specific part has to add or change, and how they begin."""
+def _announce_stubs(job: _Job) -> bool:
+    """Say which methods the specific part has to add or change, and how they begin; whether there are any."""
+    from ..codegen.stubs import find_stubs
+
     path = job.root / "specificworker.py"
-    stubs = find_stubs(job.root, job.model, read_file)
+    stubs = find_stubs(job.root, job.model, job.trace.read)
     if stubs.missing:
         print(f"\n{path} lacks {', '.join(stubs.missing)}; run `{job.command}`, or add to SpecificWorker:\n")
         if stubs.imports:
@@ -358,9 +493,15 @@ def _announce_stubs(job: _Job) -> None:
         print(f"\n{path} imports {', '.join(gone)} of generic/, where it is not generated any more; change that")
     for name, begins in stubs.unfit.items():
         print(f"\n{path}: {name} does not take what it is given; it must begin with:\n\n    {begins}")
+    return bool(stubs.missing or stubs.unfit or stubs.gone)
 
 
 def _new(name: str, root: Path, middleware: str | None) -> int:
+    from ..codegen.generate import Artifact, Model, Owner, generate, starter, starter_specifics
+    from ..codegen.write import remove_stale, write
+    from ..dsl.format import format_text
+    from ..dsl.workspace import Workspace, read_file
+
     if not _NAME.match(name):
         return complain(f"rcgen: {name!r} is no name for a component: letters, digits and single `_`, a letter first")
     if keyword.iskeyword(name.lower()):

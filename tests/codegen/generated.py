@@ -48,11 +48,11 @@ def copied(name: str, folder: Path) -> Path:
 
 
 def snapshot(folder: Path) -> dict[str, bytes]:
-    """Every file below a folder, by its path there; of a link, where it leads."""
+    """Every file below a folder, by its path there; of a link, where it leads. Caches are left out."""
     return {
         str(path.relative_to(folder)): str(path.readlink()).encode() if path.is_symlink() else path.read_bytes()
         for path in sorted(folder.rglob("*"))
-        if (path.is_symlink() or path.is_file()) and path.suffix != ".pyc"
+        if (path.is_symlink() or path.is_file()) and "__pycache__" not in path.parts
     }
 
 

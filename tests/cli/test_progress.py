@@ -1,0 +1,53 @@
+"""How far a command is: on a terminal only, and only if it takes long."""
+
+from __future__ import annotations
+
+import io
+from itertools import count
+
+from robocomp_py.cli.progress import Progress
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def shown(to: io.StringIO, seconds: float) -> list[str]:
+    """What is written while five items take so many seconds each."""
+    times = count()
+    with Progress("rcgen", to, lambda: next(times) * seconds) as progress:
+        assert list(progress.over("abcde", "components read")) == list("abcde")
+    return to.getvalue().split("\r\x1b[K")[1:]
+
+
+def test_progress_is_shown_from_one_second_on_and_erased_at_the_end() -> None:
+    assert shown(Terminal(), 0.4) == ["rcgen: components read: 2 of 5", "rcgen: components read: 3 of 5",
+                                      "rcgen: components read: 4 of 5", ""]  # fmt: skip
+
+
+def test_a_quick_command_shows_none() -> None:
+    assert shown(Terminal(), 0.15) == []
+
+
+def test_updates_are_not_more_frequent_than_anybody_can_read() -> None:
+    assert len(shown(Terminal(), 1.0)) == 6
+    times = iter([0.0, *(1 + n / 1000 for n in range(5))])
+    to = Terminal()
+    with Progress("rcgen", to, lambda: next(times)) as progress:
+        assert len(list(progress.over("abcde", "components read"))) == 5
+    assert to.getvalue() == "\r\x1b[Krcgen: components read: 0 of 5\r\x1b[K"
+
+
+def test_what_is_no_terminal_gets_none() -> None:
+    assert shown(io.StringIO(), 10.0) == []
+
+
+def test_an_error_erases_the_line_first() -> None:
+    to, times = Terminal(), count()
+    try:
+        with Progress("rcgen", to, lambda: next(times)) as progress:
+            progress.show("writing")
+            raise KeyError
+    except KeyError:
+        assert to.getvalue() == "\r\x1b[Krcgen: writing\r\x1b[K"
