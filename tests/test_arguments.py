@@ -52,7 +52,7 @@ WRONG: list[tuple[Main, list[str], str]] = [
     (rc, ["lint", "--against"], "rc lint: error: --against needs a value"),
     (rc, ["lint", "--json", "--sarif", "net.ddsl"], "rc lint: error: --sarif and --json exclude each other"),
     (rcdeploy, ["down", "net.ddsl", "--grace", "x"],
-     "rcdeploy down: error: --grace: `x` is no number of seconds; write it as 30 or 0.5"),
+     "rcdeploy down: error: --grace: `x` is not a number of seconds; write it as 30 or 0.5"),
     (rcdeploy, ["net.ddsl", "--until", "helo"],
      "rcdeploy: --until helo: unknown instance `helo`; did you mean `hello`?"),
     (rcdeploy, ["status", "--json=1"], "rcdeploy status: error: --json takes no value"),

@@ -65,13 +65,13 @@ def _explained(exc: Exception) -> int | None:
     """The exit code for what is no fault of the command, once it is said; None for everything else."""
     match exc:
         case FileNotFoundError() if not _is_somewhere():
-            return complain("the working directory is not there any more; change to one that is")
+            return complain("the working directory no longer exists; change to another one")
         case BrokenPipeError():
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains when it ends
             return WRONG
         case OSError(filename=None) if exc.errno in _FULL:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            return complain(f"what this prints cannot be written: {exc.strerror}")
+            return complain(f"cannot write the output: {exc.strerror}")
     return None
 
 
@@ -187,7 +187,7 @@ def add_include(to: argparse.ArgumentParser) -> None:
         default=[],
         type=folder,
         metavar="DIR",
-        help="folder in which imports are looked for, too; may be repeated",
+        help="additional folder to search for imports; may be repeated",
     )
 
 
@@ -206,7 +206,7 @@ def files_of(
         wrong: list[str] = []
         inside = list(_below(path, linked, wrong, also)) if path.is_dir() else [path]
         if not inside and not wrong:
-            wrong.append(f"{path}: no file of the languages is in this folder")
+            wrong.append(f"{path}: no model files in this folder")
         problems += wrong
         for each in inside:
             found.setdefault(os.path.abspath(each) if linked else os.path.realpath(each), each)

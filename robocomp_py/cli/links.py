@@ -23,7 +23,7 @@ HELP = "show what carries the messages of a network, link by link"
 _EXAMPLES = """\
 examples:
   rc links net.ddsl                            what `rcdeploy net.ddsl` would choose
-  rc links net.ddsl --middleware 'auto(dds)'   ... with DDS where nothing faster can be had
+  rc links net.ddsl --middleware 'auto(dds)'   ... with DDS where nothing faster is available
   rc links net.ddsl --json                     one link a line, for machines
 
 exit status: 0 fine, 1 the network is wrong, 2 usage

@@ -25,7 +25,7 @@ def network(text: str) -> Path:
 
     path = Path(text)
     if path.suffix.lower() in ENDINGS and path.suffix.lower() != ".ddsl":
-        raise argparse.ArgumentTypeError(f"`{text}` is no network; give it a file that begins a Deployment (.ddsl)")
+        raise argparse.ArgumentTypeError(f"`{text}` is not a network; give it a file that begins a Deployment (.ddsl)")
     return path
 
 

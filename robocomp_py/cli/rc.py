@@ -35,7 +35,7 @@ examples:
   rc rename Vault.idsl Vault.size count   rename something in models and in the code that uses it
   rc graph net.ddsl -o net.svg        draw a network, or a state machine
   rc links net.ddsl                   what carries the messages between its instances
-  rc host zenoh                       the router that components share, if nobody else runs it
+  rc host zenoh                       the router that components share, if nothing else runs it
   rc run components/wander            run a component until Ctrl-C
   rc run . --set component.period=0.02 --name left
   rc run camera + detector            ... several in one process

@@ -198,7 +198,9 @@ def _parser() -> argparse.ArgumentParser:
     add_include(made)
     made.add_argument("--check", action="store_true", help="write nothing; exit 1 and list what is out of date")
     made.add_argument("--stubs", action="store_true", help="append what specificworker.py lacks to its class")
-    made.add_argument("--json", action="store_true", help="what was written and found, one component a line")
+    made.add_argument(
+        "--json", action="store_true", help="print what was written and found as JSON, one component a line"
+    )
     made.add_argument("--new", metavar="NAME", help="write a commented starter component")
     languages = plugins.exporters()
     made.add_argument(
@@ -226,7 +228,7 @@ def _export(options: argparse.Namespace) -> int:
 
     others = [path for path in options.models if path.suffix.lower() != ".idsl"]
     if others:
-        return complain(f"rcgen: {others[0]} is no .idsl file; --to is for interfaces")
+        return complain(f"rcgen: {others[0]} is not an .idsl file; --to is for interfaces")
     workspace = Workspace(options.include)
     files = Files(tuple({each: None for path in options.models for each in workspace.interface_files(path)}))
     report = workspace.report
@@ -332,13 +334,13 @@ def _model_in(folder: Path) -> Path:
     found = [each for each in found if len(found) == 1 or each.stem.lower() == folder.resolve().name.lower()] or found
     if len(found) != 1:
         there = ", ".join(each.name for each in found) or "none"
-        raise GenerationError(f"{folder} should hold one .cdsl, and holds {there}; give rcgen the one that is meant")
+        raise GenerationError(f"{folder} should hold one .cdsl, but holds {there}; give rcgen the right file")
     return found[0]
 
 
 def _no_component(path: Path) -> str:
     hint = ", or write it in another language by --to" if path.suffix.lower() == ".idsl" else ""
-    return f"{path} is no component: give rcgen a .cdsl or .ddsl that uses it{hint}"
+    return f"{path} is not a component: give rcgen a .cdsl or .ddsl that uses it{hint}"
 
 
 def _unknown(middleware: str | None) -> str:
@@ -360,7 +362,7 @@ def _library(root: Path) -> str:
     if name not in needed | sys.stdlib_module_names:
         return ""
     whose = "a library that components need" if name in needed else "a module of Python"
-    return f"{root} is called like {whose}: what is started beside it would import this folder instead"
+    return f"{root} has the name of {whose}: programs started beside it would import this folder instead"
 
 
 def _check(jobs: list[_Job], progress: Progress) -> int:
@@ -400,7 +402,9 @@ def _amend(path: Path, text: bytes) -> None:
     try:
         replace_file(path, text)
     except OSError as exc:
-        raise GenerationError(f"{path}: {exc.strerror}; it is as it was, and all else is generated") from exc
+        raise GenerationError(
+            f"{path}: {exc.strerror}; the file was not changed, everything else was generated"
+        ) from exc
 
 
 def _tell(jobs: list[_Job], changed: list[Changes], amended: Collection[Path]) -> bool:
@@ -414,7 +418,7 @@ def _tell(jobs: list[_Job], changed: list[Changes], amended: Collection[Path]) -
         done += [f"{len(changes.removed)} removed"] if changes.removed else []
         print(_line(job.model.component.name, ", ".join(done), job.root, job.model.middleware, job.is_as_before))
         if job.root / FILE in amended:
-            print(f"{job.root / FILE}: stubs of what it lacked are at the end of its class")
+            print(f"{job.root / FILE}: stubs of the missing methods are at the end of its class")
         if job.adopted is None:
             sys.stdout.flush()
             found = as_warnings(job.complaints)
@@ -505,14 +509,14 @@ def _new(name: str, root: Path, middleware: str | None) -> int:
     if not _NAME.match(name):
         return complain(f"rcgen: {name!r} is no name for a component: letters, digits and single `_`, a letter first")
     if keyword.iskeyword(name.lower()):
-        return complain(f"rcgen: {name.lower()!r} is a word of Python; choose another name")
+        return complain(f"rcgen: {name.lower()!r} is a Python keyword; choose another name")
     library = _library(root)
     if library:
         return complain(f"rcgen: {library}; choose another name, or another folder by -o DIR")
     lower, name = name.lower(), "".join(word[:1].upper() + word[1:] for word in name.split("_"))
     remove_stale(root)
     if root.exists() and (not root.is_dir() or any(root.iterdir())):
-        return complain(f"rcgen: {root} exists and is no empty folder; nothing was written")
+        return complain(f"rcgen: {root} exists and is not an empty folder; nothing was written")
     models = {root / file: format_text(text, file.rpartition(".")[2]) for file, text in starter(name, lower).items()}
     cdsl = f"{lower}.cdsl"
     workspace = Workspace(read=lambda path: models[path].encode() if path in models else read_file(path))

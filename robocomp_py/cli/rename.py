@@ -105,7 +105,7 @@ def _around(file: Path) -> Path:
 
 def _agreed(number: int) -> bool:
     if not sys.stdin.isatty():
-        complain("rc rename: nothing was changed: nobody is there to be asked; say --yes")
+        complain("rc rename: nothing was changed: cannot ask, since stdin is not a terminal; use --yes")
         return False
     try:
         answer = input(f"Change {number} file{'' if number == 1 else 's'}? [y/N] ")

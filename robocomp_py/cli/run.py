@@ -18,7 +18,7 @@ HELP = "run a component"
 _EXAMPLES = """\
 examples:
   rc run .                                      until Ctrl-C
-  rc run components/wander --name left          ... under another name than its own
+  rc run components/wander --name left          ... with another instance name
   rc run . --set component.period=0.02          ... with another period than its configuration says
   rc run . --help                               which options and parameters this component has
   rc run camera + detector --name left          two components in one process, each with its own options
@@ -31,8 +31,8 @@ _COMPONENT_OPTIONS = (
     ("--name", "NAME", "name of this instance"),
     ("--middleware", "NAME", "what carries its messages"),
     ("--set", "KEY=VALUE", "set one key of the configuration; may be repeated"),
-    ("--keys", "FOLDER", "its keys for what crosses hosts"),
-    ("--grace", "SECONDS", "what it has to stop by itself, once told to (default: 5)"),
+    ("--keys", "FOLDER", "folder of its keys, for messages between hosts"),
+    ("--grace", "SECONDS", "time to stop by itself, once told to (default: 5)"),
 )
 """What a component takes that is followed by a value, which would be taken for DIR otherwise."""
 
@@ -51,7 +51,7 @@ def split(arguments: Sequence[str]) -> list[list[str]]:
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = "Run one component, in the foreground; rcdeploy runs networks of them.", _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
-    to.add_argument("folder", type=Path, metavar="DIR", nargs="?", help="the component's folder")
+    to.add_argument("folder", type=Path, metavar="DIR", nargs="?", help="the component's folder, or its .cdsl")
     for name, value, what in _COMPONENT_OPTIONS:
         to.add_argument(name, metavar=value, action="append", type=partial(_again, name), dest="passed", help=what)
     to.add_argument("-h", "--help", action="store_true", help="show the component's own options")

@@ -267,9 +267,9 @@ class Agent(Listener):
 
     async def _open(self, session: Session, message: Message) -> None:
         if not await self._is_free(message["controller"]):
-            raise DeploymentError(f"{message['network']} is run by somebody else there, who is still in touch")
+            raise DeploymentError(f"{message['network']} is run there by another controller, which is still connected")
         if self._ending:
-            raise DeploymentError(f"{message['network']} is just ending there; try again")
+            raise DeploymentError(f"{message['network']} is stopping there; try again")
         other = self._session  # an earlier connection of this controller
         stays = message["names"] if other or self._keep else ()
         self._session, session.controller = session, message["controller"]

@@ -64,7 +64,7 @@ def network_of(text: str) -> str:
         raise DeploymentError(f"{path} cannot be read: {exc.strerror}; give it a network (.ddsl)") from exc
     name = next((each[1] for each in found if each[1]), "")
     if not name:
-        raise DeploymentError(f"{path} is no network: there is no `Deployment` in it")
+        raise DeploymentError(f"{path} is not a network: it has no `Deployment`")
     return name
 
 
@@ -203,9 +203,8 @@ class Connection:
         return _snapshot(self.ask("status")["status"])
 
     def _stuck(self) -> str:
-        return (
-            f"who runs network `{self.network}`{self._process()} does not answer: it is stopped, or has too much to do"
-        )
+        runner = f"the process that runs network `{self.network}`{self._process()}"
+        return f"{runner} does not answer: it is suspended or overloaded"
 
     def _process(self) -> str:
         runner = Place(self.network).runner()
@@ -218,12 +217,12 @@ def _connect(place: Place, coming_s: float = _COMING_S) -> socket.socket:
         try:
             return connected(place.control, PATIENCE_S)
         except TimeoutError as exc:
-            raise Stuck(f"who runs network `{place.network}` does not answer") from exc
+            raise Stuck(f"the process that runs network `{place.network}` does not answer") from exc
         except OSError as exc:
             if place.runner() is None:
                 raise NotRunning(f"network `{place.network}` is not running on this machine") from exc
             if time.monotonic() > end:
-                raise NoSocket(f"network `{place.network}` is just being started, or is ending; try again") from exc
+                raise NoSocket(f"network `{place.network}` is starting or stopping; try again") from exc
         time.sleep(LOOK_S)
 
 
@@ -245,7 +244,7 @@ def _snapshot(found: Any) -> Snapshot:
 
 
 def _another_version() -> DeploymentError:
-    return DeploymentError("the network is run by another version of rcdeploy, which says other things")
+    return DeploymentError("the network is run by another version of rcdeploy, whose answers cannot be read")
 
 
 # What takes its time.
@@ -309,7 +308,7 @@ def down(connection: Connection, grace_s: float | None, tell: Callable[[int, int
             if processes:
                 tell(there, len(processes))
         if time.monotonic() > end:
-            raise Stuck(f"{there} processes of network `{connection.network}` have not ended for {patience_s:g} s")
+            raise Stuck(f"{there} processes of network `{connection.network}` have not ended after {patience_s:g} s")
         time.sleep(LOOK_S)
 
 

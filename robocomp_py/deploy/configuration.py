@@ -41,7 +41,7 @@ def check_configuration(path: Path, workspace: Workspace, against: Path | None =
     if source is None:
         return
     if model is None:
-        message = "nothing says for which component this is; give its .cdsl or .pdsl by --against"
+        message = "the component of this configuration is unknown; give its .cdsl or .pdsl by --against"
         workspace.report.error("config-without-model", message, source.span(0, 0))
         return
     component = _component(model, workspace)

@@ -121,15 +121,15 @@ def generated_contracts(plan: Mapping[str, Any]) -> dict[str, Operations]:
 def sentences(network: str, severed: Iterable[Severed], outdated: Mapping[str, Sequence[str]]) -> list[str]:
     """The sentences about them; `network` is the network as the user names it."""
     told = [
-        f"{each.client} uses `{each.interface}` of {each.provider}, and they have different contracts of it: "
-        "they do not understand each other"
+        f"{each.client} uses `{each.interface}` of {each.provider}, but they have different contracts of it: "
+        "calls between them fail"
         for each in severed
     ]
     for name, interfaces in outdated.items():
         said = ", ".join(f"`{each}`" for each in interfaces)
-        told.append(f"{name} runs an older contract of {said} than is generated now")
+        told.append(f"{name} runs an older contract of {said} than the generated one")
     if outdated:
-        told.append(f"to start again with the new contract: rcdeploy restart {shlex.join((network, *outdated))}")
+        told.append(f"to restart with the new contract: rcdeploy restart {shlex.join((network, *outdated))}")
     return told
 
 

@@ -117,7 +117,7 @@ class Control:
                 reader, writer = await asyncio.open_unix_connection(sock=accepted, limit=LINE)
             except OSError as exc:
                 if not complained:
-                    log.warning("rcdeploy cannot be asked now: %s; trying again", exc.strerror)
+                    log.warning("the control socket cannot accept clients: %s; trying again", exc.strerror)
                 complained = True
                 await asyncio.sleep(_SCARCE_S)
                 continue
@@ -184,7 +184,7 @@ class Control:
                 self._network.ask(RestartRequested(request.names))
                 await client.send({"accepted": True})
             case "down":
-                self._network.ask(StopRequested(grace=request.grace, why="asked to by rcdeploy down"))
+                self._network.ask(StopRequested(grace=request.grace, why="requested by rcdeploy down"))
                 await client.send({"accepted": True})
             case "logs":
                 await self._tell_lines(request, client)

@@ -121,7 +121,7 @@ def troubles(
     for name, what in owners:
         found = _certificate(folder / name / "certificate.pem")
         if found and not _is_signed(folder, name):
-            errors.append(f"the certificate of `{what}` is not of the authority in {folder / 'ca'}; {again}")
+            errors.append(f"the certificate of `{what}` was not issued by the authority in {folder / 'ca'}; {again}")
         elif found is None:
             errors.append(f"there is no certificate of `{what}` in {folder / name}; {again}")
         elif found.expires <= now:
@@ -193,7 +193,7 @@ class _Maker:
         """Somebody's work is not closed to others, or hidden from git."""
         there = {path.name for path in self._folder.iterdir()} if self._folder.is_dir() else set()
         if there - {".gitignore"} and "ca" not in there:
-            raise DeploymentError(f"keys: {self._folder} has other files in it; name a folder for the keys alone")
+            raise DeploymentError(f"keys: {self._folder} contains other files; choose a folder for the keys alone")
 
     def _check_names(self) -> None:
         folders = [each.folder for each in self._graph.principals]
@@ -201,7 +201,7 @@ class _Maker:
             (name for name in folders if folders.count(name) > 1 or name == "ca" or name[:1] in ("", ".")), None
         )
         if clash:
-            raise DeploymentError(f"keys: `{clash}` is no name for a process with keys of its own; call it otherwise")
+            raise DeploymentError(f"keys: `{clash}` cannot be the name of a process with keys; rename it")
 
     def _authority(self) -> tuple[Issued, Made]:
         folder = self._folder / "ca"
@@ -277,7 +277,7 @@ class _Maker:
             is_ours = (folder / "certificate.pem").is_file() and (folder / "key.pem").is_file()
             if folder.name not in wanted and folder.is_dir() and not folder.is_symlink() and is_ours:
                 shutil.rmtree(folder)
-                yield Made(f"{folder.name} removed: it is no part of the network any more", True, None)
+                yield Made(f"{folder.name} removed: it is no longer part of the network", True, None)
 
 
 def permissions(graph: Graph, public_keys: Mapping[str, bytes]) -> dict[str, dict[str, bytes]]:

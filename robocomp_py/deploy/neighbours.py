@@ -22,8 +22,8 @@ def warnings(plan: Plan) -> list[str]:
         if other != plan.name and same:
             which = " and ".join(f"{each[0]} to {each[-1]}" for each in same)
             found.append(
-                f"{other} runs here, and its name gives it the same ports between hosts as {plan.name}: {which}; "
-                "if one of them cannot listen there, call the network otherwise"
+                f"{other} also runs here, and its name yields the same ports between hosts as {plan.name}: {which}; "
+                "if one of them cannot listen there, rename the network"
             )
     return found
 

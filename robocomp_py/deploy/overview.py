@@ -68,7 +68,7 @@ def _host(host: Host) -> Line:
     user = f"{host.user}@" if host.user else ""
     port = f":{host.port}" if host.port else ""
     where = f", in {host.workdir}" if host.workdir else ""
-    keep = ", goes on when the controller is lost" if host.keep else ""
+    keep = ", keeps running when the controller is lost" if host.keep else ""
     return [(f"host {host.name}", "bold"), (f": {user}{host.address}{port}, {host.python}{where}{keep}", "")]
 
 

@@ -218,7 +218,7 @@ class Place:
         who = f"process {runner.pid}" if runner and runner.pid else "another process"
         how = f" ({runner.command})" if runner and runner.command else ""
         end = f"rcdeploy down {self.network}" + (f", or kill {runner.pid}" if runner and runner.pid else "")
-        return f"{self.network} runs already: {who}{how}; to end it: {end}"
+        return f"{self.network} is already running: {who}{how}; to end it: {end}"
 
 
 def running(deployments: Path, look: Callable[[Mapping[str, Any]], M]) -> Iterator[tuple[str, M]]:

@@ -185,7 +185,7 @@ class _Planner:
         for name, assignment in self._overrides.settings:
             origin = Source(Path(f"--set {name}.{assignment}"), "", has_places=False).span(0, 0)
             if name in own_programs:
-                message = f"`{name}` is a program of your own, which is not configured from here"
+                message = f"`{name}` is your own program; its configuration cannot be set here"
                 place = ("it is this one", own_programs[name].span)
                 self._report.error("configuration", message, origin, "give it `args` or `env`", place)
             elif name != "*" and name not in self._instances:
@@ -209,7 +209,7 @@ class _Planner:
                 self._error("not-executable", f"{file} is not executable", name)
         for argument in instance.args if not instance.program else ():
             if argument.text == BETWEEN:
-                message = f"`{BETWEEN}` stands between two components of one process, and is no argument of one"
+                message = f"`{BETWEEN}` separates the components of one process and cannot be an argument"
                 self._error("configuration", message, argument, "call it otherwise, or set a parameter")
         command, here = instance.existing, not placing.host_name(self._model, instance)
         words = placing.existing_command(command.text) if command else []
@@ -459,7 +459,7 @@ class _Planner:
             for name in own:
                 settings.settle(theirs, node.component, name)
         except ConfigurationError as exc:
-            self._error("configuration", f"`{node.name}` is configured wrongly: {exc}", node.place())
+            self._error("configuration", f"`{node.name}` has a wrong configuration: {exc}", node.place())
             return
         transports = theirs.data.get("transports", {})
         if said := {name: transports[name] for name in own if transports.get(name)}:
@@ -490,7 +490,7 @@ class _Planner:
         except ConfigurationError as exc:
             origin, _, message = str(exc).partition(": ")
             if not self._blames(origin, "configuration", message, "", node):
-                self._error("configuration", f"`{node.name}` is configured wrongly: {exc}", at)
+                self._error("configuration", f"`{node.name}` has a wrong configuration: {exc}", at)
             return
         checked, complaints = settings.examine(node.component, document, node.instance.local)
         for each in complaints:
@@ -668,7 +668,7 @@ class _Planner:
                 f"`{each.waiting}` would never start: `{each.name}` is not ready before that, "
                 f"since `{what.client}` requires `{what.interface}` of `{what.provider}`"
             )
-            hint = "components find each other in whatever order they start: leave this out"
+            hint = "components find each other in any starting order: leave this out"
             self._error("dependence-cycle", message, each.name, hint)
 
     def _requirements(self) -> Iterator[Requirement]:
@@ -726,7 +726,7 @@ def _complaint(node: Node, config: Path | None, document: Document, complaint: C
     if config and not origin:
         source = Source(config, document.text)
         return Diagnostic(complaint.code, complaint.message, span_of(source, document, complaint))
-    message = f"`{node.name}` is configured wrongly: {f'{origin}: ' if origin else ''}{complaint.message}"
+    message = f"`{node.name}` has a wrong configuration: {f'{origin}: ' if origin else ''}{complaint.message}"
     return Diagnostic(complaint.code, message, node.place().span)
 
 

@@ -438,7 +438,7 @@ class Supervisor:
         if self._is_mission(each):
             self._stop(f"{self._until} has ended")
         elif not self.up and (each.state is State.FAILED or self._is_missed(each)):
-            self._stop(f"{each.child.name} is gone before everything was ready", FAILED)
+            self._stop(f"{each.child.name} ended before all components were ready", FAILED)
         elif is_given_up:
             self._drop_with(each)
 
@@ -448,7 +448,7 @@ class Supervisor:
         if instance == self._until:
             self._stop(f"{instance} has ended")
         elif not self.up and self._is_needed({instance}):
-            self._stop(f"{instance} is gone before everything was ready", FAILED)
+            self._stop(f"{instance} ended before all components were ready", FAILED)
 
     def _requested(self, code: int, grace: float | None, why: str) -> None:
         self._grace = grace if grace is not None else self._grace
@@ -494,7 +494,7 @@ class Supervisor:
                 self._restart_along(each, self._now)
         for each in here:
             if each not in wanted and (self._is_mission(each) or not self.up):
-                return self._stop(f"{each.child.name} is gone with its host {host}", UNREACHABLE)
+                return self._stop(f"{each.child.name} was lost with its host {host}", UNREACHABLE)
 
     def _is_back_later(self, each: Progress) -> bool:
         """Whether a process that was lost with its host is to run there again."""
@@ -582,9 +582,9 @@ class Supervisor:
                 break
             path = path[:-1]
         if len(those) == len(self.progress) > 1:
-            return self._stop(f"nothing is of use without {given_up.child.name}", FAILED)
+            return self._stop(f"every component depends on {given_up.child.name}", FAILED)
         if any(self._is_mission(each) for each in those):
-            return self._stop(f"{self._until} is of no use without {given_up.child.name}", FAILED)
+            return self._stop(f"{self._until} depends on the failed {given_up.child.name}", FAILED)
         dropped = [each for each in those if each.state not in (State.ENDED, State.FAILED)]
         for each in dropped:
             each.is_dropped = True

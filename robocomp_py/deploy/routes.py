@@ -210,8 +210,8 @@ def stays_inside(middleware: str) -> bool:
 
 def unshared(middleware: str, instance: str) -> Fault:
     """An instance that has a process of its own with a middleware that stays inside of it."""
-    message = f"`{middleware}` does not reach other processes, and `{instance}` shares its own with nobody"
-    return Fault("unfit-middleware", message, "put it and those it talks to into one: process NAME;", instance)
+    message = f"`{middleware}` does not reach other processes, and `{instance}` is alone in its own"
+    return Fault("unfit-middleware", message, "put it and its peers into one process: process NAME;", instance)
 
 
 class Everybody:

@@ -206,7 +206,7 @@ class _Run(Listener, Network):
             if isinstance(event, StopRequested):
                 self._display.stopping(event.why)
                 return event.code
-        raise AssertionError("somebody asked to stop")
+        raise AssertionError("a stop was requested")
 
     def _failed_early(self, errors: Sequence[BaseException]) -> int | None:
         code = None
@@ -326,7 +326,7 @@ class _Run(Listener, Network):
 
     def ask(self, event: RestartRequested | StopRequested) -> None:
         if self._events.qsize() > REQUESTS:
-            raise DeploymentError(f"{self._plan.name} has too much to do just now; try again")
+            raise DeploymentError(f"{self._plan.name} is overloaded; try again")
         if isinstance(event, RestartRequested):
             self._check(event)
         else:
@@ -335,7 +335,7 @@ class _Run(Listener, Network):
 
     def _check(self, request: RestartRequested) -> None:
         if self._stop_asked.is_set() or self._supervisor.stopping:
-            raise DeploymentError(f"{self._plan.name} is stopping: nothing is started any more")
+            raise DeploymentError(f"{self._plan.name} is stopping: nothing can be started")
         for name in request.names:
             found = self._supervisor.find(name)
             if not found:
@@ -343,7 +343,7 @@ class _Run(Listener, Network):
                 raise DeploymentError(f"{self._plan.name} has no `{name}`; there are: {known}")
             for each in found:
                 if self._supervisor.progress[each].is_stuck:
-                    raise DeploymentError(f"{each} cannot be started: it was killed, and is still there")
+                    raise DeploymentError(f"{each} cannot be started: it was killed but has not ended")
 
     # What agents tell.
 

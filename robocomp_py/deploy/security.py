@@ -30,7 +30,7 @@ from .process import Process
 from .routes import Configured
 
 _SAY_OPEN = "write `security open;`"
-_SAY = "write `security lan;` and make keys by `rcdeploy keys`, or `security open;` if everybody may take part"
+_SAY = "write `security lan;` and make keys by `rcdeploy keys`, or `security open;` if any machine may take part"
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def faults(security: Security, openings: Sequence[Opening], ways: Sequence[Way])
                 continue
             if security is Security.LOCAL:
                 message = f"{where}, which `security local` does not allow: {_BEYOND}"
-                instead = f"stay on this machine, or use {_protected()}, or {_SAY_OPEN} if everybody may take part"
+                instead = f"stay on this machine, or use {_protected()}, or {_SAY_OPEN} if any machine may take part"
                 yield Fault("insecure", message, instead if deployment.unprotected else _SAY, opening.instance)
             elif security is Security.LAN and reached.unencrypted:
                 yield Fault("insecure", f"{where}, which is not encrypted", reached.unencrypted, opening.instance)
@@ -126,15 +126,15 @@ def _listed(instances: Sequence[str]) -> str:
     return " and ".join(filter(None, (", ".join(said[:-1]), said[-1])))
 
 
-_BEYOND = "other machines reach it, and it would know nobody"
+_BEYOND = "other machines can reach it, and it has no keys to authenticate them"
 
 
 def why_not(plan: Plan, *, insecure: bool) -> str:
     """Why a network is not started as it is; "" if it may be. `insecure`: whether the command line says so."""
     if plan.security is Security.OPEN and not insecure:
         return (
-            f"{plan.name} has `security open;`: whoever reaches its machines may listen and command; "
-            "say --insecure as well if that is meant, or write `security lan;`"
+            f"{plan.name} has `security open;`: any program that reaches its machines can listen and send commands; "
+            "add --insecure if that is intended, or write `security lan;`"
         )
     return ""
 
@@ -144,7 +144,7 @@ def warning(plan: Plan) -> str:
     if plan.security is Security.OPEN:
         return (
             f"{plan.name} runs WITHOUT SECURITY (`security open;`): no authentication, no encryption; "
-            "whoever reaches its machines may listen and command"
+            "any program that reaches its machines can listen and send commands"
         )
     return ""
 

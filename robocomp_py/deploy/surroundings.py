@@ -50,8 +50,8 @@ def _taken_names(plan: Plan) -> Iterator[str]:
         for claim, name in ours.items():
             if claim in theirs and other != plan.name:
                 yield (
-                    f"`{name}` runs already in the network {other}, where it is called the same and reached over the "
-                    f"same middleware; rename the instance, write `namespace {plan.name.lower()};` into one of the "
+                    f"`{name}` is already running in the network {other}, with the same name and middleware; "
+                    f"rename the instance, write `namespace {plan.name.lower()};` into one of the "
                     f"networks, or stop that one: rcdeploy down {shlex.quote(other)}"
                 )
                 break

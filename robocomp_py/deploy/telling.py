@@ -104,7 +104,7 @@ class Teller:
                 if before[name] is State.STARTING and self._supervisor.progress[name].starts > 1:
                     self._display.tell(f"{name} is ready again")
             case Hung(name):
-                self._display.tell(f"{name} does not answer its watchdog, and is ended for that")
+                self._display.tell(f"{name} does not answer its watchdog and is being ended")
             case Lost(host, why):
                 self._tell_lost(host, why, [name for name, state in before.items() if self._is_at(host, name, state)])
             case Back(host):
@@ -114,7 +114,7 @@ class Teller:
                     self._display.stopping("killing what is left")
             case RestartRequested(names):
                 if not was_stopping:
-                    self._display.tell(f"asked to start {', '.join(names)} again")
+                    self._display.tell(f"restart of {', '.join(names)} requested")
             case Tick():
                 pass
 
@@ -134,7 +134,7 @@ class Teller:
                     self.how |= dict.fromkeys(names, reason)
                 self._display.tell(f"{', '.join(names)} {verb} {reason}")
             case Stuck(name):
-                self._display.tell(f"{name} has been killed, and is still there; end it by hand")
+                self._display.tell(f"{name} was killed but has not ended; end it by hand")
             case _:
                 pass  # it is seen, or was told with how somebody ended
 

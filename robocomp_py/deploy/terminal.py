@@ -101,7 +101,10 @@ class Output:
         self._works = False
         discard(self._stream)
         with contextlib.suppress(OSError):
-            print(f"rcdeploy: output is lost from here on, the network goes on: {exc.strerror}", file=self._complaints)
+            print(
+                f"rcdeploy: output is lost from here on; the network keeps running: {exc.strerror}",
+                file=self._complaints,
+            )
 
 
 def discard(stream: TextIO) -> None:
@@ -144,7 +147,10 @@ class Terminal(Display):
             if self._logs:
                 self._place.leave_run(Run(self._logs.folder, self._logs.began))
         except OSError as exc:
-            self._say(f"nobody can ask how this network is: {self._place.folder}: {exc.strerror}", "yellow")
+            self._say(
+                f"rcdeploy status, logs and down cannot reach this network: {self._place.folder}: {exc.strerror}",
+                "yellow",
+            )
         if self._console.is_terminal:
             self._live = _Live(network, self._console, self._rule, self._colours)
             self._live.begin()
@@ -187,7 +193,9 @@ class Terminal(Display):
             whole = "the component" if number == 1 else f"all {number} components"
             self._say(f"{whole} of {self._plan.name} {'is' if number == 1 else 'are'} ready", "bold green")
         else:
-            self._say(f"{ready} of {number} components of {self._plan.name} are ready, the others done", "bold green")
+            self._say(
+                f"{ready} of {number} components of {self._plan.name} are ready, the others have finished", "bold green"
+            )
         if self._leave:
             self._end_live()
             self._shown = False

@@ -144,7 +144,7 @@ class _Wirer:
             offers = self._nearest(port)
         if not offers:
             if not (self.is_outside and self.is_outside(node, port)):
-                self._report_nobody(port)
+                self._report_no_provider(port)
             return
         providers = {other.name: other for other, _ in offers}
         if len(providers) > 1 and port.verb is Verb.REQUIRES:
@@ -177,19 +177,19 @@ class _Wirer:
         said = ", ".join(f"`{name}`" for name in providers)
         likely = list(providers)[min(int(port.number or 0), len(providers) - 1)]
         hint = f"write in its block: requires {port.label} from {likely};"
-        message = f"`{port.label}` for `{self.node.name}`: {said} implement it"
-        ones = [("one is here", other.instance.name) for other in providers.values()]
+        message = f"several instances implement `{port.label}` for `{self.node.name}`: {said}"
+        ones = [("one of them", other.instance.name) for other in providers.values()]
         self._error("ambiguous-provider", message, self.node.instance.name, hint, *ones)
 
-    def _report_nobody(self, port: Port) -> None:
+    def _report_no_provider(self, port: Port) -> None:
         if not self.complete:
             return  # an instance that could not be read may provide it
         node = self.node
         if port.verb is Verb.REQUIRES:
-            message = f"`{node.name}` requires `{port.interface.short}`, which nobody implements"
+            message = f"`{node.name}` requires `{port.interface.short}`, which no component implements"
             self._error("nobody-provides", message, node.instance.name, self._instance_to_add(port))
         else:
-            message = f"`{node.name}` subscribes to `{port.interface.short}`, which nobody publishes"
+            message = f"`{node.name}` subscribes to `{port.interface.short}`, which no component publishes"
             self.report.warning("nobody-publishes", message, node.instance.name.span, self._instance_to_add(port))
 
     def _instance_to_add(self, port: Port) -> str:
@@ -203,8 +203,8 @@ class _Wirer:
         for operation, _ in port.interface.under(port.verb):
             match = offered.get(operation.name)
             if match is None or match.fingerprint != operation.fingerprint:
-                what = "; ".join(differences(operation.text, match.text)) if match else "it is absent there"
-                message = f"`{port.interface.short}.{operation.name}` means something else in `{other.name}`: {what}"
+                what = "; ".join(differences(operation.text, match.text)) if match else "it is missing there"
+                message = f"`{port.interface.short}.{operation.name}` is different in `{other.name}`: {what}"
                 hint = "generate both from the same IDSL"
                 self._error("contract-mismatch", message, at, hint, ("the other one", other.instance.name))
                 return
@@ -230,7 +230,7 @@ def read_qos(node: Node, report: Report) -> None:
     """What the network says of the QoS of an instance; what is wrong with it goes into the report."""
     for quality in node.instance.qos:
         if node.instance.program:
-            message = f"`{node.name}` is a program of your own, whose QoS is not set from here"
+            message = f"`{node.name}` is your own program; its QoS cannot be set here"
             report.error("configuration", message, quality.port.span, "remove it")
         elif port := _port_of(node, quality, report):
             node.qos[port.name] = quality
@@ -251,7 +251,7 @@ def _port_of(node: Node, quality: Quality, report: Report) -> Port | None:
         message = f"`{node.component.name}` publishes and subscribes to `{at}`"
         report.error("ambiguous-port", message, at.span, f"write {ways}")
     elif at.text in calls and not quality.verb:
-        report.error("qos-of-calls", "only what is published or subscribed to has a QoS", at.span)
+        report.error("qos-of-calls", "only publications and subscriptions have a QoS", at.span)
     else:
         what = " or ".join(f"`{verb} {at}`" for verb in verbs)
         labels = dict.fromkeys(port.label for port in there)

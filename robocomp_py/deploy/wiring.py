@@ -75,7 +75,7 @@ def _shared_ports(network: Network, helpers: Sequence[Helper]) -> Iterator[Fault
         if other is not helper:
             way = next(way for way in network.over(helper.middleware).crossing())
             both = f"`{other.middleware}` and `{helper.middleware}`"
-            message = f"{both} each need a helper {named(helper.host or '')}, and there is a port for one of them"
+            message = f"{both} each need a helper {named(helper.host or '')}, but there is a port for only one of them"
             yield Fault("unfit-middleware", message, "use one of them between hosts", way.client, other=way.provider)
 
 

@@ -8,6 +8,7 @@ import importlib.util
 import inspect
 import os
 import re
+import shlex
 import sys
 from pathlib import Path
 from typing import Any
@@ -26,10 +27,13 @@ def load_worker(folder: Path, *, afresh: bool = False, alone: bool = False) -> t
 
     The folder is imported as a package under its own name, so that its files can import each other. With `afresh`, it
     is imported again, so that two instances share no module variables. A component written for another framework is
-    loaded by a plug-in, which is given `alone`. Raises ComponentError if there is no such class, or if an import fails.
+    loaded by a plug-in, which is given `alone`. The component's .cdsl file stands for its folder. Raises ComponentError
+    if there is no such class, or if an import fails.
     """
     if not os.path.exists(folder):  # not Path.exists, which raises if a name is too long
         raise ComponentError(_missing(folder))
+    if folder.is_file():
+        folder = _folder_of(folder)
     folder = folder.resolve()
     loader = plugins.worker_loader(folder)
     if not (folder / "generic" / "genericworker.py").is_file():
@@ -57,8 +61,16 @@ def _missing(folder: Path) -> str:
     return f"there is no folder {folder}" + (f"; did you mean `{folder.with_name(near)}`?" if near else "")
 
 
+def _folder_of(file: Path) -> Path:
+    if file.suffix.lower() != ".cdsl":
+        raise ComponentError(f"{file} is a file, not a component; give the component's folder or its .cdsl")
+    return file.parent
+
+
 def _not_generated(folder: Path, lacking: str) -> str:
-    return f"{folder} is not a generated component: it has no {lacking}; run rcgen on its .cdsl"
+    models = sorted(folder.glob("*.cdsl"))
+    remedy = f"run: rcgen {shlex.quote(str(models[0]))}" if len(models) == 1 else "run rcgen on its .cdsl"
+    return f"{folder} is not a generated component: it has no {lacking}; {remedy}"
 
 
 def _is_taken(name: str, folder: Path) -> bool:

@@ -72,13 +72,13 @@ def test_it_is_told_who_runs_an_older_contract_and_what_to_start_again_together(
 
     code, said = ask(capsys, "status", network)
     assert code == 0, "all of them still understand each other"
-    assert "east runs an older contract of `Readings` than is generated now" in said
-    assert "eyes runs an older contract of `Readings` than is generated now" in said
+    assert "east runs an older contract of `Readings` than the generated one" in said
+    assert "eyes runs an older contract of `Readings` than the generated one" in said
     assert said.endswith(f"rcdeploy restart {network} east eyes\n")
 
     code, said = ask(capsys, "restart", network, "east")
     assert code == 1
-    assert "nothing was started again" in said
+    assert "nothing was restarted" in said
     assert "eyes runs an older contract of Readings" in said
     assert said.endswith(f"rcdeploy restart {network} east eyes\n")
 
@@ -114,7 +114,7 @@ def test_an_instance_that_failed_and_was_started_again_with_a_newer_contract_is_
     wait_until(lambda: east()["starts"] == 2 and east()["state"] == "ready")
     code, said = ask(capsys, "status", network)
     assert code == 1
-    assert "eyes uses `Readings` of east, and they have different contracts of it" in said
+    assert "eyes uses `Readings` of east, but they have different contracts of it" in said
     assert "eyes runs an older contract" in said
     assert "east runs an older contract" not in said
     assert ask(capsys, "restart", network, "eyes")[0] == 0

@@ -46,7 +46,7 @@ def test_an_output_that_is_full_is_said(program: str, tmp_path: Path) -> None:
         started(program, path, stdout=full.fileno(), stderr=subprocess.PIPE) as running,
     ):
         _, said = running.communicate()
-    assert (running.returncode, said) == (1, "what this prints cannot be written: No space left on device\n")
+    assert (running.returncode, said) == (1, "cannot write the output: No space left on device\n")
 
 
 @PROGRAMS
@@ -132,7 +132,7 @@ def test_a_working_directory_that_is_gone_is_said(program: str, tmp_path: Path) 
     module = f"robocomp_py.cli.{program}"
     gone = f"import os; os.rmdir(os.getcwd()); from {module} import main; raise SystemExit(main(['arm.cdsl']))"
     done = subprocess.run([sys.executable, "-P", "-c", gone], cwd=tmp_path, capture_output=True, text=True)
-    assert done.stderr == "the working directory is not there any more; change to one that is\n"
+    assert done.stderr == "the working directory no longer exists; change to another one\n"
     assert (done.returncode, done.stdout) == (1, "")
 
 

@@ -90,7 +90,7 @@ def test_that_it_was_killed_is_a_failure_and_is_said() -> None:
     with started("helper.kill(); os.kill(os.getpid(), signal.SIGKILL)") as waiting:
         assert waiting.stdout is not None
         waiting.stdout.readline()
-        said = "rcdeploy: who runs the network was killed (SIGKILL) before everything was ready\n"
+        said = "rcdeploy: the process that runs the network was killed (SIGKILL) before everything was ready\n"
         assert waiting.stdout.read() == said
         assert waiting.wait(SOON) == 1
 

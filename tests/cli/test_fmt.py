@@ -96,7 +96,7 @@ def test_of_a_folder_all_files_of_the_languages_are_formatted(folder: Path, caps
 def test_a_folder_without_such_files_is_a_mistake(folder: Path, capsys: Said) -> None:
     (folder / "empty").mkdir()
     assert rc(["fmt", "empty"]) == 1
-    assert capsys.readouterr().err == "rc fmt: empty: no file of the languages is in this folder\n"
+    assert capsys.readouterr().err == "rc fmt: empty: no model files in this folder\n"
 
 
 @pytest.mark.parametrize(

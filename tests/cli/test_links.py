@@ -101,5 +101,6 @@ def test_a_component_is_no_network(main: Callable[..., int], capsys: pytest.Capt
         main("laser/laser.cdsl")
     assert ended.value.code == 2
     assert (
-        "`laser/laser.cdsl` is no network; give it a file that begins a Deployment (.ddsl)" in capsys.readouterr().err
+        "`laser/laser.cdsl` is not a network; give it a file that begins a Deployment (.ddsl)"
+        in capsys.readouterr().err
     )

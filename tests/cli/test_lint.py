@@ -87,7 +87,7 @@ def test_each_folder_in_which_there_is_nothing_to_check_is_told(
     for name in ("empty", "void"):
         (folder / name).mkdir()
     assert rc(["lint", "right.idsl", "empty", "void"]) == 1
-    said = "".join(f"rc lint: {name}: no file of the languages is in this folder\n" for name in ("empty", "void"))
+    said = "".join(f"rc lint: {name}: no model files in this folder\n" for name in ("empty", "void"))
     assert capsys.readouterr().err == said
 
 

@@ -233,7 +233,7 @@ def test_a_failure_before_all_are_ready_ends_the_start(folder: Path) -> None:
     result = run(path, "--set", f"asker.component.startup_timeout={SOON * 100}")
     assert result.returncode == 1
     assert "hello ended with exit code 1" in result.stdout
-    assert "stopping: hello is gone before everything was ready" in result.stdout
+    assert "stopping: hello ended before all components were ready" in result.stdout
 
 
 def test_components_must_be_generated_from_what_their_models_are_now(tmp_path: Path) -> None:
@@ -281,7 +281,9 @@ def test_a_network_goes_on_when_its_output_cannot_be_written(folder: Path) -> No
     result = run_without_room(path)
     assert (folder / "went-on").exists()
     assert result.returncode == 0
-    assert result.stderr == "rcdeploy: output is lost from here on, the network goes on: No space left on device\n"
+    assert (
+        result.stderr == "rcdeploy: output is lost from here on; the network keeps running: No space left on device\n"
+    )
 
 
 def test_a_network_needs_no_output(folder: Path) -> None:
@@ -462,8 +464,8 @@ def test_what_is_wrong_with_a_plan_can_be_read_by_machines(folder: Path, capsys:
         ([], "give it one network"),
         (["plan"], "rcdeploy plan: error: the following arguments are required: NET.ddsl"),
         (["one.ddsl", "two.ddsl", "three.ddsl"], "give it one network"),
-        (["net.ddsl", "--for", "soon"], "--for: `soon` is no number of seconds"),
-        (["net.ddsl", "--for", "-1"], "--for: `-1` is no number of seconds"),
+        (["net.ddsl", "--for", "soon"], "--for: `soon` is not a number of seconds"),
+        (["net.ddsl", "--for", "-1"], "--for: `-1` is not a number of seconds"),
         (["--set", "x", "net.ddsl"], "--set x: write it as INSTANCE.KEY=VALUE"),
         (["paln", "net.ddsl"], "no command `paln`; did you mean `plan`?"),
         (["net.ddsl", "--json"], "--json is for `rcdeploy plan`"),

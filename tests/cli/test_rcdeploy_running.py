@@ -65,7 +65,7 @@ def house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
 def test_it_returns_when_everything_is_ready_and_says_how_to_go_on(house: Running) -> None:
     assert house.started.returncode == 0, house.started
     assert "all 2 components of house are ready" in house.started.stdout
-    assert f"house goes on (process {house.pid}); how it is: rcdeploy status {house.path}" in house.started.stdout
+    assert f"house is running (process {house.pid}); status: rcdeploy status {house.path}" in house.started.stdout
     assert f"to stop it: rcdeploy down {house.path}" in house.started.stdout
 
 
@@ -113,7 +113,7 @@ def test_it_is_not_started_twice(house: Running) -> None:
         again = run(*arguments)
         assert again.returncode == 1
         assert again.stderr.startswith(
-            f"rcdeploy: house runs already (process {house.pid}); how it is: rcdeploy status"
+            f"rcdeploy: house is already running (process {house.pid}); status: rcdeploy status"
         )
         assert f"to stop it: rcdeploy down {house.path}" in again.stderr
     assert not is_gone("house")
@@ -191,12 +191,12 @@ def test_who_follows_what_is_printed_is_told_until_the_end_and_down_waits_for_th
         assert is_gone("brief")
         rest = following.stdout.read()
         assert following.wait(SOON) == 0
-    assert "rcdeploy | stopping: asked to by rcdeploy down\n" in rest
+    assert "rcdeploy | stopping: requested by rcdeploy down\n" in rest
     assert "prints | bye\n" in rest
     end = rest[rest.index("rcdeploy | stop") - len("12:34:56.789 ") :]  # sh may have something to say, too
     past = run("logs", path, "-n", end.count("\n"))
     assert (past.returncode, past.stdout) == (0, end)
-    assert past.stderr == f"brief does not run now; this is what its last run left in {Place('brief').logs}\n"
+    assert past.stderr == f"brief is not running; these are the logs of its last run, from {Place('brief').logs}\n"
 
 
 def test_the_newest_run_is_shown_with_times_wherever_it_kept_its_output(tmp_path: Path) -> None:
@@ -206,13 +206,13 @@ def test_the_newest_run_is_shown_with_times_wherever_it_kept_its_output(tmp_path
     assert run("up", path, "--log-dir", "elsewhere", cwd=tmp_path).returncode == 0
     shown = run("logs", path, "laser", "-n", "9")
     assert re.fullmatch(r"\d\d:\d\d:\d\d\.\d{3} laser \| second\n", shown.stdout), shown
-    assert shown.stderr.endswith(f"this is what its last run left in {tmp_path / 'elsewhere'}\n")
+    assert shown.stderr.endswith(f"these are the logs of its last run, from {tmp_path / 'elsewhere'}\n")
     assert run("up", path).returncode == 0
     assert run("logs", path, "laser").stdout.count("\n") == 1  # and not what the first run printed into the same file
     misspelt = run("logs", path, "lasser")
     assert (misspelt.returncode, misspelt.stdout) == (1, "")
-    assert "has left nothing of lasser in" in misspelt.stderr
-    assert misspelt.stderr.endswith("there is something of: laser, rcdeploy\n")
+    assert "has no logs of lasser;" in misspelt.stderr
+    assert misspelt.stderr.endswith("it has logs of: laser, rcdeploy\n")
 
 
 def test_what_cannot_start_is_told_where_it_was_started(tmp_path: Path) -> None:
@@ -244,7 +244,7 @@ def test_a_network_of_nobody_does_not_go_on(tmp_path: Path) -> None:
     assert run("up", path).returncode == 0
     detached = run("up", "--detach", path)
     assert detached.returncode == 1
-    assert detached.stderr.endswith("rcdeploy: nothing goes on: deserted has no components\n")
+    assert detached.stderr.endswith("rcdeploy: deserted has no components to leave running\n")
 
 
 def test_what_is_wrong_with_a_network_is_told_where_it_was_started(tmp_path: Path) -> None:
@@ -267,11 +267,11 @@ def test_what_does_not_run_cannot_be_asked_and_it_is_said_how_to_start_it(tmp_pa
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["status", "--watch"], "--watch is for one network; say which"),
+        (["status", "--watch"], "--watch needs a network"),
         (["restart", "net.ddsl"], "the following arguments are required: INSTANCE"),
         (["logs"], "the following arguments are required: NET.ddsl"),
-        (["logs", "net.ddsl", "-n", "many"], "`many` is no number of lines from 0 to 10000"),
-        (["down", "net.ddsl", "--grace", "long"], "`long` is no number of seconds"),
+        (["logs", "net.ddsl", "-n", "many"], "`many` is not a number of lines from 0 to 10000"),
+        (["down", "net.ddsl", "--grace", "long"], "`long` is not a number of seconds"),
         (["status", "net.ddsl", "--detach"], "--detach is for `rcdeploy up`, not for `rcdeploy status`"),
     ],
 )

@@ -319,7 +319,7 @@ def test_stubs_are_appended_on_request_and_the_component_starts(arm: Path, capsy
     before = path.read_text()
     assert rcgen(["--stubs", str(arm / "arm.cdsl")]) == 0
     said = capsys.readouterr()
-    assert f"{path}: stubs of what it lacked are at the end of its class\n" in said.out
+    assert f"{path}: stubs of the missing methods are at the end of its class\n" in said.out
     assert (said.err, "lacks" in said.out) == ("", False)
 
     assert [line for line in before.splitlines() if line not in path.read_text()] == []
@@ -382,8 +382,8 @@ def test_warnings_are_shown_and_do_not_hinder(cdsl: Path, capsys: Said) -> None:
 @pytest.mark.parametrize(
     ("file", "said"),
     [
-        ("Arm.idsl", "is no component: give rcgen a .cdsl or .ddsl that uses it"),
-        ("arm.pdsl", "is no component: give rcgen a .cdsl or .ddsl that uses it"),
+        ("Arm.idsl", "is not a component: give rcgen a .cdsl or .ddsl that uses it"),
+        ("arm.pdsl", "is not a component: give rcgen a .cdsl or .ddsl that uses it"),
         ("missing.cdsl", "error[unreadable]: cannot be read: No such file or directory"),
         ("missing.ddsl", "error[unreadable]: cannot be read: No such file or directory"),
         ("notes.txt", "error[unreadable]: cannot be read: No such file or directory"),
@@ -537,7 +537,7 @@ def test_a_new_component_needs_room(inside: Path, capsys: Said, obstacle: Callab
     obstacle(inside / "hello")
     before = snapshot(inside)
     assert rcgen(["--new", "Hello"]) == 1
-    assert capsys.readouterr().err == "rcgen: hello exists and is no empty folder; nothing was written\n"
+    assert capsys.readouterr().err == "rcgen: hello exists and is not an empty folder; nothing was written\n"
     assert snapshot(inside) == before
 
 
@@ -572,21 +572,21 @@ def test_everything_that_a_new_component_proposes_works(inside: Path, capsys: Sa
 @pytest.mark.parametrize("name", ["zmq", "Numpy", "msgpack", "queue"])
 def test_a_new_component_is_not_called_like_a_library(inside: Path, capsys: Said, name: str) -> None:
     assert rcgen(["--new", name]) == 1
-    assert f"rcgen: {name.lower()} is called like a" in capsys.readouterr().err
+    assert f"rcgen: {name.lower()} has the name of a" in capsys.readouterr().err
     assert snapshot(inside) == {}
     assert rcgen(["--new", name, "-o", f"my_{name}"]) == 0
 
 
 def test_a_new_component_is_not_called_by_a_word_of_python(inside: Path, capsys: Said) -> None:
     assert rcgen(["--new", "Class"]) == 1
-    assert capsys.readouterr().err == "rcgen: 'class' is a word of Python; choose another name\n"
+    assert capsys.readouterr().err == "rcgen: 'class' is a Python keyword; choose another name\n"
     assert snapshot(inside) == {}
 
 
 def test_a_component_in_a_folder_that_is_called_like_a_library_is_warned_about(inside: Path, capsys: Said) -> None:
     model_in(inside / "zmq", arm_cdsl="Component arm { language python; };")
     assert rcgen(["zmq/arm.cdsl"]) == 0
-    assert capsys.readouterr().err.startswith("rcgen: warning: zmq is called like a library that components need: ")
+    assert capsys.readouterr().err.startswith("rcgen: warning: zmq has the name of a library that components need: ")
 
 
 def test_the_tests_of_components_called_alike_run_together_as_their_readme_says(inside: Path) -> None:

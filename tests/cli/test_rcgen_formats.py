@@ -92,7 +92,7 @@ def test_an_interface_that_is_wrong_is_not_written(tmp_path: Path, capsys: Said)
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
-        (["x.cdsl", "--to", "omgidl"], 1, "x.cdsl is no .idsl file; --to is for interfaces"),
+        (["x.cdsl", "--to", "omgidl"], 1, "x.cdsl is not an .idsl file; --to is for interfaces"),
         (["gone.idsl", "--to", "omgidl"], 1, "cannot be read"),
         (["--to", "omgidl"], 2, "give it .idsl files"),
         (["x.idsl", "--to", "proto"], 2, "--to: there is no `proto`; there are: omgidl, rosmsg"),

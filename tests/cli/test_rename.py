@@ -133,7 +133,10 @@ def test_an_interface_is_renamed(robot: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["Vault.idsl", "Vault.size", "count"], "nothing was changed: nobody is there to be asked; say --yes"),
+        (
+            ["Vault.idsl", "Vault.size", "count"],
+            "nothing was changed: cannot ask, since stdin is not a terminal; use --yes",
+        ),
         (["--yes", "Vault.idsl", "Vault.size", "class"], "`class` is a word of Python; nothing was changed"),
         (["--yes", "Vault.idsl", "Vault.sise", "x"], "unknown name `Vault.sise`; did you mean `Vault.size`?"),
         (["--yes", "Vault.idsl", "Vault.size", "store"], "`size` cannot be called `store`"),

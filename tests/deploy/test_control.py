@@ -134,9 +134,9 @@ def test_a_wish_to_stop_is_passed_on(running: Running) -> None:
 
 
 def test_a_refusal_is_told_in_words(running: Running) -> None:
-    running.network.refusal = "home is stopping: nothing is started any more"
+    running.network.refusal = "home is stopping: nothing can be started"
     with Connection("home") as connection:
-        with pytest.raises(DeploymentError, match="nothing is started any more"):
+        with pytest.raises(DeploymentError, match="nothing can be started"):
             connection.ask("restart", names=["laser"])
         assert connection.status(), "who was refused may go on asking"
 
@@ -464,7 +464,7 @@ def test_a_controller_that_does_not_answer_is_not_waited_for(running: Running, m
     try:
         with (
             Connection("home") as connection,
-            pytest.raises(Stuck, match=r"who runs network `home` \(process \d+\) does"),
+            pytest.raises(Stuck, match=r"the process that runs network `home` \(process \d+\) does"),
         ):
             connection.status()
     finally:
@@ -499,7 +499,7 @@ def test_a_network_is_known_by_its_name() -> None:
     ("text", "says"),
     [
         (None, "net.ddsl cannot be read: No such file or directory; give it a network"),
-        ("Component arm { };", "net.ddsl is no network: there is no `Deployment` in it"),
+        ("Component arm { };", "net.ddsl is not a network: it has no `Deployment`"),
     ],
 )
 def test_what_is_no_network_is_said(tmp_path: Path, text: str | None, says: str) -> None:

@@ -304,7 +304,7 @@ def test_containers_are_not_asked_for_a_file_that_only_components_of_ours_make(f
     lidar, arm = manifest(only(cluster, ".yaml"))["spec"]["template"]["spec"]["containers"]
     assert ("readinessProbe" in lidar, "readinessProbe" in arm) == (False, True)
     for export in (composed, cluster):
-        assert any("hears no sd_notify: `notifies` of lidar has no effect" in note for note in export.notes)
+        assert any("ignores sd_notify: `notifies` of lidar has no effect" in note for note in export.notes)
         assert "`lidar` runs `urg_node`: add what installs it to the Dockerfile" in export.notes
 
 

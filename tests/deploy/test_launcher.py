@@ -278,7 +278,7 @@ def test_a_process_with_threads_does_not_fork() -> None:
         finally:
             over.set()
             other.join()
-        assert json.loads(ours.recv(4096)) == {"id": 1, "error": "the process that starts components has threads"}
+        assert json.loads(ours.recv(4096)) == {"id": 1, "error": "the fork server has threads"}
 
 
 COMPONENT = """
@@ -620,7 +620,7 @@ def test_closing_leaves_nothing(tmp_path: Path, with_and_without_groups: None) -
 def test_a_name_may_be_used_again_after_its_end_and_not_before(tmp_path: Path) -> None:
     async def story(launcher: Launcher, heard: Heard) -> None:
         await launcher.start(program(FOREVER))
-        with pytest.raises(DeploymentError, match="it runs already"):
+        with pytest.raises(DeploymentError, match="it is already running"):
             await launcher.start(program(FOREVER))
         launcher.kill("it")
         await heard.until("exited")
@@ -663,7 +663,7 @@ def test_who_never_fed_it_is_not_watched_nor_who_is_stopping(tmp_path: Path) -> 
 def test_a_network_that_runs_is_not_run_again(tmp_path: Path) -> None:
     async def story(launcher: Launcher, heard: Heard) -> None:
         second = Launcher(Heard(), "net", place=Place("net", tmp_path))
-        with pytest.raises(AlreadyRuns, match=rf"net runs already: process {os.getpid()}.*rcdeploy down"):
+        with pytest.raises(AlreadyRuns, match=rf"net is already running: process {os.getpid()}.*rcdeploy down"):
             await second.open()
         await launcher.start(program("print('undisturbed')"))
         await heard.until("exited")

@@ -151,8 +151,14 @@ def test_each_of_several_ports_is_told_apart_and_gets_a_proposal_of_its_own(fold
     _, diagnostics = plan(folder, "Component left : sensor { }; Component right : sensor { }; Component fusion { };")
     told = [(each.message, each.hint) for each in diagnostics if each.code == "ambiguous-provider"]
     assert told == [
-        ("`Laser` for `fusion`: `left`, `right` implement it", "write in its block: requires Laser from left;"),
-        ("`Laser1` for `fusion`: `left`, `right` implement it", "write in its block: requires Laser1 from right;"),
+        (
+            "several instances implement `Laser` for `fusion`: `left`, `right`",
+            "write in its block: requires Laser from left;",
+        ),
+        (
+            "several instances implement `Laser1` for `fusion`: `left`, `right`",
+            "write in its block: requires Laser1 from right;",
+        ),
     ]
 
 
@@ -288,7 +294,7 @@ def test_nothing_can_be_set_for_a_program_that_would_not_be_told(folder: Path) -
     body = 'Component sensor { path "own.sh"; };'
     _, (found,) = plan(folder, body, Overrides(settings=(("sensor", "params.range=9"),)))
     assert found.code == "configuration"
-    said = "`sensor` is a program of your own, which is not configured from here"
+    said = "`sensor` is your own program; its configuration cannot be set here"
     assert found.render().startswith(f"--set sensor.params.range=9: error[configuration]: {said}\n")
     assert errors(folder, body, Overrides(settings=(("*", "component.log=debug"),))) == []
 
@@ -632,7 +638,7 @@ def test_what_stays_in_a_process_is_refused_between_two(folder: Path) -> None:
 def test_who_is_alone_in_a_process_is_named_for_a_middleware_that_stays_there(folder: Path) -> None:
     body = "middleware inproc; Component sensor { process p; }; Component driver { process p; }; Component filter { };"
     _, (found,) = plan(folder, body)
-    assert found.message == "`inproc` does not reach other processes, and `filter` shares its own with nobody"
+    assert found.message == "`inproc` does not reach other processes, and `filter` is alone in its own"
     assert found.span.text == "inproc"
 
 

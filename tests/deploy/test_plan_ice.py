@@ -101,14 +101,14 @@ def test_icestorm_is_needed_also_for_who_publishes_or_subscribes_alone(folder: P
             'storm = "IceStorm/TopicManager:tcp -p 9899"',
             "through the IceStorm at `IceStorm/TopicManager:tcp -h 127.0.0.1 -p 9899`",
         ),
-        ('topics.LaserPub = "zed/LaserPub"', "by the topic `zed/LaserPub` of IceStorm, and `sensor` publishes it as"),
+        ('topics.LaserPub = "zed/LaserPub"', "by the topic `zed/LaserPub` of IceStorm, but `sensor` publishes it as"),
     ],
 )
 def test_a_subscriber_that_would_never_hear_its_publisher_is_an_error(folder: Path, option: str, says: str) -> None:
     (folder / "other.toml").write_text(f"[transports.ice]\n{option}\n")
     driver = 'Component driver { config "other.toml"; };'
     [said] = told(folder, f"middleware ice; Component sensor {{ }}; {driver}")
-    assert said.startswith("middleware-mismatch: `driver` hears `LaserPub`")
+    assert said.startswith("middleware-mismatch: `driver` subscribes to `LaserPub`")
     assert says in said
     assert errors(folder, f'middleware ice; Component sensor {{ config "other.toml"; }}; {driver}') == []
 
@@ -134,7 +134,7 @@ def test_two_instances_that_are_configured_for_one_port_are_an_error(folder: Pat
     (folder / "old.config").write_text("Laser.Endpoints = tcp -p 10003\n")
     body = 'middleware ice; Component a : sensor { config "old.config"; }; Component b : sensor { port 10003; };'
     [said] = told(folder, body)
-    assert said.startswith("port-clash: port 10003 is that of `Laser` and of `Laser` over Ice, of `a` and `b`")
+    assert said.startswith("port-clash: port 10003 over Ice is given to both `Laser` and `Laser`, of `a` and `b`")
 
 
 # Programs of one's own.
@@ -194,7 +194,7 @@ def test_what_is_wrong_in_the_configuration_of_a_program_is_told_there(folder: P
 def test_a_program_of_which_nothing_says_where_it_is_is_an_error(folder: Path) -> None:
     [said] = told(folder, f"Component sensor {{ {PROGRAM} }}; Component driver {{ }};")
     assert said.startswith(
-        "no-address: nothing says where the program `sensor` serves `Laser` for `driver`; add its port"
+        "no-address: the port at which the program `sensor` serves `Laser` for `driver` is unknown; add its port"
     )
 
 
@@ -211,12 +211,12 @@ def test_what_a_program_uses_is_served_where_that_expects_it(folder: Path) -> No
     body = body.replace("{{", "{").replace("}}", "}")
     assert options(planned(folder, body.replace("{}", "")), "sensor") == {"endpoints": {"Laser": "tcp -p 10003"}}
     [said] = told(folder, body.replace("{}", "port 10005;"))
-    assert said.startswith("no-address: `driver` expects `Laser` at port 10003, and `sensor` has 10005")
+    assert said.startswith("no-address: `driver` expects `Laser` at port 10003, but `sensor` has 10005")
 
 
 def test_a_program_that_is_to_find_something_nobody_knows_where_is_an_error(folder: Path) -> None:
     [said] = told(folder, f"Component sensor {{ }}; Component driver {{ {PROGRAM} }};")
-    assert said.startswith("no-address: `driver` is to find `Laser` of `sensor`, and nothing says at which port")
+    assert said.startswith("no-address: `driver` uses `Laser` of `sensor`, whose port is unknown")
 
 
 def test_what_runs_outside_of_the_network_is_found_by_its_proxy(folder: Path) -> None:

@@ -145,7 +145,7 @@ def test_a_failure_while_others_start_stops_them_and_says_whose_it_was() -> None
     program = "print('no camera'); raise SystemExit(1)"
     assert run(network(camera=program, waits=FOREVER), Options(), told) == 1
     failed = ("failed", "camera", "ended with exit code 1")
-    assert told.said[-2:] == [failed, ("stopping", "camera is gone before everything was ready")]
+    assert told.said[-2:] == [failed, ("stopping", "camera ended before all components were ready")]
 
 
 def test_a_program_that_fails_is_run_again_and_given_up_at_last() -> None:
@@ -167,7 +167,7 @@ def test_who_is_required_must_not_end_while_those_that_require_it_start() -> Non
     assert run(network(link, hello="", visitor=FOREVER), Options(), told) == 1
     assert told.said[-2:] == [
         ("ended", "hello", "has ended"),
-        ("stopping", "hello is gone before everything was ready"),
+        ("stopping", "hello ended before all components were ready"),
     ]
 
 

@@ -118,7 +118,7 @@ def test_who_is_no_part_of_the_network_any_more_loses_its_keys_and_other_folders
     (folder / "notes" / "todo.txt").write_text("mine")
     told = made(network(names=("camera", "viewer")), folder)
     assert [each.what for each in told if "removed" in each.what] == [
-        "other removed: it is no part of the network any more"
+        "other removed: it is no longer part of the network"
     ]
     assert sorted(path.name for path in folder.iterdir()) == [".gitignore", "ca", "camera", "notes", "viewer"]
 
@@ -179,7 +179,7 @@ def test_long_names_fit_into_certificates_and_stay_apart(folder: Path) -> None:
 
 @pytest.mark.parametrize("names", [("left/arm", "left.arm"), ("ca", "x"), ("..", "x"), ("../x", "x")])
 def test_names_that_would_share_a_folder_or_leave_it_are_refused(folder: Path, names: tuple[str, ...]) -> None:
-    with pytest.raises(DeploymentError, match="is no name for a process with keys"):
+    with pytest.raises(DeploymentError, match="cannot be the name of a process with keys"):
         made(network(way(names[0], names[1], "divide"), names=names), folder)
 
 
@@ -223,7 +223,7 @@ def test_one_that_another_authority_signed_is_named_and_made_again(folder: Path)
     (folder / "viewer" / "certificate.pem").write_bytes(foreign.certificate)
     errors, _ = troubles(network(names=("camera", "viewer")), folder, NOW)
     assert len(errors) == 1
-    assert "the certificate of `viewer` is not of the authority" in errors[0]
+    assert "the certificate of `viewer` was not issued by the authority" in errors[0]
     assert "certificate of viewer" in {each.what for each in made(network(), folder) if each.is_new}
 
 
@@ -245,7 +245,7 @@ def test_a_folder_that_others_can_read_is_refused(folder: Path) -> None:
 def test_a_folder_with_other_things_in_it_is_not_touched(folder: Path) -> None:
     folder.mkdir(mode=0o755)
     (folder / "net.ddsl").write_text("mine")
-    with pytest.raises(DeploymentError, match=r"keys: .* has other files in it"):
+    with pytest.raises(DeploymentError, match=r"keys: .* contains other files"):
         made(network(), folder)
     assert snapshot(folder) == {"net.ddsl": b"mine"}
     assert stat.S_IMODE(folder.stat().st_mode) == 0o755

@@ -203,7 +203,7 @@ def test_one_that_hangs_is_told_and_started_again() -> None:
     told = Told(on={"ready again": interrupt})
     scene = Scene(plan(process("laser", restart=ONCE)), told, {"start laser": [both(ready, hangs)]})
     assert scene.code == 130
-    assert "laser does not answer its watchdog, and is ended for that" in told.said
+    assert "laser does not answer its watchdog and is being ended" in told.said
     how = "failed: laser did not answer its watchdog; was ended by signal 6; started again at once"
     assert how in told.said
 
@@ -440,7 +440,7 @@ def test_a_user_has_something_started_again() -> None:
     scene = Scene(plan(process("laser")), told, services=[visitor])
     assert scene.did == ["open", "start laser", "stop laser", "start laser", "stop laser", "close"]
     assert scene.code == 130
-    assert told.said[1:3] == ["asked to start laser again", "laser is ready again"]
+    assert told.said[1:3] == ["restart of laser requested", "laser is ready again"]
 
 
 def test_a_user_has_the_network_stopped_and_that_is_no_failure() -> None:
@@ -455,14 +455,14 @@ def test_what_cannot_be_done_is_refused_with_the_reason() -> None:
     Scene(plan(process("laser")), Told(on={"up": visitor.come}), services=[visitor])
     assert visitor.refused == [
         "patrol has no `lasre`; there are: laser",
-        "patrol is stopping: nothing is started any more",
+        "patrol is stopping: nothing can be started",
     ]
 
 
 def test_who_asks_too_much_is_refused() -> None:
     visitor = Visitor(*[RestartRequested(("laser",))] * 2000)
     Scene(plan(process("laser")), Told(on={"up": visitor.come, "ready again": interrupt}), services=[visitor])
-    assert set(visitor.refused) == {"patrol has too much to do just now; try again"}
+    assert set(visitor.refused) == {"patrol is overloaded; try again"}
 
 
 def test_a_snapshot_shows_how_a_process_is() -> None:

@@ -53,12 +53,12 @@ def test_an_instance_that_runs_in_another_network_is_named(
         garden = network(folder, "garden")
         assert rcdeploy([str(garden)]) == 1
         said = capsys.readouterr()
-        assert "`sensor` runs already in the network house" in said.err
+        assert "`sensor` is already running in the network house" in said.err
         assert "rename the instance, write `namespace garden;`" in said.err
         assert "rcdeploy down house" in said.err
         assert "already served" not in said.out + said.err, "nothing was started"
         assert rcdeploy(["plan", str(garden)]) == 0
-        assert "it cannot be started as it is: `sensor` runs already" in capsys.readouterr().err
+        assert "it cannot be started as it is: `sensor` is already running" in capsys.readouterr().err
 
 
 def test_other_names_namespaces_and_middlewares_are_not_in_the_way(folder: Path, own_runtime_folder: Path) -> None:

@@ -179,5 +179,5 @@ def test_an_output_that_cannot_be_written_is_given_up_once() -> None:
             assert output.write("x" * 10000) == 10000
             output.flush()
     assert complaints.getvalue() == (
-        "rcdeploy: output is lost from here on, the network goes on: No space left on device\n"
+        "rcdeploy: output is lost from here on; the network keeps running: No space left on device\n"
     )

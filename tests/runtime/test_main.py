@@ -207,6 +207,26 @@ def test_a_folder_without_a_component_is_an_error_with_the_remedy(tmp_path: Path
     assert "run rcgen on its .cdsl" in result.stderr
 
 
+def test_a_model_stands_for_the_folder_of_its_component(hello: Path) -> None:
+    result = run("robocomp_py.cli.rc", "run", str(hello / "hello.cdsl"), "--help")
+    assert result.returncode == 0
+    assert "component.period=0.02" in result.stdout
+
+
+def test_a_model_without_generated_code_is_an_error_with_the_remedy(tmp_path: Path) -> None:
+    model = tmp_path / "arm.cdsl"
+    model.write_text("Component Arm { language Python; };")
+    result = run("robocomp_py.cli.rc", "run", str(model))
+    assert result.returncode == 1
+    assert f"is not a generated component: it has no generic/genericworker.py; run: rcgen {model}" in result.stderr
+
+
+def test_another_file_of_a_component_is_an_error_with_the_remedy(hello: Path) -> None:
+    result = run("robocomp_py.cli.rc", "run", str(hello / "specificworker.py"))
+    assert result.returncode == 1
+    assert "is a file, not a component; give the component's folder or its .cdsl" in result.stderr
+
+
 def test_folders_of_the_same_name_do_not_mix(tmp_path: Path) -> None:
     from robocomp_py.runtime.load import load_worker
 

@@ -116,7 +116,9 @@ def _code(code: int) -> int:
         return code
     if code == -signal.SIGINT:  # when it was about to end anyway
         return INTERRUPTED
-    return complain(f"rcdeploy: who runs the network was killed ({_name(-code)}) before everything was ready")
+    return complain(
+        f"rcdeploy: the process that runs the network was killed ({_name(-code)}) before everything was ready"
+    )
 
 
 def _name(number: int) -> str:

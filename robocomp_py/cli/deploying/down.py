@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from ...deploy.client import Connection
 
 NAME = "down"
-HELP = "stop a network that runs"
+HELP = "stop a running network"
 
 _EXAMPLES = """\
 examples:
   rcdeploy down net.ddsl              stop everything in order, and wait until it is gone
-  rcdeploy down net.ddsl --grace 0.5  ... and kill what has not ended after half a second
+  rcdeploy down net.ddsl --grace 0.5  ... kill what has not ended after half a second
   rcdeploy down net.ddsl --now        ... at once
 
 exit status: 0 it is gone, 1 it was not running or does not end, 2 usage
@@ -27,9 +27,11 @@ exit status: 0 it is gone, 1 it was not running or does not end, 2 usage
 
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
-    to.description, to.epilog = "Stop a network that runs, and wait until nothing of it is left.", _EXAMPLES
+    to.description, to.epilog = "Stop a running network and wait until all its processes have ended.", _EXAMPLES
     add_network(to)
-    to.add_argument("--grace", type=seconds, metavar="SECONDS", help="what each process gets to end by itself")
+    to.add_argument(
+        "--grace", type=seconds, metavar="SECONDS", help="time for each process to end by itself before it is killed"
+    )
     to.add_argument("--now", dest="grace", action="store_const", const=0.0, help="kill everything")
 
 

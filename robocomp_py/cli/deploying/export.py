@@ -21,12 +21,12 @@ examples:
   rcdeploy export compose net.ddsl -o composed     a compose file
   rcdeploy export kubernetes net.ddsl -o cluster   manifests
 
-exit status: 0 fine, 1 the network is wrong or cannot be written so, 2 usage
+exit status: 0 fine, 1 the network is wrong or cannot be exported, 2 usage
 """
 
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
-    to.description, to.epilog = "Write a network as files for another engine, which runs it then.", _EXAMPLES
+    to.description, to.epilog = "Write a network as files that another engine runs.", _EXAMPLES
     to.add_argument("engine", choices=("systemd", "compose", "kubernetes"), metavar="ENGINE",
                     help="systemd, compose or kubernetes")  # fmt: skip
     add_network(to)

@@ -18,14 +18,20 @@ if TYPE_CHECKING:
 
 def add_keys(to: argparse.ArgumentParser, flags: tuple[str, ...] = ("--keys",)) -> None:
     to.add_argument(
-        *flags, dest="keys", type=Path, metavar="DIR", help="the folder of its keys (default: keys/NAME beside it)"
+        *flags,
+        dest="keys",
+        type=Path,
+        metavar="DIR",
+        help="folder of the network's keys (default: keys/NAME beside the network)",
     )
 
 
 def add_guards(to: argparse.ArgumentParser) -> None:
     add_keys(to)
     to.add_argument(
-        "--insecure", action="store_true", help="yes, `security open;` is meant: whoever comes may listen and command"
+        "--insecure",
+        action="store_true",
+        help="start a network with `security open;`: any machine can listen and send commands",
     )
 
 

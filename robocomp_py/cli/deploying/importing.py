@@ -34,7 +34,7 @@ def import_network(path: Path, output: Path | None) -> int:
     try:
         _write_new(output, text)
     except FileExistsError:
-        return complain(f"rcdeploy: {output} exists, and stays as it is; give another name, or move it away")
+        return complain(f"rcdeploy: {output} exists and was not changed; give another name, or move the file away")
     except OSError as exc:
         return complain(f"rcdeploy: {output} cannot be written: {exc.strerror}")
     print(f"{output} is written; read its comments, then: rc lint {shlex.quote(str(output))}", file=sys.stderr)

@@ -21,7 +21,7 @@ HELP = "make the keys and certificates of a network"
 _EXAMPLES = """\
 examples:
   rcdeploy keys net.ddsl              make what is missing, has expired, or will within 30 days
-  rcdeploy keys net.ddsl --renew      make all of them again, but for the authority
+  rcdeploy keys net.ddsl --renew      make all of them again, except the authority
   rcdeploy keys net.ddsl --days 90    ... certificates for three months, instead of a year
   rcdeploy keys net.ddsl -o DIR       ... in that folder; start it with rcdeploy net.ddsl --keys DIR
 
@@ -33,8 +33,8 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = "Make the keys and certificates of a network with `security lan`.", _EXAMPLES
     add_network(to)
     add_keys(to, ("-o", "--keys"))
-    to.add_argument("--renew", action="store_true", help="make all of them again")
-    to.add_argument("--days", type=_days, metavar="N", help="for how long certificates are valid (default: 365)")
+    to.add_argument("--renew", action="store_true", help="make all keys and certificates again")
+    to.add_argument("--days", type=_days, metavar="N", help="validity of the certificates in days (default: 365)")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -55,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
     for each in made:
         print(f"  {_told(each)}")
     if plan.security is not Security.LAN:
-        print(f"{options.network} does not ask for them yet: write `security lan;` in it")
+        print(f"{options.network} does not use them yet: add `security lan;` to it")
     return FINE
 
 
@@ -71,5 +71,5 @@ def _days(text: str) -> float:
     except argparse.ArgumentTypeError:
         days = 0.0
     if not 0 < days <= 3650:
-        raise argparse.ArgumentTypeError(f"`{text}` is no number of days from 0 to 3650; write it as in --days 90")
+        raise argparse.ArgumentTypeError(f"`{text}` is not a number of days up to 3650, as in --days 90")
     return days

@@ -22,12 +22,12 @@ _EXAMPLES = """\
 examples:
   rcdeploy logs net.ddsl              the last lines of all, in the order in which they came
   rcdeploy logs net.ddsl laser -n 20  ... twenty of one instance
-  rcdeploy logs net.ddsl -f           ... and what comes then, until Ctrl-C or the end of the network
-  rcdeploy logs net.ddsl rcdeploy     what rcdeploy itself had to say
+  rcdeploy logs net.ddsl -f           ... and new lines as they come, until Ctrl-C or the network ends
+  rcdeploy logs net.ddsl rcdeploy     the messages of rcdeploy itself
 
 Each line has its time; lines of an earlier day have the date, too. Of a network that does not run any more, the
 output of its newest run is shown, wherever --log-dir had it written.
-Exit status: 0 fine, 1 the network does not run and has left nothing, 2 usage
+Exit status: 0 fine, 1 the network is not running and has left no logs, 2 usage
 """
 
 
@@ -35,7 +35,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = "Show what the components of a network have printed.", _EXAMPLES
     add_network(to)
     to.add_argument("names", nargs="*", metavar="INSTANCE", help="an instance, a process or a system (default: all)")
-    to.add_argument("-f", "--follow", action="store_true", help="go on with what they print from now on")
+    to.add_argument("-f", "--follow", action="store_true", help="keep printing new lines as they come")
     to.add_argument("-n", "--lines", type=_count, default=100, metavar="N", help="how many lines (default: 100)")
 
 
@@ -62,15 +62,15 @@ def _print_past(options: argparse.Namespace) -> int | None:
     there = writers(run.logs)
     if not there:
         if run.began:
-            return complain(f"rcdeploy: {network} does not run now, and {run.logs}, its last logs, holds none any more")
+            return complain(f"rcdeploy: {network} is not running, and its last logs in {run.logs} have been removed")
         return None
     unknown = [name for name in options.names if not writers(run.logs, [name])]
     if unknown:
         return complain(
-            f"rcdeploy: {network} does not run now, and has left nothing of {', '.join(unknown)} in {run.logs}; "
-            f"there is something of: {', '.join(there)}"
+            f"rcdeploy: {network} is not running, and {run.logs} has no logs of {', '.join(unknown)}; "
+            f"it has logs of: {', '.join(there)}"
         )
-    print(f"{network} does not run now; this is what its last run left in {run.logs}", file=sys.stderr)
+    print(f"{network} is not running; these are the logs of its last run, from {run.logs}", file=sys.stderr)
     past = recalled(run.logs, options.names, options.lines, run.began)
     if not past and options.lines:
         print(f"{', '.join(options.names) or 'it'} printed nothing in that run", file=sys.stderr)
@@ -94,5 +94,5 @@ def _count(text: str) -> int:
     from ...deploy.control import MOST_LINES
 
     if not text.isdecimal() or int(text) > MOST_LINES:
-        raise argparse.ArgumentTypeError(f"`{text}` is no number of lines from 0 to {MOST_LINES}")
+        raise argparse.ArgumentTypeError(f"`{text}` is not a number of lines from 0 to {MOST_LINES}")
     return int(text)

@@ -28,7 +28,7 @@ examples:
   rcdeploy plan net.ddsl --middleware zeromq  ... over that middleware
   rcdeploy plan net.ddsl --json               ... for machines
 
-If the network runs, it is also shown what starting it anew would change.
+If the network is running, the plan also shows what a new start would change.
 Exit status: 0 fine, 1 the network is wrong, 2 usage
 """
 
@@ -99,6 +99,6 @@ def _news(plan: Plan) -> list[Change] | None:
     except NotRunning:
         return None
     except DeploymentError as exc:
-        print(f"rcdeploy: {exc}; what would change is not known", file=sys.stderr)
+        print(f"rcdeploy: {exc}; cannot tell what would change", file=sys.stderr)
         return None
     return changes(running, json.loads(json.dumps(plan.to_json())), told)

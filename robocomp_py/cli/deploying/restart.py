@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from ...deploy.client import Connection
 
 NAME = "restart"
-HELP = "start components of a network that runs again"
+HELP = "restart components of a running network"
 
 _EXAMPLES = """\
 examples:
-  rcdeploy restart net.ddsl laser         stop it, start it, and wait until it is ready
+  rcdeploy restart net.ddsl laser         stop it, start it and wait until it is ready
   rcdeploy restart net.ddsl laser camera  ... two of them
   rcdeploy restart net.ddsl left          ... all of a system
 
@@ -29,7 +29,7 @@ to be restarted together. Exit status: 0 all are ready again, or have done their
 
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
-    to.description, to.epilog = "Start components anew, in a network that runs.", _EXAMPLES
+    to.description, to.epilog = "Restart components of a running network.", _EXAMPLES
     add_network(to)
     to.add_argument("names", nargs="+", metavar="INSTANCE", help="an instance, a process or a system")
     to.add_argument(
@@ -70,13 +70,13 @@ def _hindrance(connection: Connection, options: argparse.Namespace) -> str:
     if not found.severed:
         return ""
     links = "\n".join(f"  {each.client} uses {each.interface} of {each.provider}" for each in found.severed)
-    says = f"nothing was started again, for these would not understand each other then:\n{links}\n"
+    says = f"nothing was restarted: these would then have different contracts:\n{links}\n"
     if not found.together:
         return f"{says}Generate them from the same interfaces: rcgen NET.ddsl"
     older = contracts.outdated(running, current)
     old = "; ".join(f"{name} runs an older contract of {', '.join(older[name])}" for name in found.together)
     names = shlex.join((options.network, *options.names, *found.together))
-    return f"{says}{old}\nStart them again together: rcdeploy restart {names}"
+    return f"{says}{old}\nRestart them together: rcdeploy restart {names}"
 
 
 def _tell(missing: list[str]) -> None:

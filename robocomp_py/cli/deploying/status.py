@@ -18,15 +18,15 @@ if TYPE_CHECKING:
     from ...deploy.snapshot import Snapshot
 
 NAME = "status"
-HELP = "show how a network that runs is"
+HELP = "show the state of a running network"
 
 _EXAMPLES = """\
 examples:
   rcdeploy status net.ddsl          a table of its processes
   rcdeploy status net.ddsl --watch  ... again every second, until Ctrl-C or the end of the network
-  rcdeploy status net.ddsl --ports  ... and whom each component uses, over what
+  rcdeploy status net.ddsl --ports  ... and the peers and middlewares of each component
   rcdeploy status net.ddsl --json   for machines, on one line
-  rcdeploy status                   all networks of yours that run on this machine, a line each
+  rcdeploy status                   your networks on this machine, one line each
 
 exit status: 0 everything is ready, or has done its work; 1 something is not, or two components have different contracts
 of an interface, or the network does not run; 2 usage; 3 a host is out of reach
@@ -36,7 +36,7 @@ _EVERY_S = 1.0
 
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
-    to.description, to.epilog = "Show how a network that runs is.", _EXAMPLES
+    to.description, to.epilog = "Show the state of a running network.", _EXAMPLES
     to.add_argument("network", nargs="?", metavar=NETWORK, help="the network, by its file or by its name")
     to.add_argument("--watch", action="store_true", help="again every second")
     to.add_argument("--ports", action="store_true", help="also the ports of the components, with their peers")
@@ -50,11 +50,11 @@ def run(options: argparse.Namespace) -> int:
         return asking(options.network, lambda connection: _show(connection, options))
     for option, is_given in (("--watch", options.watch), ("--ports", options.ports)):
         if is_given:
-            print(f"rcdeploy status: {option} is for one network; say which", file=sys.stderr)
+            print(f"rcdeploy status: {option} needs a network", file=sys.stderr)
             return USAGE
     found = networks()
     if not found and not options.json:
-        print("no network of yours runs on this machine")
+        print("none of your networks is running on this machine")
     return max((asking(each, lambda connection: _tell(connection, options.json)) for each in found), default=FINE)
 
 

@@ -8,14 +8,14 @@ import sys
 from ..common import FINE, UNREACHABLE, WRONG, complain
 
 NAME = "trust"
-HELP = "remember the SSH key of a host"
+HELP = "save the SSH key of a host"
 
 _EXAMPLES = """\
 examples:
-  rcdeploy trust 192.168.1.10           show the key of a host, ask, and remember it
+  rcdeploy trust 192.168.1.10           show the key of a host, ask, and save it
   rcdeploy trust robot@onboard:2222     ... of one at another port
   rcdeploy trust onboard --fingerprint SHA256:…
-                                        ... without a question, if it is this one
+                                        ... save it without a question if it is this one
   on the host itself: ssh-keygen -lf /etc/ssh/ssh_host_ed25519_key.pub
 
 exit status: 0 fine, 1 refused, 2 usage, 3 the host cannot be reached
@@ -23,7 +23,7 @@ exit status: 0 fine, 1 refused, 2 usage, 3 the host cannot be reached
 
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
-    to.description, to.epilog = "Show the SSH key of a host, ask, and remember it.", _EXAMPLES
+    to.description, to.epilog = "Show the SSH key of a host, ask, and save it.", _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
     to.add_argument("host", metavar="HOST", help="[USER@]ADDRESS[:PORT]")
     given = to.add_mutually_exclusive_group()
@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
         return UNREACHABLE
     except DeploymentError as exc:
         return complain(f"rcdeploy: {exc}")
-    print(f"{presented.host} is known by this key from now on ({path})")
+    print(f"saved the key of {presented.host} in {path}")
     return FINE
 
 
@@ -58,17 +58,18 @@ def _agreed(options: argparse.Namespace, presented: object) -> bool:
     assert isinstance(presented, Presented)
     print(f"{presented.host} (port {presented.port}) has the key {presented.fingerprint}", flush=True)
     if presented.fingerprint in presented.known:
-        print("it is known by this key already")
+        print("this key is known already")
     elif presented.known:
-        print(f"it has been known by {' and '.join(presented.known)}: somebody may be in between", flush=True)
+        known = " and ".join(presented.known)
+        print(f"another key is known: {known}; another machine may be intercepting the connection", flush=True)
     if options.fingerprint:
         if options.fingerprint != presented.fingerprint:
-            complain(f"rcdeploy: that is not {options.fingerprint}; nothing is remembered")
+            complain(f"rcdeploy: the key is not {options.fingerprint}; it was not saved")
         return bool(options.fingerprint == presented.fingerprint)
     if options.yes:
         return True
     if not sys.stdin.isatty():
-        complain("rcdeploy: nobody is there to be asked; say --fingerprint, or --yes")
+        complain("rcdeploy: cannot ask, since stdin is not a terminal; use --fingerprint or --yes")
         return False
     print("On the host: ssh-keygen -lf /etc/ssh/ssh_host_ed25519_key.pub")
     try:
@@ -76,6 +77,6 @@ def _agreed(options: argparse.Namespace, presented: object) -> bool:
     except EOFError:
         answer = ""
     if answer.strip().lower() not in ("y", "yes"):
-        complain("rcdeploy: nothing is remembered")
+        complain("rcdeploy: the key was not saved")
         return False
     return True

@@ -45,12 +45,16 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 def add_options(to: argparse.ArgumentParser) -> None:
     """All options but those that change the network."""
     to.add_argument(
-        "--for", dest="duration", type=seconds, metavar="SECONDS", help="stop so long after everything was ready"
+        "--for", dest="duration", type=seconds, metavar="SECONDS", help="stop this long after all components are ready"
     )
-    to.add_argument("--until", metavar="INSTANCE", help="stop everything when this one ends")
-    to.add_argument("--log-dir", type=Path, metavar="DIR", help="where to keep what components print")
-    to.add_argument("--record-logs", choices=("text", "json"), default="text", help="in which form (default: text)")
-    to.add_argument("--detach", action="store_true", help="end when everything is ready, and leave the network running")
+    to.add_argument("--until", metavar="INSTANCE", help="stop the network when this instance ends")
+    to.add_argument("--log-dir", type=Path, metavar="DIR", help="folder for the logs of the components")
+    to.add_argument(
+        "--record-logs", choices=("text", "json"), default="text", help="format of the logs (default: text)"
+    )
+    to.add_argument(
+        "--detach", action="store_true", help="return when all components are ready, and leave the network running"
+    )
     add_guards(to)
 
 
@@ -73,7 +77,7 @@ def _run(options: argparse.Namespace, parent: Parent | None = None) -> int:
         print(f"rcdeploy: --until {options.until}: {unknown('instance', options.until, ending)}", file=sys.stderr)
         return USAGE
     if not plan.processes:
-        return complain(f"rcdeploy: nothing goes on: {plan.name} has no components") if parent else FINE
+        return complain(f"rcdeploy: {plan.name} has no components to leave running") if parent else FINE
     plan = guarded(plan, options)
     return plan if isinstance(plan, int) else _up(plan, options, parent)
 
@@ -91,7 +95,7 @@ def _up(plan: Plan, options: argparse.Namespace, parent: Parent | None) -> int:
     def leave(complaints: Path) -> None:
         assert parent
         with contextlib.suppress(OSError):
-            print(f"{plan.name} goes on (process {os.getpid()}); how it is: rcdeploy status {network}; "
+            print(f"{plan.name} is running (process {os.getpid()}); status: rcdeploy status {network}; "
                   f"to stop it: rcdeploy down {network}", flush=True)  # fmt: skip
         parent.leave(complaints)
 
@@ -99,8 +103,8 @@ def _up(plan: Plan, options: argparse.Namespace, parent: Parent | None) -> int:
         runner = Place(plan.name).runner()
         if runner and runner.is_there:  # else the lock may be free in a moment: `take` waits for that
             return complain(
-                f"rcdeploy: {plan.name} runs already (process {runner.pid}); how it is: rcdeploy status {network}; "
-                f"what would change: rcdeploy plan {network}; to stop it: rcdeploy down {network}"
+                f"rcdeploy: {plan.name} is already running (process {runner.pid}); status: rcdeploy status {network}; "
+                f"changes: rcdeploy plan {network}; to stop it: rcdeploy down {network}"
             )
         for each in neighbours.warnings(plan):
             print(f"rcdeploy: warning: {each}", file=sys.stderr, flush=True)
@@ -122,5 +126,5 @@ def seconds(text: str) -> float:
     except ValueError:
         value = -1.0
     if not 0 <= value < float("inf"):
-        raise argparse.ArgumentTypeError(f"`{text}` is no number of seconds; write it as 30 or 0.5")
+        raise argparse.ArgumentTypeError(f"`{text}` is not a number of seconds; write it as 30 or 0.5")
     return value

@@ -232,17 +232,18 @@ def brought(plan: Plan, recipe: str) -> Iterator[str]:
 def unwatched(plan: Plan, engine: str) -> Iterator[str]:
     """What is lost of the watchdogs of components."""
     if any(watches_itself(each) and each.restart.when is not When.NEVER for each in plan.processes):
-        yield f"{engine} does not notice a component that hangs, which rcdeploy would start again"
+        yield f"{engine} does not detect a component that hangs; rcdeploy would restart it"
 
 
 def unheard(plan: Plan, engine: str) -> Iterator[str]:
     """Whose word is lost that they are ready: containers are looked at, and not listened to."""
     telling = [each.name for each in plan.processes if each.is_program and each.notifies]
     if telling:
-        yield f"{engine} hears no sd_notify: `notifies` of {enumerated(telling)} has no effect, what runs is ready"
+        without = f"`notifies` of {enumerated(telling)} has no effect"
+        yield f"{engine} ignores sd_notify: {without}, a running process counts as ready"
 
 
 def escalating(plan: Plan, engine: str) -> Iterator[str]:
     """What is lost of a network's escalations."""
     if set(plan.escalations.values()) - {"one_for_one"}:
-        yield f"{engine} starts again only what has ended itself: `escalation` has no effect there"
+        yield f"{engine} restarts only the process that has ended: `escalation` has no effect there"

@@ -119,7 +119,7 @@ def _notes(plan: Plan) -> Iterator[str]:
     yield from brought(plan, "the Dockerfile")
     yield from unheard(plan, "compose")
     if any(each.restart.when is not When.NEVER for each in plan.processes):
-        yield "compose has delays of its own between restarts, and counts all: `delay` and `period` have no effect"
+        yield "compose chooses the delays between restarts and counts all of them: `delay` and `period` have no effect"
 
 
 def _steps(all_sites: list[Site]) -> Iterator[str]:

@@ -154,7 +154,7 @@ def _notes(plan: Plan) -> Iterator[str]:
     yield from unheard(plan, "Kubernetes")
     others = [each.name for each in plan.processes if each.restart.when is not When.ALWAYS]
     if others:
-        yield f"Kubernetes starts again whatever ends, also {enumerated(others)}, with delays of its own"
+        yield f"Kubernetes restarts every process that ends, also {enumerated(others)}, and chooses the delays"
     ordered = [each.name for each in plan.processes if each.after]
     if ordered:
         yield f"Kubernetes starts all of a pod at once: `dependences` of {enumerated(ordered)} have no effect"

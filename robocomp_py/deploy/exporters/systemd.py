@@ -122,7 +122,7 @@ def _notes(plan: Plan) -> Iterator[str]:
         yield "systemd waits the same time before each restart: `max_delay` has no effect"
     here = {each.host for each in plan.processes if each.host == ""}
     if here and any(each.host for each in plan.processes):
-        yield "the units of `localhost` name files where they are on this machine; those of the others go along"
+        yield "the units of `localhost` refer to files on this machine; files for other hosts are included"
 
 
 def _steps(all_sites: list[Site], whole: str) -> Iterator[str]:

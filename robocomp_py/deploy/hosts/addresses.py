@@ -55,4 +55,4 @@ def towards(address: str) -> str:
             asking.connect((address, 9))
             return str(asking.getsockname()[0])
     except OSError as exc:
-        raise OSError(f"there is no way to {address}: {exc.strerror}") from exc
+        raise OSError(f"no route to {address}: {exc.strerror}") from exc

@@ -93,8 +93,8 @@ def collect(files: Mapping[Path, str], keys: Mapping[Path, str] | None = None) -
         left -= len(content.data)
         if left < 0:
             raise DeploymentError(
-                f"{file}: with this one, what the components need has more than {LARGEST // 1_000_000} MB, and more is "
-                "not sent to a host; put what is large there once by other means, and tell the component where it is"
+                f"{file}: with this file, the files of the components exceed {LARGEST // 1_000_000} MB, the most that "
+                "is sent to a host; copy large files there yourself, and tell the component where they are"
             )
     return found
 
@@ -145,7 +145,7 @@ def _inside(folder: Path, at: PurePosixPath, around: set[Path]) -> Iterator[tupl
 def _read(path: Path) -> Content:
     try:
         if path.stat().st_size > LARGEST:
-            raise DeploymentError(f"{path} is too large to be sent to a host; put it there once by other means")
+            raise DeploymentError(f"{path} is too large to be sent to a host; copy it there yourself")
         return Content(path.read_bytes(), os.access(path, os.X_OK))
     except OSError as exc:
         raise DeploymentError(f"{path} cannot be read: {exc.strerror}") from exc

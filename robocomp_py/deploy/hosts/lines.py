@@ -95,9 +95,9 @@ def unpacked(line: bytes | bytearray) -> Message:
     try:
         message = json.loads(line)
     except (ValueError, RecursionError) as exc:
-        raise Misunderstood(f"what was said is not understood: {bytes(line[:80])!r}") from exc
+        raise Misunderstood(f"malformed message: {bytes(line[:80])!r}") from exc
     if not isinstance(message, dict):
-        raise Misunderstood(f"what was said is not understood: {bytes(line[:80])!r}")
+        raise Misunderstood(f"malformed message: {bytes(line[:80])!r}")
     return message
 
 
@@ -106,7 +106,7 @@ def heard(message: Message) -> Message:
     what = message.get("tell")
     parts = _TOLD.get(what) if isinstance(what, str) else None
     if parts is None or not all(_is(message.get(name), kind) for name, kind in parts.items()):
-        raise Misunderstood(f"what the agent told is not understood: {str(message)[:80]!r}")
+        raise Misunderstood(f"malformed message of the agent: {str(message)[:80]!r}")
     return message
 
 

@@ -279,7 +279,7 @@ class RemoteAgent(Agent):
             if now - lay_down > 2 * BEAT:
                 awake_since = now  # we were held up ourselves, and could hear nobody
             if now - max(self._heard_at, awake_since) > SILENCE:
-                self._lose(channel, f"nothing was heard for {SILENCE:g} s")
+                self._lose(channel, f"no message for {SILENCE:g} s")
 
     def _take(self, message: Message) -> None:
         name = message.get("name", "")
@@ -289,7 +289,9 @@ class RemoteAgent(Agent):
             case "output":
                 self._listener.output(name, message["line"][:LINE].replace("\n", " "))
             case "lost_lines":
-                self._note(f"{self._host.name}: {message['count']} lines of output were too many to be sent")
+                self._note(
+                    f"{self._host.name}: {message['count']} lines of output were dropped: the connection is too slow"
+                )
             case "ready":
                 self._listener.ready(name)
             case "status":
@@ -339,7 +341,7 @@ class RemoteAgent(Agent):
             self._closed.set()
             return
         for name in list(self._starting):
-            self._settle(name, DeploymentError(f"{name}: {ssh.called(self._host)} was lost"))
+            self._settle(name, DeploymentError(f"{name}: the connection to {ssh.called(self._host)} was lost"))
         self._listener.lost(self._host.name, why)
         self._task(self._find_again(), f"find {self._host.name}")
 

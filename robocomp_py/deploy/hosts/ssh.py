@@ -76,7 +76,7 @@ async def run(host: Host, command: Sequence[str], **options: Any) -> Channel:
         process = await connection.create_process(line, encoding=None, request_pty=False)
     except (OSError, asyncssh.Error) as exc:
         connection.abort()
-        raise HostUnreachable(f"{called(host)}: it starts no programs: {_reason(exc)}") from exc
+        raise HostUnreachable(f"{called(host)}: it does not run programs: {_reason(exc)}") from exc
     return Channel(connection, process)
 
 
@@ -101,7 +101,7 @@ async def connect(host: Host, **options: Any) -> asyncssh.SSHClientConnection:
         raise HostUnreachable(_distrusted(host, watch.presented, str(exc))) from exc
     except asyncssh.PermissionDenied as exc:
         hint = f"`ssh {_target(host)} true` must work without a question: give it your key (ssh-copy-id), or load yours"
-        raise HostUnreachable(f"{called(host)}: it does not let us in: {_reason(exc)}; {hint} (ssh-add)") from exc
+        raise HostUnreachable(f"{called(host)}: login failed: {_reason(exc)}; {hint} (ssh-add)") from exc
     except (OSError, asyncssh.Error, ValueError) as exc:
         hint = f"is it on, and does `ssh {_target(host)}` work?"
         raise HostUnreachable(f"{called(host)} cannot be reached: {_reason(exc)}; {hint}") from exc
@@ -127,7 +127,7 @@ async def key_of(host: Host, **options: Any) -> Presented:
         raise HostUnreachable(f"{called(host)} cannot be reached: {_reason(exc)}; is it on?") from exc
     if watch.presented is None:
         raise HostUnreachable(
-            f"{called(host)} has shown no key of its own, as one with a certificate has none to trust"
+            f"{called(host)} has presented no plain key; a host certificate cannot be trusted this way"
         )
     return watch.presented
 
@@ -155,12 +155,13 @@ def _nothing_known(_host: str, _address: str, _port: int | None) -> Any:
 
 def _distrusted(host: Host, presented: Presented | None, why: str) -> str:
     if presented is None:
-        return f"{called(host)} is not who we know: {why}"
+        return f"{called(host)} is not the known host: {why}"
     trust = f"rcdeploy trust {_target(host, for_us=True)}"
     if presented.known:
         return (
-            f"{called(host)} has another key than the one we know: {presented.fingerprint}, and not "
-            f"{' or '.join(presented.known)}; somebody may be in between. If it was set up anew: {trust}"
+            f"{called(host)} has the key {presented.fingerprint}, and the known one is "
+            f"{' or '.join(presented.known)}; another machine may be intercepting the connection. "
+            f"If the host was set up anew: {trust}"
         )
     return f"{called(host)} is not known; its key is {presented.fingerprint}. If that is right: {trust}"
 

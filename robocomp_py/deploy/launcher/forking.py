@@ -66,7 +66,7 @@ class Zygote:
     async def start(self, process: Process, environment: Mapping[str, str], output: int, birth: Birth) -> int:
         """The id of the new process, which is a child of ours. Raises Unavailable, or Abandoned."""
         if self.ended:
-            raise Unavailable("the process that starts components quickly has ended")
+            raise Unavailable("the fork server has ended")
         self._number += 1
         number = self._number
         request = {
@@ -86,17 +86,17 @@ class Zygote:
             return await asyncio.wait_for(answer, _ANSWER)
         except TimeoutError as exc:
             self.close()  # a late answer would be a process nobody knows
-            raise Unavailable(f"the process that starts components quickly does not answer for {_ANSWER:g} s") from exc
+            raise Unavailable(f"the fork server has not answered for {_ANSWER:g} s") from exc
         except OSError as exc:
-            raise Unavailable(f"the process that starts components quickly: {exc.strerror}") from exc
+            raise Unavailable(f"the fork server: {exc.strerror}") from exc
         finally:
             self._asked.pop(number, None)
 
     def abandon(self, name: str) -> None:
-        """A process is not wanted any more, should it just be asked for: it is ended if it comes nevertheless."""
+        """Give up a process that was just asked for: if it starts nevertheless, it is ended."""
         for asked, answer in self._asked.values():
             if asked == name and not answer.done():
-                answer.set_exception(Abandoned(f"{name} is not wanted any more"))
+                answer.set_exception(Abandoned(f"{name} was stopped before it started"))
 
     def close(self) -> None:
         """End it; it is waited for. May be called twice."""
@@ -113,7 +113,7 @@ class Zygote:
             self._running.wait()
         for _, answer in self._asked.values():
             if not answer.done():
-                answer.set_exception(Unavailable("the process that starts components quickly has ended"))
+                answer.set_exception(Unavailable("the fork server has ended"))
 
     async def _send(self, request: bytes, output: int) -> None:
         end = asyncio.get_running_loop().time() + _ANSWER
@@ -154,4 +154,4 @@ class Zygote:
         elif "pid" in told:
             answer.set_result(told["pid"])
         else:
-            answer.set_exception(Unavailable(f"it cannot be started quickly: {told['error']}"))
+            answer.set_exception(Unavailable(f"the fork server cannot start it: {told['error']}"))

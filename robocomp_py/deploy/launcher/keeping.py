@@ -81,12 +81,12 @@ class Keeper:
         self._end()
         self._replaced += 1
         if self._replaced > _REPLACED:
-            log.warning("the process that cleans up after us is ended again and again; going on without")
+            log.warning("the cleanup process is killed repeatedly; continuing without it")
             return
         try:
             self._begin()
         except OSError as exc:
-            log.warning("going on without the process that cleans up after us: %s", exc.strerror)
+            log.warning("continuing without a cleanup process: %s", exc.strerror)
 
     def _tell(self, line: str) -> None:
         if self._pipe < 0:

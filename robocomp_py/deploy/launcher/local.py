@@ -212,7 +212,7 @@ class Launcher(Agent):
 
     async def start(self, process: Process) -> None:
         if process.name in self._running or process.name in self._coming:
-            raise DeploymentError(f"{process.name} runs already")
+            raise DeploymentError(f"{process.name} is already running")
         self._coming[process.name] = None
         try:
             await self._start(process)
@@ -271,7 +271,7 @@ class Launcher(Agent):
             except (Unavailable, OSError) as exc:
                 if not self._was_told:
                     self._was_told = True
-                    log.warning("%s; from now on, components are started the slow way", exc)
+                    log.warning("%s; from now on, components start without the fork server, which takes longer", exc)
         return self._execute(process, told, into, own)
 
     def _execute(self, process: Process, told: Mapping[str, str], into: int, own: Birth) -> int:
@@ -441,8 +441,8 @@ class Launcher(Agent):
                 running.warned = True
                 self._listener.output(
                     running.name,
-                    f"(what process {sender} says of how this is does not count: it is not {running.main}, which "
-                    "was started; start it by `exec`, or have that one say NOTIFYACCESS=all)",
+                    f"(a notification of process {sender} was ignored: only process {running.main} may send them; "
+                    "start the other one by `exec`, or have the first one send NOTIFYACCESS=all)",
                 )
             return
         if note.main_pid and note.main_pid != running.main and self._is_of(running, note.main_pid):

@@ -127,7 +127,7 @@ def serve(channel: socket.socket, lifeline: int) -> Mapping[str, Any] | None:
         if not message:
             return None
         if threads() > 1:  # whoever holds a lock now would never give it back
-            _answer(channel, json.loads(message), error="the process that starts components has threads")
+            _answer(channel, json.loads(message), error="the fork server has threads")
         else:
             try:
                 middle = unsafe.fork()
@@ -161,7 +161,7 @@ def _bear(channel: socket.socket, lifeline: int, message: bytes, pipes: list[int
         if not born:
             channel.close()
             return _born(middle, lifeline, request, pipes)
-        if not _answer(channel, request, pid=born):  # it would be started again, or is not wanted any more
+        if not _answer(channel, request, pid=born):  # it would be started again, or was stopped before it started
             os.kill(born, signal.SIGKILL)
             os.waitpid(born, 0)
             break

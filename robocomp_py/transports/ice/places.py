@@ -109,10 +109,10 @@ class _Finder:
             if served not in self._at:
                 self._serve(served, expected)
             elif (at := self._at[served][1]) != expected:
-                message = f"`{way.client}` expects `{way.interface}` at port {expected}, and `{way.provider}` has {at}"
+                message = f"`{way.client}` expects `{way.interface}` at port {expected}, but `{way.provider}` has {at}"
                 self._fault(way, message, "change the configuration of one of them")
         elif served not in self._at:
-            message = f"`{way.client}` is to find `{way.interface}` of `{way.provider}`, and nothing says at which port"
+            message = f"`{way.client}` uses `{way.interface}` of `{way.provider}`, whose port is unknown"
             self._fault(way, message, f"give `{way.provider}` the port that the program asks: port 10003;")
 
     def _place_anywhere(self, way: Way) -> None:
@@ -123,7 +123,7 @@ class _Finder:
         if port:
             self._serve(served, port)
         else:
-            message = f"`{way.provider}` needs a port for `{way.interface}` over Ice, and the network has no more"
+            message = f"`{way.provider}` needs a port for `{way.interface}` over Ice, but the network has no port left"
             self._fault(way, message, f"give `{way.provider}` one of its own: port 10003;")
 
     def _serve(self, served: _Object, port: int) -> None:
@@ -137,8 +137,8 @@ class _Finder:
             other = first.setdefault((self._everyone[served.instance].host, port), served)
             if other.instance != served.instance:
                 both = f"`{other.instance}` and `{served.instance}`"
-                message = f"port {port} is that of `{other.segment}` and of `{served.segment}` over Ice, of {both}"
-                hint = "give one of them another one; several interfaces of an instance have one each, in a row"
+                message = f"port {port} over Ice is given to both `{other.segment}` and `{served.segment}`, of {both}"
+                hint = "change one of them; the interfaces of an instance have consecutive ports"
                 fault = Fault("port-clash", message, hint, served.instance, (both, str(port)), other.instance)
                 self._faults.append(fault)
 
@@ -166,7 +166,9 @@ class _Finder:
         elif own := _old_proxy(client, way.port):
             yield key, own
         else:
-            message = f"nothing says where the program `{way.provider}` serves `{way.interface}` for `{way.client}`"
+            message = (
+                f"the port at which the program `{way.provider}` serves `{way.interface}` for `{way.client}` is unknown"
+            )
             by_port, by_file = "add its port: port 10003;", 'name its own configuration: config "etc/config";'
             self._fault(way, message, by_file if len(self._served(provider)) > 1 else by_port)
 
@@ -227,14 +229,14 @@ class _Finder:
         heard, told = (self._options[end].topic_of(way.channel) for end in (way.client, way.provider))
         if not any(_is_one(a, b) for a in _corners(client) for b in _corners(provider)):
             message = (
-                f"`{way.client}` hears `{way.interface}` through the IceStorm at `{client}`, "
-                f"and `{way.provider}` publishes it through that at `{provider}`"
+                f"`{way.client}` subscribes to `{way.interface}` through the IceStorm at `{client}`, "
+                f"but `{way.provider}` publishes it through the one at `{provider}`"
             )
             hint = "give both the same transports.ice.storm"
         elif heard != told and not any(self._everyone[end].is_program for end in (way.client, way.provider)):
             message = (
-                f"`{way.client}` hears `{way.interface}` by the topic `{heard}` of IceStorm, "
-                f"and `{way.provider}` publishes it as `{told}`"
+                f"`{way.client}` subscribes to `{way.interface}` by the topic `{heard}` of IceStorm, "
+                f"but `{way.provider}` publishes it as `{told}`"
             )
             hint = "let transports.ice.topics say the same for both"
         else:
