@@ -1,4 +1,4 @@
-"""What somebody may have meant: one rule for models, configurations and command lines."""
+"""Suggestions for misspelt names: one rule for models, configurations and command lines."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 
 def closest(name: str, known: Iterable[str], *, prefix: str = "") -> str:
-    """The known name that is meant, or nothing if none is close. A prefix that many have makes none close.
+    """The known name closest to `name`, or "" if none is close. `prefix` is ignored in the comparison.
 
     Case counts only between names that differ in nothing else.
     """

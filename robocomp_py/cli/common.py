@@ -31,7 +31,7 @@ class Main(Protocol):
 
 
 def command(main: Callable[[Sequence[str] | None], int]) -> Main:
-    """A command that ends quietly, and cleans up, when it is interrupted, or when nobody reads on what it prints."""
+    """A command that ends quietly, and cleans up, when it is interrupted, or when its output is no longer read."""
 
     @wraps(main)
     def run(arguments: Sequence[str] | None = None) -> int:
@@ -102,7 +102,7 @@ def signalled() -> int:
     """The signal that ends, or should have ended, the command that runs; 0 if none has come.
 
     What a signal raises may get lost: Python ignores exceptions in destructors, and in what it calls by itself while it
-    imports. So who is about to do something for long asks first.
+    imports. So code that is about to do long work checks this first.
     """
     return _came[0] if _came else 0
 
@@ -122,7 +122,7 @@ def insist() -> None:
 def _unwinding() -> Iterator[None]:
     """While entered, SIGTERM and SIGHUP end what runs as an exception does, so that it can clean up, as Ctrl-C does.
 
-    Who wants to ignore them (`nohup`), or does something about them already, is not disturbed. What cleans up is
+    A process that ignores them (`nohup`) or handles them keeps doing so. A cleanup is
     not ended by another one.
     """
     numbers = [each for each in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(each) is signal.SIG_DFL]

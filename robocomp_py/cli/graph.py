@@ -16,7 +16,7 @@ HELP = "draw a network or a state machine"
 
 _EXAMPLES = """\
 examples:
-  rc graph net.ddsl -o net.svg       components, hosts, systems, processes, and who uses whom over what
+  rc graph net.ddsl -o net.svg       components, hosts, systems, processes, and the links between them
   rc graph net.ddsl -o net.png       ... as pixels (needs: pip install 'robocomp-py[png]')
   rc graph net.ddsl -o net.dot       ... for Graphviz
   rc graph net.ddsl -o net.mmd       ... for Mermaid, which GitHub draws in Markdown

@@ -62,7 +62,7 @@ def override_words(options: argparse.Namespace) -> list[str]:
 
 
 def tell_notes(plan: Plan) -> None:
-    """Say why something does not go the fastest way. That nobody can read it is no reason not to go on."""
+    """Say why a link does not use the fastest middleware. An output that cannot be written is ignored."""
     try:
         for note in plan.notes:
             print(f"note: {note}", file=sys.stderr, flush=True)

@@ -116,7 +116,7 @@ def _command_at(given: Sequence[str]) -> int | None:
 
 
 def _refuse(rest: Sequence[str], made: argparse.ArgumentParser, name: str) -> None:
-    """Say what is wrong with arguments that nobody takes."""
+    """Say what is wrong with arguments that no command takes."""
     if not rest:
         return
     option = rest[0].partition("=")[0]

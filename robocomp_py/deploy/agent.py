@@ -189,7 +189,7 @@ class Agent(Listener):
             await asyncio.sleep(BEAT)
             now = time.monotonic()
             if now - lay_down > 2 * BEAT:
-                awake_since = now  # we were held up ourselves, and could hear nobody
+                awake_since = now  # this process was held up itself, and could receive nothing
             session = self._session
             if session is None:
                 continue
@@ -240,7 +240,7 @@ class Agent(Listener):
         try:
             await self._do(session, message)
         except (DeploymentError, KeyError, TypeError, ValueError) as exc:
-            why = str(exc) if isinstance(exc, DeploymentError) else f"{message.get('do')} is not understood: {exc!r}"
+            why = str(exc) if isinstance(exc, DeploymentError) else f"malformed command {message.get('do')}: {exc!r}"
             session.send(tell="refused", why=why)
 
     async def _do(self, session: Session, message: Message) -> None:

@@ -1,8 +1,8 @@
-"""Who starts processes, one for each host: what is asked of it, and what it tells.
+"""The contract of agents, which start processes: one agent for each host.
 
-An agent does and decides nothing: when what is started, stopped and started again is for who asks it (`run.py`,
-by `policy.py`). Everything here is called on the event loop, and nothing blocks it. One instance of a process runs
-at a time under a name; until `exited` was told of it, the name is taken.
+An agent decides nothing: its caller (`run.py`, by `policy.py`) says what to start, stop and restart, and when. All
+methods are called on the event loop, and none blocks it. A name belongs to one process at a time, until `exited`
+reports its end.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from .process import Process
 
 
 class Abandoned(DeploymentError):
-    """A process was to end before its start had come to anything; there is none."""
+    """The process was told to end before it had started; it does not exist."""
 
 
 @dataclass(frozen=True, slots=True)
 class Life:
-    """How a component is, as its process tells it."""
+    """The state of a component, as its process reports it."""
 
     state: str
     """Of its life cycle: `compute`, `emergency`, …"""
     overruns: int
-    """Periods that it left out, since what it did took longer than one."""
+    """Periods that were skipped because `compute` took longer than one."""
     missed: int
     """Deadlines of the QoS of its topics that were missed."""
     lost: int
@@ -37,7 +37,7 @@ class Life:
 
 @dataclass(frozen=True, slots=True)
 class Usage:
-    """What a process uses, with all that it started, as far as that is known."""
+    """The resources of a process and of all that it started, as far as known."""
 
     pid: int
     cpu_s: float = 0.0
@@ -49,22 +49,22 @@ class Usage:
     worst_ms: float = 0.0
     """How long the slowest of those took, of the last interval."""
     at: float = 0.0
-    """When processor time and memory were looked at, in seconds of its host's clock; 0 if they were not yet."""
+    """When processor time and memory were measured, in seconds of the host's clock; 0 if never."""
     lives: Mapping[str, Life] = field(default_factory=dict)
-    """How its components are, by their names; of those that tell."""
+    """The states of its components, by name; of those that report one."""
 
 
 class Listener(Protocol):
-    """Who is told what becomes of the processes. What it raises is not caught."""
+    """Receives the events of processes. Its exceptions are not caught."""
 
     def output(self, name: str, line: str) -> None:
-        """A line of what it printed, without its end; a long one in pieces."""
+        """The process printed a line, given without its end; a long line comes in pieces."""
 
     def ready(self, name: str) -> None:
-        """It said so (READY=1); or it runs, if it is none that says so. At most once a start."""
+        """The process has sent READY=1, or runs if it sends no notifications. At most once for each start."""
 
     def status(self, name: str, text: str) -> None:
-        """What it says it does (STATUS=)."""
+        """The process has sent STATUS=."""
 
     def left(self, name: str, instance: str) -> None:
         """One of several components in a process has ended well; the process goes on."""
@@ -73,21 +73,21 @@ class Listener(Protocol):
         """A component in it has started with this contract: its operations, and their fingerprints."""
 
     def hung(self, name: str) -> None:
-        """It did not feed its watchdog. It has been sent SIGABRT, has a little time to say where it was, and is killed
-        then: `exited` follows."""
+        """The process did not feed its watchdog. It gets SIGABRT, a little time to print its stacks, and SIGKILL;
+        `exited` follows."""
 
     def exited(self, name: str, code: int) -> None:
-        """It has ended, with all that it started; told once, after the last line of its output.
+        """The process and all that it started have ended. Called once, after the last line of its output.
 
         `code` is negative for a signal, as in subprocess.
         """
 
     def lost(self, host: str, why: str) -> None:
-        """A host is out of reach, and so are its processes: nothing more is told of them, `exited` neither."""
+        """A host is out of reach, with its processes. No further events of these follow, not even `exited`."""
 
     def back(self, host: str) -> None:
-        """A host that was lost is within reach again. None of its processes is to be taken as running: start what
-        should run; an agent that kept them takes over what runs there, and tells `ready` of it once more."""
+        """A lost host is reachable again. Assume that none of its processes runs, and start those that should: an agent
+        that kept them takes over the running ones, and reports `ready` again."""
 
 
 class Agent(Protocol):
@@ -109,7 +109,7 @@ class Agent(Protocol):
         """End it, and all that it started, now (SIGKILL); else as `stop`."""
 
     def usage(self) -> Mapping[str, Usage]:
-        """Of those that run, by name; as of a moment ago, and at no cost."""
+        """The usage of the running processes by name, as last measured; costs nothing."""
 
     async def close(self) -> None:
         """Afterwards none of its processes is left, and no file of theirs; may be called twice."""

@@ -1,12 +1,12 @@
-"""The best way for each link of a network, by where its two ends are.
+"""The middleware of each link of a network, chosen by where its two ends run.
 
     in one process, on one host    the transport that is made for it (`transports.deployment.Near`)
     else                           the middleware that the provider is always reached by, also from elsewhere
 
-This holds for ends that leave the choice open (nobody named a middleware for them, or `auto`). An
-end that names one decides for the other, too. What is chosen becomes settings of the instances: a
-provider offers what its links need beside what it offers anyway, and who uses it gets one way to
-each provider.
+This holds for ends that leave the choice open: they name no middleware, or `auto`. An end that
+names one decides for the other end, too. The choices become settings of the instances: a provider
+offers what its links need in addition to its own middleware, and each client gets one way to each
+of its providers.
 """
 
 from __future__ import annotations
@@ -169,7 +169,7 @@ class _Link:
 
     @property
     def source(self) -> str:
-        """The `from` by which the client means this provider and nobody else."""
+        """The `from` by which the client names exactly this provider."""
         segment = self.server.component.segment(self.theirs)
         own = self.client.settings.namespace, self.port.interface.short
         return names.target(self.server.settings.namespace, self.server.instance, segment, *own)

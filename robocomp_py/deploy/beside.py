@@ -1,4 +1,4 @@
-"""Work that takes long, beside the event loop, where the system may have no thread to spare."""
+"""Long work beside the event loop, also when the system can start no further thread."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ async def beside(
     If none can be started, the loop waits for it: `asyncio.to_thread` would raise an error, and call it later or never.
     """
     answer: Future[T] = Future()
-    answer.set_running_or_notify_cancel()  # who waits may be cancelled; the function goes on
+    answer.set_running_or_notify_cancel()  # the caller may be cancelled; the function still runs
     job = partial(fulfil, answer, partial(function, *arguments))
     if not start(threading.Thread(target=job, name="beside")):
         job()

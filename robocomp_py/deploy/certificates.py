@@ -32,7 +32,7 @@ class Issued:
 
 @dataclass(frozen=True)
 class Certificate:
-    """What somebody's certificate says."""
+    """The content of a certificate."""
 
     name: str
     addresses: frozenset[str]
@@ -93,7 +93,7 @@ def read(pem: bytes) -> Certificate:
         there = found.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
         addresses = {str(each.value) for each in there}
     except x509.ExtensionNotFound:
-        pass  # who only connects has none
+        pass  # a process that only connects has none
     [name] = found.subject.get_attributes_for_oid(x509.NameOID.COMMON_NAME)
     return Certificate(str(name.value), frozenset(addresses), found.not_valid_after_utc, found.not_valid_before_utc)
 

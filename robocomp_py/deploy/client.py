@@ -1,6 +1,6 @@
 """Asks a network that runs how it is, and tells it what to do: what is behind `rcdeploy status|logs|restart|down`.
 
-Blocking, with a deadline on every wait, and quick to import. `control.py` is who answers.
+Blocking, with a deadline on every wait, and quick to import. `control.py` answers.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _WORDS = re.compile(r"//[^\n]*|/\*.*?\*/|\"(?:[^\"\\\n]|\\.)*\"|\bDeployment\s+(
 
 
 class NotRunning(DeploymentError):
-    """Nobody runs this network."""
+    """This network is not running."""
 
 
 class Stuck(DeploymentError):
@@ -316,7 +316,7 @@ def _longest_grace(network: str) -> float:
     """Seconds that a process of a network may have to end by itself."""
     try:
         processes = (running_plan(network) or {}).get("processes", ())
-    except DeploymentError:  # on a full disk; the patience that everybody has is enough for most
+    except DeploymentError:  # on a full disk; the default timeout is enough for most networks
         return 0.0
     return max((float(each.get("grace") or 0.0) for each in processes), default=0.0)
 

@@ -1,6 +1,6 @@
-"""The socket at which a running network is asked how it is, and told what to do. `client.py` is who asks.
+"""The control socket of a running network: it answers questions and takes commands. `client.py` connects to it.
 
-A request is a JSON object on a line, and so is each answer; who asks may ask again on the same connection:
+Requests and answers are JSON objects, one a line. A client may send several requests on one connection:
 
     {"do": "status"}                                          {"status": {a Snapshot}}
     {"do": "restart", "names": ["laser"]}                     {"accepted": true}
@@ -58,10 +58,10 @@ _SCARCE_S = 0.5
 """Seconds between attempts to accept a connection while that fails: there is no file descriptor, mostly."""
 
 SLOW_S = 5.0
-"""Seconds after which who has not taken an answer is disconnected."""
+"""Seconds after which a client that does not read its answer is disconnected."""
 
 BEHIND = 5000
-"""Lines of output that are kept for somebody who follows them and does not keep up."""
+"""Lines of output that are kept for a client that follows them too slowly."""
 
 MOST_LINES = 10000
 """Lines of the past that are told."""
@@ -147,7 +147,7 @@ class Control:
         try:
             await self._serve(client)
         except (TimeoutError, OSError):
-            pass  # it has gone, or does not listen: nobody is there to be told
+            pass  # the client has gone, or does not read
         finally:
             if client in self._clients:
                 self._clients.remove(client)
@@ -205,7 +205,7 @@ class Control:
         await client.send({"end": True})
 
     async def _follow(self, followed: _Followed, client: _Client) -> None:
-        gone = asyncio.create_task(client.reader.read(1))  # who follows says nothing more until it has heard enough
+        gone = asyncio.create_task(client.reader.read(1))  # a client that follows sends nothing until it leaves
         try:
             while not gone.done():
                 self._rest(client)
@@ -242,7 +242,7 @@ class _Client:
         self.writer.transport.set_write_buffer_limits(high=0)  # to drain is to have everything sent
 
     async def send(self, *answers: Mapping[str, Any]) -> None:
-        """Raises TimeoutError if nobody takes it, OSError if nobody is there any more."""
+        """Raises TimeoutError if the client does not read, OSError if it has gone."""
         for start in range(0, len(answers), _TOGETHER):
             part = answers[start : start + _TOGETHER]
             self.writer.write(b"".join(json.dumps(answer).encode() + b"\n" for answer in part))
@@ -251,7 +251,7 @@ class _Client:
 
 
 class _Followed:
-    """What was printed since somebody was told, as far as there is room."""
+    """The lines that a following client has not received yet, as far as there is room."""
 
     def __init__(self, names: Collection[str]) -> None:
         self._names = names
@@ -285,7 +285,7 @@ def _told(line: Line) -> Mapping[str, Any]:
 class Request:
     do: str
     names: tuple[str, ...] = ()
-    """Whom it is about; nobody named is all."""
+    """Instances, processes or systems; () means all."""
     count: int = 0
     follow: bool = False
     grace: float | None = None

@@ -1,4 +1,4 @@
-"""Keys, certificates and permissions of a network: who takes part in it, and who may talk to whom, from its graph.
+"""Keys, certificates and permissions of a network: its processes, and the channels that each may use, from its graph.
 
     KEYS/                         0700, as all folders; files 0600
       ca/                         the authority of this deployment; its key never leaves this folder
@@ -7,7 +7,7 @@
         identity.json             its name, and a number that no other process of the network has
         ca.pem  certificate.pem  key.pem
         curve.key  curve.key_secret
-        admitted/CLIENT.key       public keys of those who use it, with the channels that they use
+        admitted/CLIENT.key       public keys of its clients, with the channels that they use
         peers/PROVIDER.key        those of the instances that it uses, likewise
       router@HOST/                for each host with a helper (`router@` on the machine that launches)
         ca.pem  certificate.pem  key.pem
@@ -61,7 +61,7 @@ class Made:
 
 
 def graph_of(plan: Plan) -> Graph:
-    """Who may talk to whom: what the processes of a network are wired to, and nothing else."""
+    """The allow-list: the channels that the processes of a network are wired to, and nothing else."""
     process_of = {instance: process.name for process in plan.processes for instance in process.instances}
     found = dict.fromkeys(
         Edge(
@@ -190,7 +190,7 @@ class _Maker:
         yield from self._remove_others()
 
     def _check_folder(self) -> None:
-        """Somebody's work is not closed to others, or hidden from git."""
+        """Refuse a folder with other files: it would be made private and hidden from git."""
         there = {path.name for path in self._folder.iterdir()} if self._folder.is_dir() else set()
         if there - {".gitignore"} and "ca" not in there:
             raise DeploymentError(f"keys: {self._folder} contains other files; choose a folder for the keys alone")
@@ -281,7 +281,7 @@ class _Maker:
 
 
 def permissions(graph: Graph, public_keys: Mapping[str, bytes]) -> dict[str, dict[str, bytes]]:
-    """The files that say whom each process admits, and to whom it connects, by folder."""
+    """The files with the clients that each process admits and the servers that it connects to, by folder."""
     found: dict[str, dict[str, bytes]] = {}
     for principal in graph.principals:
         clients: dict[str, set[str]] = {}

@@ -1,6 +1,6 @@
-"""What one host is asked to do, a few starts at a time.
+"""The commands for one host, with few starts at a time.
 
-A start may take its time, over a network say. Who is to stop before its turn has come is not started at all.
+A start may take long, for instance over a network. A process that is stopped before its turn is not started at all.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from .agents import Abandoned, Agent, Listener
 from .process import Process
 
 CANNOT_BE_STARTED = 127
-"""The exit code of a process of which there was none, as in shells."""
+"""The exit code for a process that could not be started, as in shells."""
 
 ABREAST = 8
 """How many are being started at a time on this machine: they share what a start takes (`launcher.zygote`). An agent of

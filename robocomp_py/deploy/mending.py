@@ -32,7 +32,7 @@ class Mended:
 
     @property
     def lacks_header(self) -> bool:
-        """Whether a table's header was left out, so that nobody knows what the keys below it belong to."""
+        """Whether a table's header was left out, so that the keys below it belong to no known table."""
         return bool(re.search(r"^\s*\[", self.removed, re.MULTILINE))
 
     def removed_name(self, name: object) -> bool:

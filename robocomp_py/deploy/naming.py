@@ -1,4 +1,4 @@
-"""Whom people mean when they name something of a network that runs."""
+"""The processes that a user means by the name of an instance, process or system."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..spelling import unknown
 from .snapshot import ProcessStatus
 
 DEPLOYER = "rcdeploy"
-"""Under which the deployer's own messages stand among those of the processes."""
+"""The name that the deployer's own messages have among those of the processes."""
 
 
 def meant(names: Iterable[str], processes: Sequence[ProcessStatus]) -> list[ProcessStatus]:

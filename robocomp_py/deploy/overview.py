@@ -1,4 +1,4 @@
-"""A plan for people: who would run, where, after whom, and who uses whom over what. Lines of styled text."""
+"""A plan for people: processes, hosts, order and links, as lines of styled text."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def _rows(plan: Plan) -> list[list[list[Span]]]:
 
 
 def orders_of(processes: Iterable[Process]) -> dict[str, int]:
-    """Who starts first (1), who after them (2), and so on: those of one number start at the same time."""
+    """The position of each process in the start order, from 1; processes of one number start at the same time."""
     found: dict[str, int] = {}
     for process in processes:
         found[process.name] = 1 + max(

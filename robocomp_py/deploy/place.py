@@ -1,13 +1,13 @@
-"""Where a network that runs keeps what belongs to it, on each of its hosts; and that it runs but once.
+"""The folder of a running network on each of its hosts, and the lock that has it run only once.
 
-    <run-time folder>/deploy/<network>/pid            locked as long as it runs, however it ends; who runs it
-                                       control        socket for who asks how it is
+    <run-time folder>/deploy/<network>/pid            locked while it runs, however it ends; the process that runs it
+                                       control        control socket for other commands
                                        plan.json      what runs
-                                       leftovers      what was started, for whoever cleans up behind a killed launcher
+                                       leftovers      what was started, for the cleanup after a killed launcher
                                        notify/        sockets at which processes say how they are
                                        logs/          their output, unless the run keeps it elsewhere; and the
                                                       file `newest`: where the newest run keeps it
-                                       rcdeploy.err   what Python has to say when it goes wrong without a terminal
+                                       rcdeploy.err   Python's own errors while it runs without a terminal
 
 The run-time folder is that of `transports/directory.py`.
 """
@@ -32,20 +32,20 @@ from .launcher import traces
 M = TypeVar("M")
 
 _TRIES, _PAUSE = 10, 0.03
-"""How often the lock is tried while who runs the network is there: it may be just ending."""
+"""How often the lock is tried while the network's runner lives: it may be just ending."""
 
 _TRIES_FOR_NOBODY = 170
-"""How often otherwise, for five seconds: who asks for the runner has it for a moment, and so has who cleans up behind a
-killed one, and either may be held up."""
+"""How often otherwise, for five seconds: a command that looks for the runner holds the lock for a moment, and so does a
+cleanup after a killed one; either may be held up."""
 
 
 class AlreadyRuns(DeploymentError):
-    """Somebody runs this network here."""
+    """This network is running here."""
 
 
 @dataclass(frozen=True, slots=True)
 class Runner:
-    """Who runs a network."""
+    """The process that runs a network."""
 
     pid: int
     since: float = 0.0
@@ -54,7 +54,7 @@ class Runner:
 
     @property
     def is_there(self) -> bool:
-        """Whether it is known, and lives. Else somebody has the lock for a moment, or could not write into it."""
+        """Whether it is known, and lives. If not, the lock is held only briefly, or could not be written to."""
         trace = traces.look(self.pid)
         return trace is not None and trace.state != "Z"
 
@@ -76,7 +76,7 @@ def file_name(instance: str) -> str:
 def made_in(folder: Path, make: Callable[[], M], tries: int = 10) -> M:
     """What is made in a folder, which is made if there is none. Raises OSError.
 
-    Who ends just now may remove the folder before there is anything in it; what is in it keeps it.
+    A process that is just ending may remove the folder while it is empty; a file in it keeps the folder.
     """
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -136,12 +136,12 @@ class Place:
             os.pwrite(self._held, told.encode(), 0)
 
     def clear(self) -> None:
-        """Remove what a killed launcher has left. Nobody is told that we run it. Raises as `take` does."""
+        """Remove what a killed launcher has left, without becoming the runner. Raises as `take` does."""
         self._take()
         self.release()
 
     def runner(self) -> Runner | None:
-        """Who runs it now; None if nobody does."""
+        """The process that runs it now; None if it is not running."""
         try:
             probe = os.open(self._lock, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
         except OSError:
@@ -182,7 +182,7 @@ class Place:
             if not self.complaints.stat().st_size:
                 self.complaints.unlink()
         shutil.rmtree(self.notify, ignore_errors=True)
-        with contextlib.suppress(OSError):  # the last of all: what is there afterwards is somebody else's
+        with contextlib.suppress(OSError):  # the last step: a later file belongs to another process
             self._lock.unlink()
         os.close(self._held)
         self._held = -1
@@ -246,7 +246,7 @@ def _replace(path: Path, text: str) -> None:
 
 
 def _lock(held: int, path: Path) -> bool:
-    """Whether the file is ours now, and still the one of that name: who released it has removed it."""
+    """Whether the file is locked by this process, and still the one of that name: a released lock file is removed."""
     try:
         fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
         return os.path.samestat(os.fstat(held), path.stat())

@@ -159,7 +159,7 @@ def existing_command(command: str) -> list[str]:
 
 
 def find_program(word: str, folder: Path, env: Mapping[str, str]) -> Path | None:
-    """What is run here if somebody asks for that program in a folder; None if there is nothing."""
+    """The program that a word means in a folder on this host; None if there is none."""
     if "/" in word:
         path = folder / word
         return path.absolute() if path.is_file() and os.access(path, os.X_OK) else None

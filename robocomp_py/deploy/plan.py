@@ -51,7 +51,7 @@ class Host:
     """Where processes run; "" for a folder of its own below the user's home."""
     python: str = "python3"
     keep: bool = False
-    """Whether processes there go on when whoever launched them is gone."""
+    """Whether processes there keep running when their controller is lost."""
 
 
 @dataclass(frozen=True)
@@ -68,14 +68,14 @@ class Ours:
 
 
 class Security(StrEnum):
-    """Who may take part in a network."""
+    """Which processes may take part in a network."""
 
     LOCAL = "local"
-    """Who is this user on this machine: loopback, sockets and shared memory of one folder."""
+    """Processes of this user on this machine: loopback, sockets and shared memory of one folder."""
     LAN = "lan"
-    """Who has a key that `rcdeploy keys` made; everything is encrypted."""
+    """Processes with a key made by `rcdeploy keys`; all traffic is encrypted."""
     OPEN = "open"
-    """Everybody who reaches it."""
+    """Every process that reaches it."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ class Plan:
     helpers: tuple[Helper, ...] = ()
     """What its transports need on its hosts besides its processes."""
     ours: Mapping[str, Ours] = field(default_factory=dict)
-    """Of the instances that are no programs of somebody's own, by name."""
+    """Of all instances except foreign programs, by name."""
 
     @property
     def carriers(self) -> tuple[str, ...]:

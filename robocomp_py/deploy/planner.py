@@ -64,7 +64,7 @@ Addresses = Callable[[Mapping[str, str]], Mapping[str, str]]
 
 
 def as_written(hosts: Mapping[str, str]) -> Mapping[str, str]:
-    """For who starts nothing, and so asks nobody."""
+    """For commands that start nothing: no address is looked up."""
     return {"": "127.0.0.1", **hosts}
 
 
@@ -228,7 +228,7 @@ class _Planner:
         return placing.find_program(word, self._folder, {**self._environ, **env})
 
     def _check_middleware(self, name: Name | None, users: Iterable[Instance], *, override: bool = False) -> None:
-        """Whether a middleware can carry what those send for whom the network names it."""
+        """Whether the network's middleware can carry the messages of the instances that it is named for."""
         carried = carrier(name.text, "") if name else ""
         if name is None or not carried:
             return
@@ -417,7 +417,7 @@ class _Planner:
         return settings.find(node.linked.path.parent)
 
     def _assignments(self, node: Node) -> Iterator[tuple[str, str]]:
-        """What the deployment sets, weakest first, and who says so."""
+        """The settings of the deployment, weakest first, each with its origin."""
         network = str(self._model.source.path)
         if node.namespace or self._model.systems:
             yield f"namespace={node.namespace}", network
@@ -446,7 +446,7 @@ class _Planner:
         return {} if self._overrides.middleware else node.carriers
 
     def _note_program(self, node: Node) -> None:
-        """What is known of a program that is not configured from here: what the network says, and its own file.
+        """Note a foreign program: its clauses in the network, and its own configuration file.
 
         Of its file, only the transports count whose interfaces have ports of their own: that is where it is called.
         """
@@ -641,7 +641,7 @@ class _Planner:
         self._error(fault.code, fault.message, named[fault.instance].place(fault.port), fault.hint, *related)
 
     def _is_placed(self, ordered: Mapping[str, Sequence[Node]]) -> bool:
-        """Whether it is clear where everybody runs."""
+        """Whether the host of every instance is known."""
         known = {"", *(host.name for host in placing.hosts_of(self._model, self._model.instances))}
         return all(node.host in known for together in ordered.values() for node in together)
 
@@ -672,7 +672,7 @@ class _Planner:
             self._error("dependence-cycle", message, each.name, hint)
 
     def _requirements(self) -> Iterator[Requirement]:
-        """For whom each instance waits, where it is one that it waits for."""
+        """The instances that each instance waits for at its start."""
         everybody = Everybody(self._configured)
         for client in self._configured:
             for port, operation in client.operations(providing=False):
@@ -721,7 +721,7 @@ def _provides_over(middleware: str, each: Configured) -> bool:
 
 
 def _complaint(node: Node, config: Path | None, document: Document, complaint: Complaint) -> Diagnostic:
-    """Something wrong with a configuration, in its file, or else where the instance stands that somebody set it for."""
+    """Report a wrong configuration at its place in the file, or else at the instance."""
     origin = document.overridden(complaint.key) if complaint.key else ""
     if config and not origin:
         source = Source(config, document.text)

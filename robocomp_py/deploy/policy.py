@@ -5,11 +5,11 @@
        └────────────────────────────────────────────────────────────────────────┘
 
 Before everything was ready, a process that is given up stops the network, which cannot come up any more; so does one
-that ends, however well, while another that needs it is still on its way. Whoever is given up later is reported, and
-its system's escalation says who ends with it; all others go on. Whoever starts, for the first time or again, starts
-when those it depends on are ready. It also waits for those that it requires something of, unless they are gone for
-good. Stopping goes backwards: a process is told to stop when those that depend on it, or require something of it, are
-gone, and killed if it does not within its grace. Nothing starts once the network stops.
+that ends, even well, while another that needs it is still starting. A process that is given up later is reported, and
+its system's escalation says which others end with it; the rest keeps running. Every start, the first or a later one,
+waits until the processes that it depends on are ready. It also waits for the processes whose interfaces it requires,
+unless they are gone for good. Stopping goes backwards: a process is told to stop when its dependents and clients are
+gone, and killed if it does not stop within its grace. Nothing starts once the network stops.
 
 Several instances may run in one process, which goes on when one of them ends well.
 """
@@ -32,7 +32,7 @@ class When(StrEnum):
 
 
 class Escalation(StrEnum):
-    """Who else is started again with a process, as in Erlang/OTP's supervisors."""
+    """Which other processes are restarted with one, as in Erlang/OTP's supervisors."""
 
     ONE_FOR_ONE = "one_for_one"
     REST_FOR_ONE = "rest_for_one"
@@ -111,7 +111,7 @@ class Left:
 
 @dataclass(frozen=True, slots=True)
 class StopRequested:
-    """Somebody (`code` is what to exit with if all else is fine) or the clock (0) wants an end."""
+    """A user or a time limit ends the network. `code` is the exit code if nothing failed; 0 for the time limit."""
 
     code: int = 0
     grace: float | None = None
@@ -234,10 +234,10 @@ FAILED = 1
 UNREACHABLE = 3
 
 UNKILLABLE = 10.0
-"""Seconds after which a process that was killed counts as one that cannot be."""
+"""Seconds after which a process that was killed, but has not ended, is given up."""
 
 _HELD_UP = 1.0
-"""Seconds that we are late from which on nobody is blamed for them: it may have been stopped like us."""
+"""A delay of this process, in seconds, from which on missed deadlines do not count: the others may be late, too."""
 
 _STOPPED_BY_US = frozenset({0, -signal.SIGTERM, -signal.SIGINT, 128 + signal.SIGTERM, 128 + signal.SIGINT})
 """Exit codes of a process that was told to stop, and did."""
@@ -270,7 +270,7 @@ class Progress:
     """Its ends since it last was ready for long."""
     ready_at: float | None = None
     is_done: bool = False
-    """Whether it was ready, and then ended well: whoever starts after it may start."""
+    """Whether it was ready, and then ended well: its dependents may start."""
     is_over: bool = False
     """Whether it ended by itself and is `never` started again, but by a user."""
     is_dropped: bool = False
@@ -392,7 +392,7 @@ class Supervisor:
         return [*self._notices, *self._next()]
 
     def _put_off(self) -> None:
-        """Who had to be gone while we were held up has its time once more; once, since we may always be late."""
+        """Give a process whose time ran out while this one was held up the same time again, but only once."""
         overdue = [
             each
             for each in self.progress.values()
@@ -553,12 +553,12 @@ class Supervisor:
                 self._wait(each)
 
     def _together(self, those: Collection[Progress]) -> list[Progress]:
-        """These, and who is started again with them, in the order of the network."""
+        """These, and the processes that are restarted with them, in the order of the network."""
         found = {other.position: other for each in those for other in self._taken_along([each], each.child.system)}
         return [found[position] for position in sorted(found)]
 
     def _taken_along(self, those: Collection[Progress], path: tuple[str, ...]) -> list[Progress]:
-        """These, and who goes where they go, by the escalation of a system."""
+        """These, and the processes that end or restart with them, by the escalation of a system."""
         inside = [other for other in self.progress.values() if other.child.system[: len(path)] == path]
         match self._escalation(path):
             case Escalation.ONE_FOR_ONE:
@@ -573,7 +573,7 @@ class Supervisor:
         return self._escalations.get(path, Escalation.ONE_FOR_ONE)
 
     def _drop_with(self, given_up: Progress) -> None:
-        """A process has been given up, and with it those that are of no use without it, from the inside out."""
+        """A process has been given up: also end those that are of no use without it, from the inner system outwards."""
         path = given_up.child.system
         those: list[Progress] = [given_up]
         while self._escalation(path) is not Escalation.ONE_FOR_ONE:
@@ -610,7 +610,7 @@ class Supervisor:
         if not self._finished and self._is_at_end():
             self._finished = True
             if any(each.state is State.WAITING for each in self.progress.values()) and not self.stopping:
-                self._fail(FAILED)  # whom it waits for will not come
+                self._fail(FAILED)  # the process that it waits for will not start
             actions.append(Finish(self._fault or self._asked))
         return actions
 
@@ -620,7 +620,7 @@ class Supervisor:
         return self.stopping or not any(map(self._is_coming, self.progress.values()))
 
     def _is_coming(self, each: Progress) -> bool:
-        """Whether somebody who does not run will, without anything else that does."""
+        """Whether a process that does not run will start without the help of a running one."""
         is_held_up = each.state is State.WAITING and each.child.host in self._lost_hosts
         return is_held_up or each.state in (State.RESTARTING, State.LOST)
 
@@ -658,7 +658,7 @@ class Supervisor:
         return [Stuck(name)]
 
     def _is_used(self, each: Progress) -> bool:
-        """Whether somebody depends on it who has to be stopped first."""
+        """Whether a process depends on it that has to stop first."""
         if self._impatient:
             return False
         return any(other.leaving and not other.state.gone for other in self._clients[each.child.name])
@@ -687,7 +687,7 @@ class Supervisor:
             self._fail(FAILED)
 
     def _gone(self, each: Progress) -> None:
-        """Nobody has to wait any more for it to be gone."""
+        """No process has to wait any longer for its end."""
         for other in self.progress.values():
             other.barred.discard(each.child.name)
 
@@ -727,12 +727,12 @@ class Supervisor:
         return each.state is State.READY or each.is_done
 
     def _is_missed(self, each: Progress) -> bool:
-        """Whether somebody cannot become ready now that this one has ended."""
+        """Whether a process cannot become ready now that this one has ended."""
         waiting = [other for other in self._dependents[each.child.name] if other.state in _ON_ITS_WAY]
         return (bool(waiting) and not each.is_done) or self._is_needed(each.instances)
 
     def _is_needed(self, instances: Collection[str]) -> bool:
-        """Whether somebody cannot become ready without one of these."""
+        """Whether a process cannot become ready without one of these."""
         coming = (each for each in self.progress.values() if each.state in _ON_ITS_WAY)
         return any(not each.child.needs.isdisjoint(instances) for each in coming)
 

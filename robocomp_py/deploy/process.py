@@ -1,4 +1,4 @@
-"""One process of a network, as whoever starts it needs to know it: also on a host where networks are not read."""
+"""One process of a network, with all that an agent needs to start it, also on a host where networks are not read."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Process:
     notifies: bool = True
     """Whether it says itself when it is ready; else it counts as ready once it runs."""
     is_program: bool = False
-    """Whether it is a program of somebody's own, and not components of ours."""
+    """Whether it is a foreign program rather than generated components."""
     members: tuple[Member, ...] = ()
     """Those that are in it, in the order in which they start; none if it is that of the instance it is called like."""
     host: str = ""

@@ -1,4 +1,4 @@
-"""What the processes of a network printed last, in memory. Bounded for each: who prints much pushes out nobody else."""
+"""The last lines that the processes of a network printed, in memory. Each process has its own bound."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Over what, and to whom, the operations of configured instances really go.
+"""The middlewares and peers that the operations of configured instances really use.
 
 The middleware of an operation may be chosen in many places, from the generated code to the command
 line, and so may the instance a port uses. What counts is what comes out of all of them together.
@@ -32,7 +32,7 @@ _MIDDLEWARE = re.compile(r'^    middleware = "([^"]+)"$', re.MULTILINE)
 
 @dataclass(frozen=True)
 class Aim:
-    """To whom a port that uses an interface goes, as it is configured; of a subscription, one of several."""
+    """The provider that a port is configured to use; a subscription may have several."""
 
     source: str
     """`from`; "" is any instance."""
@@ -57,7 +57,7 @@ class Configured:
     process: str = ""
     """The one it shares with others; "" if it has one of its own."""
     is_program: bool = False
-    """Whether it is a program of somebody's own, which is not configured from here."""
+    """Whether it is a foreign program, which the network does not configure."""
     host: str = ""
     """Which host it runs on; "" for the one that launches the network."""
     carriers: Mapping[str, str] = field(default_factory=dict)
@@ -82,7 +82,7 @@ class Configured:
         return _named(self.settings.port(port, operation).middleware or self.generated_for)
 
     def aims(self, port: Port, operation: str) -> list[Aim]:
-        """To whom a port that uses an interface goes."""
+        """The providers that a port is configured to use."""
         chosen = self.settings.port(port, operation)
         named = self.named(port, operation)
         own = Aim(chosen.source or "", named, "from", bool(named) and named == self.carriers.get(port.name))
@@ -162,7 +162,7 @@ class Configured:
         return any(middleware in self.settings.middlewares(*at, self.generated_for) for at in topics)
 
     def offers(self, wanted: Port, segment: str | None = None) -> list[Port]:
-        """Its ports that offer what a port of somebody else uses; with a segment, those called so in channels."""
+        """Its ports that offer what a port of another instance uses; with a segment, those of that name in channels."""
         verb = Verb.IMPLEMENTS if wanted.verb is Verb.REQUIRES else Verb.PUBLISHES
         ports = [p for p in self.component.ports if p.verb is verb and p.interface.short == wanted.interface.short]
         return [port for port in ports if segment in (None, self.component.segment(port))]
@@ -300,14 +300,14 @@ def _unfit_choices(each: Configured, told: Collection[str]) -> Iterator[Fault]:
 
 
 def _is_unfit(each: Configured, middleware: str) -> bool:
-    """Whether a middleware cannot carry anything for an instance, whoever is at the other end."""
+    """Whether a middleware cannot carry any message of an instance, for any peer."""
     return unfit(middleware) is not None or (not each.process and stays_inside(middleware))
 
 
 def _check_aim(
     client: Configured, port: Port, aim: Aim, everybody: Everybody, beside: Mapping[str, Collection[str]]
 ) -> Iterator[Fault]:
-    """Whether whom it names is there, and offers what is used. `beside` has who is in each namespace."""
+    """Check that the named instance exists and offers what is used. `beside` has the instances of each namespace."""
     namespace, instance, segment = client.source(port, aim)
     if namespace not in beside and namespace != client.settings.namespace:
         return  # another network's, of which nothing is known here
@@ -345,7 +345,7 @@ def _check_ends(
         asked, offered = client.qos(port, operation), server.qos(theirs, operation)
         yield from unmet(port, asked, server.name, offered, client=client.name, said=said)
     mine, other = aim.middleware, server.named(theirs, operation)
-    here, there = mine or other, other or mine  # who leaves it open follows who does not
+    here, there = mine or other, other or mine  # an end without a choice follows the other
     if not here:
         return
     if any(name and _is_unfit(end, name) for end, name in ((client, mine), (server, other))):

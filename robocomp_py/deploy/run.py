@@ -57,7 +57,7 @@ GRACE = 5.0
 """Seconds a process has to end by itself, once told to, for each component in it: they end one after the other."""
 
 REMIND = 5.0
-"""Seconds until it is said who is not ready yet; then twice as long each time, while nothing changes."""
+"""Seconds until the waiting instances are reported; then twice as long each time, while nothing changes."""
 
 MEASURE = 1.0
 """Seconds between two looks at what the processes use."""
@@ -319,7 +319,7 @@ class _Run(Listener, Network):
     # What is asked.
 
     def _interrupted(self, number: int) -> None:
-        """Once is a wish, and the second Ctrl-C an order; who closes a terminal may well send SIGHUP twice."""
+        """The first Ctrl-C stops the network, the second kills it. A second SIGHUP does not: terminals may send two."""
         is_order = number == signal.SIGINT and (self._stop_asked.is_set() or self._supervisor.stopping)
         self._stop_asked.set()
         self._events.put_nowait(StopRequested(128 + number, 0.0 if is_order else None))
@@ -438,7 +438,7 @@ class _Run(Listener, Network):
 
 
 def _noticed(done: asyncio.Future[Any]) -> None:
-    """Have asyncio not complain that nobody has asked what became of it: a `gather` fails when it is cancelled."""
+    """Keep asyncio from reporting an unread exception: a cancelled `gather` fails."""
     if not done.cancelled():
         done.exception()
 

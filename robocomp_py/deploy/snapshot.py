@@ -1,6 +1,6 @@
 """How a network that runs is at this moment, for `rcdeploy status` and the table on a terminal.
 
-Whoever runs the network (`run.py`) offers a `Network`. What is in a snapshot is text and numbers: `dataclasses.asdict`
+The runner (`run.py`) implements `Network`. What is in a snapshot is text and numbers: `dataclasses.asdict`
 of it can be written as JSON as it is.
 """
 
@@ -30,7 +30,7 @@ class ProcessStatus:
     how: str
     """Why it is in this state, if that is worth a word: how it ended, or that its host is out of reach."""
     pid: int | None
-    """None if it does not run, or nobody knows."""
+    """None if it does not run, or if it is unknown."""
     in_state: float
     """Seconds since the state changed."""
     uptime: float | None
@@ -90,7 +90,7 @@ class Network(Protocol):
     def ask(self, event: RestartRequested | StopRequested) -> None:
         """Have something done, soon.
 
-        Raises DeploymentError, with a sentence for the user, if there is nobody of that name or if it is too late.
+        Raises DeploymentError, with a sentence for the user, if a name is unknown or if it is too late.
         A restart is done when the processes are ready and their `starts` are more than they were.
         """
 

@@ -260,7 +260,7 @@ _URGENT = (
 
 
 def _urgency(process: ProcessStatus) -> tuple[float, float]:
-    """What is wrong first, then who has been restarted, then who uses most."""
+    """Failed processes first, then restarted ones, then those that use most."""
     unusual = any(_unusual(process, name) for name in process.instances)
     return _URGENT.index(process.state) - 0.5 * unusual, -process.restarts - (process.cpu or 0.0)
 

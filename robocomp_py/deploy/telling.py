@@ -43,7 +43,7 @@ class Display(Protocol):
         """Everything is ready."""
 
     def waiting(self, whom: list[str]) -> None:
-        """Some are not ready yet: who, and why if that is known."""
+        """Some processes are not ready yet: their names, with the reason if known."""
 
     def ended(self, name: str, how: str) -> None:
         """A component is gone, which is worth a word, but nothing is wrong with it."""
@@ -58,13 +58,13 @@ class Display(Protocol):
 
 
 class Teller:
-    """Says it on a display. What it remembers of each process is there for whoever asks, too."""
+    """Reports events on a display. What it remembers of each process also serves `rcdeploy status`."""
 
     def __init__(self, plan: Plan, until: str | None, supervisor: Supervisor, display: Display) -> None:
         self._plan, self._until, self._supervisor, self._display = plan, until, supervisor, display
         self._processes = {process.name: process for process in plan.processes}
         self._killed: dict[str, str] = {}
-        """Who was killed by us, and how to say so."""
+        """The processes that rcdeploy killed, with the words to report it."""
         self.statuses: dict[str, str] = {}
         """What each says about itself."""
         self.left: dict[str, list[str]] = {name: [] for name in self._processes}
@@ -84,7 +84,7 @@ class Teller:
             self._tell_action(action, is_late=isinstance(event, Tick))
 
     def remind(self, unreachable: Collection[str]) -> list[str]:
-        """Say who is not ready yet. Returns what was said."""
+        """Say which processes are not ready yet. Returns what was said."""
         found = self._supervisor.states.items()
         waiting = [self._reason(name, unreachable) for name, state in found if state in _NOT_READY_YET]
         if waiting:
@@ -136,7 +136,7 @@ class Teller:
             case Stuck(name):
                 self._display.tell(f"{name} was killed but has not ended; end it by hand")
             case _:
-                pass  # it is seen, or was told with how somebody ended
+                pass  # it is visible, or was reported with the end of a process
 
     def _tell_exit(self, name: str, code: int, was: State, actions: Sequence[Action]) -> None:
         if was.gone:

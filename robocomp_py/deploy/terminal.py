@@ -1,6 +1,6 @@
-"""A network on a terminal, or in a file: lines with the names of those who wrote them.
+"""A network on a terminal, or in a file: lines with the names of the processes that printed them.
 
-On a terminal a table of how all are stands below them. What is shown is kept, too, for whoever asks later, at a
+On a terminal, a table of all processes stands below them. What is shown is also kept for `rcdeploy logs`, at a
 socket that is open as long as the network runs.
 """
 
@@ -59,7 +59,7 @@ def run_on_terminal(
         file=cast(IO[str], Output(sys.stdout, sys.stderr)),
         highlight=False,
         soft_wrap=True,
-        width=size.columns if size and leave else None,  # whoever leaves is not asked by rich, and not for long
+        width=size.columns if size and leave else None,  # when detaching, the size is fixed: the terminal will go
         height=size.lines if size and leave else None,
     )
     terminal = Terminal(plan, console, leave)
@@ -72,7 +72,7 @@ def run_on_terminal(
 class Output:
     """A stream that may stop to take what is written, as a full disk or a closed pipe does.
 
-    A network must not stop because nobody can see it: the rest is dropped then, and that is said once.
+    A network must not stop because its output cannot be written: the rest is dropped, with one message.
     """
 
     def __init__(self, stream: TextIO, complaints: TextIO) -> None:
@@ -138,7 +138,7 @@ class Terminal(Display):
 
     @contextlib.asynccontextmanager
     async def watching(self, network: Network) -> AsyncIterator[None]:
-        """While it runs: the table, and the socket for who asks."""
+        """While the network runs: the table, and the control socket."""
         control = Control(network, self._ring)
         try:
             self._place.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -168,7 +168,7 @@ class Terminal(Display):
     @contextlib.contextmanager
     def showing_warnings(self) -> Iterator[None]:
         """While entered, what is logged about launching is said like all else: when it goes on without a terminal,
-        nobody sees stderr, and on one the table would be torn. It has to come from the event loop's thread, as it does.
+        stderr is lost, and on a terminal it would tear the table. Such messages come from the event loop's thread only.
         """
         handler, log = _Saying(lambda text: self._say(text, "yellow")), logging.getLogger("robocomp.deploy")
         log.addHandler(handler)

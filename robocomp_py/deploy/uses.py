@@ -1,4 +1,4 @@
-"""Who uses whom in a network: each port of an instance, and those that offer what it uses.
+"""The links of a network: each port of an instance, and the ports that offer what it uses.
 
 A wiring of the network says it; else those of the same system do, if there are any, or else those of the system
 around it, and so on.
@@ -33,7 +33,7 @@ class Node:
     """The one that it runs on; "" for the one that launches the network."""
     namespace: str
     wires: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    """Whom to use, as a `from` says it, by the name of the port that does."""
+    """The provider to use, written as in `from`, by the name of the client's port."""
     carriers: dict[str, Name] = field(default_factory=dict)
     """The middlewares that the network names for single links, by the name of the port that uses."""
     qos: dict[str, Quality] = field(default_factory=dict)
@@ -67,9 +67,9 @@ def wire(
     is_outside: Callable[[Node, Port], bool] | None,
     imported: Sequence[Component],
 ) -> list[Link]:
-    """Who uses whom; each node is told its own part of it. What is wrong goes into the report.
+    """Find the links of a network, and set each node's own. Errors go into the report.
 
-    `is_outside` tells whether a port that nobody in the network offers anything to finds it elsewhere. `imported` are
+    `is_outside` tells whether a port without provider in the network has one elsewhere. `imported` are
     the components that the network may have instances of.
     """
     named = {node.name: node for node in nodes}

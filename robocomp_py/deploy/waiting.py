@@ -1,4 +1,4 @@
-"""Who waits for whom when a network starts, and who would wait forever.
+"""The waits of instances when a network starts, and those that would never end.
 
 an instance begins    once its process has begun, and what it depends on in there is ready
 a process begins      once the other processes are ready that those in it depend on

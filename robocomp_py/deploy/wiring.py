@@ -1,4 +1,4 @@
-"""How instances on several hosts find each other: pure, from where they run and who uses whom.
+"""How instances on several hosts find each other. Pure: computed from their hosts and links.
 
 The deployment side of each transport (`transports.deployment`) says what its instances need. Only what crosses between
 hosts leaves loopback: an instance that is used on its own host alone gets no setting.

@@ -1,4 +1,4 @@
-"""What a picture of a network shows: instances in what is around them, and who uses whom over what.
+"""What a picture of a network shows: instances inside their systems and hosts, and the links between them.
 
 From the machine to the process, groups stand within each other: a host, the systems that have a part of them on it, a
 process that several share.
@@ -52,7 +52,7 @@ class Group:
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """From a client to its server, or from a publisher to who subscribes."""
+    """From a client to its server, or from a publisher to a subscriber."""
 
     source: str
     target: str

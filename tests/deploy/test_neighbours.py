@@ -47,7 +47,7 @@ def running() -> Iterator[Place]:
 def test_a_network_that_has_the_same_ports_and_runs_is_named(running: Place):
     assert block_of(SAME[0]) == block_of(SAME[1])
     (told,) = warnings(network(SAME[1]))
-    assert told.startswith("Patrol runs here, and its name gives it the same ports between hosts as Net: ")
+    assert told.startswith("Patrol also runs here, and its name yields the same ports between hosts as Net: ")
 
 
 def test_large_networks_may_have_the_same_further_ports(running: Place):

@@ -84,7 +84,7 @@ def test_a_life_that_is_none_is_a_mistake_of_usage(net: Path, days: str) -> None
 def test_who_does_not_ask_for_keys_yet_is_told(net: Path, capsys: pytest.CaptureFixture[str]) -> None:
     net.write_text(NETWORK.format("local"))
     assert rcdeploy(["keys", str(net)]) == 0
-    assert "write `security lan;`" in capsys.readouterr().out
+    assert "add `security lan;`" in capsys.readouterr().out
 
 
 def test_without_keys_nothing_is_started(net: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -119,7 +119,7 @@ def test_nor_with_expired_ones_until_they_are_renewed(net: Path, capsys: pytest.
 def test_nor_what_is_open_without_a_word_on_the_command_line(net: Path, capsys: pytest.CaptureFixture[str]) -> None:
     net.write_text(NETWORK.format("open"))
     assert rcdeploy([str(net), "--for", "0"]) == 1
-    assert "say --insecure" in capsys.readouterr().err
+    assert "add --insecure" in capsys.readouterr().err
     assert rcdeploy([str(net), "--for", "0", "--insecure"]) == 0
     assert "WITHOUT SECURITY" in capsys.readouterr().err
 

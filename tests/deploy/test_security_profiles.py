@@ -98,7 +98,7 @@ def test_what_many_do_is_one_error_that_names_the_first_of_them() -> None:
 
 def test_open_needs_a_word_on_the_command_line_besides_and_is_loud() -> None:
     plan = replace(network(), security=Security.OPEN)
-    assert "say --insecure" in why_not(plan, insecure=False)
+    assert "add --insecure" in why_not(plan, insecure=False)
     assert not why_not(plan, insecure=True)
     assert "WITHOUT SECURITY" in warning(plan)
     for security in (Security.LAN, Security.LOCAL):

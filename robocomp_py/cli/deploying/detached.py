@@ -2,7 +2,7 @@
 
 The process that was started at the terminal forks before it has imported anything that could have threads. Its child,
 in a session of its own, does all the work, and goes on; it itself only waits until everything is ready. What the child
-starts never gets hold of the terminal, or of the pipe that somebody reads to its end: only the child's own `sys.stdout`
+starts never inherits the terminal, or a pipe that is read to its end: only the child's own `sys.stdout`
 and `sys.stderr` lead there, until it lets them go.
 """
 
@@ -27,7 +27,7 @@ _LISTEN_S = 0.5
 
 
 class Parent:
-    """Who waits at the terminal, as its child sees it."""
+    """The process that waits at the terminal, as its child sees it."""
 
     def __init__(self, pipe: int) -> None:
         self._pipe = pipe
@@ -81,7 +81,7 @@ def detached(work: Callable[[Parent], int]) -> int:
 
 
 def _keep_to_ourselves() -> None:
-    """Have the standard streams lead nowhere for whom we start, and as before for us alone."""
+    """Keep the standard streams for this process; the processes that it starts inherit /dev/null."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         stream.flush()
@@ -111,7 +111,7 @@ def _wait(child: int, reading: int) -> int:
 
 
 def _code(code: int) -> int:
-    """What a child that did not go on makes of us: who was killed could say nothing itself."""
+    """The exit code for a child that ended early. A killed child could print nothing, so its end is reported here."""
     if code >= 0:
         return code
     if code == -signal.SIGINT:  # when it was about to end anyway

@@ -50,7 +50,7 @@ def _down(connection: Connection, grace_s: float | None) -> int:
 
 
 def _end_kept(network: str) -> int | None:
-    """End what hosts go on with (`lost keep`) since whoever ran the network was lost; None if none does so."""
+    """End what hosts keep running (`lost keep`) after their controller was lost; None if there is nothing."""
     from ...deploy.hosts.fleet import end_kept, keeping
 
     found = keeping(Path(network)) if network.endswith(".ddsl") else None

@@ -1,4 +1,4 @@
-"""`rcdeploy keys`: who may take part in a network, as keys and certificates."""
+"""`rcdeploy keys`: the keys and certificates of the processes that may take part in a network."""
 
 from __future__ import annotations
 

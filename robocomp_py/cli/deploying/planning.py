@@ -45,7 +45,7 @@ def planned(options: argparse.Namespace, *, as_json: bool = False) -> Plan | int
 
 
 def _show(diagnostics: Iterable[Diagnostic], *, as_json: bool) -> None:
-    """Print diagnostics. That nobody can read them is no reason not to run a network that is right."""
+    """Print diagnostics. If they cannot be written, a correct network runs all the same."""
     from ...deploy.terminal import discard
 
     stream = sys.stdout if as_json else sys.stderr

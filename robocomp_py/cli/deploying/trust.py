@@ -1,4 +1,4 @@
-"""`rcdeploy trust`: remember the key of a host, after somebody has looked at it."""
+"""`rcdeploy trust`: save the key of a host, once the user has confirmed it."""
 
 from __future__ import annotations
 

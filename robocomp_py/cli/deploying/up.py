@@ -113,7 +113,7 @@ def _up(plan: Plan, options: argparse.Namespace, parent: Parent | None) -> int:
         with contextlib.closing(logs):
             wanted = Options(options.duration, options.until, signalled=signalled)
             code = run_on_terminal(plan, wanted, leave if parent else None, logs)
-        if parent and parent.waits and code == FINE:  # who waits for it is about to use it
+        if parent and parent.waits and code == FINE:  # the waiting command expects a running network
             return complain(f"rcdeploy: {plan.name} ended before everything was ready")
         return code
     except (TransportError, ConfigurationError, DeploymentError) as exc:

@@ -42,7 +42,7 @@ class Export:
     copies: Mapping[PurePosixPath, Path] = field(default_factory=dict)
     """Files and folders that go along."""
     notes: tuple[str, ...] = ()
-    """What the network says and those who run it will not do."""
+    """Settings of the network that the other engine ignores."""
     steps: tuple[str, ...] = ()
     """The commands that come next."""
 

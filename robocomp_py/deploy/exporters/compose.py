@@ -82,7 +82,7 @@ def _service(site: Site, process: Process, project: str, names: dict[str, str]) 
     mounts = [f"runtime:{RUNTIME}"]
     if keys := site.keys.get(process.name):
         mounts.append(f"./{KEYS}/{keys.name}:{site.moved[keys]}:ro")
-    # Components of one machine meet in their run-time folder and in its shared memory, and see who is alive.
+    # Components of one machine meet in their run-time folder and shared memory, and see which processes live.
     shared = {"network_mode": "host", "ipc": "host", "pid": "host", "volumes": mounts}
     return {
         **service,

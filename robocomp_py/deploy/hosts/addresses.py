@@ -38,7 +38,7 @@ def is_own(address: str) -> bool:
 
 
 def resolve(address: str) -> str:
-    """The number of a name; IPv4 is preferred. Raises OSError if nobody knows it."""
+    """The number of a name; IPv4 is preferred. Raises OSError if it is unknown."""
     try:
         known = socket.getaddrinfo(address, None, type=socket.SOCK_STREAM)
     except (OSError, UnicodeError) as exc:

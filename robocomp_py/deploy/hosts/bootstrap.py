@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from typing import Any, NoReturn
 
 KEPT = 3
-"""Bundles besides those in use: who changes between networks has them sent once."""
+"""Bundles that are kept besides those in use, so that changing between networks sends each only once."""
 
 
 def tell(**what: object) -> None:
@@ -36,7 +36,7 @@ def exactly(size: int) -> bytes:
     while size:
         part = os.read(0, min(size, 1 << 16))
         if not part:
-            raise SystemExit(1)  # nobody is there any more
+            raise SystemExit(1)  # the controller has gone
         parts.append(part)
         size -= len(part)
     return b"".join(parts)
@@ -56,7 +56,7 @@ def missing(needs: "dict[str, str]") -> "list[str]":
 
 
 def own(folder: str) -> None:
-    """Have it, for nobody else: what is in it is run, and there are keys in it."""
+    """Make the folder private: its content is executed, and it contains keys."""
     os.makedirs(folder, 0o700, exist_ok=True)
     if os.path.islink(folder):
         refuse(f"{folder} is a symbolic link; remove it, or name a folder of your own: workdir")
@@ -107,7 +107,7 @@ def receive(folder: str, name: str) -> None:
 
 
 def hold(path: str, how: int) -> int:
-    """The descriptor of a locked file; -1 if somebody else has it."""
+    """The descriptor of a locked file; -1 if another process has locked it."""
     import fcntl
 
     held = os.open(path, os.O_CREAT | os.O_RDWR, 0o600)
@@ -120,7 +120,7 @@ def hold(path: str, how: int) -> int:
 
 
 def remove_old(bundles: str, name: str) -> None:
-    """All but the newest and those that somebody uses, and what was left by who did not get all of one."""
+    """Remove all but the newest bundles and those in use, and what interrupted transfers left."""
     import fcntl
     import shutil
 

@@ -32,7 +32,7 @@ def remote_agents(plan: Plan, listener: Listener, note: Callable[[str], None] | 
 
 
 def keeping(path: Path) -> tuple[str, dict[str, Host]] | None:
-    """The name of a network and its hosts that go on without whoever launched it; None if it has none."""
+    """The name of a network and its hosts that go on without their controller; None if it has none."""
     from ...dsl.workspace import Workspace
     from ..placing import hosts_of
 

@@ -102,7 +102,7 @@ def unpacked(line: bytes | bytearray) -> Message:
 
 
 def heard(message: Message) -> Message:
-    """What an agent tells, checked: it may be anybody's. Raises Misunderstood."""
+    """A message of an agent, checked, since it may come from any program. Raises Misunderstood."""
     what = message.get("tell")
     parts = _TOLD.get(what) if isinstance(what, str) else None
     if parts is None or not all(_is(message.get(name), kind) for name, kind in parts.items()):
@@ -136,7 +136,7 @@ def process_of(told: Any) -> Process:
     try:
         return from_json(Process, told)
     except ValueError as exc:
-        raise DeploymentError(f"a process is not understood: {exc}") from exc
+        raise DeploymentError(f"malformed process: {exc}") from exc
 
 
 def usage_told(usage: Mapping[str, Usage]) -> Message:
@@ -159,7 +159,7 @@ def usage_of(told: Mapping[str, Any]) -> dict[str, Usage]:
             for name, (pid, cpu, memory, calls, worst, at, lives) in told.items()
         }
     except (TypeError, ValueError, OverflowError, AttributeError, KeyError) as exc:
-        raise Misunderstood(f"what processes use is not understood: {exc}") from exc
+        raise Misunderstood(f"malformed usage of processes: {exc}") from exc
 
 
 def _lives(told: Mapping[str, Any]) -> dict[str, Life]:

@@ -277,7 +277,7 @@ class RemoteAgent(Agent):
             await asyncio.sleep(BEAT)
             now = loop.time()
             if now - lay_down > 2 * BEAT:
-                awake_since = now  # we were held up ourselves, and could hear nobody
+                awake_since = now  # this process was held up itself, and could receive nothing
             if now - max(self._heard_at, awake_since) > SILENCE:
                 self._lose(channel, f"no message for {SILENCE:g} s")
 
@@ -326,7 +326,7 @@ class RemoteAgent(Agent):
 
     def _send(self, **message: Any) -> None:
         if self._channel:
-            with contextlib.suppress(OSError, asyncssh.Error):  # who listens notices that nobody is there
+            with contextlib.suppress(OSError, asyncssh.Error):  # the agent notices the closed connection
                 self._channel.writer.write(packed(message))
 
     # Losing it, and finding it again.

@@ -1,7 +1,7 @@
 """One connection and one channel to a host, and what goes wrong with that, for people.
 
-The user's own configuration of SSH holds (`~/.ssh/config`, keys, agent). Nobody is asked for a password: what starts a
-network again at night has nobody to ask. No terminal, no forwarding of whatever kind.
+The user's own configuration of SSH applies (`~/.ssh/config`, keys, agent). There are no questions for a password, since
+a network may be restarted while no user is present. No terminal, no forwarding of any kind.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ def presented(target: str) -> Presented:
 
 
 async def key_of(host: Host, **options: Any) -> Presented:
-    """The key that a host shows, whoever it is; nobody logs in. Raises HostUnreachable."""
+    """The key that a host presents, unchecked and without a login. Raises HostUnreachable."""
     watch = _KeyWatch()
     asked: dict[str, Any] = {"known_hosts": _nothing_known, "connect_timeout": PATIENCE, "login_timeout": PATIENCE}
     asked |= {"port": host.port} if host.port else {}

@@ -19,18 +19,17 @@ PADDING = "-" * 4096
 
 @dataclass(frozen=True, slots=True)
 class Birth:
-    """How a process is to live. `parent` is who is to outlive it."""
+    """How a process is to start. It ends with its process `parent`."""
 
     parent: int
     lifeline: int
-    """A pipe's end, opened for this process alone, of which nobody holds the other once launcher and keeper are gone;
-    -1 for none."""
+    """A pipe's end, opened for this process alone. Its other end closes with launcher and keeper; -1 for none."""
     cgroup: str = ""
     files: tuple[int, int] | None = None
     """The limits of open files as they were before the launcher raised its own."""
 
     def prepare(self) -> None:
-        """In the new process: a session, a group, and an end with those who launched it."""
+        """Called in the new process: give it a session and a group, and have it end with its launcher."""
         os.setsid()
         unsafe.prctl(unsafe.PR_SET_PDEATHSIG, signal.SIGTERM)
         if os.getppid() != self.parent:  # it has ended already
@@ -38,7 +37,7 @@ class Birth:
         if self.lifeline >= 0:
             self._die_with_lifeline()
         if self.cgroup:
-            with contextlib.suppress(OSError):  # it was removed by somebody; session and mark tell, too
+            with contextlib.suppress(OSError):  # it was removed; session and mark identify the process, too
                 cgroups.enter(self.cgroup)
         if self.files:
             with contextlib.suppress(ValueError, OSError):
@@ -57,7 +56,7 @@ class Birth:
 
 
 def lifeline_of_its_own(shared: int) -> int:
-    """Open a pipe's end once more: whom the kernel ends is said of the open file, not of its number."""
+    """Open a pipe's end once more: the kernel keeps the process to signal for each open file, not each descriptor."""
     try:
         return os.open(f"/proc/self/fd/{shared}", os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError:  # no /proc
@@ -65,5 +64,5 @@ def lifeline_of_its_own(shared: int) -> int:
 
 
 def adopt_orphans(on: bool) -> None:
-    """Whether those whose parents end become children of this process, rather than of the first one."""
+    """Set whether orphans become children of this process, rather than of the init process."""
     unsafe.prctl(unsafe.PR_SET_CHILD_SUBREAPER, int(on))

@@ -1,4 +1,4 @@
-"""Control groups (version 2): who is in one cannot leave it, so with it all that a process started can be ended.
+"""Control groups (version 2): a process cannot leave its group, so ending the group ends all that a process started.
 
 Where there are none, or none that we may make, everything goes on without. Standard library only.
 """
@@ -73,7 +73,7 @@ def members(group: Path) -> list[int]:
 
 
 def remove(group: Path) -> bool:
-    """Remove it with those below it, if nobody lives there any more. Whether it is gone."""
+    """Remove it with those below it, if no process lives there any more. Returns whether it is gone."""
     with contextlib.suppress(OSError):  # there is nothing below, mostly
         group.rmdir()
         return True

@@ -1,6 +1,6 @@
 """Removes what killed components left in the run-time folder: sockets, pipes, claims, shared memory.
 
-Whoever opens the same middleware next does so, too. But behind a network that has ended, nobody may come.
+The next process that opens the same middleware does so, too, but after the end of a network there may be none.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from ...errors import RobocompError
 
 
 def clear_up() -> None:
-    """Blocks for a moment. Nothing is raised: what stays is harmless, and removed by the next one who comes."""
+    """Blocks for a moment. Raises nothing: what remains is harmless, and the next process removes it."""
     from ... import installed  # the keeper needs this at its end only
     from ...transports.base import TransportConfig, find_transport
     from ...transports.deployment import deployment_of

@@ -85,7 +85,7 @@ class Zygote:
             await self._send(json.dumps(request).encode(), output)
             return await asyncio.wait_for(answer, _ANSWER)
         except TimeoutError as exc:
-            self.close()  # a late answer would be a process nobody knows
+            self.close()  # a late answer would mean an unknown process
             raise Unavailable(f"the fork server has not answered for {_ANSWER:g} s") from exc
         except OSError as exc:
             raise Unavailable(f"the fork server: {exc.strerror}") from exc
@@ -104,7 +104,7 @@ class Zygote:
             self.ended = True
             asyncio.get_running_loop().remove_reader(self._channel)
             with contextlib.suppress(OSError):
-                self._channel.shutdown(socket.SHUT_RDWR)  # whoever can tell us no more ends what it starts
+                self._channel.shutdown(socket.SHUT_RDWR)  # a fork server that cannot answer ends what it starts
             while message := self._read():  # what was told before runs, and would be started again
                 self._settle(message)
             self._channel.close()

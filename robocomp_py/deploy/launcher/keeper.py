@@ -30,7 +30,7 @@ def main() -> None:
         return  # the launcher ended before it could start anything
     left.end()
     place = Place(network, Path(folder).parent)
-    with contextlib.suppress(DeploymentError):  # somebody runs it again already
+    with contextlib.suppress(DeploymentError):  # the network has been started again already
         place.clear()
     left.until_waited_for()
     clear_up()

@@ -1,4 +1,4 @@
-"""The keeper, from the side of who launches: it is told what runs, and replaced if somebody ends it."""
+"""The launcher's handle on the keeper, the process that cleans up. It is told what runs, and replaced if it ends."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .leftovers import Leftovers
 log = logging.getLogger("robocomp.deploy")
 
 _REPLACED = 10
-"""So often a keeper that has ended is replaced."""
+"""Maximum number of times that a keeper is replaced."""
 
 
 class Keeper:
@@ -39,7 +39,7 @@ class Keeper:
         self._tell(f"-{pid}")
 
     def close(self) -> None:
-        """Nothing is left, so there is nothing to do for it, even if it has just begun."""
+        """Kill the keeper: all processes have ended, so there is nothing to clean up."""
         self._running.kill()
         self._end()
 
@@ -47,7 +47,7 @@ class Keeper:
         out, into = os.pipe()
         os.set_blocking(into, False)
         try:
-            # Before it begins: it finds by that whoever is left, even if we are killed now.
+            # Written before it begins: with it, the keeper finds all processes, even if the launcher is killed now.
             os.write(into, f"={self._left.launch} {self._left.boot} {self._left.cgroup}\n".encode())
             self._running = subprocess.Popen(
                 (sys.executable, "-P", "-m", "robocomp_py.deploy.launcher.keeper", *self._arguments),

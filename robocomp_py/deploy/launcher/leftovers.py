@@ -1,4 +1,4 @@
-"""What a launch has started, on disk: for whoever cleans up after a launcher and its keeper were killed.
+"""What a launch has started, on disk: for the process that cleans up after launcher and keeper were killed.
 
     {"launch": mark, "boot": …, "cgroup": …}        then one line for each process: {"pid": …, "started": …}
 
@@ -35,7 +35,7 @@ class Leftovers:
     """Start times by process id."""
 
     def alive(self) -> list[traces.Trace]:
-        """Who lives of them, and of what they started."""
+        """The living ones among them, and among the processes that they started."""
         known = [trace for pid, at in self.processes.items() if (trace := traces.look(pid)) and trace.started == at]
         found = {each.pid: each for each in known if each.state != "Z"}
         inside = filter(None, map(traces.look, cgroups.members(Path(self.cgroup)))) if self.cgroup else ()
@@ -58,7 +58,7 @@ class Leftovers:
         return len(found)
 
     def until_waited_for(self, within: float = 5.0) -> None:
-        """Wait until somebody, who is not us, has waited for them: whoever is a zombie counts as having its files."""
+        """Wait until their parents have reaped them: a zombie counts as having its files open."""
 
         def is_there(pid: int, started: int) -> bool:
             trace = traces.look(pid)

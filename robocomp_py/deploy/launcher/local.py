@@ -61,7 +61,7 @@ _ENDED = 5.0
 """Seconds within which what was killed is gone."""
 
 _NOT_HANDED_DOWN = ("NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID", "LISTEN_FDS", "LISTEN_PID", "LISTEN_FDNAMES")
-"""Between us and whoever launched us."""
+"""Variables between rcdeploy and its own service manager; the processes that it starts do not get them."""
 
 
 @dataclass
@@ -89,7 +89,7 @@ class _Running:
         return self.process.name
 
     def groups(self) -> set[int]:
-        """The process groups that are still its: nobody else has their ids as long as we have not waited for it."""
+        """The process groups that are still its own: their ids are not reused before the launcher has reaped it."""
         return {self.pid, self.main} & self.handles.keys()
 
 
@@ -106,7 +106,7 @@ class Launcher(Agent):
         place: Place | None = None,
         command: str = "",
     ) -> None:
-        """`middlewares` are imported before processes start, `command` is told to who starts this network again.
+        """`middlewares` are imported before processes start; a second start of this network is shown `command`.
 
         Raises DeploymentError if there can be no run-time folder.
         """
@@ -116,7 +116,7 @@ class Launcher(Agent):
         self._launch = secrets.token_hex(8)
         self._running: dict[str, _Running] = {}
         self._coming: dict[str, Callable[[str], None] | None] = {}
-        """Who is just being started, and what is to be done with it afterwards."""
+        """The processes that are just being started, and what to do with each afterwards."""
         self._tasks: set[asyncio.Task[None]] = set()
         self._undo = contextlib.AsyncExitStack()
         self._zygote: Zygote | None = None
@@ -345,7 +345,7 @@ class Launcher(Agent):
     def _wait_for(self, running: _Running, pid: int) -> None:
         try:
             handle = os.pidfd_open(pid)
-        except ProcessLookupError:  # somebody else has waited for it
+        except ProcessLookupError:  # it has been reaped elsewhere
             self._conclude_later(running, 0)
             return
         running.handles[pid] = handle
@@ -378,7 +378,7 @@ class Launcher(Agent):
         """It has ended: end what it started, read what it said, tell."""
         self._watchdogs.forget(running.name)
         await (self._clear_group(running.group) if running.group else self._clear_family(running))
-        await running.output.drain(_DRAIN)  # somebody who left its process group may hold the pipe
+        await running.output.drain(_DRAIN)  # a process that left its group may hold the pipe
         running.notified.read()
         running.notified.close()
         for pid, handle in running.handles.items():
@@ -410,7 +410,7 @@ class Launcher(Agent):
             _reap(each.pid for each in found)
 
     async def _family(self, running: _Running) -> list[traces.Trace]:
-        """Who lives of those it started. One look at all processes serves whoever asks at about the same time."""
+        """The living processes that it started. One look at /proc serves all calls at about the same time."""
         self._strays[running.name] = running.pid
         if self._search is None:
             self._search = self._loop.create_task(self._look_around(), name="look around")
@@ -422,7 +422,7 @@ class Launcher(Agent):
         return traces.family(asked, self._launch)
 
     async def _tidy(self) -> None:
-        """Wait for orphans that have ended and that nobody else has waited for in a while."""
+        """Reap orphans that have ended and that no other code has reaped in a while."""
         seen = 0
         while True:
             await asyncio.sleep(5.0)

@@ -1,4 +1,4 @@
-"""The socket at which a process says how it is, and who says so."""
+"""The socket that receives a process's notifications, with the sender of each."""
 
 from __future__ import annotations
 

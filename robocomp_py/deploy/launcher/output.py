@@ -17,17 +17,17 @@ _MUCH = 8192
 """Bytes in one turn after which its next turn comes later."""
 
 _LATER = 4.0
-"""... by so many times as long as that turn took: who floods is slowed down, and nobody else."""
+"""Factor for the pause after a turn that took long: it slows down only the process that floods."""
 
 _HELD_UP = 0.02
-"""Seconds that count, at most, of a turn in which we did nothing: we waited for who reads us, or were stopped."""
+"""Seconds that count, at most, of an idle turn: the launcher waited for its own reader, or was suspended."""
 
 _REST = 1 << 20
 """Bytes that are read at most when it is too late to wait for them; a pipe holds fewer, unless it is still filled."""
 
 
 class Output:
-    """Reads until all who hold the other end are gone, or `close`; it does so at once, or after what waits."""
+    """Reads until the other end is closed everywhere, or until `close`."""
 
     def __init__(self, pipe: int, tell: Callable[[str], None]) -> None:
         self._pipe, self._tell = pipe, tell

@@ -1,7 +1,7 @@
-"""What /proc tells of processes: which are those we started, also when those between us and them are gone.
+"""What /proc tells of processes: which ones this launcher started, even if the processes in between are gone.
 
-Whoever was started carries a mark in its environment, which what it starts inherits. A process is known by its id
-and its start time: ids are used again. Standard library only.
+A started process carries a mark in its environment, which its children inherit. A process is identified by its id and
+its start time, since ids are reused. Standard library only.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ NAME = "ROBOCOMP_LAUNCHED_AS"
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """A process as it was when somebody looked."""
+    """A process as it was when /proc was read."""
 
     pid: int
     state: str
@@ -85,14 +85,14 @@ def environment(pid: int) -> Mapping[str, str]:
 
 
 def marked(launch: str) -> list[Trace]:
-    """All that a launch has started, directly or not, and that live."""
+    """All living processes that a launch has started, directly or not."""
     return [each for each in everybody() if each.state != "Z" and environment(each.pid).get(LAUNCH) == launch]
 
 
 def family(names: Mapping[str, int], launch: str) -> dict[str, list[Trace]]:
-    """Who lives of those that were started by these processes, by the name and id of each, themselves not.
+    """The living descendants of processes, by name; `names` has the id of each process.
 
-    Told by their session, by their descent, and, of those whose parents are gone, by their environment.
+    They are found by session, by descent, and, if their parents are gone, by environment.
     """
     living = {each.pid: each for each in everybody() if each.state != "Z"}
     heads = {pid: name for name, pid in names.items()}

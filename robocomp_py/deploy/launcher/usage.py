@@ -19,7 +19,7 @@ _LONGEST = 30.0
 """... and at most."""
 
 _SHARE = 0.01
-"""How much of the time looks may take: who has hundreds of processes, or a machine that is busy, looks less often."""
+"""Share of time that measuring may take: with hundreds of processes, or on a busy machine, it is done less often."""
 
 _MEASURED = 20
 """So many processes have their memory measured at a time, which is dear; of the others the last figure holds."""
@@ -43,10 +43,10 @@ class Meter:
         self._next = 0.0
         self._used: dict[str, Used] = {}
         self._measured: dict[tuple[str, int], int] = {}
-        """Bytes by name and id, for a name may mean another process by now; who was measured last comes last."""
+        """Bytes by name and id, since a name may mean another process by now; the last measured comes last."""
 
     def read(self, running: Mapping[str, tuple[int, Path | None]]) -> Mapping[str, Used]:
-        """Of processes, given their id and group by name; who was started after the last look is left out."""
+        """The usage of processes, given their id and group by name; those started after the last look are left out."""
         begun = self._clock()
         if begun >= self._next:
             self._measure(running)

@@ -1,4 +1,4 @@
-"""Who has to say that it lives, and by when."""
+"""The watchdogs of processes: which ones have to report, and by when."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _LATE = 1.0
 
 
 class Watchdogs:
-    """Watches who has fed once. `hung(name)` is called for one that has not since, for as long as it may be silent."""
+    """Watches processes that have fed their watchdog once. Calls `hung(name)` for one that is silent too long."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, hung: Callable[[str], None]) -> None:
         self._loop, self._hung = loop, hung

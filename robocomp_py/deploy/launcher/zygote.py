@@ -4,7 +4,7 @@
 
 On the channel, a socket, come requests, one a datagram, with the pipe for the output; each is answered with the id of
 the new process, or why there is none. The new process is a grandchild whose parent has ended, so it belongs to
-whoever launched us (see `birth.adopt_orphans`), who waits for it and whose end ends it; ours changes nothing for it.
+the launcher (see `birth.adopt_orphans`), which reaps it and whose end ends it; the end of this process does not.
 
 Nothing is done here that a new process would have to undo: no thread is started, no socket or context made, no signal
 handled, no logging configured. When the channel closes, this ends.
@@ -120,13 +120,13 @@ def _rehearse(carrier: str) -> None:
 def serve(channel: socket.socket, lifeline: int) -> Mapping[str, Any] | None:
     """Answer requests until the channel closes; returns None then, and a request in the process that is to do it.
 
-    As little as possible is done here: of a page that is written, those who were forked before keep one of their own.
+    As little as possible is done here: each page that is written is copied for the processes forked before.
     """
     while True:
         message, pipes, _, _ = socket.recv_fds(channel, _MAX, 4)
         if not message:
             return None
-        if threads() > 1:  # whoever holds a lock now would never give it back
+        if threads() > 1:  # a lock held by another thread would never be released
             _answer(channel, json.loads(message), error="the fork server has threads")
         else:
             try:
@@ -146,7 +146,7 @@ def threads() -> int:
 
 
 def _bear(channel: socket.socket, lifeline: int, message: bytes, pipes: list[int]) -> Mapping[str, Any]:
-    """In between: start a new process, tell its id, and leave it to who launched us. Returns in the new one.
+    """In the process in between: start a new one, report its id, and leave it to the launcher. Returns in the new one.
 
     So it is with some others, if they are asked for already: what had to be copied to come here is copied once for all.
     """
@@ -174,7 +174,7 @@ def _bear(channel: socket.socket, lifeline: int, message: bytes, pipes: list[int
 
 
 def _asked_already(channel: socket.socket) -> tuple[bytes, list[int]]:
-    """The next request, with its pipe; empty if there is none yet, or nobody to ask any more."""
+    """The next request, with its pipe; empty if there is none yet, or if the launcher has gone."""
     with contextlib.suppress(OSError):
         if _is_readable(channel.fileno(), 0):
             message, pipes, _, _ = socket.recv_fds(channel, _MAX, 4)
@@ -187,7 +187,7 @@ def _born(middle: int, lifeline: int, request: Mapping[str, Any], pipes: list[in
     with contextlib.suppress(ProcessLookupError):
         its_end = os.pidfd_open(middle)
         if os.getppid() == middle:
-            _is_readable(its_end, None)  # as long as it takes: nobody but the kernel has to tell
+            _is_readable(its_end, None)  # without a deadline: the kernel alone reports it
         os.close(its_end)
     with contextlib.suppress(BaseException):
         files = tuple(request["files"]) if request["files"] else None
@@ -207,7 +207,7 @@ def _is_readable(descriptor: int, milliseconds: int | None) -> bool:
 
 
 def _answer(channel: socket.socket, request: Mapping[str, Any], **told: Any) -> bool:
-    """Whether it is told: who has asked may have gone."""
+    """Report it; false if the launcher has gone."""
     try:
         channel.send(json.dumps({"id": request["id"], **told}).encode())
     except OSError:

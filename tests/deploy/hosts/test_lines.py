@@ -40,7 +40,7 @@ def test_a_process_arrives_as_it_was_but_for_where_it_runs():
 
 @pytest.mark.parametrize("wrong", [{}, {"name": "a"}, {**told(LASER, (), ""), "members": [1]}])
 def test_a_process_that_is_not_understood_is_refused(wrong: dict[str, object]):
-    with pytest.raises(DeploymentError, match="not understood"):
+    with pytest.raises(DeploymentError, match="malformed"):
         process_of(wrong)
 
 
@@ -59,7 +59,7 @@ def test_lines_are_found_however_they_come(texts: list[str], size: int):
 
 @pytest.mark.parametrize("line", [b"hello\n", b"[1]\n", b"\xff\n", b"[" * 100_000 + b"\n"])
 def test_what_is_none_of_ours_is_not_understood(line: bytes):
-    with pytest.raises(DeploymentError, match="not understood"):
+    with pytest.raises(DeploymentError, match="malformed"):
         list(Lines(lines.LONGEST).feed(line))
 
 

@@ -423,7 +423,7 @@ def test_what_somebody_else_runs_there_is_not_taken_from_them(tmp_path: Path):
         async with serving(tmp_path) as server:
             first = server.agent(Heard(), laser)
             await first.open()
-            with pytest.raises(DeploymentError, match="Net is run by somebody else there"):
+            with pytest.raises(DeploymentError, match="Net is run there by another controller"):
                 await server.agent(Heard(), laser).open()
             await first.start(laser)
             await first.close()
@@ -461,7 +461,7 @@ def test_who_is_not_let_in_is_told_how_to_be(tmp_path: Path):
     async def act() -> None:
         async with serving(tmp_path) as server:
             server.options["client_keys"] = [asyncssh.generate_private_key("ssh-ed25519")]
-            with pytest.raises(HostUnreachable, match=r"does not let us in: .*ssh-copy-id"):
+            with pytest.raises(HostUnreachable, match=r"login failed: .*ssh-copy-id"):
                 await server.agent(Heard()).open()
 
     scene(act)
@@ -562,7 +562,7 @@ def test_a_host_that_says_what_it_must_not_is_lost(tmp_path: Path, said: object)
             host = replace(server.host, python=impostor(tmp_path, BOOT, HELLO, OPENED, said))
             agent = server.agent(heard, program(FOREVER), host=host)
             await agent.open()
-            assert "not understood" in (await heard.hears("lost", "robot"))[2]
+            assert "malformed message" in (await heard.hears("lost", "robot"))[2]
             await agent.close()
 
     scene(act)
@@ -581,7 +581,7 @@ def test_a_host_that_begins_so_is_refused_by_name_and_shown_nothing_raw(tmp_path
     async def act() -> None:
         async with serving(tmp_path) as server:
             host = replace(server.host, python=impostor(tmp_path, *said))
-            with pytest.raises(HostUnreachable, match=r"robot \(127\.0\.0\.1\): .*(not understood|wiped)") as caught:
+            with pytest.raises(HostUnreachable, match=r"robot \(127\.0\.0\.1\): .*(malformed|wiped)") as caught:
                 await server.agent(Heard(), host=host).open()
             assert "\x1b" not in str(caught.value)
 
