@@ -1,10 +1,10 @@
-"""Transport `inproc`: threads of one process. The contract in code; read this one first.
+"""Transport `inproc`: threads of one process. The reference implementation of the contract; read it first.
 
-Transports opened on the same bus see each other. Payloads are handed over as they are; the codec
-`identity` has made them values that nobody can change.
+Transports opened on the same bus see each other. Payloads are passed on unchanged; the codec
+`identity` makes them immutable values.
 
-A hand-over between two threads and back takes ten times as long as all else about a call. So the
-thread that asks runs the service itself, once that has shown that it answers promptly; see `_Server`.
+Changing threads twice takes ten times as long as the rest of a call. So the calling thread runs the
+service itself, once the service has proved to be prompt; see `_Server`.
 """
 
 from __future__ import annotations
@@ -57,16 +57,16 @@ log = logging.getLogger("robocomp.transport.inproc")
 L = TypeVar("L", bound="_Link")
 
 PROMPT = 0.001
-"""Seconds within which a service answers that the asking thread may run itself."""
+"""Maximum seconds of a service that calling threads may run."""
 
 TRUSTED = 3
-"""So many times in a row it has to have been prompt before, on a thread of its own transport."""
+"""Prompt runs in a row, on threads of its own transport, before calling threads may run a service."""
 
 _LOOK = 1.0
-"""Seconds between two looks whether the program has ended without closing a transport."""
+"""Seconds between two checks whether the program has ended without closing a transport."""
 
 AT_ONCE = 64
-"""So many requests to one server are run by threads of its transport at the same time."""
+"""Maximum number of requests to one server that threads of its transport run at the same time."""
 
 
 class _Bus:
@@ -108,9 +108,9 @@ _BUSES: dict[str, _Bus] = defaultdict(_Bus)
 
 
 class InprocTransport:
-    """Option `bus`: the name of the bus to join. Option `hand_over`: no thread that asks runs a service.
+    """Option `bus`: the name of the bus to join. Option `hand_over`: no calling thread runs a service.
 
-    That holds for those that ask this transport, and for those of this transport that ask others.
+    It covers calls to this transport and calls from it.
     """
 
     capabilities = ANY_QOS
@@ -126,7 +126,7 @@ class InprocTransport:
         self._closed = False
         self._work: queue.SimpleQueue[Job] = queue.SimpleQueue()
         self._will_look = False
-        """Whether somebody is about to look when the next call is overdue."""
+        """Whether the receiving thread is about to check for overdue calls."""
         self._threads = LeaderFollowers("inproc", self._receive, wake=lambda: self._work.put(_nothing))
         self._threads.start()
 
@@ -144,7 +144,7 @@ class InprocTransport:
 
     @property
     def idle(self) -> bool:
-        """Whether all that was sent to our inlets has been taken."""
+        """Whether the sinks have handled everything that was sent to the inlets."""
         return all(link.lane.idle for link in list(self._links) if isinstance(link, _Inlet))
 
     def close(self) -> None:
@@ -155,11 +155,11 @@ class InprocTransport:
                 everything.callback(link.close)
 
     def do(self, job: Job) -> None:
-        """Have a thread of ours run this."""
+        """Have a thread of this transport run a job."""
         self._work.put(job)
 
     def look(self) -> None:
-        """Have whoever receives look when the next call is overdue: it may have meant to wait for longer."""
+        """Have the receiving thread check for overdue calls: a new call may end before its planned wait does."""
         if not self._will_look:
             self._will_look = True
             self._work.put(_nothing)
@@ -169,7 +169,7 @@ class InprocTransport:
             self._links.remove(link)
 
     def _receive(self) -> Iterable[Job]:
-        self._will_look = False  # before looking: whoever calls from now on is seen, or has us look again
+        self._will_look = False  # before the check: later calls are seen by it or request another one
         waits = [link.pending.expire(self.do) for link in list(self._links) if isinstance(link, _Caller)]
         try:
             return (self._work.get(timeout=min([_LOOK, *(wait for wait in waits if wait is not None)])),)
@@ -198,11 +198,11 @@ def _nothing() -> None: ...
 
 
 class _Link:
-    """One end of a channel; `facing` is the class of the other."""
+    """One end of a channel; `facing` is the class of the other end."""
 
     facing: type[_Link]
     alone = False
-    """Whether there may be only one such end of a channel."""
+    """Whether a channel may have only one such link."""
 
     def __init__(self, transport: InprocTransport, bus: _Bus, channel: Channel) -> None:
         self.transport, self.channel = transport, channel
@@ -214,10 +214,10 @@ class _Link:
     def opened(self) -> None: ...
 
     def met(self, other: _Link) -> None:
-        """There is another end, and it means the same."""
+        """A peer with the same contract has come."""
 
     def peers(self) -> list[_Link]:
-        """The other ends that mean the same. Raises ContractMismatch if there are only others."""
+        """The peers with the same contract. Raises ContractMismatch if there are only others."""
         with self._bus.changed:
             named = [other for other in self._bus.links if isinstance(other, self.facing) and self.meets(other)]
         same = [other for other in named if self.compare(other)]
@@ -235,7 +235,7 @@ class _Link:
         deadline = time.monotonic() + timeout
         while True:
             self.check_open()
-            seen = self._bus.version  # before looking: what comes while we look is not waited for
+            seen = self._bus.version  # before the look, so that a peer that comes meanwhile is noticed
             if self.peers():
                 return True
             left = max(0.0, deadline - time.monotonic())
@@ -253,14 +253,14 @@ class _Link:
             raise Closed(self.channel.name)
 
     def meets(self, other: _Link) -> bool:
-        """Whether the other end means the same channel; "any instance" is never the own one."""
+        """Whether the other end has a matching channel. With `*`, links of the same transport do not match."""
         mine, theirs = self.channel, other.channel
         same_name = matches(mine.name, theirs.name) or matches(theirs.name, mine.name)
         itself = self.transport is other.transport and mine.name != theirs.name
         return same_name and not itself and mine.pattern is theirs.pattern and not other.closed
 
     def compare(self, other: _Link) -> bool:
-        """Whether the other end means the same by the name; if not, that is reported once."""
+        """Whether the other end has the same contract; if not, that is reported once."""
         same = self.channel.type.fingerprint == other.channel.type.fingerprint
         if not same and id(other) not in self._reported:
             self._reported.add(id(other))
@@ -273,17 +273,17 @@ class _Outlet(_Link, SupportsHeard):
     def __init__(self, transport: InprocTransport, bus: _Bus, channel: Channel) -> None:
         super().__init__(transport, bus, channel)
         self._lossy = channel.pattern is Pattern.PUBLISH and not channel.qos.reliable
-        """Whether nobody is waited for, however much its readers want everything."""
+        """Whether `send` never waits for subscribers, even reliable ones."""
         self._order = threading.Lock()
         self._looked = -1, False
         self._history: deque[tuple[int, Payload]] = deque(maxlen=channel.qos.depth if channel.qos.latched else 0)
-        """What was sent, and when (ns since the Unix epoch)."""
+        """The latest messages, each with its time (ns since the Unix epoch)."""
         self._greeted: weakref.WeakSet[_Inlet] = weakref.WeakSet()
-        """The subscribers that got the history, and so get what follows."""
+        """The subscribers that have got the history."""
 
     @property
     def heard(self) -> bool:
-        """Whether there is a subscriber, or may be one that wants what is latched."""
+        """Whether there is a subscriber, or a late one may want latched messages."""
         if self._looked[0] != self._bus.version:
             self._looked = self._bus.version, bool(self.peers_or_none())
         return self._looked[1] or bool(self._history.maxlen)
@@ -328,7 +328,7 @@ class _Outlet(_Link, SupportsHeard):
             payload = inlet.admit(self.channel.name, time.time_ns(), payload)
         patience = 0.0 if self._lossy else max(0.0, end - time.monotonic())
         if not inlet.lane.put(payload, patience, may_be_lost=self._lossy):
-            raise Timeout(f"{self.channel.name}: a reader is too slow")
+            raise Timeout(f"{self.channel.name}: a subscriber is too slow")
         inlet.have_drained()
 
 
@@ -351,7 +351,7 @@ class _Inlet(_Link, SupportsSources):
         return [Source(outlet.channel.name, outlet.channel.qos) for outlet in self.peers_or_none()]
 
     def admit(self, name: str, stamp: int, payload: Payload) -> Payload:
-        """What is to be put into the lane of a message of that channel."""
+        """What to put into the lane for a message of that channel."""
         return self.reception.admit(name, stamp, payload) if self.reception.on else payload
 
     def opened(self) -> None:
@@ -361,7 +361,7 @@ class _Inlet(_Link, SupportsSources):
                 outlet.greet(self)
 
     def have_drained(self) -> None:
-        """Something was put into the lane: have a thread of ours deliver it, unless one is about to."""
+        """Have a thread of this transport drain the lane, unless one is about to."""
         if self.lane.summon():
             self.transport.do(self.lane.drain)
 
@@ -387,16 +387,16 @@ class _Caller(_Link):
         return future
 
     def ask(self, payload: Payload, deadline: float) -> Reply:
-        version, server = self._found  # `_server`, but quicker: the version grows when we are closed, too
+        version, server = self._found  # `_server` inlined, for speed; closing also changes the version
         if version != self._bus.version:
             server = self._server()
         if server.trusted >= self._enough:
             return self._ask_here(server, payload, deadline)
-        # The Future has no callbacks, and wakes us at once.
+        # The Future has no callbacks, so any thread may end it.
         return self._outcome(self._start(server, payload, deadline, self.pending.settle), deadline, deadline)
 
     def _ask_here(self, server: _Server, payload: Payload, deadline: float) -> Reply:
-        """Have the service run by this thread."""
+        """Run the service on this thread."""
         reply, seconds = server.run_here(payload, deadline)
         if isinstance(reply, Reply):
             if seconds > deadline:
@@ -411,7 +411,7 @@ class _Caller(_Link):
         return self._outcome(future, deadline, max(0.0, deadline - seconds))
 
     def _outcome(self, future: Future[Reply], deadline: float, left: float) -> Reply:
-        """What a call ends with; of its deadline so much is left."""
+        """Wait for the end of a call, at most `left` seconds."""
         try:
             return future.result(left)
         except FutureTimeout:
@@ -422,16 +422,16 @@ class _Caller(_Link):
         return Timeout(f"{self.channel.name}: no answer in {deadline:g} s")
 
     def _answered(self, key: Hashable, reply: Reply) -> None:
-        """On a thread of the server's: the callbacks of our Future are no business of its."""
+        """Called on a thread of the server, which must not run the callbacks of our Future."""
         self.transport.do(partial(self.pending.settle, key, reply))
 
     def _server(self) -> _Server:
-        """Who serves it. Raises Unreachable, ContractMismatch, Closed."""
+        """The server of the channel. Raises Unreachable, ContractMismatch, Closed."""
         self.check_open()
         version, server = self._found
         if version == self._bus.version:
             return server
-        version = self._bus.version  # before looking: what comes while we look is looked for again
+        version = self._bus.version  # before the look, so that a later change causes another one
         found = next(iter(self.peers()), None)
         if found is None:
             raise Unreachable(f"{self.channel.name}: no server")
@@ -445,13 +445,13 @@ class _Caller(_Link):
         key = server, next(self._sequence)
         future = self.pending.add(key, deadline)
         if not server.take(id(self), payload, time.monotonic() + deadline, partial(answered, key)):
-            self.pending.settle(key, Reply(Status.BUSY))  # here and now: nobody has put anything behind this Future yet
-        if server.closed:  # perhaps before it had our request, and so did not know of us
+            self.pending.settle(key, Reply(Status.BUSY))  # on this thread: the Future has no callbacks yet
+        if server.closed:  # if it was closed before it had the request, it did not fail it
             self.server_left(server)
         return future
 
     def server_left(self, server: _Server) -> None:
-        """A server was closed: it will not answer any more."""
+        """A server was closed: fail the calls that wait for it."""
         left = Unreachable(f"{self.channel.name}: its server left")
         self.pending.fail_all(left, only=lambda key: isinstance(key, tuple) and key[0] is server, do=self.transport.do)
 
@@ -461,15 +461,15 @@ class _Caller(_Link):
 
 
 _Asked = tuple[Payload, float, Callable[[Reply], object]]
-"""A request, when it expires, and what its answer is passed to."""
+"""A request, when it expires, and the function that takes its reply."""
 
 
 class _Server(_Link):
-    """Runs its service on a thread of its transport until that is trusted to be prompt, then on the one that asks.
+    """Runs its service on threads of its transport until it has proved to be prompt, then on the calling threads.
 
-    Its transport runs at most `AT_ONCE` requests at a time; of the others, `QUERIES_WAITING` wait, and further ones
-    are turned away. No deadline ends what the asking thread runs: should a trusted service take long all the same,
-    that call ends by Timeout, but late, and the service is not trusted any more.
+    Its transport runs at most `AT_ONCE` requests at a time. At most `QUERIES_WAITING` more wait; further ones are
+    answered with BUSY. A deadline cannot interrupt a calling thread: if a trusted service takes long, its call ends
+    with Timeout, but late, and the service loses its trust.
     """
 
     facing = _Caller
@@ -481,12 +481,12 @@ class _Server(_Link):
         self._lock = threading.Lock()
         self._waiting: Turns[_Asked] = Turns()
         self._running = 0
-        """How many requests are run by threads of ours, or about to be."""
+        """The number of requests that threads of this transport run or are about to run."""
         self.trusted = 0
-        """How many times in a row the service was prompt."""
+        """The number of prompt runs in a row."""
 
     def take(self, caller: int, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> bool:
-        """Have a caller's request answered, now or later; False if too many wait here."""
+        """Take a request, to answer it later; False if too many wait."""
         with self._lock:
             if len(self._waiting) >= QUERIES_WAITING:
                 self.stats.dropped += 1
@@ -499,10 +499,10 @@ class _Server(_Link):
         return True
 
     def _next(self) -> None:
-        """Run the next request, the callers by turns, and have the one after it run behind the jobs of others."""
+        """Run one request, the callers in turn. The next one queues behind the other jobs of the transport."""
         try:
             with self._lock:
-                asked = self._waiting.take() if self._waiting else None  # another thread may have been quicker
+                asked = self._waiting.take() if self._waiting else None  # another thread may have taken it
             if asked:
                 self._run(*asked)
         finally:
@@ -519,7 +519,7 @@ class _Server(_Link):
         self.trusted = self.trusted + 1 if prompt else 0
 
     def run_here(self, payload: Payload, deadline: float) -> tuple[Reply | Future[Reply] | None, float]:
-        """The same for the thread that asks: what the service returned, None if it was closed; and after how long."""
+        """Run the service on the calling thread. Returns its result (None if it is closed) and the seconds it took."""
         begun = time.monotonic()
         reply = self._servant.ask(payload, begun, begun + deadline)
         seconds = time.monotonic() - begun

@@ -1,4 +1,4 @@
-"""Who commands and who calls, and the processes they ask."""
+"""Callers and command outlets, and the server processes they use."""
 
 from __future__ import annotations
 
@@ -44,24 +44,24 @@ log = logging.getLogger("robocomp.transport.zeromq")
 
 
 _SLICE = SLICE_MS / 1000
-"""Seconds after which a call that waits looks whether its server lives and its own link is open."""
+"""Seconds after which a waiting call checks whether its server lives and its link is open."""
 
 _GREETINGS = 3
-"""So often a server is greeted that hangs up before it was asked anything, as it does if we are held up meanwhile."""
+"""Attempts to connect if the server hangs up during the handshake, as it does if this process is delayed."""
 
 _TO_SERVER = {"IMMEDIATE": 1, "RECONNECT_IVL": -1, "SNDHWM": 1000, "RCVHWM": 1000}
-"""No queueing for the dead; a server that comes back has another address."""
+"""No queueing for a dead server; one that comes back has another address."""
 
 
 class Peer:
-    """The process behind an address: a shared line to it, and streams for synchronous calls."""
+    """A server process: a shared connection to it, and streams for blocking calls."""
 
     def __init__(self, transport: ZeroMQTransport, member_id: str, address: str, secure: Secure | None = None) -> None:
         self.id = self.key = member_id
         self._address, self._transport, self._secure = address, transport, secure
         self.closed, self.is_far = False, is_far(address)
         self.flags = Flag.NONE
-        """Of all requests."""
+        """The flags of all requests to it."""
         self.callers: dict[int, Caller] = {}
         self._idle: list[Stream | FarStream] = []
         options = _TO_SERVER | (to_far(address) if self.is_far else {})
@@ -86,7 +86,7 @@ class Peer:
             return FarStream(self._transport, self._address, self._secure)
         try:
             return self._stream(wait)
-        except TransportError:  # by `wait`; some are OSErrors, too
+        except TransportError:  # from `wait`; some are OSErrors, too
             raise
         except (ConnectionError, FileNotFoundError) as exc:
             raise Gone(str(exc)) from exc
@@ -112,13 +112,13 @@ class Peer:
         self._transport.forget(self.line)
 
     def _close_idle(self) -> None:
-        """By whoever gets hold of each: more may be given back meanwhile."""
+        """Close idle streams one by one, since other threads may add or take some meanwhile."""
         with contextlib.suppress(IndexError):
             while True:
                 self._idle.pop().close()
 
     def _on_reply(self, socket: Socket) -> list[Job]:
-        jobs: list[Job] = []  # since the callbacks of a Future may take long, or ask again
+        jobs: list[Job] = []  # callbacks of a Future may take long, or make calls
         while (frames := socket.receive()) is not None:
             try:
                 header, payload = read_reply_frames(frames)
@@ -143,7 +143,7 @@ class AskingLink(FindingLink["ZeroMQTransport", Peer, bytes]):
     def request(
         self, peer: Peer, channel: bytes, flags: int, remaining: float, payload: Payload, number: int = 0
     ) -> tuple[int, Frames]:
-        """A new one, or that of a number which was asked before; its number, and what to send."""
+        """A new request, or a repetition of `number`; returns its number and the frames."""
         number = number or next(self._sequence)
         flags |= peer.flags
         header = pack_request(flags, self.channel.type.fingerprint, self.client, number, remaining)
@@ -171,7 +171,7 @@ class Caller(CallingLink["ZeroMQTransport", Peer, bytes], AskingLink):
         super().release()
 
     def refuses(self, peer: Peer, reply: Reply) -> bool:
-        if peer.is_far and not reply.payload:  # what is known of it may be older
+        if peer.is_far and not reply.payload:  # its known entries may be outdated
             self.transport.directory.deny(peer.id, self.facing, self.channel.name)
         return super().refuses(peer, reply)
 

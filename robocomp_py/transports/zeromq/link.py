@@ -1,4 +1,4 @@
-"""What all ends of channels have in common here: they are announced, and look at those they wait for, so often."""
+"""The base of publishers in this transport."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from .transport import ZeroMQTransport  # noqa: F401  # named below, in quotes
 
 TICK = 0.05
-"""Seconds between two looks at those we wait for, and into the directory if nobody tells when it changes."""
+"""Seconds between two looks at awaited peers, and into the directory if its changes are not reported."""
 
 
 class Link(DirectoryLink["ZeroMQTransport"]):

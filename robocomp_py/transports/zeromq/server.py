@@ -1,4 +1,4 @@
-"""Who is commanded and who is called, behind one socket."""
+"""The one socket for all served channels of a transport."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ if TYPE_CHECKING:
 log = logging.getLogger("robocomp.transport.zeromq")
 
 REPLIES_WAITING = 10_000
-"""So many replies may wait to be sent by the thread that receives."""
+"""Maximum number of replies that wait until the receiving thread sends them."""
 
 _LOOK_MS = 4000
-"""Who waits for requests looks this often whether it is to stop, though it is told."""
+"""Milliseconds after which a waiting thread checks whether it has to stop, in case a wake-up is lost."""
 
 _FORBIDDEN_TOLD, _ACQUAINTED = 100, 1000
 
@@ -53,11 +53,11 @@ _NOBLOCK = int(zmq.NOBLOCK)
 
 
 class Router:
-    """The socket behind which everything is served that this transport serves, and the threads that take turns at it.
+    """The socket for all requests to this transport, and the threads that take turns to receive from it.
 
-    One of them waits inside the socket, so that nothing lies between a request and its handler; that handler's reply is
-    sent on the same thread, when nobody is inside. Replies that come later, from other threads, are left to whoever
-    waits there, who is called out by a bell: an empty message from within this process.
+    One thread waits in the socket, and runs the handler of the request that it receives. It sends the reply itself if
+    no other thread uses the socket then. Replies from other threads are left to the thread that waits in the socket.
+    An empty message from within this process wakes it up.
     """
 
     def __init__(
@@ -69,26 +69,26 @@ class Router:
         gate: Gate | None = None,
         guard: Guard | None = None,
     ) -> None:
-        """`introduce` answers clients that introduce themselves; `gate` knows what each may use. `guard` watches the
+        """`introduce` answers requests for the directory; `gate` knows the rights of each client. `guard` watches the
         connections of other hosts."""
         self._transport, self._introduce, self._gate, self._guard = transport, introduce, gate, guard
         self._routes: dict[bytes, ServingLink] = {}
         self._inside = threading.Lock()
-        """Held by whoever uses the socket, also while it waits there."""
+        """Held by the thread that uses the socket, also while it waits there."""
         self._ringing = threading.Lock()
         self._telling = threading.Lock()
-        """Held while somebody is told who we are: so that nobody is told later what was so before."""
+        """Held while a directory record is sent, so that no client gets an older record after a newer one."""
         self._late: deque[Frames] = deque()
         self._closed = False
         self._sparing = Sparing()
         self._told = False
-        """Whether it was said that there are malformed requests."""
+        """Whether a malformed request was logged."""
         self._acquainted: dict[bytes, tuple[Request, str, float]] = {}
-        """Who told us who they are, by what question, and when."""
+        """By identity: the last request for the directory, its user, and when it came."""
         self._forbidden: set[str] = set()
-        """Those of whom it was said that they wanted what they have no right to."""
+        """Users whose refused request was logged."""
         self.address = addresses[0]
-        bell = f"inproc://bell of {self.address}"
+        wakeup = f"inproc://wake-up of {self.address}"
         with contextlib.ExitStack() as undo:
             options = {"ROUTER_MANDATORY": 1, "RCVTIMEO": _LOOK_MS} | (at_far(addresses[0]) if introduce else {})
             self._socket = new_socket(transport.context, zmq.ROUTER, secure, **options)
@@ -99,13 +99,13 @@ class Router:
                     self._socket, Kind.MESSAGES, told=transport.tell, also=WATCHED if gate else 0
                 )
                 undo.callback(guard.forget, self._watched)
-            for address in (*addresses, bell):
+            for address in (*addresses, wakeup):
                 with as_transport_error(f"binding {address}"):
                     self._socket.bind(address)
-            self._bell = new_socket(transport.context, zmq.DEALER, LINGER=0)
-            undo.callback(self._bell.close)
+            self._waker = new_socket(transport.context, zmq.DEALER, LINGER=0)
+            undo.callback(self._waker.close)
             with as_transport_error("opening a socket"):
-                self._bell.connect(bell)
+                self._waker.connect(wakeup)
             undo.pop_all()
         self._threads = LeaderFollowers("zeromq-serving", self._receive, self._ring)
         try:
@@ -123,15 +123,15 @@ class Router:
             del self._routes[named]
 
     def close(self) -> None:
-        """Stop, and wait for the threads. Replies that come later are forgotten."""
+        """Stop, and wait for the threads. Later replies are discarded."""
         self._threads.close()
         with self._inside, self._ringing:
-            self._send_late()  # what came after the last thread had looked
+            self._send_late()  # replies that came after the last look
             self._closed = True
             if self._guard and self._watched:
                 self._guard.forget(self._watched)
             self._socket.close()
-            self._bell.close()
+            self._waker.close()
 
     def reply(self, identity: bytes, request: Request, reply: Reply) -> None:
         header = pack_reply(reply.status, request.client, request.sequence, self._transport.incarnation)
@@ -150,7 +150,7 @@ class Router:
             log.warning("a reply was dropped: %d wait to be sent", REPLIES_WAITING)
 
     def tell(self, news: Callable[[str], bytes]) -> None:
-        """What those who ask who we are would be answered now, without waiting for their next question."""
+        """Send the current directory record to all clients that asked for it lately."""
         now = time.monotonic()
         for identity, (request, user, when) in list(self._acquainted.items()):
             if now - when > SILENT:
@@ -159,7 +159,7 @@ class Router:
                 with self._telling:
                     self.reply(identity, request, Reply(Status.OK, [news(user)]))
 
-    # By whoever is inside.
+    # On the thread that holds `_inside`.
 
     def _send_late(self) -> None:
         while self._late:
@@ -172,16 +172,16 @@ class Router:
             lend_frames(self._socket, frames, _NOBLOCK)  # replies are snapshots
         except zmq.Again:
             if self._sparing.may_tell():
-                log.warning("a reply was dropped: who asked does not take it")
+                log.warning("a reply was dropped: the client does not receive")
         except zmq.ZMQError:
-            return  # who asked has gone
+            return  # the client has gone
 
     def _ring(self) -> None:
-        """Call out whoever waits inside."""
+        """Wake the thread that waits in the socket."""
         with self._ringing:
             if not self._closed:
-                with contextlib.suppress(zmq.Again):  # so many calls wait there that this one is not needed
-                    self._bell.send(b"", _NOBLOCK)
+                with contextlib.suppress(zmq.Again):  # enough wake-ups wait there already
+                    self._waker.send(b"", _NOBLOCK)
 
     def _receive(self) -> list[Job]:
         with self._inside:
@@ -196,8 +196,8 @@ class Router:
                 return []
         identity, *message = frames
         if not message or not message[0]:
-            return []  # the bell
-        job = self._accept(identity, message, user)  # whether there is more is found out after this one was answered
+            return []  # a wake-up
+        job = self._accept(identity, message, user)  # further requests are received after this one was handled
         return [job] if job else []
 
     def _accept(self, identity: bytes, frames: Frames, user: str) -> Job | None:
@@ -221,7 +221,7 @@ class Router:
         return dispatch(self._routes.get(named), request, payload, time.monotonic(), answer)
 
     def _note(self, identity: bytes, request: Request, user: str) -> None:
-        """That somebody wants to know who we are."""
+        """Remember a client that requests the directory record."""
         now = time.monotonic()
         if len(self._acquainted) >= _ACQUAINTED:
             self._acquainted = {who: known for who, known in self._acquainted.items() if now - known[2] <= SILENT}
@@ -233,7 +233,7 @@ class Router:
             self._forbidden.add(user)
             channel = named[:-1].decode(errors="replace")
             log.warning(
-                "refused %r to who has the key %s: it has no right to it (told once for each key)", channel, user
+                "refused %r to the user of key %s, which has no right to it (logged once for each key)", channel, user
             )
 
     def _malformed(self, frames: Frames, why: DecodeError) -> None:

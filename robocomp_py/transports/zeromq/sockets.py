@@ -1,4 +1,4 @@
-"""Sockets that several threads may use, and one thread that waits for all of them."""
+"""Sockets that several threads may use, and the loop that waits for all of them."""
 
 from __future__ import annotations
 
@@ -32,30 +32,30 @@ if TYPE_CHECKING:
 log = logging.getLogger("robocomp.transport.zeromq")
 
 ctypes.pythonapi.Py_IncRef(ctypes.py_object(garbage.gc))
-"""pyzmq ends this object's thread when the program ends. Its destructor does so again while the interpreter takes its
-modules apart, and complains of a name that is gone (`NameError: getpid`). Nothing is left to do: it need not run."""
+"""pyzmq ends this object's thread at the end of the program. Its destructor tries again while the interpreter deletes
+its modules, and fails (`NameError: getpid`). This reference keeps the destructor from running; it has nothing to do."""
 
 LINGER_MS = 500
-"""How long closing may wait for what was sent last to leave."""
+"""Milliseconds that closing may wait until the last messages are sent."""
 
 _SHORT = 16 * 1024
-"""A frame of fewer bytes is copied sooner than looked at; a longer one lives as long as somebody looks at it."""
+"""Frames with fewer bytes are copied, which is faster; larger ones are passed on as views of the frame."""
 
 _LARGE = 2 * 1024 * 1024
-"""A frame of so many items is not copied if it need not be."""
+"""Frames of this length and more are sent without a copy."""
 
 LONGEST_PAUSE = 0.005
 """Seconds between two attempts to send, when there is no room."""
 
 _SHORT_PAUSE, _SHORTLY = 0.0005, 0.1
-"""The same at first, since who keeps up makes room within milliseconds; and for how long, in seconds."""
+"""The pause at first, since a fast subscriber makes room within milliseconds; and how long it applies, in seconds."""
 
-# Plain numbers: calculating with the library's enumerations takes as long as sending a frame.
+# Plain numbers: an operation on the enumerations of the library takes as long as sending a frame.
 _NOBLOCK, _SNDMORE, _POLLIN, _EVENTS = int(zmq.NOBLOCK), int(zmq.SNDMORE), int(zmq.POLLIN), int(zmq.EVENTS)
 
 
 def new_socket(context: zmq.Context[Any], kind: int, secure: Secure | None = None, **options: int) -> zmq.Socket[Any]:
-    """All of our sockets are made here; `secure` is for those that others than our own user can reach."""
+    """Open a socket; all sockets are opened here. `secure` is for those that other users can reach."""
     with as_transport_error("opening a socket"):
         socket: zmq.Socket[Any] = context.socket(kind)
         try:
@@ -79,7 +79,7 @@ def as_transport_error(doing: str) -> Iterator[None]:
 
 
 _send: Callable[[zmq.Socket[Any], Any, int], object] = zmq.backend.Socket.send
-"""What `Socket.send` calls after some questions about kinds of sockets that we do not have."""
+"""The core of `Socket.send`, without checks for kinds of sockets that are not used here."""
 
 
 def send_frames(socket: zmq.Socket[Any], frames: Frames, flags: int = 0) -> None:
@@ -92,9 +92,9 @@ def send_frames(socket: zmq.Socket[Any], frames: Frames, flags: int = 0) -> None
 
 
 def lend_frames(socket: zmq.Socket[Any], frames: Frames, flags: int = 0) -> None:
-    """The same without copying large frames: nobody may change them any more.
+    """The same without copying large frames, which must not change afterwards.
 
-    Below some size it takes longer to find out when ZeroMQ needs a frame no more, for which pyzmq has a thread.
+    A small frame is faster to copy than to track: a thread of pyzmq finds out when ZeroMQ no longer needs it.
     """
     last = len(frames) - 1
     for number, frame in enumerate(frames):
@@ -116,13 +116,13 @@ def receive_frames(socket: zmq.Socket[Any], flags: int = 0) -> Frames:
 
 
 def _memory(frame: zmq.Frame) -> memoryview:
-    """What was received, to be looked at; as nobody else has it, it need not be copied to be sent on."""
+    """A view of a received frame. It never changes, so it may be sent on without a copy."""
     object.__setattr__(frame, "frozen", True)  # for `is_frozen`; frames take other attributes for options
     return frame.buffer.toreadonly()
 
 
 def receive_watched(socket: zmq.Socket[Any], watched: Watched, signed: bool) -> tuple[str, Frames]:
-    """The same, and if it is `signed`, the user that sent it, as `curve.Gate` calls those that it lets in."""
+    """The same for a watched socket; if `signed`, with the user that sent the message, as named by `curve.Gate`."""
     frame = socket.recv(0, copy=False)
     frames: Frames = [frame.bytes]
     while frame.more:
@@ -140,9 +140,9 @@ def receive_watched(socket: zmq.Socket[Any], watched: Watched, signed: bool) -> 
 class Socket:
     """A ZeroMQ socket that several threads may use, because nothing here waits.
 
-    Its file descriptor tells of input only once, and any use of the socket may swallow that; so
-    whoever sent something looks whether there is some, and has it attended to. Who receives goes on
-    until there is nothing left, or has it attended to later.
+    Its file descriptor reports input only once, and any use of the socket may consume that report.
+    So a thread that has sent something checks for input and has the loop handle it. A thread that
+    receives continues until no input is left, or has the loop handle the rest.
     """
 
     def __init__(
@@ -153,14 +153,14 @@ class Socket:
         self.raw = raw
         self.closed = False
         self.awaited = False
-        """Whether it will be looked at anyway."""
+        """Whether the loop is going to look at it."""
         self.on_input = on_input
         self.watched: Watched | None = None
         """What a guard knows of its connections, if they lead to other hosts."""
         self._attend = attend
 
     def send(self, frames: Frames) -> bool:
-        """Whether it was sent; if not, there is no room now, or nobody is connected."""
+        """Send; False if there is no room now, or no peer is connected."""
         with self.lock:
             sent = self.send_only(frames)
             if not self.closed:
@@ -168,7 +168,7 @@ class Socket:
             return sent
 
     def send_only(self, frames: Frames) -> bool:
-        """The same in half the time, for who looks for input himself when he wants to know."""
+        """The same in half the time, without a check for input: for callers that check themselves."""
         self.lock.acquire()  # half of what `with` takes
         try:
             if self.closed:
@@ -184,7 +184,7 @@ class Socket:
             self.lock.release()
 
     def send_to_some(self, frames: Frames) -> bool:
-        """Send by a publisher's socket to those that have room; the others miss it. False if it is closed."""
+        """Send by a publisher's socket; subscribers without room miss the message. False if it is closed."""
         with self.lock:
             if self.closed:
                 return False
@@ -195,7 +195,7 @@ class Socket:
                 self.raw.set(zmq.XPUB_NODROP, 1)
 
     def _send_once_more(self, frames: Frames) -> bool:
-        """Sending makes the library note what was read meanwhile only once in a millisecond or so; looking, always."""
+        """Try again: the library notices room after a check for input, but only once per millisecond when sending."""
         self._look()
         try:
             send_frames(self.raw, frames, _NOBLOCK)
@@ -216,7 +216,7 @@ class Socket:
             return frames
 
     def receive_subscription(self) -> zmq.Frame | None:
-        """What a publisher's socket tells: that a subscription begins or ends, and to what."""
+        """The next message of a publisher's socket: a topic, and whether its subscription begins or ends."""
         with self.lock:
             try:
                 return None if self.closed else self.raw.recv(_NOBLOCK, copy=False)
@@ -224,7 +224,7 @@ class Socket:
                 return None
 
     def look(self) -> None:
-        """Have it attended to, if it has input."""
+        """Have the loop handle its input, if there is any."""
         with self.lock:
             if not self.closed:
                 self._look()
@@ -241,7 +241,7 @@ class Socket:
 
 
 class Subscription:
-    """A feed whose input is attended to like that of a socket. A thread may close it while another one receives."""
+    """A feed that the loop handles like a socket. A thread may close it while another one receives."""
 
     def __init__(self, feed: Feed | FarFeed, on_input: Callable[[Subscription], list[Job]]) -> None:
         self.lock = threading.RLock()
@@ -249,12 +249,12 @@ class Subscription:
         self.closed = False
         self.awaited = False
         self.more = False
-        """Whether there may be a next message right now. If not, the loop will tell."""
+        """Whether another message may be ready. If not, the loop reports the next one."""
         self.on_input: Callable[[Any], list[Job]] = on_input
         self._feed, self._receive = feed, feed.receive
 
     def receive(self, most: int) -> list[Frames]:
-        """Messages that are there, at most so many; there may be `more`. Raises Gone when there will be none."""
+        """The messages that are ready, at most `most`; sets `more`. Raises Gone if the publisher is gone."""
         messages: list[Frames] = []
         self.more = False
         with self.lock:
@@ -265,15 +265,15 @@ class Subscription:
                         return messages
                 self.more = not self.closed
             except BlockingIOError:
-                pass  # half a message may be there
+                pass  # part of a message may be there
             except Gone:
                 if not messages:
                     raise
-                self.more = True  # so that it is told next time
+                self.more = True  # so that the next call raises it
         return messages
 
     def look(self) -> None:
-        """Nothing is missed: its descriptor tells of input as long as there is some."""
+        """Nothing to do: its descriptor reports input as long as there is some."""
 
     def close(self) -> None:
         with self.lock:
@@ -283,7 +283,7 @@ class Subscription:
 
 
 class Attended(Protocol):
-    """What a loop attends to."""
+    """A socket or feed of a loop."""
 
     fileno: int
     awaited: bool
@@ -305,7 +305,7 @@ class Loop:
         self._sockets: dict[int, Attended] = {}
         self._ready: deque[Attended] = deque()
         self._resting: dict[Socket, tuple[float, bool]] = {}
-        """Sockets that are not attended to: until when, and whether they were watched."""
+        """Sockets that are ignored for a while: until when, and whether they were watched."""
         self._jobs: deque[Job] = deque()
         self._next_tick = self._ticked = 0.0
         self._due = False
@@ -318,7 +318,7 @@ class Loop:
         self._poller.register(self._wake_out, select.POLLIN)
 
     def add(self, socket: Attended, *, watched: bool = True) -> None:
-        """If it is not `watched`, it is attended to now, and when somebody asks for it."""
+        """Handle input of a socket. If not `watched`: now, and whenever `attend` is called."""
         self._sockets[socket.fileno] = socket
         if watched:
             self._poller.register(socket.fileno, select.POLLIN)
@@ -332,26 +332,26 @@ class Loop:
         return list(self._sockets.values())
 
     def mute(self, socket: Attended) -> None:
-        """Wait for its input no more, until it is added again."""
+        """Ignore its input until it is added again."""
         if self._sockets.get(socket.fileno) is socket:
             del self._sockets[socket.fileno]
             self._unregister(socket)
 
     def rest(self, socket: Socket, seconds: float) -> None:
-        """Leave its input where it is for so long, whatever its file descriptor says. From `on_input` only."""
+        """Ignore its input for that time. Called from `on_input` only."""
         with socket.lock:
             if not socket.closed:
                 self._resting[socket] = time.monotonic() + seconds, self._unregister(socket)
 
     def attend(self, socket: Attended) -> None:
-        """Look at this socket next, whatever its file descriptor says."""
+        """Handle this socket next, even if its file descriptor reports no input."""
         socket.awaited = True
         self._ready.append(socket)
         if self._sleeping:
             self._interrupt()
 
     def do(self, job: Job) -> None:
-        """Return this job next."""
+        """Return this job from the next `receive`."""
         self._jobs.append(job)
         if self._sleeping:
             self._interrupt()
@@ -362,16 +362,18 @@ class Loop:
         self._interrupt()
 
     def within(self, seconds: float) -> None:
-        """Tick so long after the last tick: of what happens often, several are seen at once. From `on_input` only."""
+        """Tick that long after the last tick, to handle frequent events together. Called from `on_input` only."""
         self._next_tick = min(self._next_tick, self._ticked + seconds)
 
     def receive(self) -> list[Job]:
         if self._due or time.monotonic() >= self._next_tick:
-            self._due = False  # first: what becomes due from now on may not be seen by this tick
+            self._due = False  # before the tick, which may miss what becomes due later
             self._next_tick = time.monotonic() + self._tick()
             self._ticked = time.monotonic()
         end = self._end_rests() if self._resting else self._next_tick
-        self._sleeping = True  # before looking at what is ready: whoever adds to it later sees this, and interrupts
+        self._sleeping = (
+            True  # before checking what is ready: a thread that adds to it later sees this and wakes the loop
+        )
         busy = self._ready or self._jobs or self._due
         timeout = 0.0 if busy else max(0.0, end - time.monotonic())
         events = self._poller.poll(timeout * 1000)
@@ -388,7 +390,7 @@ class Loop:
             try:
                 self._jobs.extend(socket.on_input(socket))
             except Exception:
-                log.exception("taking input")  # of one socket; the others have theirs taken
+                log.exception("taking input")  # only of this socket
                 socket.look()
         return [self._jobs.popleft() for _ in range(len(self._jobs))]
 
@@ -399,7 +401,7 @@ class Loop:
             os.close(self._wake_in)
 
     def _end_rests(self) -> float:
-        """Attend again to sockets that have rested; when the next one has, or something else is due."""
+        """Handle sockets again after their rest; returns when the next rest or the next tick is due."""
         for socket, (end, watched) in list(self._resting.items()):
             if end <= time.monotonic():
                 del self._resting[socket]
@@ -417,7 +419,7 @@ class Loop:
         return True
 
     def _interrupt(self) -> None:
-        with self._pipe:  # a handler that is stuck may come here after we were closed
+        with self._pipe:  # a stuck handler may call this after closing
             if not self._closed:
-                with contextlib.suppress(BlockingIOError):  # the pipe is full, so it will wake
+                with contextlib.suppress(BlockingIOError):  # the pipe is full, so the loop will wake
                     os.write(self._wake_in, b"!")
