@@ -402,11 +402,11 @@ def test_who_was_held_up_itself_takes_nobody_for_gone(tmp_path: Path, monkeypatc
     other = read_record(record("7-1", "eve", 7, []), "eve", at="", rights=Rights())
     neighbours.hear(other)
     now[0] += 60.0
-    neighbours.heed_others()
+    neighbours.listen()
     assert neighbours.alive(other.id)
     for _ in range(5):
         now[0] += 0.25
-        neighbours.heed_others()
+        neighbours.listen()
     assert neighbours.alive(other.id)
     now[0] += 0.25
     assert not neighbours.alive(other.id)

@@ -1,13 +1,13 @@
-"""Those who are reached by TCP: members of the directory who have no file in our run-time folder.
+"""Remote members: members of the directory that are reached by TCP and have no file in the run-time folder.
 
-Who is given `connect` asks at each of these addresses, again and again, who is there and what it offers, and says what
-it wants itself; who is given `bind` answers. Each takes the other for a member of its directory as long as it hears
-from it, so that links find, miss and understand each other as they do on one machine.
+A transport with the option `connect` sends its own record to each of these addresses at intervals; a transport with
+`bind` replies with its record. Each treats the other as a member of its directory while messages arrive. So links find
+and lose each other as they do on one host.
 
-    question, answer      the topic `robocomp/directory` with a request's header, a reply's header; behind it JSON
+    request, reply        the topic `robocomp/directory` with the header of a request or reply, followed by JSON:
                           {"id": …, "owner": …, "pid": …, "entries": […]}, as in a file of the directory
 
-What is told of a topic bears the port of its own at the same host: `tcp://*:40123#a1b2c3`.
+The entry of a topic gives its own port on the same host: `tcp://*:40123#a1b2c3`.
 """
 
 from __future__ import annotations
@@ -46,31 +46,31 @@ log = logging.getLogger("robocomp.transport.zeromq")
 DIRECTORY = topic("robocomp/directory")
 
 SILENT = 2.0
-"""Seconds without a word after which somebody has gone."""
+"""Seconds without a message after which a remote member counts as gone."""
 
 _EAGER, _USUAL = 0.1, 0.5
-"""Seconds between two questions, as long as there was no answer, and then."""
+"""Seconds between two requests: until the first reply, and afterwards."""
 
 _UNANSWERED = 3.0
-"""Seconds without an answer after which that is told."""
+"""Seconds without a reply after which that is logged."""
 
 ACQUAINTED = 0.5
-"""Seconds in which those who look for each other at an address have met: a connection is tried every 0.2 s at most."""
+"""Seconds within which two transports find each other at an address: they try to connect every 0.2 s or more often."""
 
 _SETTLING = 1.0
-"""Seconds for which what a member newly serves is held back, unless we are connected to its topics before."""
+"""Maximum seconds for which new services of a member stay hidden until this transport is connected to its topics."""
 
 _MOST, MOST_ENTRIES = 250, 50_000
-"""Members on other hosts that we know, and entries of all of them together: each takes some hundred octets."""
+"""Maximum number of remote members, and of all their entries. Each takes some hundred octets."""
 
 _LONGEST = 1024 * 1024
-"""Octets of what somebody tells of itself."""
+"""Maximum octets of a record."""
 
 _SERVING = ("serves", "receives")
 _OFFERING, _WANTING = (*_SERVING, "publishes"), ("calls", "commands", "subscribes")
 
 _BEAT = SILENT / 4
-"""Seconds between two looks at who is silent; more do not count, since we may have been held up ourselves."""
+"""Seconds between two checks for silent members. A longer gap counts as this, since it is a delay of this process."""
 
 _AT_FAR = {
     "TCP_KEEPALIVE": 1,
@@ -82,13 +82,13 @@ _AT_FAR = {
 """The kernel notices a connection that was cut, within five seconds. A silent member is noticed sooner.
 
 ZeroMQ's heartbeats would do the same, but end the process ("Assertion failed: !_io_error", libzmq 4.3.5) if the other
-side closes a connection whose messages we do not take for half a second."""
+side closes a connection whose messages this side has not received for half a second."""
 
 _TO_FAR = {
-    "IMMEDIATE": 1,  # no queueing for who is not there
+    "IMMEDIATE": 1,  # no queueing without a connection
     "RECONNECT_IVL": 100,
     "RECONNECT_IVL_MAX": 400,
-    "CONNECT_TIMEOUT": 1000,  # or, after a cut, the system's own patience would have to end first
+    "CONNECT_TIMEOUT": 1000,  # otherwise the longer timeout of the system applies after a cut
 }
 
 _ADDRESS = re.compile(r"tcp://(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._*-]+):(\d{1,5})(?:#[0-9a-f]{6})?")
@@ -109,22 +109,22 @@ def to_far(address: str) -> dict[str, int]:
 
 
 def host_of(address: str) -> str:
-    """Of an address `tcp://HOST:PORT`; empty if it is none."""
+    """The host of an address `tcp://HOST:PORT`; empty if it is another address."""
     found = _ADDRESS.fullmatch(address)
     return found[1] if found else ""
 
 
 class Neighbours(Directory):
-    """The members of one folder, and those who are heard from."""
+    """The directory of one folder, together with the remote members."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(folder)
         self._far: dict[str, tuple[Member, float]] = {}
-        """With the time of its last word, as `_heeded` counts it."""
+        """By id: the member, and the time of its last message on the clock of `_listening`."""
         self._listened = 0.0, time.monotonic()
-        """For how long others could be heard, up to the last look; and when that was."""
+        """The clock of `_listening` at the last check, and when that was."""
         self._held_back: dict[str, tuple[frozenset[Entry], float]] = {}
-        """What members newly serve, and until when at most it is not found: see `settle`."""
+        """By member: its new services, and until when at most they are hidden: see `settle`."""
         self._changes = 0
         self._noting = threading.Lock()
 
@@ -140,25 +140,25 @@ class Neighbours(Directory):
         if "@" not in member_id:
             return super().alive(member_id)
         heard = self._far.get(member_id)
-        return heard is not None and self._heeded() - heard[1] < SILENT
+        return heard is not None and self._listening() - heard[1] < SILENT
 
     def responds(self, member: Member, within: float) -> bool:
         if "@" not in member.id:
             return super().responds(member, within)
         heard = self._far.get(member.id)
-        return heard is not None and self._heeded() - heard[1] < within
+        return heard is not None and self._listening() - heard[1] < within
 
-    def heed_others(self) -> None:
-        """To be called about every `SILENT / 4` seconds, before what has come in is read."""
-        self._listened = self._heeded(), time.monotonic()
+    def listen(self) -> None:
+        """To be called about every `SILENT / 4` seconds, before received messages are read."""
+        self._listened = self._listening(), time.monotonic()
 
-    def _heeded(self) -> float:
-        """Seconds in which we were not held up: what others said meanwhile may still have to be read."""
-        heeded, when = self._listened
-        return heeded + min(time.monotonic() - when, _BEAT)
+    def _listening(self) -> float:
+        """A clock that stops while this process is delayed, since messages of that time may still be unread."""
+        listened, when = self._listened
+        return listened + min(time.monotonic() - when, _BEAT)
 
     def hear(self, member: Member) -> bool:
-        """Note that somebody is there; whether that is news."""
+        """Note the record of a remote member; whether it is new or has changed."""
         with self._noting:
             known = self._far.get(member.id)
             if known is None and len(self._far) >= _MOST:
@@ -169,14 +169,14 @@ class Neighbours(Directory):
                 if entries + len(member.entries) > MOST_ENTRIES:
                     return False
                 self._hold_back(member, known[0].entries if known else ())
-            self._far[member.id] = member, self._heeded()
+            self._far[member.id] = member, self._listening()
             self._changes += news
         return news
 
     def settle(self, connected: Callable[[str], bool]) -> bool:
-        """Let what members newly serve be found, if we are connected to their topics; whether any are still left.
+        """Reveal new services of members whose topics are connected by now; whether any are still hidden.
 
-        So what a server publishes because we have asked it, or commanded it, is heard.
+        So no publication is missed that a server sends in response to a call or command.
         """
         for member_id, (_, end) in list(self._held_back.items()):
             if time.monotonic() >= end or connected(member_id):
@@ -195,7 +195,7 @@ class Neighbours(Directory):
         return self._held_back.get(member_id, (frozenset(), 0.0))[0]
 
     def lose(self, gone: Callable[[Member], bool]) -> None:
-        """Forget who is like that, and who has been silent for too long."""
+        """Forget the remote members for which `gone` is true, and those that have been silent for too long."""
         with self._noting:
             for member, _ in list(self._far.values()):
                 if gone(member) or not self.alive(member.id):
@@ -204,7 +204,7 @@ class Neighbours(Directory):
                     self._changes += 1
 
     def deny(self, member_id: str, role: str, channel: str) -> None:
-        """Somebody far away does not do this any more; what it said of itself is older."""
+        """A remote member has stopped this service; its record is outdated."""
         with self._noting:
             if member_id not in self._far:
                 return
@@ -220,23 +220,23 @@ class Neighbours(Directory):
 
 
 def record(member_id: str, owner: str, pid: int, entries: Iterable[Entry]) -> bytes:
-    """What somebody tells of itself."""
+    """The record of a member, as sent to others."""
     told = {"id": member_id, "owner": owner, "pid": pid, "entries": list(map(told_of, entries))}
     return json.dumps(told).encode()
 
 
 def read_record(data: bytes, name: str, *, at: str, rights: Rights) -> Member:
-    """Who told that of itself: called NAME, and reached at that address, if we can reach it. Raises DecodeError.
+    """The member of a record, under the name `name`, reached at address `at` if there is one. Raises DecodeError.
 
-    What it has no right to is left out.
+    Entries that it has no right to are left out.
     """
     if len(data) > _LONGEST:
-        raise DecodeError(f"{name} tells too much of itself: {len(data)} octets")
+        raise DecodeError(f"the record of {name} is too large: {len(data)} octets")
     try:
         told = json.loads(data)
         member = member_of(told, f"{name}@{told['id']}")
     except (ValueError, TypeError, KeyError, RecursionError) as exc:
-        raise DecodeError(f"{name} tells nothing that makes sense of itself: {exc!r}") from exc
+        raise DecodeError(f"the record of {name} is malformed: {exc!r}") from exc
     roles = (*_WANTING, *_OFFERING) if at else _WANTING
     allowed = [each for each in member.entries if each.role in roles and rights.allow(each.channel)]
     entries = (_reached(each, at) if each.role in _OFFERING else each for each in allowed)
@@ -247,12 +247,12 @@ def _reached(entry: Entry, at: str) -> Entry | None:
     if entry.role != "publishes":
         return replace(entry, address=at)
     if not _ADDRESS.fullmatch(entry.address):
-        return None  # for those on its own machine
+        return None  # only for members on its own host
     return replace(entry, address=f"tcp://{host_of(at)}:{entry.address.rpartition(':')[2]}")
 
 
 class Inquirer:
-    """Asks at one address who is there."""
+    """Requests the record of the transport at one address."""
 
     def __init__(self, transport: ZeroMQTransport, name: str, address: str) -> None:
         self.name, self.address = name, address
@@ -262,7 +262,7 @@ class Inquirer:
         self._asked = self._answered = time.monotonic() - _USUAL
         self._told = False
         self._id = ""
-        self._why = "nobody answers"
+        self._why = "no reply"
         options = to_far(address) | {"SNDHWM": 4, "RCVHWM": 16, "RECONNECT_IVL_MAX": 0}
         self._socket = transport.socket(zmq.DEALER, self._on_answer, self.secure, **options)
         transport.watch(self._socket, told=self._on_event)
@@ -271,11 +271,11 @@ class Inquirer:
 
     @property
     def knows(self) -> bool:
-        """Whether it has ever had an answer."""
+        """Whether it has ever received a reply."""
         return bool(self._id)
 
     def tick(self) -> float:
-        """Ask if it is time to; seconds until it is."""
+        """Send a request if one is due; seconds until the next one."""
         now = time.monotonic()
         wait = self._asked + (_USUAL if self._answered >= self._asked else _EAGER) - now
         if wait <= 0:
@@ -287,7 +287,7 @@ class Inquirer:
         return wait
 
     def ask_now(self) -> None:
-        """What we want has changed."""
+        """Send a request at the next tick, since our record has changed."""
         self._asked = 0.0
 
     def _ask(self) -> None:
@@ -309,7 +309,7 @@ class Inquirer:
             self._answered = time.monotonic()
             if self._told:
                 log.info("%s: %s answers again", self._transport.owner or "zeromq", self.name)
-            self._told, self._why = False, "nobody answers any more"
+            self._told, self._why = False, "no reply any more"
             if self._id != member.id:  # it was started again
                 self._transport.directory.lose(partial(_is, self._id))
                 self._id = member.id
@@ -324,9 +324,9 @@ class Inquirer:
         elif number == zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL and self.secure is None:
             self._why = "this process has no keys, and needs some (start it with --keys FOLDER)"
         elif number == zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL:
-            self._why = "a server answers that does not have the key that we know"
+            self._why = "the server does not have the key that we know"
         elif self.secure is not None:
-            self._why = "a server answers that does not use CURVE"
+            self._why = "the server does not use CURVE"
 
 
 def _is(member_id: str, member: Member) -> bool:
@@ -334,7 +334,7 @@ def _is(member_id: str, member: Member) -> bool:
 
 
 class FarStream:
-    """What `zmtp.Stream` is for a socket in a file: one thread's own way to a server. It reconnects by itself."""
+    """The counterpart of `zmtp.Stream` for TCP: a connection for one thread. It reconnects by itself."""
 
     def __init__(self, transport: ZeroMQTransport, address: str, secure: Secure | None) -> None:
         assert transport.guard  # of every transport that connects
@@ -362,7 +362,7 @@ class FarStream:
             wait()
 
     def receive(self) -> Frames:
-        """Raises BlockingIOError if nothing came for a while."""
+        """Raises BlockingIOError if nothing came for a slice of time."""
         with as_transport_error("receiving"):
             if not self._socket.poll(SLICE_MS):
                 raise BlockingIOError
@@ -376,7 +376,7 @@ class FarStream:
 
 
 class FarFeed:
-    """What `zmtp.Feed` is for a socket in a file: a subscription, which never waits."""
+    """The counterpart of `zmtp.Feed` for TCP: a subscription, which never waits."""
 
     def __init__(
         self, transport: ZeroMQTransport, address: str, topics: Iterable[bytes], secure: Secure | None, depth: int
@@ -411,7 +411,7 @@ class FarFeed:
             return frames
 
     def receive_whole(self, messages: list[Frames], most: int) -> bool:
-        """Nothing is added: the library has them one by one."""
+        """Adds nothing: the library returns messages one by one."""
         return self.more
 
     def close(self) -> None:

@@ -45,29 +45,29 @@ if TYPE_CHECKING:
 
 
 _LAST_WORDS = 1.0
-"""Seconds for which somebody on another host who has left is still heard."""
+"""Seconds for which messages of a remote publisher are still received after it has left."""
 
-_AT_FIRST, _SELDOM = 0.005, 1.0
+_AT_FIRST, _LATER = 0.005, 1.0
 """Seconds between two looks for a subscriber that is expected, and for one that has not come for a while."""
 
 _MOST_WELCOMED = 10_000
-"""Maximum number of subscribers that a publisher remembers to have welcomed."""
+"""Maximum number of connected subscribers that a publisher remembers."""
 
 WELCOMES = "h"
 """The mark of a publisher that tells its subscribers that they are connected."""
 
 _TOGETHER, _BREATH = 16, 0.002
-"""Subscriptions noted at one go, and seconds until the next ones: the guard has time to notice a flood of them, which
-takes little time from other input."""
+"""Subscriptions handled at once, and seconds until the next ones. So the guard has time to notice a flood of them, and
+other input is hardly delayed."""
 
 
 class Publisher(Link, SupportsHeard):
     role, facing, marks = "publishes", "subscribes", WELCOMES
     _socket: Socket | None = None
     _far: Socket | None = None
-    """For those on other hosts, if there may be any."""
+    """The socket for other hosts, if there may be any."""
     _sent_here: Frames | None = None
-    """What has gone to those on this host, and not to the others yet."""
+    """The message that was sent on this host, but not to other hosts yet."""
 
     def open(self) -> None:
         qos = self.channel.qos
@@ -77,18 +77,18 @@ class Publisher(Link, SupportsHeard):
         self._begin = publications_of(self._topic, self.channel.type.fingerprint, self._source)
         self._history: deque[Frames] = deque(maxlen=qos.depth if qos.latched else 0)
         self._subscribed: set[Socket] = set()
-        """The sockets by which a subscriber hears us."""
+        """The sockets that have a subscriber."""
         self._welcomed: set[bytes] = set()
-        """What subscribers that are connected have subscribed to, to be told so."""
+        """The welcome topics of connected subscribers: they subscribe to them to learn that they are connected."""
         self._expected: set[bytes] = set()
-        """The same of all subscribers in the directory."""
+        """The welcome topics of all subscribers in the directory."""
         self._pause = _AT_FIRST
-        """Seconds until the next look for subscribers that are expected."""
+        """Seconds until the next look for expected subscribers."""
         self._order = threading.Lock()
         self._lossy = not qos.reliable
         options = {"SNDHWM": depth, "XPUB_VERBOSE": 1, "XPUB_NODROP": 1}
-        # Its descriptor also tells of every few messages that they have left; and only latched topics must know at once
-        # who subscribes.
+        # Its descriptor also reports sent messages, which costs time. Only a latched topic must notice a subscription
+        # at once, so only its socket is watched.
         self._socket = self.transport.socket(zmq.XPUB, self._on_subscription, None, qos.latched, **options)
         ending = _ending(self._source)
         path = self.transport.member.address(ending)
@@ -98,7 +98,7 @@ class Publisher(Link, SupportsHeard):
         self._far = self.transport.far_topic(self.channel, self._here, ending, self._on_subscription, **options)
         if self._far is None:
             self._send = self._send_here
-            # which may swallow the news of a subscription: see `_count`
+            # sending may consume the report of a subscription: see `_count`
             self._at_once = self._send if self._history.maxlen else self._socket.send_only
         else:
             self._send = self._at_once = self._send_everywhere
@@ -106,7 +106,7 @@ class Publisher(Link, SupportsHeard):
 
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
         end = 0.0
-        if not self._order.acquire(blocking=False):  # which is quicker than with a timeout
+        if not self._order.acquire(blocking=False):  # faster than with a timeout
             end = time.monotonic() + deadline
             self.take_turn(self._order, deadline)
         try:
@@ -128,10 +128,10 @@ class Publisher(Link, SupportsHeard):
         return True
 
     def tick(self) -> float | None:
-        self._count()  # so that no more subscriptions pile up than come between two ticks
+        self._count()  # limits the subscriptions that pile up to those between two ticks
         if self._expected <= self._welcomed:
             return super().tick()
-        self._pause = min(2 * self._pause, _SELDOM)
+        self._pause = min(2 * self._pause, _LATER)
         return self._pause
 
     def visible(self) -> bool:
@@ -159,7 +159,7 @@ class Publisher(Link, SupportsHeard):
             self.transport.forget(self._socket)
 
     def _send_everywhere(self, frames: Frames) -> bool:
-        """The same to those on other hosts as well; who has it does not get it again if the others have no room."""
+        """Send on this host and to other hosts. A repetition for lack of room does not send on this host again."""
         assert self._far
         if self._sent_here is not frames:
             if not self._send_here(frames):
@@ -172,7 +172,7 @@ class Publisher(Link, SupportsHeard):
         assert self._socket
         if not self._history.maxlen:
             return self._socket.send_only(frames) or (self._lossy and self._socket.send_to_some(frames))
-        with self._socket.lock:  # in one go: a subscriber that comes now gets this one as news or as history
+        with self._socket.lock:  # at once, so that a new subscriber gets this message only once, as news or as history
             if self._take_subscriptions(self._socket):
                 return False
             sent = self._socket.send(frames) or (self._lossy and self._socket.send_to_some(frames))
@@ -182,7 +182,7 @@ class Publisher(Link, SupportsHeard):
             return sent
 
     def _count(self) -> None:
-        """Take note of subscriptions now, whether or not we were told that there are some."""
+        """Handle subscriptions now, even if none was reported."""
         for socket in (self._socket, self._far):
             if socket and self._take_subscriptions(socket):
                 self.transport.attend(socket)
@@ -193,7 +193,7 @@ class Publisher(Link, SupportsHeard):
         return []
 
     def _take_subscriptions(self, socket: Socket) -> bool:
-        """Note some subscriptions; whether there may be more."""
+        """Handle some subscriptions; whether there may be more."""
         with socket.lock:
             for _ in range(_TOGETHER):
                 frame = socket.receive_subscription()
@@ -212,7 +212,7 @@ class Publisher(Link, SupportsHeard):
         elif not begins:
             self._welcomed.discard(named)
         elif named[:1] == b"\0" and len(named) == OWN_TOPIC_BYTES:
-            for first, *arrays in list(self._history):  # to those on other hosts while a thread sends here
+            for first, *arrays in list(self._history):  # a copy, since another thread may be sending
                 socket.send([named + first, *arrays])
         elif is_welcome(named) and len(self._welcomed) < _MOST_WELCOMED:
             self._welcomed.add(named)
@@ -226,28 +226,28 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
         self._feeds: dict[str, Subscription] = {}
         """By the address of their publisher."""
         self._incomplete = False
-        """Whether there may be publishers that could not be connected to yet."""
+        """Whether a publisher may exist that could not be connected yet."""
         self._garbled: set[str] = set()
-        """Addresses at which nobody speaks as we do."""
+        """Addresses that use another protocol."""
         self._channels: dict[str, str] = {}
-        """By what the address of a publisher ends with."""
+        """By the ending of a publisher's address."""
         self._muted: deque[Subscription] = deque()
         self._id = f"{random_id():016x}"
         self._welcomed: set[str] = set()
-        """The addresses of publishers that have said that we are connected."""
+        """The addresses of publishers that have confirmed the connection."""
         self._ending: dict[str, float] = {}
-        """Addresses on other hosts where nobody is any more, and until when we listen all the same."""
+        """Remote addresses whose publisher has left, and until when its last messages are received."""
 
     def open(self) -> None:
         self.look()
         self.announce(self._id)
 
     def look(self) -> bool:
-        with self._looking:  # of two who look, the later one must not connect the earlier
+        with self._looking:  # two threads must not connect the same publisher
             found = self.counterparts()
             there = {entry.address: entry.channel for _, entry in found}
             self._end_far_ones(there)
-            connected = {address[-6:] for address in self._feeds}  # some have left, and are heard to their last word
+            connected = {address[-6:] for address in self._feeds}  # some have left; their last messages may come
             self._channels = {end: channel for end, channel in self._channels.items() if end in connected}
             self._channels |= {address[-6:]: channel for address, channel in there.items()}
             self.meet(found)
@@ -276,7 +276,7 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
         return self.transport.knows_others and all(self._hears(entry) for _, entry in self.counterparts())
 
     def hears(self, member_id: str) -> bool:
-        """Whether we are connected to all that this member publishes for us."""
+        """Whether this subscriber is connected to all its publishers of that member."""
         return all(self._hears(entry) for member, entry in self.counterparts() if member.id == member_id)
 
     def _hears(self, entry: Entry) -> bool:
@@ -295,7 +295,7 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
                     self._leave(address)
 
     def _end_far_ones(self, there: Mapping[str, str]) -> None:
-        """Connections to other hosts do not end by themselves, as they are made again; what was sent may still come."""
+        """Schedule the end of connections to remote publishers that have left: they would reconnect for ever."""
         end = time.monotonic() + _LAST_WORDS
         self._ending = {
             address: self._ending.get(address, end)
@@ -307,7 +307,7 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
         topics = [topic(channel)]
         if self.channel.qos.latched:
             topics.append(b"\0" + random_id().to_bytes(8, "little"))
-        topics.append(welcome_topic(self._id))  # last: once it is welcome, the others are known, too
+        topics.append(welcome_topic(self._id))  # last, so that its confirmation covers the others
         feed: Feed | FarFeed
         try:
             if is_far(address):
@@ -316,7 +316,7 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
             else:
                 feed = Feed(address.removeprefix("ipc://"), topics)
         except (ConnectionError, FileNotFoundError, BlockingIOError):
-            self._incomplete = True  # it has gone, or lets nobody in just now
+            self._incomplete = True  # it has gone, or accepts no connection just now
         except OSError as exc:
             raise TransportError(f"zeromq: connecting to {address}: {exc.strerror}") from exc
         else:
@@ -339,21 +339,21 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
                 self.malformed(exc)
                 self._garbled.add(address)
             self._leave(address)
-            self._incomplete = True  # it may be there all the same
+            self._incomplete = True  # it may still exist
             self.transport.within(TICK)
             return []
         if feed.more:
             self.transport.attend(feed)
         admitted = [payload for frames in messages if (payload := self._admitted(address, frames)) is not None]
-        if len(admitted) == 1:  # as a rule
+        if len(admitted) == 1:  # the usual case
             return [self._drain] if self._lane.put(admitted[0]) else []
         return [self._drain] if self._lane.put_all(admitted) else []
 
     def _pause(self, feed: Subscription) -> bool:
-        """Listen no more until there is room; whether there is none."""
+        """Stop to receive until there is room; False if there is room by now."""
         self._muted.append(feed)
         self.transport.mute(feed)
-        if self._lane.full:  # still: whoever makes room later sees whom it has to let speak again
+        if self._lane.full:  # checked again: `_drain` resumes the feeds that it finds in `_muted`
             return True
         self._hear_all()
         return False
@@ -364,14 +364,14 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
                 self.transport.hear(self._muted.popleft())
 
     def _admitted(self, address: str, frames: Frames) -> Payload | None:
-        """What is to be delivered of a message, if anything is."""
+        """The payload to deliver; None if there is none."""
         try:
             header, payload = read_publication_frames(frames)
         except DecodeError as exc:
             if is_welcome(frames[0]):
                 self._welcomed.add(address)
                 if is_far(address):
-                    self.transport.within(0.0)  # what its publisher serves may have been held back until now
+                    self.transport.within(0.0)  # reveals the services of that member
             else:
                 self.malformed(exc)
             return None
@@ -385,9 +385,9 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
 
 
 def _comes_from_far(ends: zmq.Frame) -> bool:
-    """Whether a connection of another host says that a subscription ends; otherwise its last connection is gone.
+    """Whether the end of a subscription was sent by another host. Otherwise, its last connection is gone.
 
-    ZeroMQ passes that on although the connection never had the subscription, and others still have it.
+    ZeroMQ passes on what a host sends, even if that connection had no such subscription and others still have it.
     """
     try:
         return bool(ends.get("Peer-Address"))
@@ -396,5 +396,5 @@ def _comes_from_far(ends: zmq.Frame) -> bool:
 
 
 def _ending(source: int) -> str:
-    """What the address of a publisher ends with."""
+    """The ending of the address of a publisher."""
     return f"{source & 0xFFFFFF:06x}"

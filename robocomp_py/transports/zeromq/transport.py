@@ -383,7 +383,7 @@ class ZeroMQTransport(DirectoryTransport):
         """Do what is due; seconds until the next time."""
         if self.close_if_abandoned():
             return TICK
-        self.directory.heed_others()
+        self.directory.listen()
         held_back = False
         if self.directory.has_far_ones:
             self.directory.lose(lambda _: False)
