@@ -12,6 +12,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
+from typing import Protocol, TypeVar
 
 from .. import installed
 from ..contract.component import Component, Port
@@ -73,6 +74,19 @@ def nowhere(address: str) -> bool:
     return False
 
 
+T = TypeVar("T")
+
+
+class Watch(Protocol):
+    """Passes items on one by one, and may show how many of them are done."""
+
+    def __call__(self, items: Sequence[T], doing: str, /) -> Iterable[T]: ...
+
+
+def unwatched(items: Sequence[T], doing: str, /) -> Iterable[T]:
+    return items
+
+
 def make_plan(
     path: Path,
     workspace: Workspace,
@@ -80,6 +94,7 @@ def make_plan(
     usable: Usable = installed_here,
     addresses: Addresses = as_written,
     is_here: Callable[[str], bool] = nowhere,
+    watch: Watch = unwatched,
 ) -> Plan | None:
     """The plan of a DDSL file; None if anything is wrong, which the workspace's report then says.
 
@@ -93,16 +108,22 @@ def make_plan(
     if model is not written and not workspace.report.errors:
         check_ports(model, workspace.report)  # two instances that are on one machine now may have the same port
     with installed.asked_once():
-        plan = _Planner(model, workspace, overrides or Overrides(), usable, addresses).plan()
+        plan = _Planner(model, workspace, overrides or Overrides(), usable, addresses, watch).plan()
     return None if workspace.report.errors else plan
 
 
 class _Planner:
     def __init__(
-        self, model: Deployment, workspace: Workspace, overrides: Overrides, usable: Usable, addresses: Addresses
+        self,
+        model: Deployment,
+        workspace: Workspace,
+        overrides: Overrides,
+        usable: Usable,
+        addresses: Addresses,
+        watch: Watch,
     ) -> None:
         self._model, self._workspace, self._overrides = model, workspace, overrides
-        self._usable, self._addresses = usable, addresses
+        self._usable, self._addresses, self._watch = usable, addresses, watch
         self._report: Report = workspace.report
         self._folder = model.source.path.parent
         self._instances = [instance.name.text for instance in model.instances]
@@ -129,7 +150,8 @@ class _Planner:
         for node in nodes:
             read_qos(node, self._report)
         ordered = self._in_order(nodes)
-        for node in (node for together in ordered.values() for node in together):
+        in_order = [node for together in ordered.values() for node in together]
+        for node in self._watch(in_order, "instances configured"):
             if node.instance.program:
                 self._note_program(node)
             else:
@@ -251,7 +273,7 @@ class _Planner:
         known: dict[str, LinkedComponent] = {}
         paths = self._workspace.components_of_model(self._model)
         complete = len(paths) == len(self._model.imports)
-        for path in paths:
+        for path in self._watch(paths, "components read"):
             linked = self._workspace.component(path)
             if linked:
                 known[linked.component.name.lower()] = linked

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from robocomp_py.cli.rcdeploy import main as rcdeploy
 from robocomp_py.cli.rcgen import main as rcgen
 from robocomp_py.codegen import unchanged
 from robocomp_py.codegen.unchanged import Request, Trace, digest, generator, up_to_date
@@ -238,6 +239,31 @@ def test_a_component_more_in_a_network_is_seen(arm: Path, capsys: Said) -> None:
     shutil.copytree(arm, arm.parent / "leg")
     net.write_text('import "arm/arm.cdsl"; import "leg/arm.cdsl"; Deployment net { Component arm {}; };')
     assert up_to_date(Request((net,)), generator()) is None
+
+
+def test_a_plan_sees_what_is_out_of_date(arm: Path, shared: Path, capsys: Said) -> None:
+    net = arm.parent / "net.ddsl"
+    net.write_text('import "arm/arm.cdsl"; Deployment net { Component arm {}; };')
+    assert rcgen([str(net)]) == 0
+    record = net.parent / "__pycache__" / "net.ddsl.rcgen"
+    before = record.read_bytes()
+    assert rcdeploy(["plan", str(net)]) == 0
+    with_record = capsys.readouterr()
+    record.unlink()
+    assert rcdeploy(["plan", str(net)]) == 0
+    assert with_record.out.endswith(capsys.readouterr().out)
+    assert not record.exists()
+    for change, code in (
+        (lambda: edit(shared / "Pose.idsl", "float x", "float z"), "out-of-date"),
+        (lambda: edit(shared / "Pose.idsl", "float z", "float x"), ""),
+        (lambda: edit(arm / "generic" / "fakes.py", "import", "IMPORT"), "out-of-date"),
+        (lambda: edit(arm / "generic" / "fakes.py", "IMPORT", "import"), ""),
+        (lambda: edit(arm / "base.py", "Arm_where", "Arm_which"), "missing-handler"),
+    ):
+        change()
+        record.write_bytes(before)
+        assert rcdeploy(["plan", str(net)]) == bool(code)
+        assert (f"error[{code}]" in capsys.readouterr().err) is bool(code)
 
 
 def test_a_changed_generator_is_seen(tmp_path: Path) -> None:

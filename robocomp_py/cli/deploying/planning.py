@@ -9,9 +9,11 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ... import installed
 from ...dsl.diagnostics import Diagnostic
 from ..common import USAGE, WRONG, show
 from ..network import overrides_of, tell_notes
+from ..progress import Progress
 
 if TYPE_CHECKING:
     from ...deploy.plan import Plan
@@ -34,9 +36,10 @@ def planned(options: argparse.Namespace, *, as_json: bool = False) -> Plan | int
         print(f"rcdeploy: {exc}", file=sys.stderr)
         return USAGE
     workspace = Workspace(options.include)
-    plan = make_plan(options.network, workspace, overrides, usable, found, is_here)
-    if plan and not _check_generated(options.network, workspace):
-        plan = None
+    with installed.asked_once(), Progress("rcdeploy") as progress:
+        plan = make_plan(options.network, workspace, overrides, usable, found, is_here, progress.over)
+        if plan and not _check_generated(options, workspace, progress):
+            plan = None
     _show(workspace.report.diagnostics, as_json=as_json and plan is None)
     if plan is None:
         return WRONG
@@ -61,18 +64,23 @@ def _show(diagnostics: Iterable[Diagnostic], *, as_json: bool) -> None:
 # What was generated.
 
 
-def _check_generated(path: Path, workspace: Workspace) -> bool:
+def _check_generated(options: argparse.Namespace, workspace: Workspace, progress: Progress) -> bool:
     """Whether every generic part is up to date with its models, and every specific part has what it needs.
 
     Reports what is wrong.
     """
+    from ...codegen.unchanged import Request, generator, up_to_date
     from ...usercode.check import check_worker
 
+    path: Path = options.network
+    progress.show("comparing what was generated")
+    if up_to_date(Request((path,), tuple(options.include)), generator()) is not None:
+        return not workspace.report.errors
     model = workspace.deployment(path)
     paths = workspace.components_of(path)
     components = {linked.component.name.lower(): linked for each in paths if (linked := workspace.component(each))}
     seen: set[str] = set()
-    for instance in model.instances if model else ():
+    for instance in progress.over(model.instances if model else (), "instances checked"):
         kind = instance.component.text.lower()
         if instance.program or kind in seen or kind not in components:
             continue  # a program of one's own is none of ours
