@@ -1,4 +1,4 @@
-"""Who commands and who calls, and the processes they ask."""
+"""Callers and command outlets, and the server processes they use."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 _COMMAND = Flag.ONEWAY | Flag.SENT
 
 _QUICK = 64 * 1024
-"""Octets from which on writing a request takes longer than being woken: its server would wait once more."""
+"""Octets of a request above which its server is not woken early: writing it takes longer than waking up."""
 
 
 class Peer:
-    """A transport that serves: the way into its queue, and lines for synchronous calls to it."""
+    """A server process: its queue for requests, and lines for blocking calls to it."""
 
     def __init__(self, transport: ShmTransport, member: Member) -> None:
         self.id, self.key = member.id, packed(member.id)
@@ -45,24 +45,24 @@ class Peer:
         own = packed(transport.member.id)
         opened = Receiver(transport.receipts(member.id, OPENED), own, 0)
         self.post = Post(transport.node, own, member.id, 0, opened)
-        transport.node.heaps.meet(self.key)  # an answer that is sent before it leaves can be read afterwards, too
+        transport.node.heaps.meet(self.key)  # so that its last replies can still be read after it has left
 
     def alive(self) -> bool:
         return not self.closed and self._transport.directory.alive(self.id)
 
     def take(self, asking: str) -> Line:
-        """A line for the calling thread alone, and what it is asking for; it must `give` it back."""
+        """A line for the calling thread alone, and what it is asking for; the thread must `give` it back."""
         if self.closed:
             raise Unreachable(f"{asking}: its server left")
         if self._idle:
             try:
                 return self._idle.pop()
-            except IndexError:  # another thread was quicker
+            except IndexError:  # another thread has taken it
                 pass
         return self._transport.new_line()
 
     def settle(self, end: float) -> None:
-        """Wait until all commands were taken. What is on its way to somebody who has not yet looked goes when we go."""
+        """Wait until all commands were taken: closing discards commands that the server has not read yet."""
         if not self.unsettled or not self.alive():
             return
         line = self.take(self.id)
@@ -89,7 +89,7 @@ class Peer:
             self._close_idle()
 
     def renew(self, lines: int) -> None:
-        """Use no line up to that number any more: servers may have been unable to reach us there."""
+        """Use no line up to that number any more, since servers may be unable to reach them."""
         self._stale = lines
         self._close_idle()
 
@@ -99,7 +99,7 @@ class Peer:
         self.post.close()
 
     def _close_idle(self) -> None:
-        """By whoever gets hold of each: more may be given back meanwhile."""
+        """Close idle lines one by one, since other threads may add or take some meanwhile."""
         with contextlib.suppress(IndexError):
             while True:
                 self._idle.pop().close()
@@ -113,7 +113,7 @@ class AskingLink(FindingLink["ShmTransport", Peer, int]):
         return int(entry.address)
 
     def request(self, flags: int, remaining: float, number: int = 0) -> tuple[int, bytes]:
-        """A new one, or that of a number which was asked before; its number and its header."""
+        """A new request, or a repetition of `number`; returns its number and its header."""
         number = number or next(self._sequence)
         return number, pack_request(flags, self.channel.type.fingerprint, self.client, number, remaining)
 

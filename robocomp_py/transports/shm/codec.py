@@ -1,4 +1,4 @@
-"""Codec `cdr`, whose large arrays stay apart until whoever sends them copies them into shared memory: once."""
+"""Codec `cdr` that keeps large arrays apart, so that sending copies them only once, into shared memory."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from ...wire.codec import Encoder, Payload
 from ...wire.values import is_frozen, read_only
 
 APART = 16 * 1024
-"""Arrays of so many bytes stay apart."""
+"""Arrays of at least this many bytes stay apart."""
 
 _Array = np.ndarray[Any, np.dtype[Any]]
 
 
 class Parts(list[Any]):
-    """A payload to be sent: octets and arrays, by turns."""
+    """A payload to be sent: octets and arrays, alternating."""
 
     size: int
 
 
 class ApartCdr(Cdr):
-    """A payload to be sent is octets, or `Parts`. One that was received is octets, always."""
+    """A payload to be sent is octets or `Parts`; a received one is always octets."""
 
     def encoder(self, message: Struct, *, snapshot: bool = True) -> Encoder:
         if not _has_arrays(message, set()):

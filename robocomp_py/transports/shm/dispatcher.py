@@ -1,4 +1,4 @@
-"""Where letters are opened and answered: what comes in by mail is for a link, and its answer goes back by mail."""
+"""Opens letters, passes them to their links, and sends the replies."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ if TYPE_CHECKING:
 log = logging.getLogger("robocomp.transport.shm")
 
 INSISTING = 5.0
-"""Seconds for which room is sought for a reply, if its caller has not said how long he waits."""
+"""Seconds for which a reply waits for room, if its request has no deadline."""
 
 
 ALONE = 16
-"""After so many letters in a row of the only sender that is known, it is looked whether there are others."""
+"""Letters in a row of the only known sender after which other senders are looked for."""
 
 NOTED = 16
-"""After so many letters their sender is told that they were opened; sooner, if there are no more."""
+"""Opened letters after which their sender is told; sooner if no more are waiting."""
 
 MOST = 4096
 """Maximum number of letters that are read and wait to be opened."""
@@ -49,38 +49,38 @@ class Dispatcher:
         self._transport, self._mailbox = transport, mailbox
         self._own, self._incarnation = packed(transport.member.id), transport.incarnation
         self.serving: dict[int, ServingLink] = {}
-        """By the number that letters to them bear."""
+        """By the number in letters to them."""
         self.callers: dict[int, Caller] = {}
-        """By the client that replies to them name."""
+        """By the client in replies to them."""
         self._turns: Turns[tuple[float, Message]] = Turns()
-        """Letters that were read, and when."""
+        """Letters that were read but not opened, and when they were read."""
         self._in_a_row = 0
-        """The number of letters since there was none the last time."""
+        """The number of letters since the mailbox was last empty."""
         self._receipts: Receipts | None = None
-        """Where senders see how many of their letters were opened."""
+        """The file in which senders see how many of their letters were opened."""
         self._opened: dict[int, int] = {}
         """That number, by sender."""
         self._noted: set[int] = set()
-        """Senders who can see it."""
+        """Senders with a slot in that file."""
         self._unnoted: set[int] = set()
-        """Senders who do not see the last one of it yet."""
+        """Senders whose slot is not up to date."""
         self._posts: dict[tuple[int, int], Post] = {}
         self._lock = threading.Lock()
         self._closed = threading.Event()
         self._sparing = Sparing()
         self._told = False
-        """Whether it was said that there are malformed letters."""
+        """Whether a malformed letter was logged."""
 
     def serve(self, number: int, link: ServingLink) -> None:
-        """Hand over the letters with that number."""
-        with self._lock, contextlib.suppress(TransportError):  # it is tried again when there is something to note
-            self._open_receipts()  # now, since later, the disk may be full
+        """Pass letters with that number to that link."""
+        with self._lock, contextlib.suppress(TransportError):  # tried again at the first letter
+            self._open_receipts()  # now, since the disk may be full later
         self.serving[number] = link
 
     def open_next(self) -> Job | None:
-        """What is to be done about the next letter; None if there is none."""
+        """The job for the next letter; None if there is none."""
         if self._turns:
-            self._read_all()  # first: a new sender need not wait for requests that wait already
+            self._read_all()  # first, so that a new sender gets its turn before older requests of others
             read_at, message = self._turns.take()
         else:
             found = self._mailbox.read()
@@ -107,7 +107,7 @@ class Dispatcher:
         try:
             post = self._posts.get((member, line)) or self._new_post(member, line)
             if post is None:
-                return  # who asked has gone
+                return  # the client has gone
             payload = b"" if reply.payload is None else reply.payload
             header = pack_reply(reply.status, request.client, request.sequence, self._incarnation)
             size = size_of(payload)
@@ -121,7 +121,7 @@ class Dispatcher:
                 self.reply(member, line, request, expires, Reply(Status.FAILED))
 
     def drop(self, member_id: str) -> None:
-        """Nobody reads there any more."""
+        """That member has gone: close the connections to it."""
         key = packed(member_id)
         with self._lock:
             gone = [self._posts.pop(each) for each in list(self._posts) if each[0] == key]
@@ -134,7 +134,7 @@ class Dispatcher:
             post.close()
 
     def correspondents(self) -> set[str]:
-        """To whom we have written."""
+        """The members that exchanged letters with this transport."""
         with self._lock:
             return {unpacked(member) for member in {member for member, _ in self._posts} | self._opened.keys()}
 
@@ -149,7 +149,7 @@ class Dispatcher:
             post.close()
 
     def _read_all(self) -> None:
-        """Read what waits, of all senders: none of them can be ahead by more than `AHEAD`."""
+        """Read the waiting letters of all senders, each of which has at most `AHEAD`."""
         read_at = time.monotonic()
         while len(self._turns) < MOST:
             message = self._mailbox.read()
@@ -158,21 +158,23 @@ class Dispatcher:
             self._turns.add(_lane(message), (read_at, message))
 
     def _count(self, member: int) -> None:
-        """A letter of that sender is opened."""
+        """Count an opened letter of that sender."""
         self._opened[member] = opened = self._opened.get(member, 0) + 1
         self._unnoted.add(member)
         if opened % NOTED == 0:
             self.note()
 
     def note(self) -> None:
-        """Let senders see how many of their letters were opened. If that fails, it is to be called again."""
+        """Show senders how many of their letters were opened. If that fails, it has to be called again."""
         unnoted = self._unnoted
         while unnoted:
             member = next(iter(unnoted))
             if member not in self._noted:
                 try:
                     self._begin_to_note(member)
-                except TransportError as exc:  # no file descriptor, for one: the letter is handled all the same
+                except (
+                    TransportError
+                ) as exc:  # for lack of a descriptor, for example; the letter is handled all the same
                     if self._sparing.may_tell():
                         log.warning("a sender is not told which requests were taken; trying again: %s", exc)
                     return
@@ -213,7 +215,7 @@ class Dispatcher:
         return partial(caller.answered, message.member, header, message.payload) if caller else None
 
     def _new_post(self, member: int, line: int) -> Post | None:
-        """None if nobody reads there any more."""
+        """A connection to that line; None if its member has gone."""
         with self._lock:
             if self._closed.is_set():
                 return None
@@ -227,15 +229,15 @@ class Dispatcher:
             return self._posts[member, line]
 
     def _insist(self, send: partial[bool], member: int, end: float) -> None:
-        """Send a reply to somebody who has no room for it now."""
+        """Send a reply to a client that has no room for it now."""
 
         def still() -> None:
             if not self._transport.directory.alive(unpacked(member)):
-                raise Closed("who asked has gone")
+                raise Closed("the client has gone")
 
         try:
             if not persist(send, end, still, self._closed) and self._sparing.may_tell():
-                log.warning("a reply was dropped: who asked does not take it")
+                log.warning("a reply was dropped: the client does not receive")
         except Closed:
             return
 
@@ -249,7 +251,7 @@ class Dispatcher:
 
 
 def _lane(message: Message) -> int:
-    """The queue that a letter takes its turn in: replies have one apart from the requests of their sender."""
+    """The key of a letter in `Turns`: replies take turns apart from the requests of their sender."""
     return message.member if message.to else -message.member
 
 

@@ -1,4 +1,4 @@
-"""Whether to wake somebody before what he waits for is written, found out by trying.
+"""Finds out by trial whether to wake a peer before its message is written.
 
 To be woken on another core takes some 25 µs on a virtual machine, about as long as Python takes to write a letter;
 and both may happen at once. On the same core it means to be woken twice. Which of the two it is, the kernel decides
@@ -9,17 +9,17 @@ way, and the others in the way that was quicker.
 from __future__ import annotations
 
 EVERY = 1024
-"""After so many calls it is tried again."""
+"""Calls between two trials."""
 
 TRIES = 16
-"""Calls in each of the two ways."""
+"""Calls in each half of a trial."""
 
 _WORTH_IT = 0.95
-"""So much of the time it has to take at most, since it is more work."""
+"""An early wake-up is used if it takes at most this part of the time, since it is more work."""
 
 
 class Haste:
-    """For the calls of one link. Those of several threads at once are a worse measure, and nothing else."""
+    """For the calls of one link. Calls of several threads at once only make the measurement less exact."""
 
     def __init__(self) -> None:
         self.trying = False

@@ -1,4 +1,4 @@
-"""One thread waits, at one wake-up pipe, for all that comes in: messages of topics, mail, and what is due."""
+"""One thread waits at one wake-up pipe for all input: messages of topics, letters, and timers."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from .wakeup import LOOK, MAIL, NEWS, WAKEUPS, Waker, Wakeup
 log = logging.getLogger("robocomp.transport.shm")
 
 TICK = 0.1
-"""Seconds between two looks at those we wait for; and into the directory, where nobody tells that it has changed."""
+"""Seconds between two looks at awaited peers, and into the directory if its changes are not reported."""
 
 MOMENT = 0.01
 """Seconds between two looks into a directory that keeps changing."""
 
 TURNS = 16
-"""After so many letters in a row, topics have their turn."""
+"""Letters in a row after which topics have their turn."""
 
 
 class Attending(Protocol):
     """A link that may have input."""
 
     def on_input(self, *, one: bool = False) -> Sequence[Job]:
-        """Take what is there, or no more than `one` message; what is left to do about it."""
+        """Take the messages that are there, or only `one`; returns the job that remains."""
 
 
 class Loop:
@@ -43,13 +43,13 @@ class Loop:
         self._ready: deque[Attending] = deque()
         self._jobs: deque[Job] = deque()
         self._mail = True
-        """Whether there may be some."""
+        """Whether there may be letters."""
         self._taken = 0
         self._next_tick = 0.0
         self._sleeping = False
         self._afterwards: list[Callable[[], object]] = []
         self.afterwards = self._afterwards.append
-        """Have this done soon by who receives: once what just came in was handed on, or another thread receives."""
+        """Have the receiving thread do this soon: after the current jobs, or on the next leader."""
 
     def add(self, number: int, link: Attending) -> None:
         """Have a link attended to whenever that wake-up number arrives."""
@@ -68,7 +68,7 @@ class Loop:
             self._own.wake(MAIL)
 
     def do(self, job: Job) -> None:
-        """Return this job next."""
+        """Return this job from the next `receive`."""
         self._jobs.append(job)
         if self._sleeping:
             self._own.wake(MAIL)
@@ -116,7 +116,7 @@ class Loop:
             try:
                 self._jobs.extend(link.on_input())
             except TransportError:
-                log.exception("taking input")  # of one link; the others have theirs taken
+                log.exception("taking input")  # only of this link
         return [self._jobs.popleft() for _ in range(len(self._jobs))]
 
     def _one(self, number: int) -> Sequence[Job] | None:
@@ -125,7 +125,7 @@ class Loop:
         To look for more takes time, which can be spent `afterwards`. That is different with mail: who has an answer
         asks again, often before we would sleep.
         """
-        links = tuple(self._attending[number])  # from which they may be removed at any time
+        links = tuple(self._attending[number])  # a copy, since links may be removed at any time
         if len(links) != 1:
             return None
         try:
@@ -135,7 +135,7 @@ class Loop:
             return ()
 
     def _letter(self) -> Job | None:
-        """What is to be done about the next one, unless it is the others' turn."""
+        """The job for the next letter, unless it is the turn of the topics."""
         if self._taken == TURNS:
             self._taken = 0
             return None

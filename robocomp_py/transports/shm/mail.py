@@ -1,7 +1,7 @@
 """Letters: requests, commands and replies, in queues that one transport reads and others write to.
 
-Every transport has a queue under its name, for all that nobody in particular expects. A thread that waits for an
-answer has a line of its own: a queue, with a wakeup, that nobody else reads.
+Every transport has a queue under its name. A thread that waits for a reply has a line: a queue with a wake-up pipe,
+which only that thread reads.
 """
 
 from __future__ import annotations
@@ -17,32 +17,32 @@ from .samples import Reader, Writer
 from .wakeup import MAIL, NUDGE, Waker, Wakeup, wakeup_path
 
 WAITING = 128
-"""Letters of one sender that may wait in the queue of a transport."""
+"""Maximum number of letters of one sender in the queue of a transport."""
 
 ANSWERS = 4
-"""Answers that may wait in a line: one that is waited for, and some that came too late for others."""
+"""Maximum number of replies in a line: the awaited one, and some late ones."""
 
 KEPT = 16
-"""Letters that may be kept without being copied: of each queue, and each line."""
+"""Maximum number of letters of a queue or line that may be kept without a copy."""
 
 _LOANS = 16
-"""Letters to one queue that may be written at the same time."""
+"""Maximum number of letters to one queue that are written at the same time."""
 
 KNOCK = 0xFFFFFFFF
-"""Whom a letter is for that wants nothing but an answer, which tells that all before it were taken."""
+"""The address of a letter that only asks for a reply, which confirms that all earlier letters were taken."""
 
 HURRY = 1 << 31
 """Added to the number of a line: wake the client already when the reply is about to be written."""
 
 LINGER = 1.5
-"""Seconds for which closing waits for what was sent last to be taken."""
+"""Seconds for which closing waits until the last messages are taken."""
 
 AHEAD = WAITING
-"""Requests and commands of one sender that may wait at a transport until it opens them. All senders' are read before
-the next one is opened, so that none waits behind the others; this bounds what was read."""
+"""Maximum number of unopened letters of one sender at a transport. The transport reads the letters of all senders
+before it opens the next one, so that no sender waits behind the others; this bounds what it has read."""
 
 FEW_AHEAD, BYTES_AHEAD = 4, 8 * 1024 * 1024
-"""The same of large ones: so many bytes, but at least so many of them."""
+"""The same for large letters: a minimum number of them, and a maximum of bytes beyond it."""
 
 _SMALL = BYTES_AHEAD // AHEAD
 
@@ -61,12 +61,12 @@ def unpacked(member: int) -> str:
 
 
 def queue_of(member_id: str, line: int) -> str:
-    """The name of a queue; line 0 is for everybody."""
+    """The name of a queue; line 0 is the queue of the transport."""
     return f"{member_id}/{line}" if line else member_id
 
 
 class Mailbox:
-    """The queue that everybody writes to. Its wakeup is the one that wakes the transport."""
+    """The queue of this transport, which all peers write to. Its wake-up pipe is that of the transport."""
 
     def __init__(self, node: Node, member_id: str) -> None:
         queue = node.new_queue(queue_of(member_id, 0), WAITING, KEPT + 1, PORTS, lossy=False)
@@ -78,7 +78,7 @@ class Mailbox:
     def reconnect(self) -> None:
         """Have the library connect to senders to which it could not connect when they came.
 
-        The library does not report that it could not, and tries again only when a further sender comes: this one.
+        The library does not report such a failure, and tries again only when another sender comes, so this opens one.
         """
         self._node.queue(self._name, 1)
 
@@ -102,21 +102,21 @@ class Post:
     """Sends letters to one queue, from any thread."""
 
     def __init__(self, node: Node, own: int, member_id: str, line: int, opened: Receiver | None = None) -> None:
-        """`opened` says how many letters were opened there, if we may only be a limited number ahead of that."""
+        """`opened` tells how many letters the reader has opened, if the number of unopened ones is limited."""
         self._own = own
         self._closed = False
         self._receiver = opened
         self._opened_before = opened.taken() if opened else 0
         self._numbers = itertools.count(1)
         self._sent = self._opened = 0
-        """The number of letters that we sent, and of those that were opened when we last looked."""
+        """The number of letters sent, and of those opened at the last look."""
         self.hindrance = ""
-        """What was wrong when nothing could be sent for want of memory; "" if that never happened."""
+        """Why sending failed for lack of memory; "" if it never did."""
         self._waker = Waker(wakeup_path(node.folder, member_id, line))
         self._writer = Writer(node.queue(queue_of(member_id, line), _LOANS), node.heap)
 
     def send(self, line: int, to: int, header: bytes, payload: Payload, size: int) -> bool:
-        """Whether it was sent; if not, there is no room now, or nobody reads there any more."""
+        """Send; False if there is no room now, or the reader has gone."""
         if self._receiver and self._is_too_far_ahead(size):
             return False
         try:
@@ -124,11 +124,11 @@ class Post:
                 return False
         except Full as exc:
             self.hindrance = f": {exc}"
-            if self._writer.waits:  # what is sent is taken, and then there is some
+            if self._writer.waits:  # memory becomes free when readers take earlier letters
                 return False
             raise
         except TransportError:
-            if self._closed:  # meanwhile, since nobody reads there any more
+            if self._closed:  # meanwhile, since the reader has gone
                 return False
             raise
         self._sent = next(self._numbers)
@@ -144,7 +144,7 @@ class Post:
         return self._sent - self._opened >= ahead
 
     def announce(self) -> None:
-        """Wake who will read what is about to be sent."""
+        """Wake the reader early: a letter is about to be sent."""
         self._waker.wake(NUDGE)
 
     def close(self) -> None:

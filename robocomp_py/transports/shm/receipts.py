@@ -4,7 +4,7 @@ A subscriber has a file; each publisher that it hears has a slot in it:
 
     source u64 · taken u64, the number of the last message that was read · call u64, wake the sender when that is read
 
-So a publisher knows without any message whom it is ahead of, and how far; it is woken only if it waits.
+So a publisher knows without messages how far it is ahead of each subscriber; it is woken only if it waits.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from pathlib import Path
 from ...errors import TransportError
 
 SLOTS = 1024
-"""So many publishers a subscriber can hear reliably."""
+"""Maximum number of publishers of a reliable subscriber."""
 
 OPENED = 0
-"""The number, which no link has, of the file in which a transport notes how many letters of each sender it opened."""
+"""The number of the file with the count of opened letters by sender; no link has this number."""
 
 _SLOT = struct.Struct("<QQQ")
 _NUMBER = struct.Struct("<Q")
@@ -35,7 +35,7 @@ _SIZE = SLOTS * _SLOT.size
 _LONGEST_PAUSE = 0.001
 
 _SLICE = 0.02
-"""Seconds between two looks at the receipts by a publisher that waits, though it is woken."""
+"""Seconds after which a waiting publisher looks at the receipts, in case a wake-up is lost."""
 
 
 class Receipts:
@@ -47,21 +47,23 @@ class Receipts:
         self._free = list(range(SLOTS))[::-1]
         with _mapping(path, os.O_CREAT | os.O_EXCL | os.O_RDWR) as descriptor:
             try:
-                os.posix_fallocate(descriptor, 0, _SIZE)  # on a full disk, else, the first write would kill the process
+                os.posix_fallocate(
+                    descriptor, 0, _SIZE
+                )  # otherwise the first write would kill the process on a full disk
                 self._map = mmap.mmap(descriptor, _SIZE)
             except BaseException:
                 self.close()
                 raise
 
     def begin(self, source: int) -> None:
-        """Before that publisher can be heard. Raises TransportError if there are too many."""
+        """Reserve a slot for a publisher, before its messages are read. Raises TransportError if all are taken."""
         if not self._free:
             raise TransportError(f"shm: more than {SLOTS} publishers of one reliable topic")
         self._slots[source] = free = self._free.pop()
         _SLOT.pack_into(self._map, free * _SLOT.size, source, 0, 0)
 
     def took(self, source: int, sequence: int) -> bool:
-        """Note a message; whether its publisher is to be woken. One that has left meanwhile is not."""
+        """Note a message; whether its publisher has to be woken, which one that has left has not."""
         slot = self._slots.get(source)
         if slot is None:
             return False
@@ -85,7 +87,7 @@ class Receipts:
 
 
 class Reader:
-    """One reader, as the publisher sees it: from when it was met, and in its file from when it has begun to read."""
+    """One reader, as its publisher sees it. Its receipts are valid once it has begun to read."""
 
     def __init__(self, path: Path, source: int, sent: int) -> None:
         self._path, self._source, self._met = path, source, sent
@@ -93,7 +95,7 @@ class Reader:
         self._at = 0
 
     def taken(self) -> int:
-        """The number of the last message that it took, or that it need not take."""
+        """The number of the last message that it took or does not need."""
         if self._map is None and not self._find():
             return self._met
         assert self._map
@@ -108,7 +110,7 @@ class Reader:
     def _find(self) -> bool:
         with contextlib.suppress(TransportError), _mapping(self._path, os.O_RDWR) as descriptor:
             if os.fstat(descriptor).st_size < _SIZE:
-                return False  # it is just being made
+                return False  # it is just being created
             found = mmap.mmap(descriptor, _SIZE)
             for at in range(0, _SIZE, _SLOT.size):
                 if _NUMBER.unpack_from(found, at)[0] == self._source:
@@ -124,19 +126,19 @@ class Credit:
         self._called = threading.Event()
         self._readers: list[Reader] = []
         self.slowest = sys.maxsize
-        """Up to which message all have read, when it was last looked at."""
+        """The last message that all readers had taken at the last look."""
 
     def meet(self, readers: list[Reader]) -> None:
-        """These read, from now on."""
+        """These are the readers from now on."""
         self._readers = readers
         self._slowest()
 
     def wait(self, sent: int, ahead: int, end: float, still: Callable[[], object]) -> bool:
-        """Wait until one more may be sent, which may be so far ahead; `still` is called meanwhile, and may raise."""
+        """Wait until a message may be sent, at most `ahead` beyond the slowest reader. `still` may raise."""
         while sent - self._slowest() >= ahead:
             self._called.clear()
             for reader in self._readers:
-                reader.call_at(max(1, sent - ahead // 2))  # not at once: it is woken less often so
+                reader.call_at(max(1, sent - ahead // 2))  # half-way, to wake the publisher less often
             left = end - time.monotonic()
             if sent - self._slowest() < ahead:  # meanwhile, and so perhaps without a wake-up
                 break
@@ -147,7 +149,7 @@ class Credit:
         return True
 
     def settle(self, sent: int, end: float) -> None:
-        """Wait until all was taken, or until then."""
+        """Wait until all messages were taken, at most until `end`."""
         while self._slowest() < sent and (left := end - time.monotonic()) > 0:
             time.sleep(min(left, _LONGEST_PAUSE))
 

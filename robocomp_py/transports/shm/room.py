@@ -1,4 +1,4 @@
-"""Shared memory that is left, and how to take some of it without being killed if there is too little."""
+"""Checks for free shared memory: a process that writes to missing memory is killed."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from ...errors import TransportError
 SHARED_MEMORY = "/dev/shm"
 
 OPENING = 8 * 1024 * 1024
-"""Bytes of shared memory that must be free when something is opened. It takes a small part of that."""
+"""Bytes of shared memory that must be free to open a link, which takes a small part of them."""
 
 CONNECTION = 4 * 1024 * 1024
-"""Bytes that each pair of a client and a provider may take besides the messages that are in use."""
+"""Bytes that a client and its server may take in addition to the messages in use."""
 
 PAGE = mmap.PAGESIZE
 
 _POPULATE_WRITE = 23
-"""Have memory now, or be told that there is none, rather than be killed when it is written to."""
+"""Allocate memory now, and get an error if there is none, instead of being killed at the first write."""
 
 _INVALID, _NOT_MAPPED = 22, 12
-"""The kernel is older than that request (Linux 5.14); there is nothing at these addresses."""
+"""Errors: the kernel lacks this request (before Linux 5.14); the addresses are not mapped."""
 
 _LONG = 256 * 1024
-"""Before so many bytes are asked for, we look whether they are left: the request would take these, and then fail."""
+"""From this size on, check first: a request that fails takes the remaining memory before it does."""
 
 FILES = 32
-"""So many files may be opened at once, by what fails for want of them, and then closes what it has opened."""
+"""Files that an operation may open at once, before it fails for lack of descriptors and closes them again."""
 
 _library = ctypes.CDLL(None, use_errno=True)
 _madvise = _library.madvise
@@ -45,7 +45,7 @@ class Full(TransportError):
 
 
 def free() -> int:
-    """Bytes of shared memory that are left."""
+    """Free bytes of shared memory."""
     try:
         found = os.statvfs(SHARED_MEMORY)
     except OSError as exc:
@@ -63,8 +63,8 @@ def check_room(size: int) -> None:
 def crowded(connections: int) -> str:
     """Why the shared memory of this host is too small for this many connections; "" if it is not.
 
-    How large their messages will be is not known. What counts is the size and not what is free now, so that the
-    answer stays the same while a network runs.
+    The size of their messages is not known. The total size of the memory counts, not what is free now, so that the
+    result stays the same while a network runs.
     """
     try:
         found = os.statvfs(SHARED_MEMORY)
@@ -81,7 +81,7 @@ def crowded(connections: int) -> str:
 
 
 def own(address: int, size: int, missing: int) -> None:
-    """Have memory at these addresses, where this many bytes have none yet. Raises `Full` if there is not enough."""
+    """Allocate memory at these addresses, of which `missing` bytes have none yet. Raises `Full`."""
     if missing >= _LONG:
         check_room(missing)
     if not _populated(address, size):
@@ -91,7 +91,7 @@ def own(address: int, size: int, missing: int) -> None:
 
 
 def is_owned(address: int, size: int) -> bool:
-    """Have memory there likewise; False if nothing is mapped there. Raises `Full` if there is not enough."""
+    """The same; False if nothing is mapped there. Raises `Full` if there is too little memory."""
     if not _populated(address, size):
         error = ctypes.get_errno()
         if error not in (_INVALID, _NOT_MAPPED):
@@ -114,7 +114,7 @@ def _populated(address: int, size: int) -> bool:
 
 
 def spare_files(most: int) -> int:
-    """How many files this process can open just now; more than `most` are not counted."""
+    """The number of files that this process can open now, at most `most`."""
     opened: list[int] = []
     try:
         opened.append(os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC))
@@ -130,11 +130,11 @@ def spare_files(most: int) -> int:
 
 
 def what_is_short() -> str:
-    """What iceoryx2 calls an internal failure, although it can be mended."""
+    """A remedy for a lack of descriptors, which iceoryx2 reports as an internal failure; "" if there are enough."""
     limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     try:
         used = len(os.listdir("/proc/self/fd"))
-    except OSError:  # not even this one
+    except OSError:  # no descriptor is left even for this
         used = limit
     if used + FILES < limit:
         return ""
@@ -142,7 +142,7 @@ def what_is_short() -> str:
 
 
 def hindrance(path: Path) -> str:
-    """The owner of that file, and what to do; "" if it is a file of ours, or not there."""
+    """The owner of a foreign file and the remedy; "" if the file is our own or missing."""
     try:
         found = path.lstat()
     except OSError:

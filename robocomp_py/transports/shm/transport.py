@@ -1,4 +1,4 @@
-"""The transport: its links, its mail, its threads."""
+"""The transport: its links, letters and threads."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from .wakeup import MAIL, Waker, Wakeup, wakeup_of, wakeup_path
 log = logging.getLogger("robocomp.transport.shm")
 
 BURYING = 0.5
-"""Seconds after which what the dead have left is removed."""
+"""Seconds after which the remains of dead processes are removed."""
 
 
 class ShmTransport(DirectoryTransport):
@@ -101,7 +101,7 @@ class ShmTransport(DirectoryTransport):
         for peer in self.known_peers():
             try:
                 peer.settle(self.settling())
-            except TransportError:  # they have what they have
+            except TransportError:  # closing goes on all the same
                 log.debug("%s: closing without knowing what was taken", self.owner, exc_info=True)
 
     def _leave(self) -> None:
@@ -125,7 +125,7 @@ class ShmTransport(DirectoryTransport):
             return self._numbers
 
     def attend_to(self, number: int, link: Attending) -> None:
-        """Have the link of that number attended to from now on whenever it is woken."""
+        """Serve the link of that number whenever its wake-up number arrives."""
         self._loop.add(wakeup_of(number), link)
 
     def attend(self, link: Attending) -> None:
@@ -154,15 +154,15 @@ class ShmTransport(DirectoryTransport):
             yield
 
     def settling(self) -> float:
-        """Until when somebody who closes may wait for what was sent last to be taken; all that close together, and the
-        transport if it is closed after them, have the same time."""
+        """Until when a closing link may wait for its last messages to be taken. Links that close together share
+        this time with the transport."""
         settled = min(self._settled, time.monotonic() + LINGER)
         if self.gathers:
             settled = self._settled_together = min(self._settled_together, settled)
         return settled
 
     def peer(self, member: Member) -> Peer | None:
-        """Somebody who serves; None if he has just left."""
+        """A server process; None if it has just left."""
         try:
             return self.asked(packed(member.id), partial(Peer, self, member))
         except TransportError:
@@ -181,11 +181,11 @@ class ShmTransport(DirectoryTransport):
         self.died()
 
     def receipts(self, member_id: str, number: int) -> Path:
-        """Where that link of that transport notes what it has read."""
+        """The file in which that link of that transport notes what it has read."""
         return self.folder / f"{member_id}-{number}"
 
     def died(self) -> None:
-        """Somebody was killed: what he has left is removed soon."""
+        """A process was killed: remove its remains soon."""
         self._bury_at = self._bury_at or time.monotonic() + BURYING
 
     def wake(self) -> None:
@@ -218,14 +218,14 @@ class ShmTransport(DirectoryTransport):
             self._forget_the_gone()
         self.dispatcher.note()  # in case it failed before
         waits = self._look_after(version)
-        if called:  # after links have heard the last messages of peers that have left
+        if called:  # after links have read the last messages of peers that have left
             self.node.heaps.forget_left()
             self.node.heap.tidy()
         if self._bury_at and time.monotonic() >= self._bury_at:
             self._bury_at = 0.0
             self.node.bury()
             sweep(self.served)
-            self._known = -1  # publishers let go of readers that are gone when they look who is there
+            self._known = -1  # publishers release readers that have gone at their next look
         if self._bury_at:
             waits.append(max(0.0, self._bury_at - time.monotonic()))
         usual = self.directory.pause or IDLE_TICK if self._known == version else TICK
@@ -272,12 +272,12 @@ class ShmTransport(DirectoryTransport):
 
 
 _left: dict[Path, Node] = {}
-"""By its folder, the node that was closed last. What was received by it may still be looked at."""
+"""By folder: the node that was closed last. Messages that it received may still be in use."""
 
 
 @atexit.register
 def _end() -> None:
-    """Of a process that keeps what it received to its end, nothing stays either."""
+    """At the end of the process, release the messages that are still in use, so that no memory stays."""
     if _left:
         let_go()
     for node in _left.values():

@@ -233,7 +233,7 @@ class Router:
             self._forbidden.add(user)
             channel = named[:-1].decode(errors="replace")
             log.warning(
-                "refused %r to the user of key %s, which has no right to it (logged once for each key)", channel, user
+                "refused %r to the user of key %s: it has no right to it (logged once for each key)", channel, user
             )
 
     def _malformed(self, frames: Frames, why: DecodeError) -> None:

@@ -55,9 +55,8 @@ from .zmtp import Feed
 log = logging.getLogger("robocomp.transport.zeromq")
 
 _FROM_SUBSCRIBERS = {"RCVBUF": 16 * 1024, "RCVHWM": 2}
-"""Octets that the kernel holds of what a subscriber says, and messages that ZeroMQ holds. The thread that receives one
-stores all of them, and goes on while the connection brings more: the fewer there are, the sooner that ends. With 1,
-nothing arrives over CURVE (libzmq 4.3.5)."""
+"""Octets from a subscriber that the kernel holds, and messages that ZeroMQ holds. ZeroMQ stores subscriptions as long
+as the connection has more of them, so small queues end this sooner. With 1, CURVE fails (libzmq 4.3.5)."""
 
 _MOMENT = 0.01
 """Seconds between two looks into a directory that keeps changing."""
@@ -66,10 +65,10 @@ _MOMENT = 0.01
 class ZeroMQTransport(DirectoryTransport):
     """Options:
 
-    `bind`      TCP address at which others find all that is provided here as well, `tcp://127.0.0.1:5555`; topics get
-                further ports of the same host.
-    `connect`   table of such addresses of others, under names for them: those that are used here.
-    `keys`, `curve_key`, `curve_admitted`, `curve_peers`: see `curve`; for these addresses alone.
+    `bind`      TCP address at which other hosts also reach this transport, `tcp://127.0.0.1:5555`; topics get further
+                ports of the same host.
+    `connect`   table of the addresses of other transports that are used here, by names for them.
+    `keys`, `curve_key`, `curve_admitted`, `curve_peers`: see `curve`; only for these addresses.
     """
 
     ends = Ends(Publisher, CommandOutlet, Subscriber, CommandInlet, Caller, Server)
@@ -97,7 +96,7 @@ class ZeroMQTransport(DirectoryTransport):
                 self._bind,
             )
         self._topic_ports: dict[str, str] = {}
-        """By the addresses of topics on this host: where others get them."""
+        """By the address of a topic on this host: its address for other hosts."""
         self._told_entries: tuple[Entry, ...] = ()
         self._told_at = 0.0
         self.codec: Codec = MessagePack()
@@ -162,7 +161,7 @@ class ZeroMQTransport(DirectoryTransport):
 
     def _close_routers(self) -> None:
         for router in self._routers[1:]:
-            router.tell(self._record_for)  # all links are closed: that nothing is offered any more
+            router.tell(self._record_for)  # all links are closed: the record has no entries any more
         for router in self._routers:
             router.close()
 
@@ -218,7 +217,7 @@ class ZeroMQTransport(DirectoryTransport):
         self._loop.rest(socket, seconds)
 
     def mute(self, subscription: Subscription) -> None:
-        """Nobody attends to it, until it is heard again."""
+        """Ignore its input until `hear` is called."""
         with subscription.lock:
             self._loop.mute(subscription)
 
@@ -260,16 +259,16 @@ class ZeroMQTransport(DirectoryTransport):
 
     @property
     def may_be_known(self) -> bool:
-        """Whether those on other hosts who looked for us before we came have had the time to find us."""
+        """Whether remote members that looked for this transport before it opened have had time to find it."""
         return time.monotonic() >= self._opened + ACQUAINTED
 
     @property
     def knows_others(self) -> bool:
-        """Whether those on other hosts whom we look for have told of themselves, or have had the time to."""
+        """Whether all remote transports in `connect` have sent their record, or have had time to."""
         return all(each.knows for each in self._inquirers) or time.monotonic() >= self._opened + ACQUAINTED
 
     def hears(self, member_id: str) -> bool:
-        """Whether all our subscribers are connected to what this member publishes for them."""
+        """Whether all subscribers here are connected to their publishers of that member."""
         with self._lock:
             subscribers = [link for link in self._links if isinstance(link, Subscriber)]
         return all(each.hears(member_id) for each in subscribers)
@@ -291,10 +290,10 @@ class ZeroMQTransport(DirectoryTransport):
     def far_topic(
         self, channel: Channel, here: str, ending: str, on_input: Callable[[Socket], list[Job]], **options: int
     ) -> Socket | None:
-        """Where those on other hosts hear a topic that is heard at `here` on this one; None if they do not."""
+        """The socket by which other hosts receive the topic at address `here`; None without `bind`."""
         if not self._bind:
             return None
-        self.routers()  # which tells them, and lets them in
+        self.routers()  # opens the socket for requests of other hosts
         secure = partial(self._curve.serve, channel=channel.name) if self._curve else None
         socket = self.socket(zmq.XPUB, on_input, secure, **(at_far(self._bind) | options | _FROM_SUBSCRIBERS))
         self.watch(socket, Kind.SUBSCRIPTIONS)
@@ -308,19 +307,19 @@ class ZeroMQTransport(DirectoryTransport):
         self._topic_ports.pop(here, None)
 
     def secure_for(self, name: str) -> tuple[Secure | None, Rights]:
-        """How to connect to somebody whom `connect` names, and what to take from it."""
+        """How to secure a connection to a name in `connect`, and its rights."""
         if self._curve is None:
             return None, Rights()
         key, rights = self._curve.peer(name)
         return self._curve.ask(key), rights
 
     def secure_to(self, member: Member) -> Secure | None:
-        """How to connect to a member that is far away."""
+        """How to secure a connection to a remote member."""
         name = member.id.partition("@")[0]
         return next((each.secure for each in self._inquirers if each.name == name), None)
 
     def record(self, allowed: Rights | None = None) -> bytes:
-        """What we tell of ourselves, to those who may use so much."""
+        """The own record, with the entries that the receiver has a right to."""
         told = [
             replace(entry, address=self._topic_ports.get(entry.address, ""))
             for entry in self.member.entries
@@ -329,7 +328,7 @@ class ZeroMQTransport(DirectoryTransport):
         return record(self.member.id, self.owner, os.getpid(), told)
 
     def _introduce(self, payload: bytes, user: str) -> bytes:
-        """What to answer to somebody who tells that of itself. Raises DecodeError."""
+        """The reply to a member that sent this record. Raises DecodeError."""
         member = read_record(payload, user or "tcp", at="", rights=self._rights(user))
         if self.directory.hear(member):
             self.wake()
@@ -342,7 +341,7 @@ class ZeroMQTransport(DirectoryTransport):
         return self._gate.rights(user) if self._gate else Rights()
 
     def _tell_news(self) -> None:
-        """Tell those on other hosts what has changed with us."""
+        """Send the own record to other hosts if it has changed."""
         entries = self.member.entries
         if entries != self._told_entries:
             self._told_entries = entries
@@ -401,7 +400,7 @@ class ZeroMQTransport(DirectoryTransport):
 
 
 class _Changes:
-    """What the loop attends to when the directory changes."""
+    """Lets the loop watch the directory for changes."""
 
     awaited = False
 
@@ -414,7 +413,7 @@ class _Changes:
         return []
 
     def look(self) -> None:
-        """Nothing is missed."""
+        """Nothing to do: the descriptor reports input as long as there is some."""
 
     def close(self) -> None:
         self._watch.close()
