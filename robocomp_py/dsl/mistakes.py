@@ -140,7 +140,7 @@ def explain_character(source: Source, text: str, at: int, expected: list[str]) -
         return Mistake(Diagnostic("stray-directive", "there is no preprocessor", span, hint=hint), at, end)
     if char == '"':
         return Mistake(
-            Diagnostic("syntax", "this text has no end", span, hint='close it by `"`'), *_statement(text, at)
+            Diagnostic("syntax", "this string has no end", span, hint='close it by `"`'), *_statement(text, at)
         )
     shown = f"`{char}`" if char.isprintable() else f"character U+{ord(char):04X}"
     name = "" if char.isascii() else f" ({unicodedata.name(char, 'without a name').lower()})"
@@ -228,7 +228,7 @@ def explain_token(source: Source, text: str, span: Span, expected: list[str], wa
 
 def _explain_rest(text: str, span: Span) -> Mistake:
     """Something behind the one definition of a file: all of it is left out."""
-    hint = "a file has one definition; remove what follows it"
+    hint = "a file has only one definition; remove the text after it"
     if span.text == "}":
         hint = "remove it, or a `}` above that is one too many"
     return Mistake(

@@ -75,7 +75,7 @@ Read = Callable[[Path], bytes]
 def read_file(path: Path) -> bytes:
     """A file's bytes; of one that is too large anyway, no more than it takes to see that."""
     if path.is_fifo():
-        raise OSError("it is a pipe, and nobody knows whether anything ever comes out of it")
+        raise OSError("it is a pipe, not a file")
     with path.open("rb") as file:
         return file.read(MAX_BYTES + 1)
 
@@ -186,7 +186,7 @@ class Workspace:
                 self.source(path)  # reports it
             case _:
                 at = Source(path, "", has_places=False).span(0, 0)
-                message = f"no language has this ending; known: {', '.join(ENDINGS)}"
+                message = f"no language has this file name extension; known: {', '.join(ENDINGS)}"
                 self.report.error("unknown-language", message, at, did_you_mean(path.suffix, ENDINGS))
 
     def interfaces(self, path: Path) -> Module | None:
@@ -318,7 +318,7 @@ class Workspace:
     def _resolve(self, name: Name, importing: Source, ending: str) -> Path | None:
         given = PurePosixPath(name.text).suffix.lower()
         if given in ENDINGS and given != ending:
-            message = f"`{name}` is {_LANGUAGES[given]}; imported here is {_LANGUAGES[ending]}"
+            message = f"`{name}` is {_LANGUAGES[given]}; expected here: {_LANGUAGES[ending]}"
             self.report.error("wrong-import", message, name.span, _remedy(name.text, given, ending))
             return None
         found = self.find(name.text, importing.path, ending)
@@ -345,7 +345,7 @@ class Workspace:
             if path is None:
                 continue
             if os.path.realpath(path) in self._reading:
-                self.report.error("import-cycle", f"`{name}` imports this file, however indirectly", name.span)
+                self.report.error("import-cycle", f"`{name}` imports this file, directly or indirectly", name.span)
             elif len(self._reading) > MAX_IMPORTS:
                 self.report.error("too-deep", f"more than {MAX_IMPORTS} files import one another", name.span)
             elif loaded := load(path):
@@ -389,7 +389,7 @@ class Workspace:
                 name = names[definition.name]
                 first, where = merged.setdefault(definition.name, (definition, name))
                 if first != definition:
-                    message = f"`{definition.name}` is defined differently in another file that is imported, too"
+                    message = f"`{definition.name}` is defined differently in another imported file"
                     found.error("duplicate", message, name.span, "", ("first defined here", where.span))
         self.report.extend(found.diagnostics)
         return {name: definition for name, (definition, _) in merged.items()}
@@ -430,7 +430,7 @@ class Workspace:
             return None
         path = self._tidy(model.source.path.parent / model.statemachine.text)
         if path.suffix.lower() not in _MACHINES:
-            message = f"`{model.statemachine}` is no state machine; those end in {' or '.join(_MACHINES)}"
+            message = f"`{model.statemachine}` is not a state machine; its file must end in {' or '.join(_MACHINES)}"
             self.report.error("unknown-language", message, model.statemachine.span)
         elif self._exists(path):
             return self.statemachine(path)

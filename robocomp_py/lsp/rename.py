@@ -105,9 +105,9 @@ def _check_name(new: str, symbol: Symbol) -> None:
             f"`{new}` is no name: names are made of the letters a to z, digits and `_`, a digit not first"
         )
     if keyword.iskeyword(new) or new == "self":
-        raise CannotRename(f"`{new}` is a word of Python")
+        raise CannotRename(f"`{new}` is a keyword of Python")
     if new.startswith("__"):
-        raise CannotRename(f"`{new}`: names that begin with two underscores are Python's own")
+        raise CannotRename(f"`{new}`: names that begin with two underscores are reserved by Python")
     if new in _WORDS_OF_IDSL and symbol.name.span.source.path.suffix == ".idsl":
         raise CannotRename(f"`{new}` is a word of IDSL")
 

@@ -255,8 +255,8 @@ arm.cdsl:3:5: error[duplicate]: `language` is given twice
         "arm.cdsl",
         'import "Laser.idsl";\nComponent arm { Communications { subscribesTo Laser; }; language python; };',
         """\
-arm.cdsl:2:47: warning[empty-port]: this port is empty: no operation of `Laser` can be published, they give something \
-back
+arm.cdsl:2:47: warning[empty-port]: this port is empty: no operation of `Laser` can be published, because all return \
+something
     Component arm { Communications { subscribesTo Laser; }; language python; };
                                                   ^^^^^
     write `requires Laser;`, or remove it""",
@@ -265,7 +265,7 @@ back
         "arm.cdsl",
         'import "arm.pdsl";\nComponent arm { language python; };',
         """\
-arm.cdsl:1:9: error[wrong-import]: `arm.pdsl` is a PDSL file; imported here is an IDSL file
+arm.cdsl:1:9: error[wrong-import]: `arm.pdsl` is a PDSL file; expected here: an IDSL file
     import "arm.pdsl";
             ^^^^^^^^
     the parameters of a component are not imported: write params "arm.pdsl"; inside of it""",
@@ -406,7 +406,7 @@ arm.cdsl:3:16: error[syntax]: expected `;` before `period`
         language Cpp//Cpp11//python;
                    ^
     the `//` starts a comment: write one language, then `;`
-arm.cdsl:3:14: warning[not-python]: `language Cpp`: a Python component is generated all the same
+arm.cdsl:3:14: warning[not-python]: `language Cpp`: a Python component is generated anyway
         language Cpp//Cpp11//python;
                  ^^^
     write `language python;`""",
@@ -425,7 +425,7 @@ arm.cdsl:1:43: error[missing-import]: interface `Laser` is not imported
         'import "LaserPub.idsl";\n'
         "Component arm { Communications { publishes LaserPub qos(relible); }; language python; };",
         """\
-arm.cdsl:2:57: error[bad-qos]: `relible` is no QoS setting
+arm.cdsl:2:57: error[bad-qos]: `relible` is not a QoS setting
     Component arm { Communications { publishes LaserPub qos(relible); }; language python; };
                                                             ^^^^^^^
     did you mean `reliable`?""",
@@ -484,7 +484,7 @@ net.ddsl:1:34: error[syntax]: unexpected `escalation`; expected `args`, `config`
 `existing`, `grace`, `host`, `ip` or …
     Deployment net { Component arm { escalation one_for_all; grace 5; }; };
                                      ^^^^^^^^^^
-    what has one is the network, or a `System`""",
+    write it for the network or for a `System`""",
     ),
     "a clause of a component in the block of a system": (
         "net.ddsl",
@@ -494,13 +494,13 @@ net.ddsl:1:32: error[syntax]: unexpected `notifies`; expected `Component`, `Syst
 or `}`
     Deployment net { System arms { notifies; Component arm { existing "reach"; }; }; };
                                    ^^^^^^^^
-    this is said for each component, in its block""",
+    write it in the block of each component""",
     ),
     "a generated component that is to say when it is ready": (
         "net.ddsl",
         "Deployment net { Component arm { notifies; }; };",
         """\
-net.ddsl:1:34: error[not-a-program]: `arm` is a generated component, which tells by itself when it is ready
+net.ddsl:1:34: error[not-a-program]: `arm` is a generated component, which reports by itself when it is ready
     Deployment net { Component arm { notifies; }; };
                                      ^^^^^^^^^
     remove it, or name the program by `path` or `existing`""",
@@ -522,7 +522,7 @@ net.ddsl:1:18: error[syntax]: unexpected `Host`; expected `Component`, `System`,
 net.ddsl:1:33: error[syntax]: unexpected `5`; expected `(` or `;`
     Deployment net { restart always 5; };
                                     ^
-    settings have names, and stand in parentheses: restart on_failure(intensity 5);""",
+    settings have names and are written in parentheses: restart on_failure(intensity 5);""",
     ),
     "spaces in the name of an instance of a system": (
         "net.ddsl",
@@ -540,7 +540,7 @@ net.ddsl:1:49: error[syntax]: unexpected `/`; expected `,` or `;`
 net.ddsl:1:40: error[syntax]: unexpected `.`; expected `;`
     Deployment net { host a { address robot.local; }; };
                                            ^
-    a name with more than letters stands in double quotes: "robot.local\"""",
+    a name with dots or dashes needs double quotes: "robot.local\"""",
     ),
 }
 

@@ -52,10 +52,10 @@ class _Checker:
     def check(self) -> None:
         self.propose = Proposals()
         if self.model.name.text.startswith("__"):
-            message = "names that begin with two underscores are Python's own"
+            message = "names that begin with two underscores are reserved by Python"
             self.report.error("reserved-name", message, self.model.name.span, "give it another name")
         elif keyword.iskeyword(self.model.name.text):
-            message = f"`{self.model.name}` is a word of Python, in which no module can be imported by that name"
+            message = f"`{self.model.name}` is a keyword of Python, so no module can be imported by this name"
             self.report.warning("keyword-name", message, self.model.name.span, "give it another name")
         for item in self.model.ports:
             self._check_item(item)
@@ -86,12 +86,12 @@ class _Checker:
     def _check_extras(self, item: m.Item) -> None:
         """What stands behind the interface, which is right or wrong whatever that is."""
         if item.qos and not item.verb.is_topic:
-            message = "only what is published or subscribed to has a QoS"
+            message = "only publications and subscriptions have a QoS"
             self.report.error("qos-of-calls", message, item.qos[0].span.to(item.qos[-1].span))
         elif item.qos:
             read_qos(item.qos, self.report)
         if item.concurrent and item.verb.has_proxy:
-            message = "only what is implemented or subscribed to can be concurrent"
+            message = "only implemented and subscribed interfaces can be concurrent"
             self.report.error("concurrent-proxy", message, item.concurrent_at or item.interface.span, "remove it")
         if item.marker:
             self._check_marker(item.marker)
@@ -101,13 +101,13 @@ class _Checker:
         twoway = [f"`{operation.name}`" for operation in left_out if operation.pattern is None]
         if twoway and len(left_out) == len(interface.operations):
             message = (
-                f"this port is empty: no operation of `{item.interface}` can be published, they give something back"
+                f"this port is empty: no operation of `{item.interface}` can be published, because all return something"
             )
             instead = Verb.REQUIRES if item.verb is Verb.SUBSCRIBES else Verb.IMPLEMENTS
             hint = f"write `{instead} {item.interface};`, or remove it"
             self.report.warning("empty-port", message, item.interface.span, hint)
         elif twoway:
-            message = f"{', '.join(twoway)} cannot be published: a publication gives nothing back"
+            message = f"{', '.join(twoway)} cannot be published: a publication returns nothing"
             hint = f"`{item.verb}` leaves {'it' if len(twoway) == 1 else 'them'} out"
             self.report.warning("not-a-publication", message, item.interface.span, hint)
         elif len(left_out) == len(interface.operations):
@@ -123,7 +123,7 @@ class _Checker:
         if name in self.around.middlewares:
             return
         if name in FOREIGN:
-            message = f"middleware `{marker}` does not exist yet; the component's own is used"
+            message = f"middleware `{marker}` is not supported; that of the component is used"
             self.report.warning("foreign-middleware", message, marker.span)
             return
         known = sorted(self.around.middlewares)
@@ -217,7 +217,7 @@ class _Checker:
         if language is None and "language" not in {word.lower() for word in self.model.skipped}:
             self.report.warning("no-language", "no language is given", self.model.name.span, hint)
         elif language and "python" not in language.text.lower():
-            message = f"`language {language}`: a Python component is generated all the same"
+            message = f"`language {language}`: a Python component is generated anyway"
             self.report.warning("not-python", message, language.span, hint)
 
     def _check_period(self) -> None:
@@ -229,7 +229,7 @@ class _Checker:
             hint = f"write `period {period.span.text} ms;` (units: {units})"
             self.report.error("bad-period", "a period needs a unit", period.span, hint)
         elif period.seconds is None:
-            message = f"`{period.unit}` is no unit of time; there are {units}"
+            message = f"`{period.unit}` is not a unit of time; allowed: {units}"
             self.report.error("bad-period", message, period.unit.span, did_you_mean(period.unit.text, m.SECONDS))
         elif not 0 < period.seconds <= MAX_SECONDS:
             message = f"a period must be positive, and at most {MAX_SECONDS:g} s"
@@ -240,16 +240,16 @@ def _instead_of(legacy: m.Clause) -> str:
     """What one writes today for a clause of an older RoboComp."""
     word, *values = (name.text.lower() for name in legacy.names)
     if values and values[0] in ("false", "none"):
-        return "leave it out: that is so without it"
+        return "remove it: this is the default"
     match word:
         case "useqt" | "qtversion":
             return "write `gui Qt;`"
         case "innermodelviewer":
             return "write `options InnerModelViewer;`"
         case "worker":
-            return "leave it out: a worker has threads anyway; `period 50 ms;` says how often it computes"
+            return "remove it: a worker has threads anyway; `period 50 ms;` says how often it computes"
         case _:
-            return "leave it out, and import what the component needs in its specificworker.py"
+            return "remove it, and import what the component needs in its specificworker.py"
 
 
 def _attributes(port: Port) -> Iterator[tuple[str, str]]:

@@ -34,7 +34,7 @@ def read_qos(settings: Sequence[m.Setting], report: Report) -> QoS:
         name = setting.name.text.lower()
         if name not in KNOWN:
             hint = did_you_mean(name, KNOWN) or f"there are {', '.join(KNOWN)}"
-            report.error("bad-qos", f"`{setting.name}` is no QoS setting", setting.name.span, hint)
+            report.error("bad-qos", f"`{setting.name}` is not a QoS setting", setting.name.span, hint)
             continue
         try:
             values = _values(name, setting)
@@ -42,7 +42,7 @@ def read_qos(settings: Sequence[m.Setting], report: Report) -> QoS:
             report.error("bad-qos", str(wrong), setting.span, wrong.hint)
             continue
         if name in PRESETS and given:
-            message = f"the preset `{setting.name}` would undo what stands before it"
+            message = f"the preset `{setting.name}` overrides the settings before it"
             report.error("bad-qos", message, setting.span, "write it first")
         for key in values if name not in PRESETS else ():
             first = given.setdefault(key, setting)

@@ -53,8 +53,10 @@ def _check_names(model: m.Deployment, report: Report) -> None:
     for what, name in sorted(named, key=lambda each: each[1].span.start):
         first, at = seen.setdefault(name.text, (what, name))
         if at is not name:
-            message = f"{what} `{name}` is there twice" if what == first else f"`{name}` is the name of a {first}, too"
-            hint = "" if what == first else "call one of them otherwise"
+            message = (
+                f"{what} `{name}` is defined twice" if what == first else f"`{name}` is the name of a {first}, too"
+            )
+            hint = "" if what == first else "rename one of them"
             report.error("duplicate", message, name.span, hint, ("first here", at.span))
 
 
@@ -95,12 +97,12 @@ def _check_dependences(model: m.Deployment, report: Report) -> None:
         waits_for.setdefault(instance.name.text, instance.dependences)
     _, closing = start_order(waits_for)
     for waiting, name in closing:
-        report.error("dependence-cycle", f"`{waiting}` depends on itself, by way of `{name}`", name.span)
+        report.error("dependence-cycle", f"`{waiting}` depends on itself through `{name}`", name.span)
     if closing:
         return  # the processes then have the same cycles
     _, closing = start_order(process_dependences(model))
     for waiting, name in closing:
-        message = f"the process `{waiting}` depends on itself, by way of `{name}`, which is ready when all in it are"
+        message = f"the process `{waiting}` depends on itself through `{name}`, which is ready when all in it are"
         report.error("dependence-cycle", message, name.span)
 
 
@@ -116,8 +118,8 @@ def _check_processes(model: m.Deployment, report: Report) -> None:
             report.error("unshared-process", message, name.span, "remove one of them", ("here", program.span))
         if name and name.text in apart and name.text not in told:
             told.add(name.text)
-            message = f"the process `{name}` is called like an instance that is not in it"
-            hint = f"call it otherwise, or write in the block of `{name}`: process {name};"
+            message = f"the process `{name}` has the name of an instance that is not part of it"
+            hint = f"rename it, or write in the block of `{name}`: process {name};"
             report.error("duplicate", message, name.span, hint, ("the instance", apart[name.text].span))
     for together in processes_of(model).values():
         _check_environment(together, report)
@@ -138,10 +140,12 @@ def _check_alike(model: m.Deployment, together: Sequence[m.Instance], report: Re
             )
         ours, theirs = restart_of(model, first), restart_of(model, each)
         if _meaning(ours) != _meaning(theirs):
-            message = f"`{each.name}` and `{first.name}` share a process, which is started again as a whole"
+            message = f"`{each.name}` and `{first.name}` share a process, which is restarted as a whole"
             at_span = each.restart.span if each.restart else each.name.span
             other = first.restart.span if first.restart else first.name.span
-            report.error("unshared-process", message, at_span, "say one `restart` for both", ("the other one", other))
+            report.error(
+                "unshared-process", message, at_span, "write the same `restart` for both", ("the other one", other)
+            )
 
 
 def _place(model: m.Deployment, instance: m.Instance) -> str:
@@ -163,7 +167,7 @@ def _check_environment(together: Sequence[m.Instance], report: Report) -> None:
         for each in instance.env:
             first, theirs = seen.setdefault(each.name.text, (instance, each))
             if first is not instance and theirs.value.text != each.value.text:
-                message = f"`{each.name}` is something else for `{first.name}`, but a process has one environment"
+                message = f"`{each.name}` is something else for `{first.name}`, but a process has only one environment"
                 report.error("env-clash", message, each.span, "", ("the other one", theirs.span))
 
 

@@ -36,15 +36,15 @@ def _check_blocks(model: m.Deployment, report: Report) -> None:
     for host in model.hosts:
         first = names.setdefault(host.name.text, host.name)
         if first is not host.name:
-            message = f"host `{host.name}` is there twice"
+            message = f"host `{host.name}` is defined twice"
             report.error("duplicate", message, host.name.span, "", ("first here", first.span))
         _check_host(model, host, report)
         if host.address:
             key = host.address.text.lower(), whole(host.port.text) if host.port else SSH
             other = addresses.setdefault(key, host)
             if other is not host and other.address:
-                message = f"`{host.name}` and `{other.name}` are one machine: they have one address"
-                hint = "write one `host` block, and name it wherever it is meant"
+                message = f"`{host.name}` and `{other.name}` have the same address, so they are one machine"
+                hint = "write one `host` block, and use its name everywhere"
                 report.error("host-clash", message, host.address.span, hint, ("the other one", other.address.span))
     known = list(names)
     for name in (*(each.host for each in model.systems), *(each.host for each in model.instances)):
@@ -59,19 +59,19 @@ def _check_host(model: m.Deployment, host: m.Host, report: Report) -> None:
             hint = 'add, for example: address "192.168.1.10";'
             report.error("bad-host", f"host `{host.name}` has no address", host.name.span, hint)
     elif not is_address(host.address.text):
-        message = f"`{host.address}` is no address"
+        message = f"`{host.address}` is not an address"
         report.error("bad-host", message, host.address.span, "write a number, as in 192.168.1.10, or a host's name")
     if host.user and not is_user(host.user.text):
-        message = f"`{host.user}` is no user's name"
+        message = f"`{host.user}` is not a valid user name"
         hint = "letters, digits, `_`, `.` and `-`, and no `-` in front"
         report.error("bad-host", message, host.user.span, hint)
     if host.port:
         _check_port(host.port, report)
     if host.workdir and not _WORKDIR.match(host.workdir.text):
-        message = f"`{host.workdir}` is no folder that is the same wherever it is asked for"
-        report.error("bad-host", message, host.workdir.span, "write its whole path, which begins with `/`")
+        message = f"`{host.workdir}` is not an absolute path"
+        report.error("bad-host", message, host.workdir.span, "write a path that begins with `/`")
     if host.python and not _PROGRAM.match(host.python.text):
-        message = f"`{host.python}` is no name or path of an interpreter"
+        message = f"`{host.python}` is not the name or path of an interpreter"
         report.error("bad-host", message, host.python.span, 'as in: python "python3.12";')
 
 
@@ -96,7 +96,7 @@ def _check_place(model: m.Deployment, instance: m.Instance, report: Report) -> N
         message = "`ip` and `host` both say where it runs"
         report.error("duplicate", message, ip.span, "remove the `ip`", ("the host is here", instance.host.span))
     elif ip and not is_address(ip.text):
-        report.error("bad-host", f"`{ip}` is no address", ip.span, "write localhost, a number, or a host's name")
+        report.error("bad-host", f"`{ip}` is not an address", ip.span, "write localhost, a number, or a host's name")
     elif ip and ip.text in HERE and not instance.port and "port" not in model.skipped:
         said = host_of(model, replace(instance, ip=None))
         if said is None:  # else it says that this one runs here
@@ -121,5 +121,5 @@ def check_ports(model: m.Deployment, report: Report) -> None:
 def _check_port(port: Name, report: Report) -> int:
     number = whole(port.text)
     if not 1 <= number <= _MOST:
-        report.error("bad-port", f"{number} is no port; allowed: 1 to {_MOST}", port.span)
+        report.error("bad-port", f"{number} is not a port; allowed: 1 to {_MOST}", port.span)
     return number

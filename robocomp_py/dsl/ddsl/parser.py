@@ -15,18 +15,18 @@ from ..syntax import Grammar, Parsed, name_of, tree_span
 from . import model as m
 from .scope import meanings, whole
 
-_DESCRIBE = "describe it beside the components: host onboard { … }; and write here: host onboard;"
+_DESCRIBE = "describe it next to the components: host onboard { … }; and write here: host onboard;"
 _HINTS = {
-    r"\b(?:address|ip|user)\s+\w[\w-]*[.@-]\S*": 'a name with more than letters stands in double quotes: "robot.local"',
+    r"\b(?:address|ip|user)\s+\w[\w-]*[.@-]\S*": 'a name with dots or dashes needs double quotes: "robot.local"',
     r"\b(?-i:host)\s+\w+\s*;?\s*\{": _DESCRIBE,
     r"\bhost\s+\w+\s*;": 'say where it is: host onboard { address "192.168.1.10"; };',
-    r"\bescalation\b": "what has one is the network, or a `System`",
-    r"\b(?:security|namespace)\b": "this is said once, for the whole network",
-    r"\bmiddleware\b": "this is said for the network, or for a component",
-    r"\bgrace\b|\b(?-i:notifies)\s*;": "this is said for each component, in its block",
+    r"\bescalation\b": "write it for the network or for a `System`",
+    r"\b(?:security|namespace)\b": "write it once, for the whole network",
+    r"\bmiddleware\b": "write it for the network or for a component",
+    r"\bgrace\b|\b(?-i:notifies)\s*;": "write it in the block of each component",
     r"\w\s+/\s*\w|\w\s*/\s+\w": "there are no spaces around the slash: left/arm",
-    r"\brestart\s+\w+\s+\d\S*": "settings have names, and stand in parentheses: restart on_failure(intensity 5);",
-    r"\brestart\s+\w+\s*\([^);]*\d\s+\w+\s+\d": "a comma stands between two settings: (intensity 5, period 60)",
+    r"\brestart\s+\w+\s+\d\S*": "settings have names and are written in parentheses: restart on_failure(intensity 5);",
+    r"\brestart\s+\w+\s*\([^);]*\d\s+\w+\s+\d": "separate settings by commas: (intensity 5, period 60)",
 }
 _GRAMMAR = Grammar("ddsl", _HINTS)
 _BLOCKS = ("component", "system", "machine")

@@ -15,8 +15,8 @@ def check_program(instance: m.Instance, report: Report) -> None:
     given = (*instance.args, *(each.value for each in instance.env), instance.path, instance.config, instance.existing)
     for text in given:
         if text and "\0" in text.text:
-            message = "no program can be given a text with a zero in it"
-            report.error("bad-command", message, text.span, "remove the character with the number 0")
+            message = "a text with a null character cannot be passed to a program"
+            report.error("bad-command", message, text.span, "remove the null character")
     command = instance.existing
     if command is None:
         return
@@ -28,20 +28,20 @@ def check_program(instance: m.Instance, report: Report) -> None:
         words = shlex.split(command.text)
     except ValueError as exc:
         message = f"`{command}` cannot be split into words: {str(exc).lower()}"
-        report.error("bad-command", message, command.span, "a word with spaces stands in single quotes")
+        report.error("bad-command", message, command.span, "put a word with spaces into single quotes")
         return
     if not words:
         report.error("bad-command", "there is no command", command.span, 'as in: existing "urg_node --frame base";')
     elif found := _shell_syntax(command.text):
-        message = f"`{found}` is for a shell, but none reads this: it would be given to the program"
-        hint = "put it into single quotes if that is meant; else write a script, and name it here"
+        message = f"`{found}` is shell syntax, but no shell reads this: the program would get it as an argument"
+        hint = "put it into single quotes if you mean that; otherwise write a script and name it here"
         report.error("bad-command", message, command.span, hint)
 
 
 def check_notifies(instance: m.Instance, skipped: Set[str], report: Report) -> None:
     """Only of a program is it said that it tells when it is ready. `skipped`: words that syntax errors left out."""
     if instance.notifies and not instance.program and not skipped & {"path", "existing"}:
-        message = f"`{instance.name}` is a generated component, which tells by itself when it is ready"
+        message = f"`{instance.name}` is a generated component, which reports by itself when it is ready"
         hint = "remove it, or name the program by `path` or `existing`"
         report.error("not-a-program", message, instance.notifies.span, hint)
 

@@ -44,7 +44,7 @@ def check_restarts(model: m.Deployment, report: Report) -> None:
         restarted = any(each and each.policy.text != "never" for each in policies)
         escalation = scope.escalation
         if escalation and escalation.text != "one_for_one" and not restarted and "restart" not in model.skipped:
-            message = f"`{escalation}` has no effect: nothing is started again here"
+            message = f"`{escalation}` has no effect: nothing is restarted here"
             report.warning("ineffective-escalation", message, escalation.span, "add, for example: restart on_failure;")
     for instance in model.instances:
         if (grace := instance.grace) and not (0 <= _seconds(grace, -1) <= MAX_SECONDS):
@@ -63,7 +63,7 @@ def read_restart(restart: m.Restart, report: Report) -> dict[str, float]:
     given: dict[str, Setting] = {}
     found: dict[str, float] = {}
     if restart.settings and restart.policy.text == "never":
-        message = "`never` has no settings: there is nothing that they would be for"
+        message = "`never` takes no settings"
         report.error("bad-restart", message, restart.settings[0].span, "remove them, or write on_failure")
         return found
     for each in restart.settings:
@@ -71,7 +71,7 @@ def read_restart(restart: m.Restart, report: Report) -> dict[str, float]:
         kind = _KNOWN.get(name)
         if kind is None:
             hint = did_you_mean(name, _KNOWN) or f"there are {', '.join(_KNOWN)}"
-            report.error("bad-restart", f"`{name}` is no setting of `restart`", each.name.span, hint)
+            report.error("bad-restart", f"`{name}` is not a setting of `restart`", each.name.span, hint)
             continue
         if (first := given.setdefault(name, each)) is not each:
             report.error("bad-restart", f"`{name}` is given twice", each.span, "", ("first here", first.span))

@@ -137,7 +137,7 @@ class _Checker:
         for name in names:
             first = seen.setdefault(python_name(name.text), name)
             if first.text == name.text and first is not name:
-                self._error(code, f"{what} `{name}` is there twice", name.span, "", ("first here", first.span))
+                self._error(code, f"{what} `{name}` is defined twice", name.span, "", ("first here", first.span))
             elif first is not name:
                 message = f"{what} `{name}` and `{first}` have the same name in Python, `{python_name(name.text)}`"
                 self._error(code, message, name.span, "rename one of them", ("first here", first.span))
@@ -146,7 +146,7 @@ class _Checker:
     def _check_reserved(self, names: Sequence[Name]) -> None:
         for name in names:
             if name.text.startswith("__"):
-                message = f"`{name}`: names that begin with two underscores are Python's own"
+                message = f"`{name}`: names that begin with two underscores are reserved by Python"
                 self._error("reserved-name", message, name.span, "give it another name")
 
     # Definitions.
@@ -190,10 +190,10 @@ class _Checker:
     def _check_exception(self, exception: m.Exception_) -> None:
         for field in exception.fields:
             if field.name.text in _OF_EXCEPTIONS:
-                message = f"every exception of Python has a `{field.name}` of its own"
+                message = f"every Python exception already has an attribute `{field.name}`"
                 self._error("reserved-name", message, field.name.span, "give it another name")
         for extra in exception.bases[1:]:
-            self._error("several-bases", "an exception extends one other at most", extra.span)
+            self._error("several-bases", "an exception can extend at most one other", extra.span)
         bases = self._ancestors(exception)
         self._check_lineage(exception, bases)
         for base in exception.bases[:1]:
@@ -227,7 +227,7 @@ class _Checker:
                 if first is not operation:
                     self._error(
                         "overload",
-                        f"operation `{operation.name}` is there twice; overloading is not possible",
+                        f"operation `{operation.name}` is defined twice; overloading is not possible",
                         operation.name.span if each is interface else interface.name.span,
                         "give it another name",
                         ("first here", first.name.span),
@@ -256,7 +256,7 @@ class _Checker:
 
     def _check_lineage(self, definition: m.Interface | m.Exception_, bases: list[m.Definition]) -> None:
         if len(bases) > MAX_ANCESTORS:
-            message = f"`{definition.name}` extends more than {MAX_ANCESTORS} others, one by way of another"
+            message = f"`{definition.name}` extends more than {MAX_ANCESTORS} others, directly or indirectly"
             self._error("too-deep", message, definition.name.span)
 
     def _check_operation(self, operation: m.Operation) -> None:
@@ -275,7 +275,7 @@ class _Checker:
         if pattern and pattern.text != Pattern.QUERY and (operation.gives_back or operation.throws):
             self._error(
                 "one-way-gives-back",
-                f"a {pattern} goes one way: it cannot return, have outputs or throw",
+                f"a {pattern} is one-way: it cannot return, have outputs or throw",
                 _given_back(operation),
                 "make it a [query]",
                 ("declared here", pattern.span),
@@ -301,7 +301,7 @@ class _Checker:
                 self._error("throws-non-exception", f"`{thrown}` is not an exception", thrown.span)
             first = seen.setdefault(qualified(thrown.text, self.module), thrown)
             if first is not thrown:
-                self._error("duplicate", f"`{thrown}` is there twice", thrown.span, "", ("first here", first.span))
+                self._error("duplicate", f"`{thrown}` is defined twice", thrown.span, "", ("first here", first.span))
 
     # Types.
 
@@ -351,7 +351,9 @@ class _Checker:
             return found
         module = module_of(name.text)
         if name.text in BUILTIN:
-            self._error(code, f"`{name}` is a built-in type, and no {what}", name.span)
+            self._error(
+                code, f"`{name}` is a built-in type, not {'an' if what[0] in 'aeiou' else 'a'} {what}", name.span
+            )
         elif module and module != self.module and module not in self.imported_modules:
             hint = _foreign(short) or self._suggest_import(module)
             self._error("missing-import", f"module `{module}` is not imported", name.span, hint)

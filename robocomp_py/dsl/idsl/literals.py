@@ -20,17 +20,17 @@ def literal_value(kind: Primitive | m.Enum, literal: m.Literal) -> Any:
         names = [member.name.text for member in kind.members]
         owner, _, short = text.rpartition("::")
         if literal.quoted or short not in names or owner.rpartition("::")[2] not in ("", kind.name.text):
-            raise ValueError(f"`{text}` is no enumerator of `{kind.name}`; there are {', '.join(names)}")
+            raise ValueError(f"`{text}` is not an enumerator of `{kind.name}`; allowed: {', '.join(names)}")
         return short
     if kind.python is str:
         if not literal.quoted:
-            raise ValueError("a string stands in double quotes")
+            raise ValueError("a string needs double quotes")
         return text
     if literal.quoted:
-        raise ValueError(f"a {kind} does not stand in quotes")
+        raise ValueError(f"a {kind} is written without quotes")
     if kind.python is bool:
         if text not in ("true", "false"):
-            raise ValueError(f"`{text}` is no bool; write true or false")
+            raise ValueError(f"`{text}` is not a bool; write true or false")
         return text == "true"
     if kind.python is float:
         return _float(kind, text)
@@ -39,7 +39,7 @@ def literal_value(kind: Primitive | m.Enum, literal: m.Literal) -> Any:
 
 def _float(kind: Primitive, text: str) -> float:
     if not re.fullmatch(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?[fF]?", text):
-        raise ValueError(f"`{text}` is no number")
+        raise ValueError(f"`{text}` is not a number")
     value = real(text)
     if abs(value) > (FLOAT32_MAX if kind is Primitive.FLOAT32 else FLOAT64_MAX):
         raise ValueError(f"{text} exceeds {kind}")
@@ -48,7 +48,7 @@ def _float(kind: Primitive, text: str) -> float:
 
 def _integer(kind: Primitive, text: str) -> int:
     if not re.fullmatch(r"[+-]?(0[xX][0-9a-fA-F]+|\d+)", text):
-        raise ValueError(f"`{text}` is no integer")
+        raise ValueError(f"`{text}` is not an integer")
     value = whole(text)
     low, high = integer_range(kind)
     if not low <= value <= high:

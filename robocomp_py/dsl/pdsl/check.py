@@ -33,9 +33,9 @@ def _check_scope(scope: m.Scope, seen: dict[str, Name], report: Report) -> None:
     for name in _names(scope):
         first = seen.setdefault(name.text, name)
         if first is not name:
-            report.error("duplicate", f"`{name}` is there twice", name.span, "", ("first here", first.span))
+            report.error("duplicate", f"`{name}` is defined twice", name.span, "", ("first here", first.span))
         if python_name(name.text) != name.text or name.text.startswith("__"):
-            report.error("reserved-name", f"`{name}` is a word of Python", name.span, "give it another name")
+            report.error("reserved-name", f"`{name}` is a keyword of Python", name.span, "give it another name")
     for param in scope.params:
         _check_param(param, report)
     for each in scope.lists:
@@ -47,7 +47,7 @@ def _check_scope(scope: m.Scope, seen: dict[str, Name], report: Report) -> None:
 def _check_items(items: tuple[Name, Name], report: Report) -> None:
     for bound in items:
         if not re.fullmatch(r"\d+", bound.text):
-            report.error("bad-range", f"`{bound}` is no number of items", bound.span)
+            report.error("bad-range", f"`{bound}` is not a number of items", bound.span)
             return
     low, high = items
     if whole(low.text) > whole(high.text):
@@ -68,7 +68,7 @@ def _check_choices(param: m.Param, report: Report) -> None:
     for value in param.values:
         first = seen.setdefault(value.text, value.span)
         if first is not value.span:
-            report.error("duplicate", f"`{value}` is there twice", value.span, "", ("first here", first))
+            report.error("duplicate", f"`{value}` is defined twice", value.span, "", ("first here", first))
     if param.default.text not in seen:
         message = f"`{param.default}` is none of {', '.join(seen)}"
         report.error("bad-default", message, param.default.span, did_you_mean(param.default.text, seen))
@@ -77,7 +77,7 @@ def _check_choices(param: m.Param, report: Report) -> None:
 def _check_numbers(param: m.Param, report: Report) -> None:
     for number in (param.default, *(param.range or ())):
         if param.kind == "int" and not _INTEGER.fullmatch(number.text):
-            report.error("bad-default", f"`{number}` is no integer", number.span)
+            report.error("bad-default", f"`{number}` is not an integer", number.span)
             return
         if not math.isfinite(real(number.text)):
             report.error("bad-default", f"`{number}` is too large", number.span)

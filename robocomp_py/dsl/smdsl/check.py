@@ -62,7 +62,7 @@ class _Checker:
                 clause = "initial_state" if first in block.initial else "end_state"
                 hint = f"`{clause}` says that it exists: do not list it under `states`, too"
             self.report.error(
-                "duplicate", f"state `{name}` is there twice", name.span, hint, ("first here", first.span)
+                "duplicate", f"state `{name}` is defined twice", name.span, hint, ("first here", first.span)
             )
             return
         self.around[name.text] = block.parent.text if block.parent else ""
@@ -74,7 +74,7 @@ class _Checker:
     def _check_parent(self, parent: Name, seen: dict[str, Name]) -> None:
         first = seen.setdefault(parent.text, parent)
         if first is not parent:
-            message = f"the inside of `{parent}` is described twice"
+            message = f"the inside of `{parent}` is defined twice"
             self.report.error("duplicate", message, parent.span, "make it one block", ("first here", first.span))
             return
         state = self._known(parent)
@@ -85,7 +85,7 @@ class _Checker:
         if len(around) > MAX_NESTING:
             self.report.error("too-deep", f"nested deeper than {MAX_NESTING} levels", parent.span)
         elif state and parent.text in around:
-            message = f"`{parent}` is inside of itself, however indirectly"
+            message = f"`{parent}` is inside itself, directly or indirectly"
             self.report.error("state-in-itself", message, parent.span, "", ("declared here", state.name.span))
 
     def _check_block(self, block: m.Block) -> None:
@@ -125,7 +125,10 @@ class _Checker:
                 self.report.error("leaves-end-state", message, each.source.span, "", ("said here", source.name.span))
             first = seen.setdefault((each.source.text, each.target.text, each.events), each)
             if first is not each:
-                message, related = f"`{each.source} => {each.target}` is there twice", ("first here", first.target.span)
+                message, related = (
+                    f"`{each.source} => {each.target}` is defined twice",
+                    ("first here", first.target.span),
+                )
                 self.report.warning("repeated-transition", message, each.target.span, "remove it", related)
                 continue
             trigger = f"t_{each.source}_to_{label(each.target.text)}"

@@ -39,7 +39,7 @@ def parse(source: Source, report: Report) -> m.File | None:
     if root is None:
         return None
     if root.kind != "scxml":
-        message = f"this is no state machine, but `<{root.kind}>`"
+        message = f"this is not a state machine, but `<{root.kind}>`"
         report.error("syntax", message, root.span, f'the first element is `<scxml xmlns="{_NAMESPACE}">`')
         return None
     return _Builder(source, report).file(root)
@@ -134,7 +134,7 @@ class _Reader:
             self._open.pop()
 
     def _doctype(self, name: str, *others: object) -> None:
-        raise _Refused("a document type is not read here: remove the `<!DOCTYPE …>`")
+        raise _Refused("document types are not supported: remove the `<!DOCTYPE …>`")
 
 
 class _Builder:
@@ -183,7 +183,7 @@ class _Builder:
     def _name(self, element: _Element) -> Name | None:
         name = element.attributes.get("id")
         if name is None or not name.text:
-            message = f"this `<{element.kind}>` has no id, which would name its method `sm_<id>`"
+            message = f"this `<{element.kind}>` has no id, which would be the name of its method `sm_<id>`"
             self._report.error("no-id", message, element.span, f'write `<{element.kind} id="…">`')
             return None
         return name

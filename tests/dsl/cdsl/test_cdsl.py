@@ -130,14 +130,14 @@ def test_what_older_generators_knew_is_read_and_has_no_effect(clause: str) -> No
 @pytest.mark.parametrize(
     ("clause", "instead"),
     [
-        ("RoboCompClasses { laser };", "leave it out, and import what the component needs in its specificworker.py"),
-        ("modules a, b;", "leave it out, and import what the component needs in its specificworker.py"),
-        ("worker isThread;", "leave it out: a worker has threads anyway; `period 50 ms;` says how often it computes"),
+        ("RoboCompClasses { laser };", "remove it, and import what the component needs in its specificworker.py"),
+        ("modules a, b;", "remove it, and import what the component needs in its specificworker.py"),
+        ("worker isThread;", "remove it: a worker has threads anyway; `period 50 ms;` says how often it computes"),
         ("qtversion 5;", "write `gui Qt;`"),
         ("useQt qt4;", "write `gui Qt;`"),
-        ("useQt none;", "leave it out: that is so without it"),
+        ("useQt none;", "remove it: this is the default"),
         ("InnerModelViewer true;", "write `options InnerModelViewer;`"),
-        ("InnerModelViewer false;", "leave it out: that is so without it"),
+        ("InnerModelViewer false;", "remove it: this is the default"),
     ],
 )
 def test_of_a_clause_of_an_older_robocomp_one_warning_says_what_to_write_instead(clause: str, instead: str) -> None:

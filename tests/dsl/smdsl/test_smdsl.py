@@ -162,7 +162,7 @@ def test_a_transition_to_one_of_several_end_states_that_are_not_around_its_sourc
 def test_only_end_states_may_share_a_name(wrong: str) -> None:
     found = workspace(**{"arm.smdsl": f"{ENDS} :open {{ initial_state on; {wrong} }};"})
     assert found.statemachine(FOLDER / "arm.smdsl") is None
-    assert "state `done` is there twice" in rendered(found)
+    assert "state `done` is defined twice" in rendered(found)
 
 
 def test_a_transition_that_is_there_twice_is_there_once() -> None:
