@@ -1,4 +1,4 @@
-"""What a transport declares to those who deploy it: the second, optional entry point of a transport.
+"""What a transport declares for deployment: its second, optional entry point.
 
     [project.entry-points."robocomp_py.deployments"]
     NAME = "MODULE:CLASS"      a subclass of `Deployment`, under the name of the transport
@@ -124,7 +124,7 @@ class Deployment:
         """What options mean to the ports of a component, once everything else is set.
 
         `own` is the port of its `CommonBehavior`, `generated_for` the middleware of its generic part, and
-        `is_overridden` says whether something other than the file says whom a port uses.
+        `is_overridden` tells whether something other than the file decides what a port uses.
         """
         yield from ()
 
@@ -198,4 +198,4 @@ def is_loopback(address: str) -> bool:
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
-        return False  # a name, which may be anybody's, or `*`
+        return False  # a name, which may belong to any host, or `*`

@@ -10,13 +10,13 @@
     [transports.ice.proxies]                 where what is used is found, if not in the directory
     base = "laser:tcp -h 10.0.0.2 -p 10003"  by the instance that `from` names: `base/Laser` for one of its interfaces,
                                              `/robot2/base/Laser` with its namespace
-    Laser = "laser:tcp -p 10003"             by the interface, for who asks any instance
+    Laser = "laser:tcp -p 10003"             by the interface, for any instance
     [transports.ice.topics]                  what IceStorm calls them; else as the interface, behind its namespace
     LaserPub = "zed/LaserPub"                by the interface; `base/LaserPub` for that of one instance
     [transports.ice.properties]              whatever else Ice itself knows
     "Ice.Override.ConnectTimeout" = "2000"
 
-Beside the transport, and not in it, because whoever checks a configuration or plans a network reads them, too.
+They are not in the transport, because checks of configurations and plans of networks read them, too.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ FIXED: Mapping[str, str] = {
     "Ice.RetryIntervals": "-1",  # Ice would repeat; we do, and know what was asked before
     "Ice.Default.CollocationOptimized": "0",  # what is sent to ourselves takes the same way as everything
     "Ice.Default.EncodingVersion": "1.1",
-    # One thread reads what we are asked, one what we are answered; both leave all else to the receiving threads.
+    # One thread reads requests, one reads replies; both leave everything else to the receiving threads.
     "Ice.ThreadPool.Server.Size": "1",
     "Ice.ThreadPool.Server.SizeMax": "1",
     "Ice.ThreadPool.Client.Size": "1",
@@ -64,7 +64,7 @@ _SAID_BY = {
 """Properties that are set from elsewhere."""
 
 _UNSEEN = ("Ice.Admin.", "Ice.Default.Locator", "Ice.Default.Router")
-"""Beginnings of properties by which a program is reached, or reaches others, in ways that nobody here would check."""
+"""Prefixes of properties that open connections past the checks of this package."""
 
 PROTOCOLS = ("tcp", "ssl", "ws", "wss", "default")
 """Of endpoints that calls can go to."""

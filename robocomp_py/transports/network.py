@@ -1,4 +1,4 @@
-"""A network as the deployment side of a transport sees it: where instances run, and who uses what of whom. Values only.
+"""A network as the deployment side of a transport sees it: the places and uses of instances. Values only.
 
 Ports follow from the network's name and the order of its instances. So a restarted instance is found where it was, and
 a firewall can be told.
@@ -108,7 +108,7 @@ class Fault:
     port: str = ""
     """Of the instance, if it is about one."""
     origin: str = ""
-    """Who said what is wrong, if that is known."""
+    """The source of the fault, if it is known."""
     reason: str = ""
     """The message without that."""
 

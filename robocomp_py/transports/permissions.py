@@ -1,4 +1,4 @@
-"""Who takes part in a network with keys, and who may use what of whom. Values only."""
+"""The processes of a network with keys, and what each may use of another. Values only."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LONGEST_NAME = 64
 
 @dataclass(frozen=True)
 class Principal:
-    """A process, as those who check keys know it."""
+    """A process, as seen by checks of keys."""
 
     name: str
     instances: tuple[str, ...]
@@ -47,7 +47,7 @@ class Edge:
 
 @dataclass(frozen=True)
 class Graph:
-    """Who takes part, and who uses what of whom."""
+    """The processes of a network, and what each uses of another."""
 
     name: str
     principals: tuple[Principal, ...]

@@ -172,9 +172,7 @@ class Dispatcher:
             if member not in self._noted:
                 try:
                     self._begin_to_note(member)
-                except (
-                    TransportError
-                ) as exc:  # for lack of a descriptor, for example; the letter is handled all the same
+                except TransportError as exc:  # no descriptor, for example; the letter is handled all the same
                     if self._sparing.may_tell():
                         log.warning("a sender is not told which requests were taken; trying again: %s", exc)
                     return

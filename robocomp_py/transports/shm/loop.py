@@ -122,8 +122,8 @@ class Loop:
     def _one(self, number: int) -> Sequence[Job] | None:
         """Take the one message that the wake-up announced. None if the wake-up was for something else.
 
-        To look for more takes time, which can be spent `afterwards`. That is different with mail: who has an answer
-        asks again, often before we would sleep.
+        A look for more takes time, which can be spent `afterwards`. Letters are different: a client with a reply often
+        calls again before this thread would sleep.
         """
         links = tuple(self._attending[number])  # a copy, since links may be removed at any time
         if len(links) != 1:

@@ -1,7 +1,7 @@
-"""iceoryx2, and nothing else of ours knows it: who is here, and the ports through which samples pass.
+"""The use of iceoryx2: nodes, and the ports through which samples pass.
 
-    a queue     one reads, several write; what finds no room in it is not taken
-    a topic     one writes, several read; who is slow loses the oldest
+    a queue     one reader, several writers; refuses messages when it is full
+    a topic     one writer, several readers; a slow reader loses the oldest messages
 
 What iceoryx2 keeps in files is below a folder of the user's own. What it keeps in shared memory has names that begin
 with a prefix made of that folder and of a secret in it, so users, and run-time folders, do not meet. `/dev/shm` is open
@@ -32,10 +32,10 @@ from .heap import Heap, Heaps, remove_dead
 from .room import OPENING, SHARED_MEMORY, check_room, hindrance, what_is_short
 
 PORTS = 512
-"""So many may write to one queue: other transports of this host, and threads of theirs."""
+"""Maximum number of writers of one queue: other transports of this host, and their threads."""
 
 READERS = 128
-"""So many may read one topic."""
+"""Maximum number of readers of one topic."""
 
 SLOT_BYTES = 4096
 """Size of the slots of a port. Payloads that do not fit lie in a heap."""
@@ -44,14 +44,14 @@ _LONGEST_FOLDER = 100
 """Bytes in the path of a run-time folder: iceoryx2 adds up to 140 to it, and panics beyond 255."""
 
 _PATIENCE = 5.0
-"""Seconds for which we wait for those who enter or leave just now."""
+"""Maximum seconds to wait for processes that are entering or leaving."""
 
 _PATIENCE_MS = 500
-"""How long iceoryx2 waits for somebody who is about to create something, and the interpreter with it."""
+"""How long iceoryx2, and the interpreter with it, waits for a process that is creating a resource."""
 
 _FAILURES = tuple(each for each in vars(iceoryx2).values() if isinstance(each, type) and issubclass(each, Exception))
 
-iceoryx2.set_log_level_from_env_or(iceoryx2.LogLevel.Fatal)  # what fails is said by us, once, to whom it concerns
+iceoryx2.set_log_level_from_env_or(iceoryx2.LogLevel.Fatal)  # this package logs failures itself, once
 
 
 @contextlib.contextmanager
@@ -98,9 +98,7 @@ class Node:
             if self._clear() or not known:
                 self._use(self._new_secret())
             builder = iceoryx2.NodeBuilder.new().config(self._config)
-            builder = builder.signal_handling_mode(
-                iceoryx2.SignalHandlingMode.Disabled
-            )  # signals are Python's business
+            builder = builder.signal_handling_mode(iceoryx2.SignalHandlingMode.Disabled)  # Python handles signals
             self.heap, self.heaps = Heap(self._prefix, number), Heaps(self._prefix)
             try:
                 with as_transport_error("opening a node"):
@@ -112,10 +110,10 @@ class Node:
                 raise TransportError(f"{exc}{self._in_the_way()}") from exc
 
     def close(self) -> None:
-        """Leave. Idempotent. What is still in use, as a sample is by an array over it, goes when that does."""
+        """Leave. Idempotent. Samples in use (by an array, for example) are released when they are no longer used."""
         self.heap.close()
         self.heaps.close()
-        if not self._root.exists():  # somebody has removed the folder
+        if not self._root.exists():  # the folder was removed
             self._node = None
             return
         with self._lock.taken():
@@ -250,7 +248,7 @@ def _writer(service: Any, slots: int) -> Any:
 
 
 class _Lock:
-    """Who enters or leaves does so alone: the last one removes what nobody owns."""
+    """Held by a process that enters or leaves, since the last one to leave removes what has no owner."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

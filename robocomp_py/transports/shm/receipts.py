@@ -47,9 +47,7 @@ class Receipts:
         self._free = list(range(SLOTS))[::-1]
         with _mapping(path, os.O_CREAT | os.O_EXCL | os.O_RDWR) as descriptor:
             try:
-                os.posix_fallocate(
-                    descriptor, 0, _SIZE
-                )  # otherwise the first write would kill the process on a full disk
+                os.posix_fallocate(descriptor, 0, _SIZE)  # else, on a full disk, the first write kills the process
                 self._map = mmap.mmap(descriptor, _SIZE)
             except BaseException:
                 self.close()

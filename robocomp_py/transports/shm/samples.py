@@ -1,4 +1,4 @@
-"""What a message looks like in shared memory, and how it gets in and out.
+"""The layout of a message in shared memory, and how it is written and read.
 
     begin u32 · size u32 · member u64 · line u32 · to u32 · header · free · payload
     0 u32 · size u32 · member u64 · line u32 · to u32 · header · free · heap u64 · offset u64
@@ -6,11 +6,10 @@
 The header is that of every middleware (`wire.header`). A small payload begins at `begin` of its slot and has `size`
 octets. A larger one lies in the heap of that number. Its first field lies at a multiple of 64 in memory, unless the
 program that wrote it in place chose otherwise. `to` says which of the links that read together the message is for;
-`member` and `line` are where an answer goes.
+`member` and `line` are the address for a reply.
 
-What is read is a view of the shared memory, which nobody can write to through it, and the sample stays
-where it is as long as there is such a view, or an array over it. Who keeps more of them than may be out is
-given copies. Short messages are copied anyway, since that takes less time.
+A received payload is a read-only view of the shared memory. The sample stays while such a view, or an array over it,
+exists. A reader that keeps too many samples is given copies. Short messages are always copied, since that is faster.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ log = logging.getLogger("robocomp.transport.shm")
 HEAD = struct.Struct("<IIQII")
 HEAD_BYTES = HEAD.size
 _HEADER_BYTES = 36
-"""So many are there for the header."""
+"""Octets for the header."""
 _BEFORE = HEAD_BYTES + _HEADER_BYTES
 """Octets in front of the earliest payload. Its fields come four octets later, behind the encapsulation."""
 
@@ -53,15 +52,15 @@ _IN_PAGE = 576
 beginning of a page, and copying is a fifth slower to where it is at the same place in its page as what is copied."""
 
 _SMALL = SLOT_BYTES - _BEFORE
-"""A payload of more octets does not fit into a slot."""
+"""Maximum octets of a payload in a slot."""
 
 _FREE = tuple(bytes(_HEADER_BYTES - header) for header in range(_HEADER_BYTES + 1))
 """What fills up headers."""
 _SHORT = 16 * 1024
-"""What has fewer octets is copied sooner than looked at where it lies."""
+"""Payloads with fewer octets are copied, since that is faster."""
 
 _LONG = 256 * 1024
-"""While so many octets are copied, other threads may run."""
+"""From this many octets on, other threads may run while a payload is copied."""
 
 _SLOT_HEAD = 48
 """Octets of iceoryx2's in front of each slot. It writes there when it gives us one, which is before we can ask for
@@ -93,10 +92,10 @@ class Writer:
     in use as long as the slot is."""
 
     def __init__(self, port: Any, heap: Heap, loans: int = 0) -> None:
-        """So many loans may there be at once."""
+        """`loans` is the maximum number of loans at once."""
         self._port, self._heap, self._loans = port, heap, loans
         self.lent: list[None] = []
-        """One for each loan that there is."""
+        """One entry for each loan."""
         # Without the checks of the public methods, which take as long as all the rest; with them, should these go away.
         self._loan = getattr(port, "__loan_slice_uninit", port.loan_slice_uninit)
         self._owned: dict[int, int] = {}
@@ -147,7 +146,7 @@ class Writer:
         return _send(sample)
 
     def lend(self, size: int) -> Loaned | None:
-        """Memory for a payload that somebody writes himself; None if all of ours is in use. Raises as `send` does."""
+        """Memory for a payload that the caller fills; None if all memory is in use. Raises as `send` does."""
         sample, address = self._slot(_APART_BYTES) if len(self.lent) < self._loans else (None, 0)
         if sample is None:
             return None
@@ -159,7 +158,7 @@ class Writer:
         return Loaned(self, sample, address, offset, memory)
 
     def greet(self) -> None:
-        """Give the history to those who have begun to read."""
+        """Give the history to new readers."""
         port = self._port
         if port is not None:
             with as_transport_error("greeting readers"):
@@ -260,7 +259,7 @@ class Writer:
 
 
 class Loaned:
-    """Memory that somebody writes to, ours until it is sent or forgotten."""
+    """Memory that the caller fills. It belongs to the port until it is sent or dropped."""
 
     def __init__(self, writer: Writer, sample: Any, address: int, offset: int, data: memoryview) -> None:
         self._writer, self._sample, self.address, self._offset, self.data = writer, sample, address, offset, data
@@ -321,7 +320,7 @@ class Reader:
         self._has_samples: Callable[[], bool] = port.has_samples
         self.share = share
         self._out: list[None] = []
-        """One for each sample that somebody still looks at. Appending and removing are one step each."""
+        """One entry for each sample in use. Appending and removing are atomic."""
 
     def read(self) -> Message | None:
         """The next message that is one of ours; None if there is none now."""
@@ -391,7 +390,7 @@ _message: Callable[[tuple[int, int, int, bytes, Payload]], Message] = partial(tu
 class _Lent(ctypes.c_uint8 * MAX_BYTES):  # type: ignore[misc]  # a class that ctypes makes
     """Where a payload lies. Its end is known to the views of it alone; it keeps the sample as long as there are any."""
 
-    frozen = True  # nobody writes here: see `wire.values.snapshot`
+    frozen = True  # read-only: see `wire.values.snapshot`
     sample: Any
     out: list[None]
     owner: object

@@ -1,4 +1,4 @@
-"""Publishers and subscribers. A publisher has a topic of its own; a subscriber reads those of all whom it hears."""
+"""Publishers and subscribers. Each publisher has a topic; a subscriber reads the topics of all its publishers."""
 
 from __future__ import annotations
 
@@ -39,19 +39,19 @@ SPARE = 8
 """Further ones for which there is room, since a reader may begin to read before it is counted."""
 
 SHARE = 8
-"""So many messages may be kept by a reader without being copied."""
+"""Maximum number of messages that a reader may keep without a copy."""
 
 SHARES = 16
-"""So many readers may do that; where there are more, each may keep less."""
+"""Maximum number of readers that may keep so many; with more readers, each may keep less."""
 
 LOANS = 16
-"""So many messages may be written at the same time."""
+"""Maximum number of messages that are written at the same time."""
 
 LOANING = 5.0
 """Seconds for which a loan waits for another thread that is sending."""
 
 PAUSE = 0.001
-"""Seconds between two attempts to have memory, when all of it is in use."""
+"""Seconds between two attempts to get memory when all of it is in use."""
 
 
 class Publisher(DirectoryLink["ShmTransport"], SupportsHeard, SupportsLoan):
@@ -112,7 +112,7 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsHeard, SupportsLoan):
         try:
             assert self._writer
             loaned = self._writer.lend(size)
-            if loaned is None:  # who borrows has a way without; to wait is for who sends, until his deadline
+            if loaned is None:  # no wait here: the caller can send without a loan, and waits then
                 raise TransportError(f"{self.channel.name}: all memory for messages is in use")
             return _Loan(self, loaned)
         finally:
@@ -148,7 +148,7 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsHeard, SupportsLoan):
             known = list(self._readers.values())
             self._credit.meet([each.receiver for each in known if each.receiver])
             self._wakers = [(each.waker, each.wakeup) for each in known]
-            self._writer.greet()  # who is new gets the history now
+            self._writer.greet()  # new readers get the history now
         for waker, number in self._wakers:
             waker.wake(number)
         return all(key in self._readers for key in there)
@@ -190,10 +190,10 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsHeard, SupportsLoan):
                 self._writer.close()
                 self._dynamic = None
 
-    # With every message. Whoever sends has the turn.
+    # For every message. The sending thread has the turn.
 
     def _take_turn(self, deadline: float) -> float:
-        """One message after the other. When there is no more time; the turn has to be given back."""
+        """Wait for the turn to send, which must be released afterwards. Returns when the deadline ends."""
         end = time.monotonic() + deadline
         self.take_turn(self._order, deadline)
         if self.closed.is_set() or self.transport.closed:
@@ -202,7 +202,7 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsHeard, SupportsLoan):
         return end
 
     def _is_to_be_written(self, size: int, end: float, deadline: float) -> bool:
-        """Whether there is anybody to read it, once all who are to read it have room for it."""
+        """Wait until all readers have room; whether there is a reader or a history to write for."""
         self._meet_new_readers()
         if self._lossless:
             ahead = self._ahead if size < _SMALL else max(FEW_AHEAD, min(self._ahead, BYTES_AHEAD // size))
@@ -221,9 +221,9 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsHeard, SupportsLoan):
             waker.wake(number)
 
     def _await_memory(self, end: float, deadline: float) -> bool:
-        """All memory for messages is in use: whether to try again, or to give the message up."""
+        """All memory for messages is in use: wait. Returns whether to try again; otherwise the message is dropped."""
         if not self._lossless:
-            self._sent += 1  # so that it is missed
+            self._sent += 1  # so that subscribers count it as lost
             self.stats.dropped += 1
             return False
         if time.monotonic() >= end:
@@ -241,13 +241,13 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsHeard, SupportsLoan):
             self.look()
 
     def _present(self) -> int:
-        """How many read, or are about to, as iceoryx2 knows."""
+        """The number of readers known to iceoryx2."""
         present = self._dynamic
         number: int = present.number_of_subscribers if present is not None else self._seen
         return number
 
     def _still(self) -> None:
-        """While we wait for readers: those that were killed are not waited for."""
+        """Called while waiting for readers, to stop waiting for killed ones."""
         self.check_open()
         for member_id, _ in list(self._readers):
             if not self.transport.directory.alive(member_id):
@@ -322,7 +322,7 @@ class Subscriber(SubscribingLink["ShmTransport"]):
     def connected(self) -> bool:
         try:
             return self.look()
-        except TransportError:  # said by the thread that looks after the links
+        except TransportError:  # the receiving thread logs it
             self.check_open()
             return False
 
@@ -350,7 +350,7 @@ class Subscriber(SubscribingLink["ShmTransport"]):
             all_heard = all_heard[turn:] + all_heard[:turn]
         for heard in all_heard:
             for _ in range(min(BATCH, self._depth)):
-                self._paused = True  # before looking: whoever makes room later sees this, and has us go on
+                self._paused = True  # before the check: a thread that makes room later sees this, and resumes
                 self._paused = self._lane.full
                 message = None if self._paused else heard.reader.read()
                 if message is None:
@@ -372,21 +372,21 @@ class Subscriber(SubscribingLink["ShmTransport"]):
         return (self._drain,) if taken else ()
 
     def _look_round(self) -> None:
-        """After one message was handed on: let its publisher know, and have the others read, if there are any."""
+        """After a message was delivered: tell its publisher, and read further messages."""
         for heard in tuple(self._heard.values()):
             self._note(heard)
             if not self._paused and heard.reader.has_more():
                 self.transport.attend(self)
 
     def _note(self, heard: _Heard) -> None:
-        """Let a publisher know how far we are."""
+        """Tell a publisher which messages were taken."""
         if self._receipts and heard.last != heard.noted:
             heard.noted = heard.last
             if self._receipts.took(heard.source, heard.last):
                 heard.call()
 
     def _begin(self, key: tuple[str, str], member: Member, channel: str) -> None:
-        """Have a publisher heard. One that cannot be heard now is tried again, as long as it is there."""
+        """Connect to a publisher. If that fails, it is tried again while the publisher exists."""
         number, source = key[1].split("/")
         waker = self.transport.waker(member)
         if waker is None:
@@ -403,21 +403,21 @@ class Subscriber(SubscribingLink["ShmTransport"]):
                 raise TransportError(f"{channel}: {exc}") from exc
             return
         reader = Reader(port, _share(service), self.transport.node.heaps)
-        self.transport.node.heaps.meet(packed(member.id))  # what is sent before it leaves is heard afterwards, too
+        self.transport.node.heaps.meet(packed(member.id))  # to read its last messages even after it has left
         self._heard[key] = _Heard(
             service, reader, channel, int(source, 16), partial(waker.wake, wakeup_of(int(number)))
         )
         waker.wake(wakeup_of(int(number)))
 
     def reconnect(self) -> None:
-        """Subscribe anew to the publishers from which nothing was heard."""
+        """Subscribe again to the publishers from which nothing was received."""
         with self._looking:
             for key in [key for key, heard in self._heard.items() if not heard.last]:
                 self._hear_out(self._heard.pop(key))
         self.look()
 
     def _hear_out(self, heard: _Heard) -> None:
-        """A publisher has left: what it has said before is still heard."""
+        """A publisher has left: read its last messages."""
         taken = 0
         with contextlib.suppress(TransportError):
             while (message := heard.reader.read()) is not None:

@@ -193,7 +193,7 @@ class Caller(CallingLink["ZeroMQTransport", Peer, bytes], AskingLink):
                 number, frames = self.request(peer, where, self._flags, left, payload, number)
                 stream.send(frames, wait)
                 reply = self._reply(peer, stream, number, end, deadline)
-            except BaseException:  # what comes there later is nobody's, and may have begun
+            except BaseException:  # a late reply must not reach the next call on this stream
                 stream.close()
                 raise
         except Gone as exc:

@@ -1,15 +1,15 @@
-"""CURVE: encryption, and who may talk to whom, for sockets that others than our own user can reach.
+"""CURVE: encryption and access rights for sockets that other users can reach.
 
     curve_key         file of our own key pair, as `zmq.auth.create_certificates` writes it (`NAME.key_secret`);
                       mode 0600, or 0640 if it is root's
-    curve_admitted    folder with the public keys (`*.key`) of those who may talk to us
-    curve_peers       folder with the public keys (`NAME.key`) of those whom `connect` names
+    curve_admitted    folder with the public keys (`*.key`) of admitted clients
+    curve_peers       folder with the public keys (`NAME.key`) of the servers in `connect`
     keys              a folder with all of them: `curve.key_secret`, `admitted`, `peers`; `rcdeploy keys` makes it
 
-A public key's file may say in a line `channels = "A B"` which channels that one may use of ours, or offer us; without
-that line, all. Sockets in files need no keys: the run-time folder is open to its user alone. Whoever connects is asked
-for by ZeroMQ at `ZAP`, an address within the process; the folder is read each time, so a key that is removed admits
-nobody any more.
+The file of a public key may restrict, in a line `channels = "A B"`, the channels that its owner may use or offer;
+without that line, it may use all. `ipc://` sockets need no keys: the run-time folder is open to its user alone. For
+each connection, ZeroMQ asks at `ZAP`, an address within the process. The folder is read each time, so a removed key
+loses its access at once.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ Secure = Callable[["zmq.Socket[Any]"], object]
 ZAP = "inproc://zeromq.zap.01"
 
 _DOMAIN = b"robocomp"
-"""For sockets behind which more than one channel is; one for a single channel has its name as domain."""
+"""The domain of sockets for several channels. For a single channel, the domain is its name."""
 
 _LONGEST_DOMAIN = 255
 """Octets; ZeroMQ's limit."""
@@ -47,12 +47,12 @@ _REASONS = {
     zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL: "it does not use CURVE, or has a wrong key of ours",
     zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL: "it did not finish the handshake; perhaps it does not use CURVE",
 }
-"""Why somebody is not let in, by the event that a socket's monitor tells."""
+"""Why a client is not admitted, by the event of a socket's monitor."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """Our key pair, and where the keys of others are."""
+    """The own key pair, and the folders with the keys of others."""
 
     public: bytes
     secret: bytes = field(repr=False)
@@ -60,7 +60,7 @@ class Curve:
     peers: Path | None = None
 
     def serve(self, socket: zmq.Socket[Any], channel: str = "") -> None:
-        """Let in whom we admit; if it is for one channel, those who may use that. Raises ConfigurationError."""
+        """Admit clients with a known key; for one channel, only those that may use it. Raises ConfigurationError."""
         domain = channel.encode() or _DOMAIN
         if len(domain) > _LONGEST_DOMAIN:
             raise ConfigurationError(
@@ -72,7 +72,7 @@ class Curve:
         socket.setsockopt(zmq.ZAP_DOMAIN, domain)
 
     def ask(self, server: bytes) -> Secure:
-        """For sockets that connect to one who has that public key."""
+        """Secure sockets that connect to the owner of that public key."""
 
         def secure(socket: zmq.Socket[Any]) -> None:
             socket.setsockopt(zmq.CURVE_SERVERKEY, server)
@@ -82,10 +82,10 @@ class Curve:
         return secure
 
     def rights(self, public: bytes) -> Rights | None:
-        """Of who has that key; None if we do not admit it."""
+        """The rights of the owner of that key; None if it is not admitted."""
         paths: list[Path] = []
         if self.admitted:
-            with contextlib.suppress(OSError):  # gone since we started: then nobody is
+            with contextlib.suppress(OSError):  # removed since the start: no key is admitted
                 paths = [path for path in self.admitted.iterdir() if path.suffix == ".key"]
         for path in paths:
             key, rights = read_public(path)
@@ -94,7 +94,7 @@ class Curve:
         return None
 
     def peer(self, name: str) -> tuple[bytes, Rights]:
-        """The key of somebody to connect to, and what we take from it. Raises ConfigurationError."""
+        """The public key of a server, and its rights. Raises ConfigurationError."""
         path = (self.peers or Path()) / f"{name.replace('/', '.')}.key"
         key, rights = read_public(path) if self.peers else (b"", Rights())
         if not key:
@@ -103,7 +103,7 @@ class Curve:
 
 
 class Gate:
-    """Answers ZeroMQ's questions whether to let somebody in (RFC 27), and knows who was."""
+    """Decides for ZeroMQ which clients to admit (RFC 27), and remembers them."""
 
     def __init__(self, curve: Curve) -> None:
         self._curve = curve
@@ -122,7 +122,7 @@ class Gate:
         return [version, request, b"400", b"not admitted", b"", b""]
 
     def rights(self, user: str) -> Rights:
-        """Of somebody who was let in."""
+        """The rights of an admitted client."""
         return self._inside.get(user, _NONE)
 
 
@@ -141,8 +141,8 @@ def configured(options: Mapping[str, Any]) -> Curve | None:
         return None
     if not key or not (admitted or peers):
         raise ConfigurationError(
-            "`curve_key` and `curve_admitted` go together: our own key, and the folder with those of who may talk to us"
-            " (or `curve_peers`, with those to whom we connect)"
+            "`curve_key` and `curve_admitted` go together: the own key, and the folder with keys of admitted clients"
+            " (or `curve_peers`, with the keys of servers)"
         )
     for name, given in (("curve_admitted", admitted), ("curve_peers", peers)):
         if given and not Path(given).is_dir():
@@ -152,7 +152,7 @@ def configured(options: Mapping[str, Any]) -> Curve | None:
 
 
 def key_pair(path: Path) -> tuple[bytes, bytes]:
-    """A public and a secret key from a file that nobody else may read; raises ConfigurationError."""
+    """A public and a secret key from a file that no other user may read; raises ConfigurationError."""
     try:
         text = read_private(path, "`curve_key`")
     except (OSError, UnicodeDecodeError) as exc:
@@ -166,10 +166,10 @@ def key_pair(path: Path) -> tuple[bytes, bytes]:
 
 
 def why_not(event: list[Any]) -> str:
-    """Why somebody was not let in, as a socket's monitor tells it."""
+    """Why a client was not admitted, by an event of a socket's monitor."""
     number, _ = struct.unpack("=hi", event[0])
     return _REASONS.get(number, f"event {number}")
 
 
 WATCHED = int(sum(int(event) for event in _REASONS))
-"""The events that a monitor is to tell."""
+"""The events that a monitor has to report."""

@@ -85,13 +85,13 @@ class ZeroMQTransport(DirectoryTransport):
                 "zeromq: `curve_key` is for the addresses that `bind` and `connect` name, and there are none"
             )
         if self._curve and self._bind and not self._curve.admitted:
-            raise ConfigurationError("zeromq: `bind` with keys needs `curve_admitted`: the keys of who may come there")
+            raise ConfigurationError("zeromq: `bind` with keys needs `curve_admitted`: the keys of admitted clients")
         if self._bind or connect:
             self.capabilities |= Capability.CROSS_HOST
         self._gate = Gate(self._curve) if self._curve else None
         if self._bind and self._curve is None and not _is_loopback(self._bind):
             log.warning(
-                "%s: listens at %s without keys: whoever reaches that may listen, ask and command",
+                "%s: listens at %s without keys: every host that reaches it may subscribe, call and command",
                 config.owner or "zeromq",
                 self._bind,
             )
@@ -360,7 +360,7 @@ class ZeroMQTransport(DirectoryTransport):
         """Log that a connection was not let in, and why; at most once in a second."""
         if time.monotonic() >= self._told_at + 1:
             self._told_at = time.monotonic()
-            log.warning("%s: somebody was not let in: %s", self._bind, why_not(event))
+            log.warning("%s: a connection was refused: %s", self._bind, why_not(event))
 
     def peer(self, member: Member, address: str) -> Peer:
         def make() -> Peer:

@@ -1,12 +1,12 @@
-"""ZMTP, what ZeroMQ speaks on the wire, for sides that connect to a socket in a file: no library, no thread between.
+"""ZMTP, the protocol of ZeroMQ, for clients of `ipc://` sockets: without the library and its thread.
 
     greeting     64 octets from both sides: signature, version 3.0, mechanism NULL
     handshake    a command READY from both sides, with the socket's type
     traffic      frames: flags (1 more follow, 2 long, 4 a command), length (one octet, or eight), body
 
-With the library a message passes through its I/O thread on both sides. That thread sleeps again a few microseconds
-after it had something to do, and waking it takes longer than all that we do in Python. Here the thread that asks
-writes to the kernel itself, and reads from it, large arrays right from and into their own memory.
+With the library, a message passes its I/O thread on both sides. That thread sleeps after a few idle microseconds, and
+waking it takes longer than all the work in Python. Here the calling thread writes to the kernel and reads from it
+itself, large arrays directly from and into their memory.
 """
 
 from __future__ import annotations
@@ -24,33 +24,33 @@ from ...wire.codec import MAX_BYTES
 from .frames import Frames
 
 SLICE_MS = 50
-"""After so long without progress who waits here is asked whether to go on."""
+"""Milliseconds without progress after which a `Wait` function is called."""
 
 Wait = Callable[[], object]
-"""Called when there was no progress for a while; raises if there is no point in going on."""
+"""Called when there was no progress for a while; raises to end the wait."""
 
 _MORE, _LONG, _COMMAND = 1, 2, 4
 _SHORTEST_LONG = 256
 _HEAD, _LONG_HEAD = struct.Struct(">BB"), struct.Struct(">BQ")
 
 _DONTWAIT, _WAITALL = int(socket.MSG_DONTWAIT), int(socket.MSG_WAITALL)
-"""To combine enumerations takes longer than to receive a small message."""
+"""Plain numbers: combining enumerations takes longer than receiving a small message."""
 
 _GREETING = b"\xff\0\0\0\0\0\0\0\1\x7f\3\0NULL".ljust(64, b"\0")
 _TIMEOUT = struct.Struct("@ll").pack(0, SLICE_MS * 1000)
 _MOMENT = struct.Struct("@ll").pack(0, 5000)
-"""For so long who hears waits for the rest of a large frame: once, since as a rule it comes at once."""
+"""How long a subscriber waits, once, for the rest of a large frame, which usually comes at once."""
 
 _ROOM = 1024 * 1024
-"""Octets that may be on their way to who answers, if the kernel allows: the more, the fewer changes of threads."""
+"""Octets on their way to a server, if the kernel allows: more octets mean fewer thread switches."""
 
 _FRAME = 4096
 _LONGEST = MAX_BYTES + 4096 * _FRAME
-"""Octets that a frame counts for besides its own, and those of a message; who announces more is not listened to."""
+"""Extra octets that each frame counts for, and the maximum octets of a message; a longer one ends the connection."""
 
 _CHUNK = 64 * 1024
 _APART = 8 * 1024
-"""A frame of more octets than this that is not all here yet gets memory of its own, and the rest is read into it."""
+"""An incomplete frame with more octets than this gets memory of its own, and the rest is read into it."""
 
 
 class Gone(ConnectionError):
@@ -58,16 +58,16 @@ class Gone(ConnectionError):
 
 
 class Garbled(Gone):
-    """The other side does not speak as we do, so that we listen to it no longer."""
+    """The other side violates the protocol."""
 
 
 class _Connection:
-    """What both kinds of connections have: the reading of messages. For one thread at a time."""
+    """The base of both kinds of connections: reads messages. For one thread at a time."""
 
     _waits = False
-    """Whether receiving waits: then who wanted a message is asked between two parts of it, however slowly they come."""
+    """Whether receiving waits. If so, it returns between two parts of a message, so that the caller may stop."""
     _how = _DONTWAIT
-    """To receive by."""
+    """The flags for receiving."""
 
     def __init__(self, kind: bytes) -> None:
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
@@ -76,17 +76,17 @@ class _Connection:
         self._recognized = self._greeted = False
         """Whether its greeting was read, and then its READY."""
         self._data, self._at = b"", 0
-        """What was received, and how much of that was used."""
+        """The received octets, and how many of them were used."""
         self._frames: Frames = []
         self._size = 0
-        """What there is of a message."""
+        """The frames of an incomplete message."""
         self._loaded = False
-        """Whether some was received since somebody wanted a message."""
+        """Whether anything was received since `receive` was called."""
         self._body: memoryview | None = None
         self._flags = self._filled = 0
         """A large frame of which some is missing."""
         self._hurry = 0
-        """How its rest is received: the kernel waits for it, but once."""
+        """The flags for its rest: the kernel waits for it, but only once."""
 
     @property
     def more(self) -> bool:
@@ -97,9 +97,9 @@ class _Connection:
         self._socket.close()
 
     def receive(self) -> Frames:
-        """The next message. Raises BlockingIOError if it was not all there for a while: call again, or do not; Gone.
+        """The next message. Raises BlockingIOError if it is not complete in time; call again. Raises Gone.
 
-        Large frames are read-only memory that nobody else has.
+        Large frames are read-only memory without other users.
         """
         if self._body is None and not self._frames:  # mostly the next message is one frame, and all there
             if self._at == len(self._data):
@@ -133,7 +133,7 @@ class _Connection:
                 self._fill(self._body)
                 memory: Any = self._body.obj
                 frame, self._body = self._body.toreadonly(), None
-                memory.flags.writeable = False  # by nobody: so it need not be copied to be sent on
+                memory.flags.writeable = False  # so it may be sent on without a copy
                 return self._flags, frame
             data, at = self._data, self._at
             if len(data) >= at + 9 or (len(data) >= at + 2 and not data[at] & _LONG):
@@ -207,7 +207,7 @@ class _Connection:
             try:
                 self._socket.send(_head(_COMMAND, len(pong)) + pong, _DONTWAIT)
             except BlockingIOError:
-                pass  # then it has other signs of life from us, or none
+                pass  # then the heartbeat stays unanswered
             except OSError as exc:
                 raise Gone(str(exc)) from exc
         elif name == b"ERROR":
@@ -215,9 +215,9 @@ class _Connection:
 
 
 class Stream(_Connection):
-    """A connection to a socket that answers, as a DEALER has one. Waits in slices.
+    """A connection to a server's socket, like that of a DEALER. Waits in slices.
 
-    Who gives up in the middle of something closes it: half a message may have been sent.
+    A caller that gives up must close it, since part of a message may have been sent.
     """
 
     _waits = True
