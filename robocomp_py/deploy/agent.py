@@ -1,9 +1,9 @@
 """`python -m robocomp_py.deploy.agent NAME`: the agent of another host, which `rcdeploy` starts there over SSH.
 
 The same launcher as on the machine of `rcdeploy`, behind lines of JSON on standard input and output (`hosts/lines.py`).
-When nobody is there any more (end of input, or silence), everything is stopped; unless the network says `lost keep`:
-then all goes on, and whoever comes next takes it over, by a socket beside the lock of the network. That one is always
-there: an agent that finds another one at work is its messenger, and nothing else.
+When the controller is lost (end of input, or silence), everything is stopped, unless the network says `lost keep`: then
+all processes keep running, and the next controller takes them over, by a socket beside the network's lock. It is always
+there: an agent that finds another one running only carries messages between it and the controller.
 
 Nothing of this imports what reads networks: it is not there.
 """
@@ -34,23 +34,23 @@ from .process import Process
 from .sockets import connected, listening
 
 GRACE = 4.0
-"""Seconds that a process has to end by itself when nobody is there any more, if the network does not say."""
+"""Seconds that a process has to end by itself when the controller is lost, if the network does not say."""
 
 AWAY = 1000
-"""Lines of output that are kept for who comes next."""
+"""Lines of output that are kept for the next controller."""
 
 BACKLOG = 4 * 1024 * 1024
 """Octets that may wait to be sent before lines of output are dropped, and counted."""
 
 WAITING = 10_000
-"""What may wait to be done."""
+"""Maximum number of commands that wait."""
 
-PATIENCE = 20.0
-"""Seconds for an agent that is just ending to be gone."""
+HANDOVER_TIMEOUT = 20.0
+"""Seconds to wait for an agent that is just ending."""
 
 
 class Session:
-    """Whoever tells us what to do, or their messenger."""
+    """The connection to a controller, direct or through another agent."""
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._reader, self._writer, self._lines = reader, writer, Lines(LONGEST)
@@ -59,7 +59,7 @@ class Session:
         self._dropped = 0
 
     async def messages(self, take: Callable[[Message], Awaitable[None]]) -> None:
-        """Have all that comes taken, one after the other, until nothing comes any more."""
+        """Handle all messages, one after the other, until the connection ends."""
         waiting: asyncio.Queue[Message | None] = asyncio.Queue(WAITING)
         async with asyncio.TaskGroup() as both:
             taking = both.create_task(_each(waiting, take))
@@ -69,7 +69,7 @@ class Session:
                     for message in self._lines.feed(data):
                         await waiting.put(message)
             while not waiting.empty():
-                waiting.get_nowait()  # of somebody who is not there any more
+                waiting.get_nowait()  # the controller has gone
             await waiting.put(None)
             await taking
 
@@ -100,7 +100,7 @@ async def _each(waiting: asyncio.Queue[Message | None], take: Callable[[Message]
 
 @dataclass
 class _Kept:
-    """A process that runs, for who comes next."""
+    """The state of a running process, for the next controller."""
 
     told: Message
     ready: bool = False
@@ -108,7 +108,7 @@ class _Kept:
     left: list[str] = field(default_factory=list)
     contracts: dict[str, Mapping[str, str]] = field(default_factory=dict)
     wanted: bool = True
-    """Whether who is there knows of it: not one of an earlier controller's that is not to run any more."""
+    """Whether the controller knows of it; false for a process of an earlier controller that is to end."""
     ended: asyncio.Event = field(default_factory=asyncio.Event)
 
 
@@ -119,7 +119,7 @@ class Agent(Listener):
         self._hosted = contextlib.ExitStack()
         self._session: Session | None = None
         self._heirs = 0
-        """How many wait to take over from who is there."""
+        """The number of controllers that wait to take over."""
         self._keep = False
         self._kept: dict[str, _Kept] = {}
         self._away: deque[tuple[str, str]] = deque(maxlen=AWAY)
@@ -130,7 +130,7 @@ class Agent(Listener):
         self._tasks: set[asyncio.Task[None]] = set()
 
     async def run(self, first: Session, found_at: socket.socket) -> None:
-        """Until told to close, or until nobody is there any more."""
+        """Run until told to close, or until the controller is lost."""
         self._server = await asyncio.start_unix_server(self._arrived, sock=found_at)
         self._task(self._converse(first))
         self._task(self._watch())
@@ -145,7 +145,7 @@ class Agent(Listener):
             await asyncio.gather(*self._tasks, return_exceptions=True)
 
     async def _fail(self, error: BaseException) -> None:
-        """Something is wrong with this program: tell, stop all, and end."""
+        """Report an error of the agent itself, stop all processes, and end."""
         if self._session:
             self._session.send(
                 tell="refused", why=f"its agent has failed: {error!r}; see {self._place.folder}/agent.log"
@@ -156,18 +156,18 @@ class Agent(Listener):
 
     @property
     def socket(self) -> Path:
-        """Where others find us."""
+        """The socket at which later agents find this one."""
         return self._place.folder / "agent"
 
     def _leave(self) -> None:
-        """Be found by nobody any more: who comes now is an agent of its own, as soon as we are gone."""
+        """Stop listening: the next agent works on its own, as soon as this one has ended."""
         self._ending = True
         server, self._server = self._server, None
         if server:
             self.socket.unlink(missing_ok=True)  # as long as it can only be ours
             server.close()
 
-    # Who is there.
+    # Controllers.
 
     def _arrived(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._task(self._converse(Session(reader, writer)))
@@ -180,7 +180,7 @@ class Agent(Listener):
             self._session = None
             await self._alone()
         elif self._launcher is None and self._session is None:
-            self._ended.set()  # who came has left before saying what to do
+            self._ended.set()  # the controller has left before it sent a command
 
     async def _watch(self) -> None:
         now = awake_since = time.monotonic()
@@ -200,8 +200,8 @@ class Agent(Listener):
                 self._task(self._alone())
 
     async def _alone(self) -> None:
-        """Nobody is there any more."""
-        if not (self._session or self._heirs or self._keep or self._ending):  # nor has anybody come meanwhile
+        """The controller is lost."""
+        if not (self._session or self._heirs or self._keep or self._ending):  # and no other controller has come
             self._leave()
             await self._stop(list(self._kept))
             await self._close()
@@ -254,7 +254,7 @@ class Agent(Listener):
                 session.heard_at = time.monotonic()
             return
         if session is not self._session or not self._launcher:
-            return  # somebody else has taken over meanwhile
+            return  # another controller has taken over meanwhile
         match message["do"]:
             case "start":
                 await self._start(session, message["process"])
@@ -289,9 +289,9 @@ class Agent(Listener):
             session.send(tell="output", name=name, line=line)
 
     async def _is_free(self, controller: str) -> bool:
-        """Whether nobody but this controller is there: another one is gone once its connection is closed, or silent.
+        """Whether no other controller is connected: one counts as gone once its connection is closed, or silent.
 
-        That may take a moment, and what it said before may still come: it is there if it is heard, and stays.
+        That may take a moment, and earlier messages may still arrive: a controller that sends new ones stays.
         """
         came, is_heard = time.monotonic(), False
         self._heirs += 1
@@ -308,7 +308,7 @@ class Agent(Listener):
     async def _begin(self, message: Message) -> None:
         middlewares = [name for name, _ in message["hosted"]]
         launcher = Launcher(self, self._name, middlewares, place=self._place, command=message["command"])
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + HANDOVER_TIMEOUT
         while True:
             try:
                 await launcher.open()
@@ -324,7 +324,7 @@ class Agent(Listener):
             raise DeploymentError(str(exc)) from exc
 
     async def _close_after(self, session: Session) -> None:
-        """End, once it was told why: by who raises now."""
+        """End after the caller has reported the error that it raises."""
         self._session = None
         self._leave()
 
@@ -363,7 +363,7 @@ class Agent(Listener):
             session.send(tell="started", name=process.name)
 
     async def _replace(self, names: list[str]) -> None:
-        """End what an earlier controller left running, of which this one is told nothing."""
+        """End what an earlier controller left running; the present one gets no events of it."""
         for name in names:
             self._kept[name].wanted = False
         await self._stop(names)
@@ -491,7 +491,7 @@ async def _pipes(into: int, out: int) -> tuple[asyncio.StreamReader, asyncio.Str
 async def _carry(
     here: tuple[asyncio.StreamReader, asyncio.StreamWriter], there: tuple[asyncio.StreamReader, asyncio.StreamWriter]
 ) -> None:
-    """Be the messenger between who came and the agent that is there, until one of them leaves."""
+    """Carry messages between a controller and the running agent, until one of them leaves."""
 
     async def carry(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         with contextlib.suppress(OSError):
@@ -508,7 +508,7 @@ async def _carry(
 
 
 def _say_into(path: Path) -> None:
-    """What is said to people from now on goes there: nobody may be there to read it, later."""
+    """Write further output to a file: the connection may be gone later."""
     log = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND | os.O_NOFOLLOW, 0o600)
     for descriptor in (1, 2):
         os.dup2(log, descriptor)
@@ -516,7 +516,7 @@ def _say_into(path: Path) -> None:
 
 
 def _tidy(found_at: Path) -> None:
-    """Leave nothing, unless there is something to be read, or an agent that came after us."""
+    """Remove the log and its folder, unless the log has content or a later agent listens."""
     log = found_at.with_name("agent.log")
     with contextlib.suppress(OSError):
         if not found_at.exists() and not log.stat().st_size:
@@ -525,7 +525,7 @@ def _tidy(found_at: Path) -> None:
 
 
 def main(arguments: list[str]) -> int:
-    into, out = os.dup(0), os.dup(1)  # for us alone: what else prints must not come between
+    into, out = os.dup(0), os.dup(1)  # kept for the protocol: other output must not get in between
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
     os.close(nothing)

@@ -28,7 +28,7 @@ from ..transports.network import Fault
 from ..transports.network import Way as Way
 from ..wire import names
 from .qos import lacking, unsupported_over
-from .routes import Aim, Configured, Everybody, met, unfit
+from .routes import Aim, ByChannel, Configured, met, unfit
 
 
 class Usable(Protocol):
@@ -121,10 +121,10 @@ def unsupported_by_others(configured: Sequence[Configured]) -> Iterator[Fault]:
 
 def _links(configured: Sequence[Configured]) -> Iterator[_Link]:
     """What instances use of others."""
-    everybody = Everybody(configured)
+    by_channel = ByChannel(configured)
     for client in configured:
         for port, operation, pattern in client.patterns(providing=False):
-            for aim, server, theirs in met(client, port, operation, everybody):
+            for aim, server, theirs in met(client, port, operation, by_channel):
                 if not (client.is_program and server.is_program):  # what those do is theirs to know
                     yield _Link(client, port, aim, operation, pattern, server, theirs)
 

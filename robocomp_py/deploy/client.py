@@ -24,7 +24,7 @@ from .ring import Line
 from .snapshot import HostStatus, ProcessStatus, Snapshot
 from .sockets import connected
 
-PATIENCE_S = 5.0
+ANSWER_TIMEOUT_S = 5.0
 """Within which a controller answers; it has nothing else to do that takes long."""
 
 LOOK_S = 0.1
@@ -116,9 +116,9 @@ class Connection:
         A connection that is lost before the answer is made again: other clients may have taken its place. A request
         that rcdeploy has read is always answered, so none is carried out twice.
         """
-        end = time.monotonic() + PATIENCE_S
+        end = time.monotonic() + ANSWER_TIMEOUT_S
         while True:
-            if self._told(do, **more) and (answer := self.answer(PATIENCE_S)) is not None:
+            if self._told(do, **more) and (answer := self.answer(ANSWER_TIMEOUT_S)) is not None:
                 return answer
             if time.monotonic() > end:
                 self._insist_running()
@@ -128,7 +128,7 @@ class Connection:
 
     def tell(self, do: str, **more: Any) -> None:
         """Send a request. Raises the same errors as making a connection."""
-        end = time.monotonic() + PATIENCE_S
+        end = time.monotonic() + ANSWER_TIMEOUT_S
         while not self._told(do, **more):
             if time.monotonic() > end:
                 self._insist_running()
@@ -140,7 +140,7 @@ class Connection:
         """Send a request. Returns whether the connection still existed."""
         request = json.dumps({"do": do, **more}).encode() + b"\n"
         try:
-            self._socket.settimeout(PATIENCE_S)
+            self._socket.settimeout(ANSWER_TIMEOUT_S)
             self._socket.sendall(request)
         except TimeoutError as exc:
             raise Stuck(self._stuck()) from exc
@@ -174,9 +174,9 @@ class Connection:
             f"too many programs connect to {Place(self.network).control}; end them, and try again"
         )
 
-    def answer(self, patience_s: float | None) -> dict[str, Any] | None:
+    def answer(self, timeout_s: float | None) -> dict[str, Any] | None:
         """The next answer; None if the other side has gone. Without patience: however long that takes."""
-        end = time.monotonic() + patience_s if patience_s is not None else None
+        end = time.monotonic() + timeout_s if timeout_s is not None else None
         while b"\n" not in self._rest:
             left = _LISTEN_S if end is None else end - time.monotonic()
             try:
@@ -215,7 +215,7 @@ def _connect(place: Place, coming_s: float = _COMING_S) -> socket.socket:
     end = time.monotonic() + coming_s
     while True:
         try:
-            return connected(place.control, PATIENCE_S)
+            return connected(place.control, ANSWER_TIMEOUT_S)
         except TimeoutError as exc:
             raise Stuck(f"the process that runs network `{place.network}` does not answer") from exc
         except OSError as exc:
@@ -251,7 +251,7 @@ def _another_version() -> DeploymentError:
 
 
 def restart(
-    connection: Connection, names: Collection[str], patience_s: float, tell: Callable[[list[str]], object]
+    connection: Connection, names: Collection[str], timeout_s: float, tell: Callable[[list[str]], object]
 ) -> list[ProcessStatus]:
     """Have processes started again, and wait until they are ready, or have ended. Returns how they are then.
 
@@ -260,14 +260,14 @@ def restart(
     """
     before = {each.name: each.starts for each in _reachable(connection.status(), names)}
     connection.ask("restart", names=list(names))
-    end, told = time.monotonic() + patience_s, list[str]()
+    end, told = time.monotonic() + timeout_s, list[str]()
     while True:
         now = [each for each in connection.status().processes if each.name in before]
         missing = [each.name for each in now if not _has_come(each, before[each.name])]
         if not missing:
             return now
         if time.monotonic() > end:
-            raise Stuck(f"not ready after {patience_s:g} s: {', '.join(missing)}; see: rcdeploy logs")
+            raise Stuck(f"not ready after {timeout_s:g} s: {', '.join(missing)}; see: rcdeploy logs")
         if missing != told:
             tell(missing)
             told = missing
@@ -294,7 +294,7 @@ def down(connection: Connection, grace_s: float | None, tell: Callable[[int, int
     `tell` is told how many of how many processes are still there, whenever that changes. Raises Stuck if it does not
     for longer than a process may take.
     """
-    patience_s = _LATE_S + (_longest_grace(connection.network) if grace_s is None else grace_s)
+    timeout_s = _LATE_S + (_longest_grace(connection.network) if grace_s is None else grace_s)
     connection.ask("down", **({} if grace_s is None else {"grace": grace_s}))
     place, last, end = Place(connection.network), -1, 0.0
     while place.runner() is not None:
@@ -304,11 +304,11 @@ def down(connection: Connection, grace_s: float | None, tell: Callable[[int, int
         except (NotRunning, NoSocket):
             there, processes = 0, ()  # it only cleans up
         if there != last:
-            last, end = there, time.monotonic() + patience_s
+            last, end = there, time.monotonic() + timeout_s
             if processes:
                 tell(there, len(processes))
         if time.monotonic() > end:
-            raise Stuck(f"{there} processes of network `{connection.network}` have not ended after {patience_s:g} s")
+            raise Stuck(f"{there} processes of network `{connection.network}` have not ended after {timeout_s:g} s")
         time.sleep(LOOK_S)
 
 
@@ -326,10 +326,10 @@ def lines(connection: Connection, names: Collection[str], count: int, *, follow:
 
     A line without a name says how many were lost on the way.
     """
-    end, heard = time.monotonic() + PATIENCE_S, False
+    end, heard = time.monotonic() + ANSWER_TIMEOUT_S, False
     connection.tell("logs", names=list(names), count=count, follow=follow)
     while True:
-        answer = connection.answer(None if follow else PATIENCE_S)
+        answer = connection.answer(None if follow else ANSWER_TIMEOUT_S)
         if answer is None:
             if not connection.goes_on():
                 return

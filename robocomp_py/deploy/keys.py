@@ -151,10 +151,10 @@ def files_of(plan: Plan, host: str, folder: Path) -> tuple[Path, ...]:
 
 def contents(graph: Graph) -> dict[str, tuple[str, ...]]:
     """What there is in the folder of each process and router once their keys are made, as paths in it, by its name."""
-    nobody = {each.name: b"" for each in graph.principals}
+    unnumbered = {each.name: b"" for each in graph.principals}
     found: dict[str, tuple[str, ...]] = {router_name(host): _OF_EACH for host in graph.routers}
     found |= {each.folder: _OF_PROCESS for each in graph.principals}
-    for folder, files in permissions(graph, nobody).items():
+    for folder, files in permissions(graph, unnumbered).items():
         owner, _, below = folder.partition("/")
         found[owner] += tuple(f"{below}/{file}" for file in files)
     return found

@@ -34,7 +34,7 @@ M = TypeVar("M")
 _TRIES, _PAUSE = 10, 0.03
 """How often the lock is tried while the network's runner lives: it may be just ending."""
 
-_TRIES_FOR_NOBODY = 170
+_TRIES_WITHOUT_RUNNER = 170
 """How often otherwise, for five seconds: a command that looks for the runner holds the lock for a moment, and so does a
 cleanup after a killed one; either may be held up."""
 
@@ -195,7 +195,7 @@ class Place:
         return self.folder / "pid"
 
     def _take(self) -> None:
-        for tried in range(_TRIES_FOR_NOBODY):
+        for tried in range(_TRIES_WITHOUT_RUNNER):
             try:
                 held = made_in(self.folder, self._opened)
             except OSError as exc:

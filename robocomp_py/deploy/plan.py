@@ -44,7 +44,7 @@ class Host:
     name: str
     address: str
     user: str = ""
-    """"" for whom SSH's own configuration names."""
+    """The user to log in as; "" for the one in SSH's own configuration."""
     port: int = 0
     """Of its SSH server; 0 for what SSH's own configuration says."""
     workdir: str = ""

@@ -42,8 +42,8 @@ from .plan import Link, OpenedTransport, Ours, Overrides, Plan, Security
 from .process import Member, Process
 from .qos import unsupported
 from .routes import (
+    ByChannel,
     Configured,
-    Everybody,
     check_routes,
     generated_for,
     providers,
@@ -563,12 +563,12 @@ class _Planner:
 
     def _outside(self) -> Iterator[str]:
         """What is found outside of the network, in words."""
-        everybody = Everybody([*self._configured, *self._programs])
+        by_channel = ByChannel([*self._configured, *self._programs])
         for each in self._configured:
             for port, name in each.operations(providing=False):
                 for aim in each.aims(port, name):
                     proxy = each.outside(port, name, aim)
-                    if proxy and not any(offers for _, offers in providers(each, port, aim, everybody)):
+                    if proxy and not any(offers for _, offers in providers(each, port, aim, by_channel)):
                         over = aim.middleware or each.middleware(port, name)
                         yield f"`{each.name}` finds `{port.label}` over {over} outside of the network: {proxy}"
 
@@ -695,11 +695,11 @@ class _Planner:
 
     def _requirements(self) -> Iterator[Requirement]:
         """The instances that each instance waits for at its start."""
-        everybody = Everybody(self._configured)
+        by_channel = ByChannel(self._configured)
         for client in self._configured:
             for port, operation in client.operations(providing=False):
                 own, *_ = client.aims(port, operation)
-                servers = [server.name for server, offers in providers(client, port, own, everybody) if offers]
+                servers = [server.name for server, offers in providers(client, port, own, by_channel) if offers]
                 if port.verb is Verb.REQUIRES and len(servers) == 1:
                     yield Requirement(client.name, port.interface.short, servers[0])
 

@@ -214,7 +214,7 @@ def unshared(middleware: str, instance: str) -> Fault:
     return Fault("unfit-middleware", message, "put it and its peers into one process: process NAME;", instance)
 
 
-class Everybody:
+class ByChannel:
     """The instances of a network, by how channels are called."""
 
     def __init__(self, configured: Iterable[Configured]) -> None:
@@ -233,7 +233,7 @@ def check_routes(configured: Sequence[Configured], instances: Collection[str], t
     are called in channels, with their namespaces; `told` are the middlewares whose unfitness has been told already.
     """
     found = [fault for each in configured for fault in _unfit_choices(each, told)]
-    everybody = Everybody(configured)
+    by_channel = ByChannel(configured)
     beside: dict[str, set[str]] = {}
     for channels in instances:
         namespace, _, name = channels.rpartition("/")
@@ -242,8 +242,8 @@ def check_routes(configured: Sequence[Configured], instances: Collection[str], t
         for port, operation in client.operations(providing=False):
             for aim in client.aims(port, operation):
                 if not client.outside(port, operation, aim):
-                    found += _check_aim(client, port, aim, everybody, beside)
-            for aim, server, theirs in met(client, port, operation, everybody):
+                    found += _check_aim(client, port, aim, by_channel, beside)
+            for aim, server, theirs in met(client, port, operation, by_channel):
                 found += _check_ends(client, port, aim, server, theirs, operation)
     return worth_telling(found)
 
@@ -257,21 +257,21 @@ def worth_telling(faults: Iterable[Fault]) -> list[Fault]:
 
 
 def providers(
-    client: Configured, port: Port, aim: Aim, everybody: Everybody
+    client: Configured, port: Port, aim: Aim, by_channel: ByChannel
 ) -> Iterator[tuple[Configured, list[Port]]]:
     """The instances whose channels a port looks for, with their ports that offer what it uses."""
     namespace, instance, segment = client.source(port, aim)
-    for server in everybody.called(namespace, instance):
+    for server in by_channel.called(namespace, instance):
         if server is client and instance == names.ANY:
             continue  # any instance is any other one
         yield server, server.offers(port, None if instance == names.ANY else segment)
 
 
-def met(client: Configured, port: Port, operation: str, everybody: Everybody) -> list[tuple[Aim, Configured, Port]]:
+def met(client: Configured, port: Port, operation: str, by_channel: ByChannel) -> list[tuple[Aim, Configured, Port]]:
     """Each provider that a port uses, once: by the first aim that suits it, or else by the first that means it."""
     found: dict[tuple[str, str], list[tuple[Aim, Configured, Port]]] = {}
     for aim in client.aims(port, operation):
-        for server, offers in providers(client, port, aim, everybody):
+        for server, offers in providers(client, port, aim, by_channel):
             for theirs in offers:
                 found.setdefault((server.name, theirs.name), []).append((aim, server, theirs))
     return [next((way for way in ways if _suits(*way, operation)), ways[0]) for ways in found.values()]
@@ -305,7 +305,7 @@ def _is_unfit(each: Configured, middleware: str) -> bool:
 
 
 def _check_aim(
-    client: Configured, port: Port, aim: Aim, everybody: Everybody, beside: Mapping[str, Collection[str]]
+    client: Configured, port: Port, aim: Aim, by_channel: ByChannel, beside: Mapping[str, Collection[str]]
 ) -> Iterator[Fault]:
     """Check that the named instance exists and offers what is used. `beside` has the instances of each namespace."""
     namespace, instance, segment = client.source(port, aim)
@@ -317,12 +317,12 @@ def _check_aim(
         message = f"`{client.name}` ({origin}): {unknown('instance', instance, there)}"
         yield Fault("unknown-instance", message, "", client.name)
         return
-    for server, offers in providers(client, port, aim, everybody):
+    for server, offers in providers(client, port, aim, by_channel):
         if instance != names.ANY and not offers:
             what = "implement" if port.verb is Verb.REQUIRES else "publish"
             origin = client.document.place(("ports", port.name, aim.said))
             message = f"`{client.name}` ({origin}): `{server.name}` does not {what} `{segment}`"
-            yield Fault("nobody-provides", message, "", client.name)
+            yield Fault("no-provider", message, "", client.name)
 
 
 def unmet(

@@ -39,17 +39,17 @@ def listening(path: Path) -> socket.socket:
     return made
 
 
-def connected(path: Path, patience_s: float) -> socket.socket:
+def connected(path: Path, timeout_s: float) -> socket.socket:
     """A connection to the server there. Raises TimeoutError if its queue stays full, OSError if nothing listens."""
     made = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_CLOEXEC)
     try:
         # With a time-out of Python's, the socket does not block: the kernel would refuse a full queue at once, and
         # blocking clients would take the place of one that tries again later. So the kernel does the waiting.
-        microseconds = max(int(patience_s * 1e6), 1)
+        microseconds = max(int(timeout_s * 1e6), 1)
         made.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, struct.pack("ll", *divmod(microseconds, 1_000_000)))
         with address(path) as name:
             made.connect(name)
-        made.settimeout(patience_s)
+        made.settimeout(timeout_s)
     except BlockingIOError as exc:
         made.close()
         raise TimeoutError(exc.errno, "too many clients wait there") from exc

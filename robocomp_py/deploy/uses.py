@@ -138,7 +138,7 @@ class _Wirer:
             offers = [(named, theirs) for theirs in named.component.ports if _offers(theirs) == _uses(port)]
             if not offers:
                 what = "implement" if port.verb is Verb.REQUIRES else "publish"
-                self._error("nobody-provides", f"`{wiring.instance}` does not {what} `{port.interface.short}`", at)
+                self._error("no-provider", f"`{wiring.instance}` does not {what} `{port.interface.short}`", at)
                 return
         else:
             offers = self._nearest(port)
@@ -187,10 +187,10 @@ class _Wirer:
         node = self.node
         if port.verb is Verb.REQUIRES:
             message = f"`{node.name}` requires `{port.interface.short}`, which no component implements"
-            self._error("nobody-provides", message, node.instance.name, self._instance_to_add(port))
+            self._error("no-provider", message, node.instance.name, self._instance_to_add(port))
         else:
             message = f"`{node.name}` subscribes to `{port.interface.short}`, which no component publishes"
-            self.report.warning("nobody-publishes", message, node.instance.name.span, self._instance_to_add(port))
+            self.report.warning("no-publisher", message, node.instance.name.span, self._instance_to_add(port))
 
     def _instance_to_add(self, port: Port) -> str:
         """How to get an instance of an imported component that offers what a port uses; "" if there is none."""

@@ -278,7 +278,7 @@ def closing() -> Iterator[Place]:
 def test_a_lost_connection_does_not_mean_that_the_network_ended(
     closing: Place, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(client, "PATIENCE_S", 0.3)
+    monkeypatch.setattr(client, "ANSWER_TIMEOUT_S", 0.3)
     with Connection("home") as connection:
         with pytest.raises(Stuck, match=r"`home` runs \(process \d+\), but it closed the connection .* too many"):
             connection.status()
@@ -458,7 +458,7 @@ def test_a_network_is_down_when_nothing_of_it_is_left(start: Start) -> None:
 
 
 def test_a_controller_that_does_not_answer_is_not_waited_for(running: Running, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(client, "PATIENCE_S", 0.05)
+    monkeypatch.setattr(client, "ANSWER_TIMEOUT_S", 0.05)
     goes_on = threading.Event()
     running.loop.call_soon_threadsafe(goes_on.wait, SOON)
     try:

@@ -208,7 +208,7 @@ def test_it_counts_also_if_it_has_ended_before_anybody_looks(tmp_path: Path, wit
     async def story(launcher: Launcher, heard: Heard) -> None:
         await launcher.start(program(NOTIFY + text))
         first = launcher._running["it"].pid
-        wait_until(lambda: {each.state for each in traces.everybody() if each.session == first} == {"Z"})
+        wait_until(lambda: {each.state for each in traces.all_processes() if each.session == first} == {"Z"})
         await heard.until("exited")
 
     told = launched(tmp_path, story).told
@@ -727,7 +727,9 @@ def test_a_keeper_that_is_killed_is_replaced(tmp_path: Path) -> None:
     os.kill(controller.keeper, signal.SIGKILL)
     wait_until(lambda: is_gone(controller.keeper))
     program = "robocomp_py.deploy.launcher.keeper"
-    wait_until(lambda: [e for e in traces.everybody() if e.parent == controller.running.pid and program in _command(e)])
+    wait_until(
+        lambda: [e for e in traces.all_processes() if e.parent == controller.running.pid and program in _command(e)]
+    )
     controller.kill()
     wait_until(lambda: is_gone(controller.one) and is_gone(controller.stray))
 

@@ -165,7 +165,7 @@ def test_while_nobody_who_runs_it_is_there_the_lock_is_waited_for(
 
 
 def test_whatever_stands_in_the_lock_somebody_holds_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("robocomp_py.deploy.place._TRIES_FOR_NOBODY", 1)
+    monkeypatch.setattr("robocomp_py.deploy.place._TRIES_WITHOUT_RUNNER", 1)
     place = Place("Patrol", tmp_path)
     place.take()
     for text in ("", "nonsense", json.dumps({"pid": []})):

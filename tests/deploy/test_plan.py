@@ -132,7 +132,7 @@ Component sieve { Communications { requires Laser; implements Laser; publishes L
     workspace = Workspace()
     assert make_plan(network, workspace) is None
     codes = [each.code for each in workspace.report.diagnostics if each.code.startswith("nobody")]
-    assert codes == ["nobody-provides", "nobody-publishes"]
+    assert codes == ["no-provider", "no-publisher"]
 
 
 @pytest.mark.parametrize(
@@ -144,7 +144,7 @@ def test_an_imported_component_that_offers_what_is_missing_is_proposed(folder: P
     assert make_plan(folder / "lone.ddsl", workspace) is None
     told = {each.code: each.hint for each in workspace.report.diagnostics if each.code.startswith("nobody")}
     hint = "write `Component sensor { };`" if "sensor" in imports else ""
-    assert told == {"nobody-provides": hint, "nobody-publishes": hint}
+    assert told == {"no-provider": hint, "no-publisher": hint}
 
 
 def test_each_of_several_ports_is_told_apart_and_gets_a_proposal_of_its_own(folder: Path) -> None:
@@ -206,11 +206,11 @@ def test_who_subscribes_hears_a_program_of_ones_own_beside_the_others(folder: Pa
 
 
 WRONG = {
-    "Component driver { };": ["nobody-provides"],
+    "Component driver { };": ["no-provider"],
     "Component a : sensor {}; Component b : sensor {}; Component driver { };": ["ambiguous-provider"],
     "Component sensor {}; Component fusion { requires Laser2 from sensor; };": ["unknown-port"],
     "Component sensor {}; Component driver { requires Laser from senser; };": ["unknown-instance"],
-    "Component sensor {}; Component d : driver {}; Component driver { requires Laser from d; };": ["nobody-provides"],
+    "Component sensor {}; Component d : driver {}; Component driver { requires Laser from d; };": ["no-provider"],
     "Component sensor {}; Component sensor {};": ["duplicate"],
     "Component sensor : sensr { };": ["unknown-component"],
     "Component sensor { dependences laser; };": ["unknown-instance"],
@@ -340,7 +340,7 @@ def test_an_override_for_an_instance_that_is_not_there_is_told_as_it_was_given(
 def test_a_subscription_nobody_publishes_is_a_warning(folder: Path) -> None:
     found, diagnostics = plan(folder, "Component recorder { };")
     assert found is not None
-    assert [(each.code, each.severity) for each in diagnostics] == [("nobody-publishes", "warning")]
+    assert [(each.code, each.severity) for each in diagnostics] == [("no-publisher", "warning")]
 
 
 def test_an_empty_network_is_a_warning(folder: Path) -> None:
@@ -531,8 +531,8 @@ SOURCES = {
     "/senser/Laser": ["unknown-instance"],
     "/robot2/senser/Laser": [],
     "sensor": [],
-    "sensor/Laser1": ["nobody-provides"],
-    "driver": ["nobody-provides"],
+    "sensor/Laser1": ["no-provider"],
+    "driver": ["no-provider"],
 }
 
 

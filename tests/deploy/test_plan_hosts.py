@@ -294,7 +294,7 @@ def test_a_program_of_another_host_is_looked_for_there_if_its_whole_path_is_give
 def test_what_others_use_of_an_existing_program_is_checked_like_anything_else(folder: Path) -> None:
     body = 'Component sensor { existing "sleep 60"; }; Component recorder { };'
     assert errors(folder, body) == ["qos-mismatch"]
-    assert errors(folder, 'Component driver { existing "sleep 60"; };') == ["nobody-provides"]
+    assert errors(folder, 'Component driver { existing "sleep 60"; };') == ["no-provider"]
 
 
 def test_an_existing_program_is_not_configured_from_here(folder: Path) -> None:

@@ -225,7 +225,7 @@ def test_what_runs_outside_of_the_network_is_found_by_its_proxy(folder: Path) ->
     found = planned(folder, body, OVER_ICE)
     note = "`driver` finds `Laser` over ice outside of the network: laser:tcp -h localhost -p 10003"
     assert [each for each in found.notes if "outside" in each] == [note]
-    assert errors(folder, body) == ["nobody-provides"]  # it does not go over Ice
+    assert errors(folder, body) == ["no-provider"]  # it does not go over Ice
 
 
 # On several.

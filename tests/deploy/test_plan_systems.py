@@ -130,7 +130,7 @@ def test_all_namespaces_can_still_be_changed_at_once(folder: Path) -> None:
         ),
         ("System a { Component driver { requires Laser from b/sensor; }; };", ["unknown-instance"]),
         ("System a { Component sensor { }; System b { Component recorder { }; }; };", ["qos-mismatch"]),
-        ("System a { Component driver { }; };", ["nobody-provides"]),
+        ("System a { Component driver { }; };", ["no-provider"]),
         (
             "middleware zeromq; System a { Component sensor { }; }; Component driver { middleware dds; };",
             ["middleware-mismatch"],

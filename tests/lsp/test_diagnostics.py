@@ -65,7 +65,7 @@ def test_a_component_that_provides_nothing_more_is_told_to_its_network(editor: E
     editor.open("game.ddsl")
     editor.open("arm/arm.cdsl")
     editor.change("arm/arm.cdsl", FILES["arm/arm.cdsl"].replace("implements Arm;", ""))
-    editor.until(lambda: "nobody-provides" in editor.codes("game.ddsl"))
+    editor.until(lambda: "no-provider" in editor.codes("game.ddsl"))
 
 
 def test_what_is_closed_has_no_diagnostics_any_more(editor: Editor) -> None:

@@ -43,7 +43,7 @@ from .lines import (
 
 log = logging.getLogger("robocomp.deploy")
 
-PATIENCE = 60.0
+ANSWER_TIMEOUT = 60.0
 """Seconds for a host to get ready, and to start one process."""
 
 CLOSING = 25.0
@@ -116,10 +116,10 @@ class RemoteAgent(Agent):
         self._starting[process.name] = answer
         try:
             self._send(do="start", process=told(process, self._command(process), self._folder))
-            async with asyncio.timeout(PATIENCE):
+            async with asyncio.timeout(ANSWER_TIMEOUT):
                 await answer
         except TimeoutError as exc:
-            message = f"{process.name}: {ssh.called(self._host)} has not started it within {PATIENCE:g} s"
+            message = f"{process.name}: {ssh.called(self._host)} has not started it within {ANSWER_TIMEOUT:g} s"
             raise DeploymentError(message) from exc
         finally:
             self._starting.pop(process.name, None)
@@ -166,13 +166,13 @@ class RemoteAgent(Agent):
         source = Path(__file__).with_name("bootstrap.py").read_text(encoding="utf-8")
         channel = await ssh.run(self._host, [self._host.python, "-c", source, json.dumps(asked)], **self._options)
         try:
-            async with asyncio.timeout(PATIENCE):
+            async with asyncio.timeout(ANSWER_TIMEOUT):
                 told = _Told(channel)
                 boot = await self._told(told, channel, "boot")
             self._root, self._python, self._folder = boot["root"], boot["python"], boot["folder"]
             if not boot["there"]:
                 await self._deliver(channel, self._bundle)
-            async with asyncio.timeout(PATIENCE):
+            async with asyncio.timeout(ANSWER_TIMEOUT):
                 hello = await self._told(told, channel, "hello")
                 self.kept = [shown(str(name)) for name in hello["kept"]]
                 self._check_version(hello)
@@ -180,7 +180,7 @@ class RemoteAgent(Agent):
                 await self._told(told, channel, "opened")
         except (OSError, asyncssh.Error, TimeoutError, Misunderstood) as exc:
             channel.abort()
-            why = f"no answer within {PATIENCE:g} s" if isinstance(exc, TimeoutError) else shown(str(exc))
+            why = f"no answer within {ANSWER_TIMEOUT:g} s" if isinstance(exc, TimeoutError) else shown(str(exc))
             raise HostUnreachable(f"{ssh.called(self._host)}: the agent there did not start: {why}") from exc
         except BaseException:
             channel.abort()
@@ -235,7 +235,7 @@ class RemoteAgent(Agent):
                 told_at = start * 10 // size
                 self._note(f"{self._host.name}: {told_at * 10} % of {size / 1e6:.1f} MB sent")
             channel.writer.write(bundle.packed[start : start + _CHUNK])
-            async with asyncio.timeout(PATIENCE):
+            async with asyncio.timeout(ANSWER_TIMEOUT):
                 await channel.writer.drain()
 
     def _command(self, process: Process) -> tuple[str, ...]:

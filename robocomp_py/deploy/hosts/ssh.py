@@ -19,7 +19,7 @@ from ..plan import Host
 from .lines import shown
 from .trusting import Presented, host_of, known_keys
 
-PATIENCE = 15.0
+CONNECT_TIMEOUT = 15.0
 """Seconds for a host to let us in."""
 
 
@@ -41,7 +41,7 @@ class Channel:
     async def said(self) -> str:
         """What the program, or the shell that was to start it, said about what went wrong; and how it ended."""
         try:
-            async with asyncio.timeout(PATIENCE):
+            async with asyncio.timeout(CONNECT_TIMEOUT):
                 text = shown((await self._process.stderr.read(4000)).decode(errors="replace")).strip()
                 await self._process.wait_closed()
         except (TimeoutError, OSError, asyncssh.Error):
@@ -58,7 +58,7 @@ class Channel:
         self._process.close()
         self._connection.close()
         try:
-            async with asyncio.timeout(PATIENCE):
+            async with asyncio.timeout(CONNECT_TIMEOUT):
                 await self._connection.wait_closed()
         except TimeoutError:
             self._connection.abort()
@@ -87,8 +87,8 @@ async def connect(host: Host, **options: Any) -> asyncssh.SSHClientConnection:
         "agent_forwarding": False,
         "password_auth": False,
         "kbdint_auth": False,
-        "connect_timeout": PATIENCE,
-        "login_timeout": PATIENCE,
+        "connect_timeout": CONNECT_TIMEOUT,
+        "login_timeout": CONNECT_TIMEOUT,
         "keepalive_interval": 5,
         "keepalive_count_max": 3,
     }
@@ -116,7 +116,11 @@ def presented(target: str) -> Presented:
 async def key_of(host: Host, **options: Any) -> Presented:
     """The key that a host presents, unchecked and without a login. Raises HostUnreachable."""
     watch = _KeyWatch()
-    asked: dict[str, Any] = {"known_hosts": _nothing_known, "connect_timeout": PATIENCE, "login_timeout": PATIENCE}
+    asked: dict[str, Any] = {
+        "known_hosts": _nothing_known,
+        "connect_timeout": CONNECT_TIMEOUT,
+        "login_timeout": CONNECT_TIMEOUT,
+    }
     asked |= {"port": host.port} if host.port else {}
     try:
         connection, _ = await asyncssh.create_connection(lambda: watch, host.address, **(asked | options))
@@ -176,7 +180,7 @@ def _target(host: Host, *, for_us: bool = False) -> str:
 
 def _reason(exc: Exception) -> str:
     if isinstance(exc, TimeoutError):
-        return f"no answer in {PATIENCE:g} s"
+        return f"no answer in {CONNECT_TIMEOUT:g} s"
     if isinstance(exc, OSError):
         return exc.strerror or str(exc) or type(exc).__name__
     return shown(getattr(exc, "reason", "") or str(exc)) or type(exc).__name__

@@ -25,7 +25,7 @@ def main() -> None:
     network, folder = sys.argv[1:3]
     left = Leftovers()
     for line in sys.stdin:
-        heed(left, line.rstrip("\n"))
+        take(left, line.rstrip("\n"))
     if not left.launch:
         return  # the launcher ended before it could start anything
     left.end()
@@ -36,7 +36,7 @@ def main() -> None:
     clear_up()
 
 
-def heed(left: Leftovers, line: str) -> None:
+def take(left: Leftovers, line: str) -> None:
     """What the launcher says."""
     kind, rest = line[:1], line[1:]
     if kind == "=":

@@ -256,9 +256,9 @@ class Launcher(Agent):
         self._record.add(pid, running.started)
         self._keeper.started(pid, running.started)
         self._wait_for(running, pid)
-        notified.heed = lambda note, sender: self._heed(running, note, sender)
+        notified.take = lambda note, sender: self._handle(running, note, sender)
         for note, sender in early:
-            self._heed(running, note, sender)
+            self._handle(running, note, sender)
         if not process.notifies:
             self._ready(running)
 
@@ -435,7 +435,7 @@ class Launcher(Agent):
 
     # Hearing.
 
-    def _heed(self, running: _Running, note: Note, sender: int) -> None:
+    def _handle(self, running: _Running, note: Note, sender: int) -> None:
         if not self._counts(running, sender):
             if not running.warned:
                 running.warned = True

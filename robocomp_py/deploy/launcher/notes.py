@@ -71,11 +71,11 @@ def read(datagram: bytes) -> Note:
     for line in datagram[:MAX].decode(errors="replace").split("\n"):
         key, found, value = line.partition("=")
         if found:
-            _heed(note, f"{key}=", value)
+            _read(note, f"{key}=", value)
     return note
 
 
-def _heed(note: Note, key: str, value: str) -> None:
+def _read(note: Note, key: str, value: str) -> None:
     match key:
         case "READY=":
             note.ready = note.ready or value == "1"

@@ -17,11 +17,11 @@ _AT_ONCE = 16
 
 
 class Notified:
-    """`heed(note, pid)` is called for each datagram, with the id of the process that the kernel says it is from."""
+    """`take(note, pid)` is called for each datagram, with the id of the process that the kernel says it is from."""
 
-    def __init__(self, path: Path, heed: Callable[[Note, int], None]) -> None:
+    def __init__(self, path: Path, take: Callable[[Note, int], None]) -> None:
         """Raises OSError."""
-        self._path, self.heed = path, heed
+        self._path, self.take = path, take
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
         try:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)
@@ -42,7 +42,7 @@ class Notified:
                 return
             for level, kind, content in ancillary:
                 if (level, kind) == (socket.SOL_SOCKET, socket.SCM_CREDENTIALS):
-                    self.heed(read(told), _CREDENTIALS.unpack(content[: _CREDENTIALS.size])[0])
+                    self.take(read(told), _CREDENTIALS.unpack(content[: _CREDENTIALS.size])[0])
 
     def close(self) -> None:
         """May be called twice."""

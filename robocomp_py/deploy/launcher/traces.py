@@ -65,7 +65,7 @@ def read(pid: int, stat: bytes) -> Trace:
     return Trace(pid, words[0].decode(), parent, session, started, sum(ticks), pages)
 
 
-def everybody() -> Iterator[Trace]:
+def all_processes() -> Iterator[Trace]:
     with os.scandir("/proc") as entries:
         pids = [int(entry.name) for entry in entries if entry.name.isdecimal()]
     for pid in pids:
@@ -86,7 +86,7 @@ def environment(pid: int) -> Mapping[str, str]:
 
 def marked(launch: str) -> list[Trace]:
     """All living processes that a launch has started, directly or not."""
-    return [each for each in everybody() if each.state != "Z" and environment(each.pid).get(LAUNCH) == launch]
+    return [each for each in all_processes() if each.state != "Z" and environment(each.pid).get(LAUNCH) == launch]
 
 
 def family(names: Mapping[str, int], launch: str) -> dict[str, list[Trace]]:
@@ -94,7 +94,7 @@ def family(names: Mapping[str, int], launch: str) -> dict[str, list[Trace]]:
 
     They are found by session, by descent, and, if their parents are gone, by environment.
     """
-    living = {each.pid: each for each in everybody() if each.state != "Z"}
+    living = {each.pid: each for each in all_processes() if each.state != "Z"}
     heads = {pid: name for name, pid in names.items()}
     found: dict[str, list[Trace]] = {name: [] for name in names}
     for each in living.values():

@@ -94,24 +94,24 @@ def get_ready(middlewares: Sequence[str]) -> None:
 
 def _stop_threads() -> None:
     """Numpy's library starts threads when it is imported, and stops them at the first fork."""
-    nobody = os.fork()
-    if not nobody:
+    child = os.fork()
+    if not child:
         os._exit(0)
-    os.waitpid(nobody, 0)
+    os.waitpid(child, 0)
 
 
 def _rehearse(carrier: str) -> None:
     """Begin as a component does, without any effect: what is computed at the first time only is computed here."""
 
-    class Nobody(Worker[None]):
-        component = Component("nobody", ports=())
+    class Nothing(Worker[None]):
+        component = Component("nothing", ports=())
         middleware = carrier
 
     with contextlib.suppress(ConfigurationError):  # by something in the environment; components tell that
-        options = read_plain(["--name", "nobody", "--set", "component.period=1.0"])
+        options = read_plain(["--name", "nothing", "--set", "component.period=1.0"])
         assert options is not None
-        prepare(Nobody, options)
-    own = port_of(Nobody.component)
+        prepare(Nothing, options)
+    own = port_of(Nothing.component)
     assert own is not None
     for operation, pattern in own.interface.under(own.verb):
         type_of(operation, pattern)

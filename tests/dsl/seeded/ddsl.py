@@ -116,7 +116,7 @@ SEEDS = [
         _FILE,
         {"requires Laser from front;": "", "Component explorer": "Component «explorer»"},
     ),
-    Seed("a wire to who does not implement it", "nobody-provides", _FILE, {"from front": "from «explorer»"}),
+    Seed("a wire to who does not implement it", "no-provider", _FILE, {"from front": "from «explorer»"}),
     Seed(
         "two that wait for each other",
         "dependence-cycle",
