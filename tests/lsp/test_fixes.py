@@ -126,6 +126,7 @@ NOT_FIXABLE = {
     "config-missing",
     "config-not-understood",
     "config-out-of-range",
+    "config-renamed-key",
     "config-syntax",
     "config-unknown-key",
     "config-unknown-value",
