@@ -55,7 +55,7 @@ from robocomp_py.transports.zenoh.messages import Message
 from robocomp_py.transports.zenoh.session import open_client, open_router
 from robocomp_py.transports.zenoh.topics import Subscriber
 from robocomp_py.transports.zenoh.transport import ZenohTransport
-from robocomp_py.transports.zenoh.watching import neighbourhoods
+from robocomp_py.transports.zenoh.watching import peer_prefixes
 from robocomp_py.wire import header
 from tests.freeports import free_port
 
@@ -306,7 +306,7 @@ def test_garbage_that_comes_while_nobody_asks_is_in_nobodys_way(transport: Zenoh
     caller: Any = transport.caller(query("a/b/c"))
     assert caller.wait_peer(SOON)
     assert caller.ask(blob(transport, b"x"), SOON).status is Status.OK
-    for line in transport.lines:
+    for line in transport.links_by_id:
         other.put(address(line), None, b"noise")
     assert caller.ask(blob(transport, b"x"), SOON).status is Status.OK
     server.close()
@@ -386,20 +386,20 @@ def test_a_transport_hears_of_those_that_its_links_may_face_and_of_nobody_else(
 def test_who_provides_something_looks_for_those_as_well_who_name_nobody(
     role: str, channel: str, found: list[str]
 ) -> None:
-    assert neighbourhoods(role, channel) == found
+    assert peer_prefixes(role, channel) == found
 
 
 def test_a_server_that_nobody_told_us_has_gone_is_neither_waited_for_nor_in_the_way(transport: ZenohTransport) -> None:
     """Zenoh may tell who joins of a server that dies just then, and never of its death."""
     ghost = f"rc_lv/0/serves/-/{1:016x}/1/{2**40:016x}/a/b/c"
-    transport.table.hear(ghost, True)
+    transport.table.update(ghost, True)
     caller = transport.caller(query("a/b/c"))
     with pytest.raises(Timeout):
         caller.ask(blob(transport, b"?"), 0.1)
     wait_until(lambda: not transport.table.find("serves", "a/b/c"))
     with pytest.raises(Unreachable):
         caller.ask(blob(transport, b"?"), SOON)
-    transport.table.hear(ghost, True)
+    transport.table.update(ghost, True)
     transport.server(query("a/b/c"), answering(transport, bytes.upper))
     assert caller.ask(blob(transport, b"x"), SOON).status is Status.OK
 
@@ -416,7 +416,7 @@ def test_history_is_asked_for_again_if_its_publisher_came_back_meanwhile(
             return inquire(link, what, channel)
         (token,) = other.table.find("publishes", "a/b/c")
         for there in (False, True):
-            other._news(other.key("rc_lv", token.key_expr()), there)
+            other._update(other.key("rc_lv", token.key_expr()), there)
             other._look()
         return [], True
 
@@ -446,11 +446,11 @@ def test_who_never_tells_all_of_its_history_is_heard_all_the_same(
     assert outlet.wait_peer(SOON)
     outlet.send(blob(transport, b"news"))
     assert inbox.get(timeout=SOON) == b"news"
-    assert "not all that its publisher has latched" in caplog.text
+    assert "not all latched messages of its publisher" in caplog.text
 
 
 def test_a_subscriber_that_nobody_told_us_has_gone_is_not_waited_for_long(transport: ZenohTransport) -> None:
-    transport.table.hear(f"rc_lv/0/subscribes/rl/{1:016x}/1/{2**40:016x}/a/b/c", True)
+    transport.table.update(f"rc_lv/0/subscribes/rl/{1:016x}/1/{2**40:016x}/a/b/c", True)
     outlet = transport.outlet(topic("a/b/c", QoS(Reliability.RELIABLE, depth=1)))
     for _ in range(3):
         outlet.send(blob(transport, b"news"), SOON)
@@ -463,7 +463,7 @@ def test_whoever_keeps_a_token_is_there_unless_its_transport_says_otherwise(
     """Zenoh may find a token that has been taken back; a plain program may answer nothing but requests."""
     link: Any = other.inlet(topic("a/b/c"), lambda payload: None)
     wait_until(lambda: [*outsider.liveliness().get(f"rc_lv/0/subscribes/*/*/*/{link.id:016x}/a/b/c")])
-    del other.lines[link.id]
+    del other.links_by_id[link.id]
     plain = outsider.liveliness().declare_token(f"rc_lv/0/subscribes/-/{1:016x}/1/{2**40:016x}/a/b/c")
     transport.outlet(topic("a/b/c"))
     wait_until(lambda: len(transport.table.find("subscribes", "a/b/c")) == 2)
@@ -471,7 +471,7 @@ def test_whoever_keeps_a_token_is_there_unless_its_transport_says_otherwise(
         transport.confirm(token)
     assert [token.link for token in transport.table.find("subscribes", "a/b/c")] == [2**40]
     plain.undeclare()
-    other.lines[link.id] = link
+    other.links_by_id[link.id] = link
 
 
 def test_of_two_looks_the_later_one_counts(transport: ZenohTransport, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -489,7 +489,7 @@ def test_of_two_looks_the_later_one_counts(transport: ZenohTransport, monkeypatc
     first = threading.Thread(target=link.look)
     first.start()
     assert interrupted.wait(SOON)
-    transport.table.hear(f"rc_lv/0/publishes/-/{1:016x}/1/{2**40:016x}/a/b/c", True)
+    transport.table.update(f"rc_lv/0/publishes/-/{1:016x}/1/{2**40:016x}/a/b/c", True)
     second = threading.Thread(target=link.look)
     second.start()
     on.set()
@@ -761,7 +761,7 @@ def test_a_router_elsewhere_can_be_used() -> None:
 
 
 def test_who_is_asked_to_end_does_not_go_on_waiting_for_a_router() -> None:
-    with pytest.raises(Closed, match="asked to end while waiting for a router"):
+    with pytest.raises(Closed, match="stopped while waiting for a router"):
         ZenohTransport(TransportConfig({"connect": f"tcp/127.0.0.1:{free_port()}"}, wanted=lambda: False))
 
 

@@ -295,7 +295,7 @@ def refused(world: World, name: str = "viewer") -> None:
     [
         ("none", "it asks for a certificate, and this process has none; start it with --keys FOLDER"),
         ("expired", "the certificate of this process has expired"),
-        ("foreign", "it knows another authority"),
+        ("foreign", "it trusts another authority"),
         ("foreign router", "it is not the router of this network"),
         ("plain", "it speaks TLS only"),
     ],
@@ -312,7 +312,7 @@ def test_whom_the_router_turns_away_is_told_why_and_not_that_none_answers(world:
     options = {"connect": world.endpoint, "keys": str(world.keys / "viewer")}
     if what in ("none", "plain"):
         options = {"connect": f"{'tls' if what == 'none' else 'tcp'}/127.0.0.1:{world.port}"}
-    with pytest.raises(Refused, match=f"turns this process away: {why}"):
+    with pytest.raises(Refused, match=f"refuses this process: {why}"):
         ZenohTransport(TransportConfig(options))
 
 
@@ -326,7 +326,7 @@ def test_a_router_that_comes_back_with_another_authority_is_told(
         foreign = certificates.make_authority("x", NOW)
         rewrite(world, "router@", certificates.issue(foreign, "router@", ("127.0.0.1",), NOW, 30, serves=True))
         with sessions.named_router("Patrol", world.router_settings()):
-            told = "turns this process away: it is not the router of this network"
+            told = "refuses this process: it is not the router of this network"
             wait_until(lambda: told in caplog.text)
             with pytest.raises(Unreachable):
                 viewer.caller(DIVIDE).ask(b"", 0.1)

@@ -21,7 +21,7 @@ def test_links_beyond_a_bound_are_not_noted_and_that_is_told_once(
     noted = Table()
     assert sum(noted.hear(key(link), there=True) for link in range(1000)) == 100
     assert len(noted.find("serves", CHANNEL)) == 100
-    assert caplog.text.count("more ends of robot/arm/Arm/move are announced") == 1
+    assert caplog.text.count("robot/arm/Arm/move: too many links are announced") == 1
     assert noted.hear(key(1, "robot/arm/Arm/stop"), there=True)  # others have room
     assert noted.hear(key(99), there=False)
     assert noted.hear(key(1000), there=True)

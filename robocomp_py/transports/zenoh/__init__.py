@@ -1,24 +1,24 @@
 """Transport `zenoh`: every component is a client of one router (see `session`).
 
     rc/<domain>/<channel>                 publications and commands: payload in CDR, our header as the attachment
-    rc_to/<domain>/<transport>/<number>   the same, to one link: a request to its server, an answer to who asked
-    rc_lv/<domain>/…/<link>/<channel>     a liveliness token for each link: who is there (`Token`)
-    rc_ack/<domain>/<transport>/<number>  to a link: "this message of yours was taken"
-    rc_ask/<domain>/<transport>/<number>  of a link: `/text`, its contract; `/history`, its latched messages
+    rc_to/<domain>/<transport>/<number>   the same, to one link: a request to a server, a reply to a client
+    rc_lv/<domain>/…/<link>/<channel>     a liveliness token for each link (`Token`), for discovery
+    rc_ack/<domain>/<transport>/<number>  acknowledgements to a link: "I have taken your messages up to this one"
+    rc_ask/<domain>/<transport>/<number>  inquiries to a link: `/text` (its contract), `/history` (latched messages)
 
-A link's id, which is also the client or source of its headers, is 40 bits of its transport and 24
-of its own number, so whoever has got a message from it knows where to answer, to acknowledge and
-to ask. Calls are two such messages, which is quicker than a query of Zenoh's; for programs that
-know only those, `rc/<domain>/<channel>` of a server answers them, too.
+A link's id consists of 40 bits that identify its transport and 24 bits that number the link. It is
+also the client or source in headers, so the receiver of a message knows where to send a reply, an
+acknowledgement or an inquiry. A call is two such messages, which is faster than a Zenoh query. A
+server also answers Zenoh queries at `rc/<domain>/<channel>`, for programs that send only those.
 
-Zenoh drops messages, or closes the connection, where a reader is slow. What must not be lost
-(reliable publications, commands) is therefore sent only to readers that have room for it: they
-acknowledge what they took, and a sender is at most so many messages ahead (`Credit`).
+Zenoh drops messages, or closes the connection, if a reader is slow. Reliable publications and
+commands must not be lost, so readers acknowledge them, and a sender waits when a limited number of
+its messages is unacknowledged (`Credit`).
 
-Threads. Callbacks run on Zenoh's own threads, and one that is slow delays everybody. So they only
-queue what came in, and a `LeaderFollowers` does the rest. They must not log either: `logging` would have
-`threading` take them for ours. What comes often goes without them: publications, and the answers
-to who waits, lie in channels of Zenoh's until a thread of ours takes them (`Reader`, `asking`).
+Threads. Callbacks run on Zenoh's own threads, where a slow one delays every link. So they only queue
+what arrives, and a `LeaderFollowers` does the rest. They must not log: `logging` would register
+Zenoh's threads with `threading`. Frequent messages need no callback: publications, and the replies
+to blocking calls, stay in a Zenoh channel until one of our threads reads it (`Reader`, `client`).
 
-Priorities. Calls, answers and acknowledgements that are small, and all commands, overtake the rest.
+Priorities. Small requests, replies and acknowledgements, and all commands, overtake other messages.
 """

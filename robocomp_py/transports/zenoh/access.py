@@ -1,4 +1,4 @@
-"""Zenoh's rules of access for the routers of a network with keys: each process may do what its graph says."""
+"""Zenoh access control for the routers of a network with keys: each process may do what the graph says."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from ..permissions import Graph, Principal, common_name, router_name
 
 
 def access_control(graph: Graph, host: str, numbers: Mapping[str, int]) -> dict[str, Any]:
-    """Zenoh's rules for the router of a host: each may do what its edges need, and nothing else.
+    """Zenoh's rules for the router of a host: each process may do only what its edges need.
 
-    Its own processes are known by their certificates; those of another host come through that host's router, and may
-    do there what they may do here.
+    The router identifies processes of its host by their certificates. Messages of another host come through that
+    host's router, which therefore gets the rights of all processes there.
     """
     rules, policies, subjects = [], [], []
     named = {each.name: each for each in graph.principals}
@@ -70,7 +70,7 @@ _PROVIDING, _USING = ("serves", "receives", "publishes"), ("calls", "commands", 
 
 
 def _needs(graph: Graph, principal: Principal, numbers: Mapping[str, int]) -> Iterator[tuple[str, str]]:
-    """What a process does on Zenoh, and where. See docs/reference/protocol-zenoh.md for the keys."""
+    """The message kinds that a process needs, each with a key. docs/reference/protocol-zenoh.md lists the keys."""
 
     def on(acts: Iterable[str], *keys: str) -> Iterator[tuple[str, str]]:
         return ((act, key) for act in acts for key in keys)
@@ -79,7 +79,7 @@ def _needs(graph: Graph, principal: Principal, numbers: Mapping[str, int]) -> It
     yield from on(_WATCH, "rc_lv/*/**")
     yield from on(_HEAR, f"rc_ack/*/{mine}/*", f"rc_to/*/{mine}/*/**")
     yield from on(_ANSWER, f"rc_ask/*/{mine}/*/*/**")
-    for prefix in own:  # what it provides, it provides under its own name
+    for prefix in own:  # a process provides channels only under its own names
         yield from on((*_HEAR, *_ANSWER, *_SEND), f"rc/*/{prefix}/**")
         yield from on(_BE_SEEN, *(f"rc_lv/*/{role}/*/*/*/{mine}/{prefix}/**" for role in _PROVIDING))
     within = [edge for edge in graph.inner if edge.client == principal.name]
@@ -101,7 +101,7 @@ def _needs(graph: Graph, principal: Principal, numbers: Mapping[str, int]) -> It
 
 
 def _links_of(number: int) -> str:
-    """The links of a process, in a key: their ids begin with its number."""
+    """Key pattern for the links of a process: their ids begin with the process's number."""
     return f"{number:04x}$*"
 
 

@@ -1,4 +1,4 @@
-"""Zenoh as a deployment sees it: a router on each host, connected to each other; components use that of their host."""
+"""Deployment over Zenoh: one router on each host, connected to each other; components use their host's router."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class ZenohDeployment(Deployment):
     summary = "for hosts that are linked by thin or changing networks"
     colour = "#7b3fb5"
     crosses_hosts = keyed = True
-    unprotected = ""  # other machines are let in only by their certificates
+    unprotected = ""  # the routers admit other machines only by certificate
     longest_socket = "zenoh/router.sock"
     modules = (("zenoh", "eclipse-zenoh"),)
 
@@ -35,7 +35,7 @@ class ZenohDeployment(Deployment):
                     "connect": f"here/{network.name}",
                     "router": {
                         "listen/endpoints": [routers[number], *([here] if encrypted else [])],
-                        "connect/endpoints": routers[:number],  # of two, one connects
+                        "connect/endpoints": routers[:number],  # of each pair, the later one connects
                     },
                 },
                 network.addresses[host],
@@ -51,10 +51,10 @@ class ZenohDeployment(Deployment):
         return Wiring(options, helpers)
 
     def reached(self, options: Mapping[str, Any]) -> Iterator[Reached]:
-        """Of a router, also where it listens: its components connect to it, wherever they are."""
+        """Where components connect to, and where a router listens: its components connect from any host."""
         listening = options.get("router", {}).get("listen/endpoints", ())
         for each in filter(None, (options.get("connect"), *listening)):
-            instead = "write tls/ADDRESS:PORT, as `security lan` needs it, or leave it to rcdeploy"
+            instead = "write tls/ADDRESS:PORT, which `security lan` requires, or remove it: rcdeploy sets it"
             yield Reached("connects to", str(each), "" if str(each).startswith("tls/") else instead)
 
     def secured(self, helper: Helper, graph: Graph, folder: Path, numbers: Mapping[str, int]) -> Mapping[str, Any]:

@@ -1,4 +1,4 @@
-"""What all ends of channels have in common: announced by a token, and looking in the table for those they face."""
+"""Base classes of the links: a liveliness token announces a link, and the table lists its peers."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from ..leader_followers import STUCK, CommandLane
 from ..ledger import Ledger
 from ..limits import STRANGERS
 from ..link import BaseLink
-from .messages import Inbox, Message, direct
+from .messages import BoundedQueue, Message, direct
 from .table import Token
 
 if TYPE_CHECKING:
@@ -34,18 +34,18 @@ if TYPE_CHECKING:
 log = logging.getLogger("robocomp.transport.zenoh")
 
 TICK = 0.1
-"""Seconds between two looks at sinks that take long, and whether the router needs a new home."""
+"""Seconds between two checks for slow sinks and for a router that has stopped."""
 
 IDLE_TICK = 0.5
-"""The same where nobody subscribes and the router has a home: there is neither. What is due is not kept waiting."""
+"""The same if there is nothing to check: no slow sink, and a router that outlives us. Deadlines are still kept."""
 
 
 INBOX = 10_000
-"""Messages that may wait for the crew at one inlet; more are dropped."""
+"""Maximum number of messages that wait at one inlet; further ones are dropped."""
 
 
 class Link(BaseLink["ZenohTransport", Token]):
-    """One end of a channel: announced by a token, and looking in the table for those it faces."""
+    """One end of a channel: a liveliness token announces it, and the table lists its peers."""
 
     traits = "-"
 
@@ -56,21 +56,21 @@ class Link(BaseLink["ZenohTransport", Token]):
         self._token: zenoh.LivelinessToken | None = None
         self._claim: Claim | None = None
         self._declared: list[Any] = []
-        self._met_earlier = False
+        self._knows_earlier = False
         self._texts: dict[Hashable, str] = {}
 
     def opened(self) -> None:
-        self.transport.lines[self.id] = self  # before others hear of it, and tell it what they have to
+        self.transport.links_by_id[self.id] = self  # before the token: peers answer it at once
         token = Token(self.role, self.traits, self.channel.type.fingerprint, os.getpid(), self.id, self.channel.name)
         self._token = self.transport.session.liveliness().declare_token(self.transport.key("rc_lv", token.key_expr()))
         self.look()
 
     def answer(self, what: str) -> Iterable[tuple[bytes, Payload]]:
-        """What this link tells others who ask for it."""
+        """The reply to an inquiry of a peer."""
         return [(b"", self.channel.type.text.encode())] if what == "text" else []
 
     def acknowledged(self, by: int, sequence: int) -> None:
-        """On a thread of Zenoh: a message of ours was taken."""
+        """A peer took our messages up to that number. Called on a Zenoh thread."""
 
     def withdraw(self) -> None:
         with contextlib.ExitStack() as everything:  # from the last line to the first, and all of it whatever fails
@@ -79,33 +79,33 @@ class Link(BaseLink["ZenohTransport", Token]):
                     everything.callback(self._undeclare, declared)
 
     def _undeclare(self, declared: Any) -> None:
-        """Zenoh refuses that while another thread uses the object; none begins to, once the link is closed."""
+        """Retry while another thread uses the object, which Zenoh refuses. No use begins after the link is closed."""
         end = time.monotonic() + STUCK
         while True:
             try:
                 return declared.undeclare()  # type: ignore[no-any-return]  # None
-            except zenoh.ZError:  # the session may have been closed under us
+            except zenoh.ZError:  # the session may be closed already
                 return None
             except RuntimeError as exc:
                 if time.monotonic() >= end:
-                    log.warning("%s: still in use after %g s; left as it is: %s", self.channel.name, STUCK, exc)
+                    log.warning("%s: still in use after %g s; not undeclared: %s", self.channel.name, STUCK, exc)
                     return None
                 time.sleep(0.001)
 
     def declare(self, declared: Any) -> Any:
-        """Undeclare this at the end."""
+        """Have `withdraw` undeclare this."""
         self._declared.append(declared)
         return declared
 
-    def meet_earlier(self) -> None:
-        """Return once the table has all who were announced before this link was. Does so once."""
-        if not self._met_earlier:
+    def wait_for_earlier(self) -> None:
+        """Wait, the first time, until the table has every link that was announced before this one."""
+        if not self._knows_earlier:
             with self.using_the_session():
-                self.transport.watching.meet_earlier(self.role, self.channel.name)
-            self._met_earlier = True
+                self.transport.watching.wait_for_earlier(self.role, self.channel.name)
+            self._knows_earlier = True
 
     def counterparts(self, *, strict: bool = False) -> list[Token]:
-        """The same; with `strict`, also raises Refused if our keys are for none of those that are there."""
+        """As in the base class; with `strict`, also raises Refused if our keys allow none of the visible peers."""
         if strict:
             faced = self.faced()
             if faced and not any(map(self.transport.may_use, faced)):
@@ -114,14 +114,14 @@ class Link(BaseLink["ZenohTransport", Token]):
         return super().counterparts(strict=strict)
 
     def usable(self, peers: list[Token]) -> list[Token]:
-        """Those that our keys let us use, and that can be reached."""
+        """The peers that our keys allow and that can be reached."""
         allowed = [token for token in peers if self.transport.may_use(token)]
         if len(allowed) < len(peers):
             self._report_refused([token for token in peers if token not in allowed])
         return [token for token in allowed if self.transport.reaches(token)]
 
     def _report_refused(self, tokens: Iterable[Token]) -> None:
-        """Log, once each, that our keys do not let us use what is there."""
+        """Log, once for each link, that our keys do not allow it."""
         with self._reporting:
             new = [token for token in tokens if token.link not in self._reported][: STRANGERS - len(self._reported)]
             self._reported.update(token.link for token in new)
@@ -130,25 +130,25 @@ class Link(BaseLink["ZenohTransport", Token]):
 
     @contextlib.contextmanager
     def using_the_session(self) -> Iterator[None]:
-        """What goes wrong in it is a TransportError; or Closed, if it went wrong because of that."""
+        """Turn Zenoh's errors into a TransportError, or into Closed if the link or the transport is closed."""
         try:
             yield
         except zenoh.ZError as exc:
             raise self.failed(exc) from exc
 
     def failed(self, why: Exception) -> TransportError:
-        """What to raise when the session did."""
+        """The exception for an error of the session."""
         if self.closed.is_set() or self.transport.closed:
             return Closed(f"{self.channel.name}: the link is closed")
         return TransportError(f"zenoh: {self.channel.name}: {why}")
 
     def meet_stranger(self, link: int, fingerprint: int) -> None:
-        """Report a mismatch without waiting."""
+        """Have another thread report a mismatch: that may wait for the peer's contract."""
         if link not in self._reported and len(self._reported) < STRANGERS:
             self.transport.do(partial(self.report_mismatch, link, fingerprint))
 
     def definition_of(self, key: Hashable) -> str:
-        """What another link means by the name, in its own words."""
+        """The contract of a link, asked from the link itself."""
         if not self._texts.get(key) and isinstance(key, int):
             answers, _ = self.transport.inquire(key, "text")
             octets = answers[0].payload.to_bytes() if answers else b""
@@ -158,38 +158,38 @@ class Link(BaseLink["ZenohTransport", Token]):
 
 def _refused(channel: str) -> str:
     return (
-        f"{channel}: the keys of this process are not for it, so the router does not let it through; "
-        "wire the two in the network's file, and make its keys again: rcdeploy keys"
+        f"{channel}: the keys of this process do not allow it, so the router drops its messages; "
+        "connect the two components in the network file, then make the keys again: rcdeploy keys"
     )
 
 
 class Receiving(Link):
-    """An inlet: messages go from the inbox into the lane as it has room, and are acknowledged then."""
+    """An inlet. Messages go from the inbox to the sink's queue when it has room, and are then acknowledged."""
 
     lane: CommandLane
     _ledger: Ledger
 
     def __init__(self, transport: ZenohTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
-        self._inbox = Inbox(INBOX)
+        self._inbox = BoundedQueue(INBOX)
         self._taking = threading.Lock()
         self._scheduled = False
         self._taken: dict[int, int] = {}
-        """Of each sender the number up to which it has to be told that its messages were taken."""
+        """For each sender, the sequence number to acknowledge next."""
 
     def open(self) -> None:
-        from_whom = zenoh.Locality.REMOTE if ANY in self.channel.name else zenoh.Locality.ANY
+        origin = zenoh.Locality.REMOTE if ANY in self.channel.name else zenoh.Locality.ANY
         subscribe = self.transport.session.declare_subscriber
-        self.declare(subscribe(self.key, direct(self._hear), allowed_origin=from_whom))
+        self.declare(subscribe(self.key, direct(self._on_sample), allowed_origin=origin))
 
     def take(self, message: Message) -> tuple[int, int] | None:
-        """Put a message into the lane, which is not full; its sender and number, once it need not come again."""
+        """Queue a message for the sink; there is room. Returns the sender and sequence number to acknowledge."""
         raise NotImplementedError
 
     def release(self) -> None:
         self.lane.close()
 
-    def _hear(self, sample: zenoh.Sample) -> None:
+    def _on_sample(self, sample: zenoh.Sample) -> None:
         if not self._inbox.put(Message(sample.attachment, sample.payload, time.monotonic())):
             self.stats.dropped += 1
         self.schedule()
@@ -206,7 +206,7 @@ class Receiving(Link):
                 done = self._take(self._inbox.get())
                 if done:
                     if not self._taken:
-                        self.transport.do(self._acknowledge)  # after this, or meanwhile if the sink is slow
+                        self.transport.do(self._acknowledge)  # runs after this job, or during it if the sink is slow
                     self._taken[done[0]] = done[1]
         self.lane.drain()
         if len(self._inbox) and not self.lane.full:

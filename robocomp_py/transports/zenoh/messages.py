@@ -1,4 +1,4 @@
-"""What goes through Zenoh: messages, questions, and the callbacks that take them in."""
+"""Sending and receiving through Zenoh: destinations, callbacks, the queue that they fill, and replies."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
 BLOCK, DROP = zenoh.CongestionControl.BLOCK, zenoh.CongestionControl.DROP
 SMALL = 32 * 1024
-"""Up to so many bytes, calls and answers overtake what is larger, and publications: half a batch of Zenoh's."""
+"""Bytes, half a Zenoh batch: requests and replies up to this size overtake larger ones and publications."""
 
 DATA, URGENT = zenoh.Priority.DATA, zenoh.Priority.INTERACTIVE_HIGH
 NO_CONSOLIDATION = zenoh.ConsolidationMode.NONE
 
 
 def direct(callback: Callable[[Any], object], over: Callable[[], object] | None = None) -> Any:
-    """A callback that Zenoh calls itself, without a thread of Python's for each, and `over` when no more will come."""
+    """A callback that runs on Zenoh's own thread; `over` is called when no more messages will come."""
 
     def call(message: Any) -> None:
         if not hasattr(_thread_state, "kept"):
@@ -36,8 +36,8 @@ def direct(callback: Callable[[Any], object], over: Callable[[], object] | None 
 
 
 _thread_state = threading.local()
-"""Python does not know Zenoh's threads, and would make a state for them at each callback, and destroy it afterwards,
-mapping and unmapping memory: 25 µs. Entered once more than left, a thread keeps the one it has."""
+"""Keeps the Python state of Zenoh's threads. Python would otherwise create and destroy it, with its memory, at each
+callback (25 µs). One unpaired PyGILState_Ensure makes a thread keep its state."""
 
 
 class Message(NamedTuple):
@@ -46,8 +46,8 @@ class Message(NamedTuple):
     arrived: float = 0.0
 
 
-class Way:
-    """To one that is sent many messages, which must arrive: what is the same in all of them is declared once."""
+class Destination:
+    """A link that gets many messages, which must arrive: a publisher declared once sends them."""
 
     def __init__(self, transport: ZenohTransport, key: str) -> None:
         self._transport, self.key = transport, key
@@ -55,15 +55,15 @@ class Way:
         self._publisher = declare(key, congestion_control=BLOCK, priority=URGENT, express=True)
 
     def put(self, header: bytes, payload: Payload, *, in_order: bool = False) -> None:
-        """What is small before what is large, unless it has to stay in order. Raises ZError."""
+        """Send; small messages overtake large ones unless `in_order`. Raises ZError."""
         if in_order or len(payload) <= SMALL:
             self._publisher.put(payload, attachment=header)
         else:
             self._transport.put(self.key, header, payload)
 
 
-class Inbox:
-    """What callbacks leave for the crew, bounded."""
+class BoundedQueue:
+    """Bounded queue from Zenoh's callbacks to our threads."""
 
     def __init__(self, capacity: int) -> None:
         self._capacity = capacity
@@ -73,7 +73,7 @@ class Inbox:
         return len(self._waiting)
 
     def put(self, item: Any) -> bool:
-        """Whether there was room."""
+        """Append an item; False if the queue is full."""
         if len(self._waiting) >= self._capacity:
             return False
         self._waiting.append(item)
@@ -87,8 +87,8 @@ class Inbox:
         return self._waiting.popleft()
 
 
-class Query:
-    """A question of Zenoh's, answered at most until it is closed."""
+class QueryReplier:
+    """Replies to a Zenoh query, until it is closed."""
 
     def __init__(self, query: zenoh.Query) -> None:
         self._query = query
@@ -97,12 +97,12 @@ class Query:
         self._query.reply(self._query.key_expr, payload or b"", attachment=header)
 
     def close(self) -> None:
-        """Tell who asked that nothing more will come."""
+        """Tell the client that no further reply will come."""
         self._query.drop()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
 
 
-class Sender:
-    """Who asked by a message, and gets the answer as one."""
+class MessageReplier:
+    """Replies, by a message, to a request that came as a message."""
 
     def __init__(self, transport: ZenohTransport, line: int) -> None:
         self._transport, self._line = transport, line

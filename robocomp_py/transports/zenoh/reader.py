@@ -1,9 +1,9 @@
-"""One subscription: read by a thread of its own, which also gives the sink its messages, one at a time.
+"""Reads one subscription with a thread of its own, which also calls the sink, one message at a time.
 
-Zenoh's threads leave messages in a channel of Zenoh's, for which they need nothing of Python's: no
-thread of theirs waits while ours compute, and ours takes many in a row. While a sink takes long,
-another thread reads in place of the first one, so that messages are counted when they come in and
-that those for which there is no room are given up, the oldest first, or held back.
+Zenoh's threads put messages into a Zenoh channel, for which they do not need Python's global lock: they
+never wait for Python code, and our thread takes many messages in a row. While a sink takes long, another
+thread reads in its place. So messages are counted when they arrive; if the queue is full, the oldest are
+dropped (lossy) or the new ones held back (reliable).
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ from ..limits import BYTES_WAITING, MOST_AHEAD
 log = logging.getLogger("robocomp.transport.zenoh")
 
 Admit = Callable[[Any], Any]
-"""What is to be delivered of a message that came in, its payload as Zenoh has it, or None."""
+"""Returns the payload of an arrived message, in Zenoh's own type, or None if the message is not to be delivered."""
 
-AT_LEAST, TIMES = 4096, 8
-"""If lossy, the channel holds so many messages at least, and so many times the depth; then it gives up the oldest."""
+LOSSY_LEAST, LOSSY_TIMES = 4096, 8
+"""A lossy channel holds `LOSSY_TIMES` the depth, and at least `LOSSY_LEAST` messages; then it drops the oldest."""
 
 STALE = 0.01
-"""Seconds that a sink may keep the channel from being read until what waits there beyond the depth is given up."""
+"""Seconds without reading, because of a slow sink, after which messages beyond the depth are dropped."""
 
-SENDERS = 16
-"""If it is not lossy, it holds all that so many senders may be ahead, however slow the sink is."""
+RELIABLE_SENDERS = 16
+"""A reliable channel has room for the unacknowledged messages of this many senders, however slow the sink is."""
 
 
 class Reader:
-    """`admit` is called for each message, in their order and by one thread at a time; it must not wait."""
+    """`admit` is called for each message, in order and by one thread at a time; it must not wait."""
 
     def __init__(self, name: str, admit: Admit, sink: Sink, depth: int, *, lossy: bool, stats: Statistics) -> None:
         self._name, self._admit, self._sink, self._stats = name, admit, sink, stats
         self._depth, self._lossy = depth, lossy
-        self._holds = max(AT_LEAST, TIMES * depth) if lossy else SENDERS * MOST_AHEAD
+        self._holds = max(LOSSY_LEAST, LOSSY_TIMES * depth) if lossy else RELIABLE_SENDERS * MOST_AHEAD
         self._swept = 0.0
         self.lock = threading.Lock()
         self._changed = threading.Condition(self.lock)
@@ -54,33 +54,33 @@ class Reader:
         self._turn: threading.Thread | None = None
         """The thread that reads."""
         self._drainer = 0
-        """The thread that gives the sink what waits, if there is one."""
+        """The id of the thread that calls the sink, or 0."""
         self._delivered = self._seen = 0
         self._closed = False
         self.waits = True
-        """Whether the present message is held back until there is room, as its sender waits for us; set by `admit`."""
-        self.owing = False
-        """Whether `settle` is to be called after the present message; set by `admit`."""
+        """Set by `admit`: hold the present message back until there is room; its sender waits for that."""
+        self.must_settle = False
+        """Set by `admit`: call `settle` after the present message."""
         self.settle: Callable[[], object] = _nothing
 
-    def through(self, wrap: Callable[[Sink], Sink]) -> None:
-        """Put something in front of the sink."""
+    def wrap_sink(self, wrap: Callable[[Sink], Sink]) -> None:
+        """Wrap the sink."""
         self._sink = wrap(self._sink)
 
     def channel(self) -> Any:
-        """What Zenoh is to put messages into."""
+        """A Zenoh channel for the subscription."""
         return zenoh.handlers.RingChannel(self._holds)
 
     def start(self, handler: zenoh.Handler[Any]) -> None:
-        """Begin to read the channel; `recv` raises ZError when nothing will come any more."""
+        """Begin to read the channel, until its `recv` raises ZError because the subscription has ended."""
         self._receive, self._receive_now = handler.recv, handler.try_recv
         with self.lock:
-            started = self._hire()
+            started = self._start_thread()
         if not started:
             raise TransportError(f"{self._name}: {NO_THREAD}")
 
     def feed(self, messages: Callable[[], Iterable[Any]]) -> None:
-        """Have these admitted and delivered before all that has not been read yet. None is held back."""
+        """Admit and deliver these before all unread messages. None of them is held back."""
         with self.lock:
             for message in messages():
                 payload = self._admit(message)
@@ -89,12 +89,12 @@ class Reader:
             payload = None
             if self._waiting and not self._drainer and not self._closed:
                 self._drainer, payload = threading.get_ident(), self._waiting.popleft()
-        self._go_on(payload)
+        self._continue(payload)
 
-    def relieve(self) -> bool:
-        """Now and then: if the thread that reads is in the sink since the last time, have another one read.
+    def replace_if_slow(self) -> bool:
+        """Have another thread read if the reading one has been in the sink since the previous call.
 
-        Whether it is in the sink.
+        To be called regularly. Returns whether a thread is in the sink.
         """
         seen, self._seen = self._seen, self._delivered
         if seen == self._delivered:
@@ -102,7 +102,7 @@ class Reader:
         return self._drainer != 0
 
     def close(self) -> None:
-        """Forget what waits. The sink is not called any more once this returns."""
+        """Drop waiting messages. After this returns, the sink is not called again."""
         with self._changed:
             self._closed = True
             self._waiting.clear()
@@ -119,14 +119,14 @@ class Reader:
         self._replace(threading.get_ident())
 
     def _replace(self, reading: int) -> None:
-        """Have another thread read, if the one that does is this one, and is in the sink."""
+        """Have another thread read if the given thread reads and is in the sink."""
         with self.lock:
             turn = self._turn
             if turn is not None and turn.ident == reading == self._drainer and not self._closed:
-                self._hire()
+                self._start_thread()
 
-    def _hire(self) -> bool:
-        """With the lock. If no thread can be started, the present one goes on reading after its sink."""
+    def _start_thread(self) -> bool:
+        """Start a reading thread; call it with the lock. If that fails, the present thread reads on after its sink."""
         thread = threading.Thread(target=self._read, name=f"zenoh {self._name}")
         belongs(thread)
         started = start_thread(thread)
@@ -137,7 +137,7 @@ class Reader:
     def _read(self) -> None:
         receives(self._about_to_block)
         with self.lock:
-            pass  # `_hire` has said whose turn it is
+            pass  # wait until `_start_thread` has set `_turn`
         me, receive = threading.current_thread(), self._receive
         with contextlib.suppress(zenoh.ZError):  # the subscription has ended
             while self._turn is me and not self._closed:
@@ -146,7 +146,7 @@ class Reader:
                     self._arrive(message)
                     if self._lossy and self._turn is me and time.monotonic() - self._swept > STALE:
                         self._sweep()
-                except Exception:  # if this thread ended, nobody would read any more
+                except Exception:  # this thread must not end: it is the only one that reads
                     log.exception("%s: a message was not taken", self._name)
 
     def _arrive(self, message: Any) -> None:
@@ -164,24 +164,24 @@ class Reader:
                     payload = None
                 else:
                     self._drainer = threading.get_ident()
-        self._go_on(payload)
+        self._continue(payload)
 
     def _sweep(self) -> None:
-        """Read all that is there. It came while the sink ran, or shortly before."""
+        """Read all messages that arrived while the sink ran, or shortly before."""
         self._swept = time.monotonic()
         self.feed(lambda: islice(iter(self._receive_now, None), self._holds))
 
-    def _go_on(self, payload: Any) -> None:
+    def _continue(self, payload: Any) -> None:
         if payload is not None:
             self._drain(payload)
-        if self.owing:
+        if self.must_settle:
             self._settle()
 
     def _has_room(self) -> bool:
         return len(self._waiting) < self._depth or not self._drainer or self._closed
 
     def _is_too_much(self, size: int) -> bool:
-        """Whether more of that size waits than may; those of one topic are alike."""
+        """Whether too many messages wait; assumes that all messages of a topic have about this size."""
         beyond = len(self._waiting) - self._depth
         return beyond >= MOST_AHEAD or beyond * size >= BYTES_WAITING
 
@@ -192,15 +192,15 @@ class Reader:
         self._waiting.append(payload)
 
     def _drain(self, payload: Any) -> None:
-        """Deliver this, what others have read meanwhile, and what can be read at once if this is the thread to read."""
+        """Deliver this payload and those that wait; on the reading thread, also those that can be read at once."""
         me, waiting, stats = threading.current_thread(), self._waiting, self._stats
         while not self._closed:
             stats.received += 1
             try:
                 self._sink(payload)
-            except BaseException:  # also SystemExit: the messages that follow are to be delivered all the same
+            except BaseException:  # also SystemExit: later messages must still be delivered
                 log.exception("%s: a message was not handled", self._name)
-            if self.owing:
+            if self.must_settle:
                 self._settle()
             with self.lock:
                 self._delivered += 1
@@ -216,7 +216,7 @@ class Reader:
             self._changed.notify_all()
 
     def _next(self) -> Any:
-        """The next message's payload, if it is there already; nothing, if it is time to `_sweep`."""
+        """The payload of the next message, if it has arrived; None if it is time to `_sweep`."""
         if self._lossy and time.monotonic() - self._swept > STALE:
             return None
         try:
@@ -224,12 +224,12 @@ class Reader:
             return None if message is None else self._admit(message)
         except zenoh.ZError:  # the subscription has ended
             return None
-        except Exception:  # if this one's turn did not end properly, nobody else would get one
+        except Exception:  # the turn must end properly, or no other thread would get one
             log.exception("%s: a message was not taken", self._name)
             return None
 
     def _settle(self) -> None:
-        self.owing = False
+        self.must_settle = False
         self.settle()
 
 

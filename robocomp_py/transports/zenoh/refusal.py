@@ -1,6 +1,6 @@
-"""Why a router turns us away. Zenoh only reports a time-out, so this tries TLS itself.
+"""Finds out why a router refuses us. Zenoh only reports a time-out, so this tries a TLS handshake itself.
 
-Nothing here is in the path of a message: it is called after an attempt to connect has failed.
+It is called only after an attempt to connect has failed.
 """
 
 from __future__ import annotations
@@ -12,37 +12,37 @@ from pathlib import Path
 
 _ENDPOINT = re.compile(r"(tcp|tls)/(?:\[([^\]]+)\]|([^:\[\]]+)):(\d+)(?:[?#].*)?\Z")
 
-_PATIENCE = 1.0
+_TIMEOUT = 1.0
 """Seconds for each step of one attempt."""
 
 _ALERTS = {
     "CERTIFICATE_REQUIRED": "it asks for a certificate, and this process has none; start it with --keys FOLDER",
     "HANDSHAKE_FAILURE": "it asks for a certificate, and this process has none; start it with --keys FOLDER",
     "CERTIFICATE_EXPIRED": "the certificate of this process has expired; run: rcdeploy keys NET.ddsl --renew",
-    "UNKNOWN_CA": "it knows another authority than the one that signed our certificate",
-    "DECRYPT_ERROR": "it knows another authority than the one that signed our certificate",
+    "UNKNOWN_CA": "it trusts another authority than the one that signed our certificate",
+    "DECRYPT_ERROR": "it trusts another authority than the one that signed our certificate",
     "BAD_CERTIFICATE": "it does not accept our certificate",
     "CERTIFICATE_UNKNOWN": "it does not accept our certificate",
     "ACCESS_DENIED": "it does not accept our certificate",
 }
-"""By the end of what OpenSSL calls the router's alert."""
+"""Reasons, by the end of OpenSSL's name for the router's alert."""
 
 
 def why_refused(endpoint: str, keys: Path | None) -> str:
-    """Why the router at an endpoint of Zenoh's does not let us in; "" if it does, or if no router answers."""
+    """The reason why the router at an endpoint refuses us; "" if it does not, or if no router answers."""
     found = _ENDPOINT.match(endpoint)
     if not found:
         return ""
     kind, host, port = found[1], found[2] or found[3], int(found[4])
     try:
-        with socket.create_connection((host, port), _PATIENCE) as connection:
+        with socket.create_connection((host, port), _TIMEOUT) as connection:
             return _without_tls(connection) if kind == "tcp" else _with_tls(connection, host, keys)
     except OSError:
         return ""
 
 
 def _without_tls(connection: socket.socket) -> str:
-    """For a component that would speak plainly. Whatever else answers to TLS is no router without it."""
+    """For a component without TLS. A router without TLS does not answer a handshake with an alert."""
     context = _context(None)
     try:
         with context.wrap_socket(connection):
@@ -57,7 +57,7 @@ def _with_tls(connection: socket.socket, host: str, keys: Path | None) -> str:
     context = _context(keys)
     try:
         with context.wrap_socket(connection, server_hostname=host) as secured:
-            secured.recv(1)  # with TLS 1.3 the router looks at our certificate after our side of the handshake is over
+            secured.recv(1)  # with TLS 1.3 the router checks our certificate after our side of the handshake
     except ssl.SSLCertVerificationError as exc:
         return f"it is not the router of this network: {exc.verify_message}"
     except ssl.SSLError as exc:

@@ -1,4 +1,4 @@
-"""Who is commanded and who is called."""
+"""The server's links: a command inlet and a server."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ from ..limits import QUERIES_WAITING
 from ..replies import Replies
 from ..turns import Turns
 from .link import INBOX, Link, Receiving
-from .messages import Message, Query, Sender, direct, octets
+from .messages import Message, MessageReplier, QueryReplier, direct, octets
 
 if TYPE_CHECKING:
     from .transport import ZenohTransport
 
 log = logging.getLogger("robocomp.transport.zenoh")
 
-SETTLED = 3.0
-"""Seconds for which a server that is leaving may still be seen when the next one begins."""
+LEAVING = 3.0
+"""Seconds for which the token of a closed server may remain visible when the next server starts."""
 
 _SILENCE = Reply(Status.OK)
-"""What is not answered."""
+"""Stands for no reply at all."""
 
 
 class CommandInlet(Receiving):
@@ -87,18 +87,18 @@ class Server(Link):
         self._lock = threading.Lock()
         self._waiting: Turns[tuple[zenoh.Sample | zenoh.Query, float]] = Turns()
         self._replies = Replies() if channel.idempotent else None
-        self._under_way: dict[tuple[int, int], tuple[Query | Sender, float]] = {}
+        self._open_requests: dict[tuple[int, int], tuple[QueryReplier | MessageReplier, float]] = {}
 
     def open(self) -> None:
         self._claim = _claim(self)
         session, mine = self.transport.session, self.transport.requests(self.id, self.channel.name)
-        self.declare(session.declare_subscriber(mine, direct(self._hear)))
-        self.declare(session.declare_queryable(self.key, direct(self._hear), complete=True))
+        self.declare(session.declare_subscriber(mine, direct(self._on_request)))
+        self.declare(session.declare_queryable(self.key, direct(self._on_request), complete=True))
 
     def tick(self) -> None:
         now = time.monotonic()
         with self._lock:
-            over = [key for key, (_, expires) in self._under_way.items() if expires <= now]
+            over = [key for key, (_, expires) in self._open_requests.items() if expires <= now]
         for key in over:
             self._forget(*key)
 
@@ -106,42 +106,42 @@ class Server(Link):
         if self._claim:
             self._claim.close()
         self._servant.close()
-        for key in list(self._under_way):
+        for key in list(self._open_requests):
             self._forget(*key)
 
-    def _hear(self, question: zenoh.Sample | zenoh.Query) -> None:
+    def _on_request(self, message: zenoh.Sample | zenoh.Query) -> None:
         if len(self._waiting) < INBOX:
-            sender = client_of(octets(question.attachment)) if self._waiting else 0  # alone, it has its turn anyway
-            self._waiting.add(sender, (question, time.monotonic()))
+            sender = client_of(octets(message.attachment)) if self._waiting else 0  # an empty queue needs no turns
+            self._waiting.add(sender, (message, time.monotonic()))
             self.transport.do(self._next)
         else:
             self.stats.dropped += 1
-            if isinstance(question, zenoh.Query):
-                question.drop()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
+            if isinstance(message, zenoh.Query):
+                message.drop()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
 
     def _next(self) -> None:
-        question, arrived = self._waiting.take()
-        query = Query(question) if isinstance(question, zenoh.Query) else None
+        message, arrived = self._waiting.take()
+        query = QueryReplier(message) if isinstance(message, zenoh.Query) else None
         try:
-            request = read_request(octets(question.attachment))
+            request = read_request(octets(message.attachment))
         except DecodeError as exc:
             self.malformed(exc)
             if query:
                 query.close()
             return
-        asked = query or Sender(self.transport, request.client)
+        replier = query or MessageReplier(self.transport, request.client)
         expires = _expires(request, arrived)
-        refusal = self._admit(request, asked, expires)
+        refusal = self._admit(request, replier, expires)
         if refusal is None:
-            payload = question.payload
+            payload = message.payload
             self._serve(request, payload.to_bytes() if payload is not None else b"", expires)
             return
         if refusal is not _SILENCE:
-            self._send(asked, request, refusal)
-        asked.close()
+            self._send(replier, request, refusal)
+        replier.close()
 
-    def _admit(self, request: Request, asked: Query | Sender, expires: float) -> Reply | None:
-        """Note that a request is under way, or say how to answer it instead."""
+    def _admit(self, request: Request, replier: QueryReplier | MessageReplier, expires: float) -> Reply | None:
+        """Note a request as open; returns a reply if it is not to be executed."""
         mine = self.channel.type
         if request.fingerprint != mine.fingerprint:
             self.meet_stranger(request.client, request.fingerprint)
@@ -151,18 +151,18 @@ class Server(Link):
                 known = self._known(request)
                 if known:
                     return known
-            if len(self._under_way) >= QUERIES_WAITING or len(self._waiting) >= QUERIES_WAITING:
+            if len(self._open_requests) >= QUERIES_WAITING or len(self._waiting) >= QUERIES_WAITING:
                 self.stats.dropped += 1
                 return Reply(Status.BUSY)
-            self._under_way[request.client, request.sequence] = asked, expires
+            self._open_requests[request.client, request.sequence] = replier, expires
         return None
 
     def _known(self, request: Request) -> Reply | None:
-        """How to answer a request that was seen before; None if it has to be executed again."""
-        asked = request.client, request.sequence
-        if not request.flags & Flag.IDEMPOTENT or self._replies is None or asked in self._under_way:
+        """The reply to a request that arrives again; None if it has to be executed again."""
+        number = request.client, request.sequence
+        if not request.flags & Flag.IDEMPOTENT or self._replies is None or number in self._open_requests:
             return _SILENCE
-        return self._replies.find(asked)
+        return self._replies.find(number)
 
     def _serve(self, request: Request, payload: bytes, expires: float) -> None:
         answer = partial(self._answer, request)
@@ -170,25 +170,25 @@ class Server(Link):
             answer(Reply(Status.REFUSED))
 
     def _answer(self, request: Request, reply: Reply) -> None:
-        if self._replies is not None:  # first: who asks again just now finds it under way, or answered
+        if self._replies is not None:  # before the pop: a retry finds the request either open or answered
             self._replies.keep((request.client, request.sequence), reply)
         with self._lock:
-            asked, _ = self._under_way.pop((request.client, request.sequence), (None, 0.0))
-        if asked:
-            self._send(asked, request, reply)
-            asked.close()
+            replier, _ = self._open_requests.pop((request.client, request.sequence), (None, 0.0))
+        if replier:
+            self._send(replier, request, reply)
+            replier.close()
 
-    def _send(self, asked: Query | Sender, request: Request, reply: Reply) -> None:
+    def _send(self, replier: QueryReplier | MessageReplier, request: Request, reply: Reply) -> None:
         try:
-            asked.reply(self._header(reply.status, request), reply.payload)
+            replier.reply(self._header(reply.status, request), reply.payload)
         except zenoh.ZError as exc:
             log.debug("%s: a reply was not sent: %s", self.channel.name, exc)
 
     def _forget(self, client: int, sequence: int) -> None:
         with self._lock:
-            asked, _ = self._under_way.pop((client, sequence), (None, 0.0))
-        if asked:
-            asked.close()
+            replier, _ = self._open_requests.pop((client, sequence), (None, 0.0))
+        if replier:
+            replier.close()
 
     def _header(self, status: Status, request: Request) -> bytes:
         return pack_reply(status, request.client, request.sequence, self.transport.incarnation)
@@ -200,15 +200,15 @@ def _expires(request: Request, arrived: float) -> float:
 
 
 def _claim(link: Link) -> Claim:
-    """Make sure that nobody else serves a channel, on this host or elsewhere."""
+    """Claim a channel, on this host and on all others. Raises TransportError if it has a server already."""
     transport, name = link.transport, link.channel.name
     claimed = claim(transport.claims, name, transport.owner)
-    end, changed = time.monotonic() + SETTLED, transport.table.changed
+    end, changed = time.monotonic() + LEAVING, transport.table.changed
     while others := transport.table.find(link.role, name):
         if time.monotonic() >= end:
             claimed.close()
             raise TransportError(f"{name}: already served from another host, by pid {others[0].pid} there")
-        if time.monotonic() >= end - SETTLED / 2:
+        if time.monotonic() >= end - LEAVING / 2:
             for each in others:
                 transport.confirm(each)
         with changed:

@@ -1,14 +1,17 @@
-"""How the Zenoh transport reaches the others: a client's session, and the router it needs.
+"""The Zenoh session of a transport, and the router that it connects to.
 
-Every component is a client of one router. Told an address (`connect`), it uses the router there; `here/NAME` is one
-that somebody runs behind a socket of that name in the run-time folder, as `rcdeploy` does on each host of a network.
-Otherwise the components of a run-time folder find or host one behind a socket in that folder:
-whoever claims it runs the router; when that process ends, another one claims it, and Zenoh's
-clients reconnect by themselves. Who ran it from the beginning uses it as its own session: a client
-beside it in the same process would have to be read by threads that the router may keep waiting,
-for that client among others, and then nothing moves until the connection is given up. Whoever
-starts components may run it for them beforehand (`shared_router`), in a process that does nothing
-else: it then outlives them, and no debugger stops it.
+Every component is a client of one router. With `connect`, it uses the router at that address; `here/NAME` is a router
+behind a socket of that name in the run-time folder, such as `rcdeploy` starts on each host of a network.
+
+Otherwise the components share a router behind a socket in the run-time folder. The process that holds the claim on it
+runs the router. When that process ends, another one claims it, and Zenoh's clients reconnect automatically.
+
+A process that runs the router from its start uses it as its own session. A separate client in the same process would
+share its reading threads with the router. The router may block these threads, and then both wait for each other until
+the connection times out.
+
+A program that starts components may run the router for them (`shared_router`), in a dedicated process. That router
+outlives the components, and no debugger stops it.
 """
 
 from __future__ import annotations
@@ -32,29 +35,29 @@ from ..exclusive import Claim, holder, try_claim
 
 log = logging.getLogger("robocomp.transport.zenoh")
 
-OPEN_PATIENCE = 10.0
-"""Seconds after which opening gives up to reach a router."""
+OPEN_TIMEOUT = 10.0
+"""Seconds that opening waits for a router."""
 
-_BUSY_PATIENCE = 60.0
-"""The same where somebody runs one for all, and so many start at once that it takes its time."""
+_DEDICATED_TIMEOUT = 60.0
+"""The same for a dedicated router, which is slow to answer when many components start at once."""
 
 HERE = "here"
 
-LOST = 1.0
-"""Seconds without a connection to the router after which that is told: a new one is there sooner."""
+LOST_AFTER = 1.0
+"""Seconds without a connection to the router before a warning: replacing a router takes less."""
 
 _ATTEMPT_MS = 1000
-"""One attempt to connect; between two of them we look whether the router has become ours to run.
+"""Milliseconds of one attempt to connect. Between two attempts we check whether we have to run the router ourselves.
 
-If that will not be, each takes twice as long as the one before: as many as have to try again must not keep others,
-whose turn it would be, from succeeding.
+If another process runs it for all, each attempt takes twice as long as the one before. Otherwise the attempts of many
+components would keep each other from succeeding.
 """
 _LONGEST_ATTEMPT_MS = 8000
 
 _COMMON: dict[str, Any] = {
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
-    "scouting/delay": 0,  # a router waits for so long when it opens: 0.5 s, unless told
+    "scouting/delay": 0,  # by default, opening a router takes 0.5 s
     "timestamping/enabled": False,
     "transport/shared_memory/enabled": False,  # leaves files behind when killed
     "transport/link/rx/max_message_size": MAX_BYTES + 65536,
@@ -62,8 +65,8 @@ _COMMON: dict[str, Any] = {
     "transport/link/tx/keep_alive": 4,
     "transport/link/tx/queue/size/data": 16,  # batches of 64 KiB; a burst of small messages finds room
     "transport/link/tx/queue/size/interactive_high": 16,  # calls, answers, commands
-    "transport/link/tx/queue/congestion_control/block/wait_before_close": 2_000_000,  # µs; as the lease: it hangs
-    "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 1_000_000,  # µs; of large ones
+    "transport/link/tx/queue/congestion_control/block/wait_before_close": 2_000_000,  # µs; equals the lease
+    "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 1_000_000,  # µs; large messages
     "transport/unicast/open_timeout": 2000,
     "transport/unicast/accept_timeout": 2000,
     "transport/unicast/accept_pending": 1000,
@@ -71,16 +74,17 @@ _COMMON: dict[str, Any] = {
 }
 _RUNTIME = "ZENOH_RUNTIME"
 _THREADS = "(rx: (worker_threads: 16), net: (worker_threads: 4))"
-"""Those that read, for all sessions of a process, instead of 2: a router has them wait where a reader is slow. And
-those that tell what has gone, instead of 1: they need Python's lock for that, and whoever frees a router that was
-closed has it until one of them has ended a task of that router. If none can, Zenoh gives up after 10 s, in which no
-Python runs.
+"""Zenoh's threads in a process, for all its sessions; the first session decides.
 
-The first session decides. Idle ones cost 50 KB each, and no time.
+`rx` reads: 16 threads instead of 2, because a router blocks a thread while a reader is slow. `net` reports lost
+peers: 4 threads instead of 1. These need Python's global lock, which the thread that frees a closed router holds until
+one of them has ended a task of that router. If none can, Zenoh gives up after 10 s, in which no Python code runs.
+
+An idle thread costs 50 KB.
 """
 
-_APART = "router apart"
-"""What is claimed, besides the router, by who starts components."""
+_DEDICATED = "router apart"
+"""The claim that marks the router of the run-time folder as dedicated."""
 
 _RETRY = {"period_init_ms": 50, "period_max_ms": 1000, "period_increase_factor": 2}
 _RETRY_HERE = _RETRY | {"period_max_ms": 200}  # a socket file costs nothing to try
@@ -94,23 +98,23 @@ def as_transport_error(doing: str) -> Iterator[None]:
         raise TransportError(f"zenoh: {doing}: {exc}") from exc
 
 
-_APART_SETTINGS: dict[str, Any] = {
-    "transport/link/tx/lease": 10_000,  # so long a component bears with it: a loss means work for all at once
+_DEDICATED_SETTINGS: dict[str, Any] = {
+    "transport/link/tx/lease": 10_000,  # ms; longer, because losing this router makes work for all components at once
     "transport/unicast/accept_timeout": _LONGEST_ATTEMPT_MS,
 }
-"""Of a router that is run for all, and may get little of a machine on which hundreds begin."""
+"""Settings of a dedicated router, which may get little processor time while hundreds of components start."""
 
 
 def open_router(endpoint: str, more: Mapping[str, Any] | None = None) -> zenoh.Session:
-    """A router listening there, and nowhere else. Close it. `more` are settings besides."""
+    """A router that listens only at that endpoint; `more` are further settings. The caller closes it."""
     with as_transport_error(f"listening at {endpoint}"), _reading_like_a_router():
         return zenoh.open(_config("router", {"listen/endpoints": [endpoint], **(more or {})}))
 
 
 def open_client(endpoint: str, more: Mapping[str, Any] | None = None) -> zenoh.Session:
-    """A client of the router there, which need not stay there all the time; `more` are settings besides.
+    """A client of the router at that endpoint; it survives restarts of the router. `more` are further settings.
 
-    Raises ZError if it does not answer within a second.
+    Raises ZError if the router does not answer within a second.
     """
     retry = _RETRY_HERE if endpoint.startswith("unixsock-stream/") else _RETRY
     settings = {
@@ -125,22 +129,24 @@ def open_client(endpoint: str, more: Mapping[str, Any] | None = None) -> zenoh.S
 
 @contextlib.contextmanager
 def named_router(name: str, settings: Mapping[str, Any]) -> Iterator[None]:
-    """Run the router `here/NAME`, which listens and connects elsewhere, too, as the settings say, in Zenoh's own words.
+    """Run the router `here/NAME`. The settings, in Zenoh's format, add endpoints to listen at and to connect to.
 
-    Raises TransportError if there is one.
+    Raises TransportError if that router is running already.
     """
     folder = _folder(f"{name}.sock")
     claim = try_claim(folder, f"router {name}", name)
     if claim is None:
-        raise TransportError(f"zenoh: the router `{name}` is run by {holder(folder, f'router {name}')} already")
+        raise TransportError(f"zenoh: the router `{name}` is already run by {holder(folder, f'router {name}')}")
     socket = folder / f"{name}.sock"
     session: zenoh.Session | None = None
     try:
         socket.unlink(missing_ok=True)  # left by one that was killed
         listen = [f"unixsock-stream/{socket}", *settings.get("listen/endpoints", ())]
-        apart = {"connect/timeout_ms": -1, "connect/exit_on_failure": False, "connect/retry": _RETRY}  # they come later
+        # The other routers may start later.
+        keep_trying = {"connect/timeout_ms": -1, "connect/exit_on_failure": False, "connect/retry": _RETRY}
+        # the other routers may start later
         with as_transport_error(f"listening at {', '.join(listen)}"), _reading_like_a_router():
-            session = zenoh.open(_config("router", {**apart, **settings, "listen/endpoints": listen}))
+            session = zenoh.open(_config("router", {**keep_trying, **settings, "listen/endpoints": listen}))
         yield
     finally:
         with contextlib.ExitStack() as everything:  # from the last line to the first, and all of it whatever fails
@@ -151,24 +157,24 @@ def named_router(name: str, settings: Mapping[str, Any]) -> Iterator[None]:
 
 
 def resolved(connect: str) -> str:
-    """An endpoint as Zenoh knows it."""
+    """The endpoint in Zenoh's own form: `here/NAME` becomes the path of a socket."""
     kind, _, name = connect.partition("/")
     return f"unixsock-stream/{_folder(f'{name}.sock') / f'{name}.sock'}" if kind == HERE else connect
 
 
 @contextlib.contextmanager
 def shared_router(owner: str) -> Iterator[None]:
-    """Run the router of the run-time folder, unless somebody does; one of those who need it takes over at the end."""
+    """Run the router of the run-time folder, unless it is running. Afterwards, one of the components takes over."""
     router = _SharedRouter(owner)
     try:
-        router.run_if_nobody_does(apart=True)
+        router.run_if_free(dedicated=True)
         yield
     finally:
         router.close()
 
 
 class Network:
-    """A session that stays connected. `tick` has to be called now and then."""
+    """A session that stays connected. `tick` has to be called regularly."""
 
     def __init__(
         self,
@@ -179,21 +185,21 @@ class Network:
         why_refused: Callable[[str], str] = lambda endpoint: "",
         do: Callable[[Callable[[], object]], object] = lambda job: job(),
     ) -> None:
-        """`settings` are more of a client's, in Zenoh's own words; `wanted`: see `base.TransportConfig`.
+        """`settings` are further settings of the client, in Zenoh's format; `wanted`: see `base.TransportConfig`.
 
-        `why_refused` tells why the router at an endpoint does not let us in; "" if it is not known to refuse. That may
-        take seconds, so `tick` has it done by `do`.
+        `why_refused` returns the reason why the router at an endpoint refuses us, or "" if it is not known to refuse.
+        That may take seconds, so `tick` has `do` call it on another thread.
         """
         self._do = do
         self._owner, self._settings, self._wanted, self._why_refused = owner, settings, wanted, why_refused
         self._router = None if connect else _SharedRouter(owner)
         self._here = connect.startswith(f"{HERE}/")
         self.endpoint = resolved(connect) if connect else _SharedRouter.endpoint()
-        self._apart = False
-        """Whether the router is nobody's who may end before us."""
+        self._dedicated = False
+        """Whether the router is expected to outlive this process."""
         self._connected_at = time.monotonic()
-        self._connected, self._told = True, False
-        """And whether it was told that we are not."""
+        self._connected, self._logged = True, False
+        """Whether we are connected, and whether a lost connection was logged."""
         try:
             self.session = self._open()
         except BaseException:
@@ -201,38 +207,38 @@ class Network:
             raise
 
     @property
-    def at_home(self) -> bool:
-        """Whether the router is this session."""
+    def is_router(self) -> bool:
+        """Whether this session is the router."""
         return self._router is not None and self._router.session is self.session
 
     @property
-    def settled(self) -> bool:
-        """Whether nobody will have to run the router soon."""
-        return self.at_home or (self._apart and self._connected)
+    def stable(self) -> bool:
+        """Whether no component will have to take over the router soon."""
+        return self.is_router or (self._dedicated and self._connected)
 
     def tick(self) -> None:
-        """Run the router if nobody does any more, and tell if the one there is does not answer."""
-        self._connected = self.at_home or bool(self.session.info.routers_zid())
+        """Run the router if no process does any more; log if the present router does not answer."""
+        self._connected = self.is_router or bool(self.session.info.routers_zid())
         if self._connected:
-            if self._told:
+            if self._logged:
                 log.info("%s: the Zenoh router answers again", self._owner or "zenoh")
-            self._connected_at, self._told = time.monotonic(), False
+            self._connected_at, self._logged = time.monotonic(), False
             return
         self._run_router()
-        if not self._told and time.monotonic() - self._connected_at >= LOST:
-            self._told = True
-            self._do(self._tell_lost)
+        if not self._logged and time.monotonic() - self._connected_at >= LOST_AFTER:
+            self._logged = True
+            self._do(self._log_lost)
 
-    def _tell_lost(self) -> None:
-        who, where = self._owner or "zenoh", self._where()
+    def _log_lost(self) -> None:
+        owner, where = self._owner or "zenoh", self._where()
         if why := self._why_refused(self.endpoint):
-            log.error("%s: the Zenoh router at %s turns this process away: %s", who, where, why)
+            log.error("%s: the Zenoh router at %s refuses this process: %s", owner, where, why)
         else:
-            log.warning("%s: no Zenoh router answers at %s; until it does, nobody is reached", who, where)
+            log.warning("%s: no Zenoh router answers at %s; no peer can be reached until one does", owner, where)
 
     def close(self) -> None:
         try:
-            if not self.at_home:
+            if not self.is_router:
                 with contextlib.suppress(zenoh.ZError):
                     self.session.close()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
         finally:
@@ -244,27 +250,27 @@ class Network:
             self._run_router()
             if self._router and self._router.session:
                 return self._router.session
-            busy = self._router.is_apart() if self._router else self._here
-            self._apart = busy or self._router is None
+            busy = self._router.is_dedicated() if self._router else self._here
+            self._dedicated = busy or self._router is None
             settings = {**_attempt(attempt if busy else _ATTEMPT_MS), **(self._settings or {})}
             attempt = min(2 * attempt, _LONGEST_ATTEMPT_MS)
             try:
-                with contextlib.nullcontext() if self._apart else _reading_like_a_router():
+                with contextlib.nullcontext() if self._dedicated else _reading_like_a_router():
                     return open_client(self.endpoint, settings)
             except zenoh.ZError as exc:
                 if not self._wanted():
-                    raise Closed("zenoh: asked to end while waiting for a router") from exc
+                    raise Closed("zenoh: stopped while waiting for a router") from exc
                 if why := self._why_refused(self.endpoint):
-                    raise Refused(f"the Zenoh router at {self._where()} turns this process away: {why}") from exc
+                    raise Refused(f"the Zenoh router at {self._where()} refuses this process: {why}") from exc
                 if attempts == 0 and not busy:
                     log.info("%s: waiting for a Zenoh router at %s", self._owner or "zenoh", self._where())
                 attempts += 1
-                if time.monotonic() - begun >= (_BUSY_PATIENCE if busy else OPEN_PATIENCE):
+                if time.monotonic() - begun >= (_DEDICATED_TIMEOUT if busy else OPEN_TIMEOUT):
                     raise TransportError(f"no Zenoh router answers at {self._where()}") from exc
 
     def _run_router(self) -> None:
         if self._router:
-            self._router.run_if_nobody_does()
+            self._router.run_if_free()
 
     def _where(self) -> str:
         return f"{self.endpoint} (run by {self._router.holder()})" if self._router else self.endpoint
@@ -275,7 +281,7 @@ class Network:
 
 
 def _attempt(ms: int) -> dict[str, Any]:
-    """What has one attempt to connect take so long."""
+    """The settings for one attempt to connect of that duration."""
     return {
         "connect/timeout_ms": ms,
         "transport/unicast/open_timeout": max(ms, _COMMON["transport/unicast/open_timeout"]),
@@ -283,12 +289,12 @@ def _attempt(ms: int) -> dict[str, Any]:
 
 
 class _SharedRouter:
-    """The router of a run-time folder, run by one of those who need it."""
+    """The router of a run-time folder, which one of its clients runs."""
 
     def __init__(self, owner: str) -> None:
         self._folder, self._owner = _folder(), owner
         self._claim: Claim | None = None
-        self._apart: Claim | None = None
+        self._dedicated: Claim | None = None
         self.session: zenoh.Session | None = None
         self._lock = threading.Lock()
         self._closed = False
@@ -297,22 +303,23 @@ class _SharedRouter:
     def endpoint() -> str:
         return f"unixsock-stream/{_folder() / 'router.sock'}"
 
-    def run_if_nobody_does(self, *, apart: bool = False) -> None:
-        """`apart`: as long as we are there, nobody else will have to."""
+    def run_if_free(self, *, dedicated: bool = False) -> None:
+        """`dedicated`: this process does nothing else, so no client has to take over while it runs."""
         with self._lock:
             if self.session or self._closed:
                 return
             self._claim = self._claim or try_claim(self._folder, "router", self._owner)
             if self._claim:
-                if apart:
-                    self._apart = try_claim(self._folder, _APART, self._owner)
+                if dedicated:
+                    self._dedicated = try_claim(self._folder, _DEDICATED, self._owner)
                 (self._folder / "router.sock").unlink(missing_ok=True)  # left by one that was killed
-                self.session = open_router(self.endpoint(), _APART_SETTINGS if self._apart else None)
+                self.session = open_router(self.endpoint(), _DEDICATED_SETTINGS if self._dedicated else None)
 
-    def is_apart(self) -> bool:
-        """Whether the router is run by who starts components, and outlives them."""
-        who = self.holder()
-        return "(pid" in who and holder(self._folder, _APART) == who  # else what somebody left who was killed
+    def is_dedicated(self) -> bool:
+        """Whether a dedicated process runs the router, which then outlives its clients."""
+        process = self.holder()
+        # A killed process may have left the second claim.
+        return "(pid" in process and holder(self._folder, _DEDICATED) == process
 
     def holder(self) -> str:
         return holder(self._folder, "router")
@@ -321,7 +328,7 @@ class _SharedRouter:
         with self._lock:
             self._closed = True
             with contextlib.ExitStack() as everything:  # from the last line to the first, and all of it whatever fails
-                for claim in (self._claim, self._apart):
+                for claim in (self._claim, self._dedicated):
                     if claim:
                         everything.callback(claim.close)
                 if self.session:
@@ -334,8 +341,8 @@ def _folder(socket_name: str = "router.sock") -> Path:
     socket = folder / socket_name
     if len(os.fsencode(socket)) > LONGEST_SOCKET:
         raise ConfigurationError(
-            f"run-time folder {folder}: the path of the socket in it would have {len(os.fsencode(socket))} bytes, "
-            f"and {LONGEST_SOCKET} is the limit; set ROBOCOMP_RUNTIME_DIR to a shorter path"
+            f"run-time folder {folder}: the path of its socket would have {len(os.fsencode(socket))} bytes, "
+            f"but the limit is {LONGEST_SOCKET}; set ROBOCOMP_RUNTIME_DIR to a shorter path"
         )
     folder.mkdir(mode=0o700, exist_ok=True)
     return folder
@@ -343,7 +350,7 @@ def _folder(socket_name: str = "router.sock") -> Path:
 
 @contextlib.contextmanager
 def _reading_like_a_router() -> Iterator[None]:
-    """Have a session opened that reads with many threads, if it is the first one of this process."""
+    """Within this, the first session of the process gets many reading threads."""
     if _RUNTIME in os.environ:
         yield
         return
@@ -351,7 +358,7 @@ def _reading_like_a_router() -> Iterator[None]:
     try:
         yield
     finally:
-        os.environ.pop(_RUNTIME, None)  # not for those that we start
+        os.environ.pop(_RUNTIME, None)  # our child processes must not inherit it
 
 
 def _config(mode: str, settings: dict[str, Any]) -> zenoh.Config:
@@ -360,5 +367,5 @@ def _config(mode: str, settings: dict[str, Any]) -> zenoh.Config:
         try:
             config.insert_json5(key, json.dumps(value))
         except zenoh.ZError as exc:
-            raise ConfigurationError(f"zenoh does not take {value!r} for `{key}`: {exc}") from exc
+            raise ConfigurationError(f"zenoh does not accept {value!r} for `{key}`: {exc}") from exc
     return config

@@ -1,4 +1,4 @@
-"""Which links there are, as their liveliness tokens tell every Zenoh transport. Knows nothing of Zenoh itself."""
+"""The table of visible links, which a transport builds from liveliness tokens. Does not depend on Zenoh itself."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from ...wire import names
 log = logging.getLogger("robocomp.transport.zenoh")
 
 MOST, MOST_OF_OPERATION = 50_000, 4_000
-"""Links that a table knows: of all operations, and in one role of one operation. A hostile program may announce any
-number of them."""
+"""Maximum number of links in a table: in all, and in one role of one operation. A hostile program may announce any
+number of links."""
 
 _AHEAD = re.compile(r"w([0-9]{1,9})")
 
 
 class Token(NamedTuple):
-    """One link, as all can see it: `rc_lv/<domain>/<role>/<traits>/<fingerprint>/<pid>/<link>/<channel>`.
+    """Announces one link: `rc_lv/<domain>/<role>/<traits>/<fingerprint>/<pid>/<link>/<channel>`.
 
-    Traits: those of its QoS (`contract.qos`), `-` if it has none; of a reliable publisher also `w` and
-    how many messages it may be ahead of its readers. A `*` in the channel is written as a dot. Not
-    told, but noted here: `since`, the version of the table in which it came, and whether what is sent to
-    it is known to get there (`reached`, see `reaching`).
+    Traits: those of its QoS (`contract.qos`), or `-`. A reliable publisher adds `w` and the maximum
+    number of its unacknowledged messages. A `*` in the channel is written as a dot. Two fields are not
+    part of the key: `since`, the version of the table when the token came, and `reached`, whether
+    messages are known to get there (see `reachability`).
     """
 
     role: str
@@ -38,7 +38,7 @@ class Token(NamedTuple):
 
     @property
     def ahead(self) -> int:
-        """After so many messages it waits for a word from its readers."""
+        """Maximum number of unacknowledged messages of a reliable publisher."""
         found = _AHEAD.search(self.traits)
         return int(found[1]) if found else 1
 
@@ -48,7 +48,7 @@ class Token(NamedTuple):
 
     @property
     def text(self) -> str:
-        """A token does not say what its contract is."""
+        """Empty: a token does not contain the contract."""
         return ""
 
     def key_expr(self) -> str:
@@ -57,7 +57,7 @@ class Token(NamedTuple):
 
     @classmethod
     def parse(cls, key: str) -> Token:
-        """Raises ValueError if that is none."""
+        """Raises ValueError if the key is not that of a token."""
         _, _, role, traits, fingerprint, pid, link, channel = key.split("/", 7)
         return cls(role, traits, int(fingerprint, 16), int(pid), int(link, 16), channel.replace(".", names.ANY))
 
@@ -69,11 +69,11 @@ class Table:
         self.changed = threading.Condition()
         self.version = self._count = 0
         self._index: dict[tuple[str, str], dict[int, Token]] = {}
-        self._full = False
-        """Whether it was told that there are too many."""
+        self._full_logged = False
+        """Whether the limit was logged."""
 
-    def hear(self, key: str, there: bool) -> bool:
-        """Note that a token came or went; whether that is news."""
+    def update(self, key: str, there: bool) -> bool:
+        """Note that a token came or went; returns whether the table changed."""
         try:
             token = Token.parse(key)
         except ValueError:
@@ -83,11 +83,11 @@ class Table:
             known = self._index.get(place, {})
             noted = known.get(token.link)
             if noted if there else noted is None or noted._replace(since=0, reached=False) != token:
-                return False  # an end of another token, though it is said to be of the same link, ends nothing
+                return False  # ignore the end of a different token for the same link
             if there and (self._count >= MOST or len(known) >= MOST_OF_OPERATION):
-                if not self._full:
-                    self._full = True
-                    log.warning("more ends of %s are announced than are taken note of", token.channel)
+                if not self._full_logged:
+                    self._full_logged = True
+                    log.warning("%s: too many links are announced; further ones are ignored", token.channel)
                 return False
             self._index[place] = known
             self.version += 1
@@ -103,7 +103,7 @@ class Table:
         return True
 
     def reach(self, token: Token) -> None:
-        """Note that a token's link can be reached, if it is still there."""
+        """Note that the link of a token can be reached, if the token still exists."""
         with self.changed:
             if self.holds(token):
                 self._index[token.role, _tail(token.channel)][token.link] = token._replace(reached=True)
@@ -111,18 +111,18 @@ class Table:
                 self.changed.notify_all()
 
     def holds(self, token: Token) -> bool:
-        """Whether it is there, and has been since."""
+        """Whether the table has this token, without interruption since it came."""
         with self.changed:
             known = self._index.get((token.role, _tail(token.channel)), {}).get(token.link)
             return known is not None and known.since == token.since
 
     def find(self, role: str, channel: str) -> list[Token]:
-        """Links in that role whose channel matches, either of which may have `*` for its instance."""
+        """Links in that role whose channel matches; either channel may have `*` for its instance."""
         with self.changed:
             candidates = list(self._index.get((role, _tail(channel)), {}).values())
         return [t for t in candidates if names.matches(channel, t.channel) or names.matches(t.channel, channel)]
 
 
 def _tail(channel: str) -> str:
-    """Interface and operation: what a channel has in common with all that it may match."""
+    """Interface and operation, which are the same in all matching channels."""
     return "/".join(channel.split("/")[-2:])

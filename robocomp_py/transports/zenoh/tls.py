@@ -1,4 +1,4 @@
-"""Who a component is to a router that asks for certificates: the folder `keys`, as `rcdeploy keys` makes it."""
+"""Reads the folder `keys`, made by `rcdeploy keys`: a component's identity for routers that require certificates."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from ..private import insist_private
 _FILES = "ca.pem", "certificate.pem", "key.pem", "identity.json"
 
 NUMBER_BITS = 16
-"""Of the id of a transport that has a number: the router's rules name its links by that."""
+"""The leading bits of a transport's id that hold its process's number; the router's rules identify links by it."""
 
 
 def checked(keys: str) -> Path | None:
-    """The folder of keys, with all that is needed in it; None if there is none. Raises ConfigurationError."""
+    """The folder of keys, with all files checked; None if `keys` is empty. Raises ConfigurationError."""
     if not keys:
         return None
     folder = Path(keys)
@@ -28,13 +28,13 @@ def checked(keys: str) -> Path | None:
                 insist_private(folder / name, "zenoh: `keys`")
         except OSError as exc:
             raise ConfigurationError(
-                f"zenoh: `keys`: {folder / name}: {exc.strerror}; make keys again: rcdeploy keys"
+                f"zenoh: `keys`: {folder / name}: {exc.strerror}; make the keys again: rcdeploy keys"
             ) from exc
     return folder
 
 
 def number(folder: Path) -> int:
-    """That of its process in the network. Raises ConfigurationError."""
+    """The number of the process in the network. Raises ConfigurationError."""
     path = folder / "identity.json"
     try:
         told = json.loads(path.read_text(encoding="utf-8"))
@@ -47,12 +47,12 @@ def number(folder: Path) -> int:
 
 
 def rights(folder: Path) -> Rights:
-    """What its process may use of others. The router enforces the same, but drops what it refuses silently."""
+    """What the process may use. The router enforces the same rules, but drops messages silently."""
     return rights_to_use(folder / "peers")
 
 
 def client_settings(folder: Path | None) -> dict[str, Any]:
-    """For the session of who connects by TLS."""
+    """The TLS settings of a client's session; none without keys."""
     if folder is None:
         return {}
     return {

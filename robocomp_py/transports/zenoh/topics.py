@@ -1,4 +1,4 @@
-"""Publishers and subscribers."""
+"""The links of publications: publisher and subscriber."""
 
 from __future__ import annotations
 
@@ -45,20 +45,20 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("robocomp.transport.zenoh")
 
-_MUCH = BYTES_AHEAD // PARTS
-"""And when it is so many bytes."""
+_ACKNOWLEDGE_BYTES = BYTES_AHEAD // PARTS
+"""Unacknowledged bytes after which a subscriber acknowledges at once."""
 
-_LOOK = 0.01
-"""Seconds until a sink that takes long is looked at again."""
+_SLOW_TICK = 0.01
+"""Seconds between two checks of a slow sink."""
 
-_EARLY, _WENT = 0, -1
-"""Of a publisher that was heard before it was told of; and of one that went while it was asked what it had said."""
+_BEFORE_TOKEN, _LEFT = 0, -1
+"""Values in `Subscriber._caught_up`: the publisher's messages came before its token; it left during the inquiry."""
 
-_BEFORE_DOUBT = 0.5
-"""Seconds that a publisher waits for its subscribers until it asks whether they are there."""
+_PROBE_AFTER = 0.5
+"""Seconds that a publisher waits for acknowledgements before it checks whether its subscribers exist."""
 
 _REFUSED = zenoh.ZError, RuntimeError
-"""What a publisher of Zenoh raises once it is undeclared, and while it is being."""
+"""The exceptions of a Zenoh publisher that is undeclared, or is being undeclared."""
 
 
 class Publisher(Link, SupportsHeard):
@@ -75,7 +75,7 @@ class Publisher(Link, SupportsHeard):
         self._credit = Credit(ahead, self._reliable_readers)
         self._history: deque[tuple[bytes, Payload]] = deque(maxlen=qos.depth if qos.latched else 0)
         self._latched = qos.latched
-        self._doubting = False
+        self._probing = False
         self._order = threading.Lock()
         self._header = publications_of(b"", channel.type.fingerprint, self.id)
 
@@ -99,7 +99,7 @@ class Publisher(Link, SupportsHeard):
             header = self._header(credit.sent, time.time_ns())
             if self._latched:
                 self.check_open()
-                self._history.append((header, payload))  # first: who asks for it now may not hear the other one
+                self._history.append((header, payload))  # first: a new subscriber may miss the publication
             self._put(payload, attachment=header)  # refuses if the link is closed
         except _REFUSED as exc:
             raise self.failed(exc) from exc
@@ -108,27 +108,27 @@ class Publisher(Link, SupportsHeard):
 
     def _wait_for_credit(self, end: float, size: int, deadline: float) -> None:
         self.check_open()
-        if self._credit.wait(min(end, time.monotonic() + _BEFORE_DOUBT), self.check_open, size):
+        if self._credit.wait(min(end, time.monotonic() + _PROBE_AFTER), self.check_open, size):
             return
-        if not self._doubting:
-            self._doubting = True
-            self.transport.do(self._doubt)
+        if not self._probing:
+            self._probing = True
+            self.transport.do(self._probe)
         if not self._credit.wait(end, self.check_open, size):
             raise self._too_slow(deadline)
 
-    def _doubt(self) -> None:
-        """Find out whether those we wait for are there at all."""
+    def _probe(self) -> None:
+        """Check whether the subscribers still exist."""
         try:
             for token in self._same():
                 self.transport.confirm(token)
         finally:
-            self._doubting = False
+            self._probing = False
 
     def visible(self) -> bool:
         return bool(self.counterparts(strict=True)) and self._matches()
 
     def connected(self) -> bool:
-        self.meet_earlier()
+        self.wait_for_earlier()
         return not self.counterparts() or self._matches()
 
     @property
@@ -185,33 +185,33 @@ class Subscriber(Link, SupportsSources):
             stats=self.stats,
         )
         self._reader.settle = self._acknowledge
-        self._reception = Reception(channel, self.stats, self._reader.through)
+        self._reception = Reception(channel, self.stats, self._reader.wrap_sink)
         self._channels: dict[int, str] = {}
-        """By publisher."""
-        self._untold: dict[int, list[int]] = {}
-        """Of each sender the last number that was taken, how many messages and bytes it has not been told of, and how
-        many messages are worth telling."""
+        """The channel of each publisher."""
+        self._unacknowledged: dict[int, list[int]] = {}
+        """For each sender: the last sequence number, the unacknowledged messages and bytes, and the number of messages
+        after which to acknowledge."""
         self._ahead: dict[int, int] = {}
-        """How many messages each sender may be ahead."""
+        """Maximum number of unacknowledged messages of each sender."""
         self._lost: dict[int, int] = {}
-        """Of each reliable publisher, which waits for us, how many of its messages did not come."""
+        """The number of lost messages of each reliable publisher."""
         self._catching_up: dict[int, deque[Any]] = {}
         self._caught_up: dict[int, int] = {}
-        """Of each publisher whose history was heard, since when it was there then; or one of those below."""
+        """The `since` of each publisher whose history was fetched; or `_BEFORE_TOKEN` or `_LEFT`."""
         self._since: dict[int, int] = {}
-        """Of each publisher that is there, since when: any number that is another one if it went and came back."""
+        """The `since` of each visible publisher; it changes if the publisher leaves and comes back."""
         self._heard: dict[int, int] = {}
         self._connected: set[tuple[int, int]] = set()
-        """Publishers that have answered since we subscribed, and since when they were there."""
+        """The publishers, with their `since`, that have answered since we subscribed."""
 
     def open(self) -> None:
-        from_whom = zenoh.Locality.REMOTE if ANY in self.channel.name else zenoh.Locality.ANY
+        origin = zenoh.Locality.REMOTE if ANY in self.channel.name else zenoh.Locality.ANY
         subscribe = self.transport.session.declare_subscriber
-        subscription = self.declare(subscribe(self.key, self._reader.channel(), allowed_origin=from_whom))
-        self._reader.start(subscription.handler)  # not its own `recv`, during which it cannot be undeclared
+        subscription = self.declare(subscribe(self.key, self._reader.channel(), allowed_origin=origin))
+        self._reader.start(subscription.handler)  # a subscription cannot be undeclared during its own `recv`
 
     def look(self) -> bool:
-        with self._looking:  # or who looked first, and was interrupted, would have the last word
+        with self._looking:  # an interrupted thread must not overwrite a newer result
             self._look()
         self.has_news()
         return True
@@ -225,16 +225,18 @@ class Subscriber(Link, SupportsSources):
         self._lost = {link: self._lost.get(link, 0) for link in reliable}
         self._reception.meet(self.sources())
         with self._reader.lock:
-            self._untold = {source: untold for source, untold in self._untold.items() if source in there}
-            for source, untold in self._untold.items():
-                untold[3] = self._many(source)
+            self._unacknowledged = {
+                source: unacknowledged for source, unacknowledged in self._unacknowledged.items() if source in there
+            }
+            for source, unacknowledged in self._unacknowledged.items():
+                unacknowledged[3] = self._acknowledge_every(source)
         if self._latched:
             with self._reader.lock:
                 self._since = {token.link: token.since for token in tokens}
                 self._caught_up = {
                     source: since
                     for source, since in self._since.items()
-                    if self._caught_up.get(source) in (_EARLY, since)
+                    if self._caught_up.get(source) in (_BEFORE_TOKEN, since)
                 }
                 for source in there:
                     self._catch_up(source)
@@ -245,7 +247,7 @@ class Subscriber(Link, SupportsSources):
         Our subscription was sent before the question, on the same path: a publisher that answers knows of both.
         """
         end = time.monotonic() + timeout
-        self.meet_earlier()
+        self.wait_for_earlier()
         there = {(token.link, token.since) for token in self.counterparts() if not self.transport.is_own(token)}
         self._connected &= there
         for publisher in there - self._connected:
@@ -262,10 +264,10 @@ class Subscriber(Link, SupportsSources):
         return [Source(token.channel, from_traits(token.traits)) for token in self.counterparts()]
 
     def tick(self) -> float | None:
-        held_up = self._reader.relieve()
+        held_up = self._reader.replace_if_slow()
         if held_up:
             self._acknowledge()
-        return _LOOK if held_up else TICK
+        return _SLOW_TICK if held_up else TICK
 
     def release(self) -> None:
         self._reader.close()
@@ -289,48 +291,48 @@ class Subscriber(Link, SupportsSources):
         payload = message.payload
         if self._lossless:
             self._reader.waits = source in self._lost
-            untold = self._untold.get(source)
-            if untold is None:
-                untold = self._untold[source] = [0, 0, 0, self._many(source)]
-            untold[0] = sequence
-            untold[1] += 1
-            untold[2] += len(payload)
-            if untold[1] >= untold[3] or untold[2] >= _MUCH:
-                self._reader.owing = True
+            unacknowledged = self._unacknowledged.get(source)
+            if unacknowledged is None:
+                unacknowledged = self._unacknowledged[source] = [0, 0, 0, self._acknowledge_every(source)]
+            unacknowledged[0] = sequence
+            unacknowledged[1] += 1
+            unacknowledged[2] += len(payload)
+            if unacknowledged[1] >= unacknowledged[3] or unacknowledged[2] >= _ACKNOWLEDGE_BYTES:
+                self._reader.must_settle = True
         lost = self.stats.lost
         if not self._ledger.admit(source, sequence):
             return None
         if self.stats.lost != lost and source in self._lost:
-            self._miss(source, self.stats.lost - lost)
+            self._count_lost(source, self.stats.lost - lost)
         if not self._reception.on:
             return payload
         return self._reception.admit(self._channels.get(source, self.channel.name), stamp, payload)
 
-    def _miss(self, source: int, count: int) -> None:
-        """What should not be lost was: neither side could prevent it, and this one is the first to know."""
+    def _count_lost(self, source: int, count: int) -> None:
+        """Log and count lost messages of a reliable publisher; a lost connection is the cause."""
         if self._lost[source] == 0:
             log.error(
-                "%s: %d messages of its reliable publisher were lost, as the connection was (more are only counted)",
+                "%s: lost %d messages of a reliable publisher: the connection failed (further ones are only counted)",
                 self._channels.get(source, self.channel.name),
                 count,
             )
         self._lost[source] += count
 
-    def _many(self, source: int) -> int:
-        """After so many of its messages a sender is told that they were taken."""
+    def _acknowledge_every(self, source: int) -> int:
+        """Number of a sender's messages after which they are acknowledged."""
         return -(-self._ahead.get(source, 1) // PARTS)
 
     def _acknowledge(self) -> None:
         taken = {}
         with self._reader.lock:
-            for source, untold in self._untold.items():
-                if untold[1]:
-                    taken[source] = untold[0]
-                    untold[1] = untold[2] = 0
+            for source, unacknowledged in self._unacknowledged.items():
+                if unacknowledged[1]:
+                    taken[source] = unacknowledged[0]
+                    unacknowledged[1] = unacknowledged[2] = 0
         self.transport.acknowledge(taken, self.id)
 
     def _is_next(self, source: int, sequence: int, message: Any) -> bool:
-        """Whether all that precedes a latched message was heard, and itself was not."""
+        """Whether a latched message is to be delivered now: after its publisher's history, and only once."""
         if source not in self._caught_up:
             self._catch_up(source)
             self._catching_up[source].append(message)
@@ -341,7 +343,7 @@ class Subscriber(Link, SupportsSources):
         return new
 
     def _catch_up(self, source: int) -> None:
-        """Have a publisher's history fetched; what else comes from it has to wait until it is there."""
+        """Have a publisher's history fetched; its later messages wait until then."""
         if source not in self._caught_up and source not in self._catching_up:
             self._catching_up[source] = deque(maxlen=INBOX)
             self.transport.do(partial(self._fetch, source))
@@ -350,17 +352,17 @@ class Subscriber(Link, SupportsSources):
         since, name = self._since.get(source), self._channels.get(source, self.channel.name)
         missed, whole = self.transport.inquire(source, "history", name)
 
-        def all_of_it() -> list[Any]:
+        def messages() -> list[Any]:
             now = self._since.get(source)
-            if now is not None and now != since:  # it came back meanwhile, and may not have been asked
+            if now is not None and now != since:  # it came back: the inquiry may have missed it
                 self.transport.do(partial(self._fetch, source))
                 return []
             if now is not None and not whole and not self.closed.is_set():  # it was too busy
                 if tries > 1:
                     self.transport.do(partial(self._fetch, source, tries - 1))
                     return []
-                log.warning("%s: not all that its publisher has latched came in time", name)
-            self._caught_up[source] = now or (_EARLY if since is None else _WENT)
-            return [*missed, *self._catching_up.pop(source, ())]  # what came before it asked comes to nothing
+                log.warning("%s: not all latched messages of its publisher came in time", name)
+            self._caught_up[source] = now or (_BEFORE_TOKEN if since is None else _LEFT)
+            return [*missed, *self._catching_up.pop(source, ())]  # `_admit` drops duplicates
 
-        self._reader.feed(all_of_it)
+        self._reader.feed(messages)

@@ -1,4 +1,4 @@
-"""The transport: its links, its session, and its thread."""
+"""The Zenoh transport: its links, its session, and its threads."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ from ..link import BaseLink, BaseTransport, Ends
 from ..memory import keep_memory
 from .client import Caller, CommandOutlet
 from .link import IDLE_TICK, TICK, Link
-from .messages import BLOCK, DATA, NO_CONSOLIDATION, SMALL, URGENT, Inbox, Message, Query, direct
-from .reaching import Reaching
+from .messages import BLOCK, DATA, NO_CONSOLIDATION, SMALL, URGENT, BoundedQueue, Message, QueryReplier, direct
+from .reachability import Reachability
 from .refusal import why_refused
 from .server import CommandInlet, Server
 from .session import HERE, Network, as_transport_error, named_router, shared_router
@@ -53,26 +53,26 @@ from .watching import INQUIRY, PROVIDING, Watching
 
 log = logging.getLogger("robocomp.transport.zenoh")
 
-_ACK = struct.Struct("<QQ")  # who took it · sequence
+_ACK = struct.Struct("<QQ")  # link that acknowledges · sequence number
 _GONE = b"gone"
-"""What a transport answers about a link that it does not have, or not any more."""
+"""A transport's reply to an inquiry to a link that it does not have (any more)."""
 _Cancellation: Any = zenoh.CancellationToken  # its stub lacks types
 
 
 class ZenohTransport(BaseTransport[Token], SupportsHost):
     """Options:
 
-    `connect`   the endpoint of a router to use instead of the one of this run-time folder, as Zenoh
-                writes it: `tcp/192.168.1.5:7447`. Only this reaches other hosts.
-                `here/NAME` is the one that somebody runs under that name in this run-time folder.
-    `domain`    a number from 0. Those of different domains share the router, but do not meet.
-    `keys`      folder with our certificate, for a router that asks for one (`tls/192.168.1.5:7447`):
-                `rcdeploy keys` makes it.
-    `router`    for who runs `here/NAME` for others (see `host`): more settings of that router, in Zenoh's own words
+    `connect`   the endpoint of a router, as Zenoh writes it: `tcp/192.168.1.5:7447`. The default is the
+                shared router of the run-time folder, which reaches only this host.
+                `here/NAME` is a router that runs under that name in the run-time folder.
+    `domain`    an integer >= 0. Components of different domains share the router, but do not meet.
+    `keys`      the folder with our certificate, for a router that requires one
+                (`tls/192.168.1.5:7447`): `rcdeploy keys` makes it.
+    `router`    further settings, in Zenoh's format, of the router `here/NAME` (see `host`)
 
-    While the router hangs, which is noticed after 2 s (after 10 s, where it is run for all), and then
-    logged, all that waits keeps its deadline, except for what is larger than the queue to the router
-    (about 1 MB): handing it over may take up to 2 s longer; a best-effort one is dropped after 1 s.
+    A router that hangs is noticed, and logged, after 2 s (10 s for a dedicated one). Until then, calls
+    keep their deadlines. But sending a message larger than the queue to the router (about 1 MB) may
+    take 2 s longer; if it is best-effort, it is dropped after 1 s.
     """
 
     ends = Ends(Publisher, CommandOutlet, Subscriber, CommandInlet, Caller, Server)
@@ -92,13 +92,13 @@ class ZenohTransport(BaseTransport[Token], SupportsHost):
         self._rights = rights(keys) if keys else Rights()
         if keys:  # the router's rules name its links by its number
             self._id = number(keys) << (40 - NUMBER_BITS) | secrets.randbits(40 - NUMBER_BITS)
-        self._reaching = Reaching(self._ask_for_a_word, self.table.holds, self._reach, self.due)
+        self._reachability = Reachability(self._send_probe, self.table.holds, self._reach, self.due)
         self._work: queue.SimpleQueue[Job] = queue.SimpleQueue()
         self._looking = False
         self._next_tick = 0.0
-        self._inquiries, self._giving_up = Inbox(QUERIES_WAITING), _Cancellation()
-        self.lines: dict[int, Link] = {}
-        """By number: the links, which also have numbers beside their own."""
+        self._inquiries, self._cancellation = BoundedQueue(QUERIES_WAITING), _Cancellation()
+        self.links_by_id: dict[int, Link] = {}
+        """The link of each id: its own, and those of its reply inboxes."""
         self.claims, self._elsewhere = _claims(connect, self.domain), bool(connect)
         keep_memory()
         why = partial(why_refused, keys=keys)
@@ -120,7 +120,7 @@ class ZenohTransport(BaseTransport[Token], SupportsHost):
 
     @staticmethod
     def host(config: TransportConfig) -> contextlib.AbstractContextManager[None]:
-        """See `base.SupportsHost`: run the router, unless it is one elsewhere, or somebody runs it."""
+        """See `base.SupportsHost`: run the router, unless it is elsewhere or running already."""
         connect, _ = _options(config)
         kind, _, name = connect.partition("/")
         router = config.options.get("router")
@@ -131,19 +131,19 @@ class ZenohTransport(BaseTransport[Token], SupportsHost):
     def release(self, everything: contextlib.ExitStack) -> None:
         everything.callback(self._network.close)
         everything.callback(self._threads.close)
-        everything.callback(self._giving_up.cancel)
+        everything.callback(self._cancellation.cancel)
 
     # What links use.
 
     def do(self, job: Job) -> None:
-        """Have a thread of ours run this."""
+        """Run a job on one of our threads."""
         self._work.put(job)
 
     def new_id(self) -> int:
         return self._id << 24 | next(self._numbers)
 
     def has_left(self, channel: str) -> bool:
-        """Whether a channel is not served any more on this host; its server's token may still tell that it is."""
+        """Whether a server on this host has left though its token is still visible. False for routers elsewhere."""
         return not (self._elsewhere or is_claimed(self.claims, channel))
 
     def find(self, role: str, channel: str) -> list[Token]:
@@ -153,35 +153,35 @@ class ZenohTransport(BaseTransport[Token], SupportsHost):
         return peer.link >> 24 == self._id
 
     def may_use(self, token: Token) -> bool:
-        """Whether our keys let us use what a link provides. The router silently drops what they do not allow."""
+        """Whether our keys allow this link. The router silently drops messages that they do not allow."""
         if not self._keyed or token.role not in PROVIDING:
             return True
         of_our_process = token.link >> (64 - NUMBER_BITS) == self._id >> (40 - NUMBER_BITS)
         return of_our_process or self._rights.allow(token.channel)
 
     def reaches(self, token: Token) -> bool:
-        """Whether what is sent to a link gets there; if that is not known, it will be soon."""
+        """Whether messages are known to reach a link; if not, a probe starts."""
         if token.reached or not self._elsewhere or self.is_own(token):
             return True
-        self._reaching.seek(token)
+        self._reachability.probe(token)
         return False
 
     def key(self, kind: str, *parts: object) -> str:
         return "/".join(map(str, (kind, self.domain, *parts)))
 
     def address(self, kind: str, link: int) -> str:
-        """The key of that kind at which a link is reached."""
+        """The key of a link for that kind of message."""
         return f"{kind}/{self.domain}/{link >> 24:010x}/{link & 0xFFFFFF:06x}"
 
     def requests(self, link: int, channel: str) -> str:
-        """The key at which a server takes requests. A router that knows who may use what looks at the channel."""
+        """The key of a server for requests. With keys, it contains the channel, which the router's rules need."""
         address = self.address("rc_to", link)
         return f"{address}/{channel}" if self._keyed else address
 
     def inquire(self, link: int, what: str, channel: str = "") -> tuple[list[Message], bool]:
-        """What another link answers, and whether that is all: nothing is all of one that has gone.
+        """A link's answers to an inquiry, and whether they are complete. Those of a link that has gone are: none.
 
-        `channel` is its own, unless everybody may ask.
+        `channel` is the link's; it may be left out for inquiries that any component may make.
         """
         with contextlib.suppress(zenoh.ZError):
             replies = self._inquire(link, what, channel)
@@ -190,62 +190,65 @@ class ZenohTransport(BaseTransport[Token], SupportsHost):
         return [], True
 
     def _inquire(self, link: int, what: str, channel: str = "") -> list[zenoh.Reply]:
-        """All replies, also that there was none in time. Raises ZError."""
+        """All replies; a time-out is one of them. Raises ZError."""
         key = f"{self.address('rc_ask', link)}/{what}"
         if self._keyed and channel:
             key = f"{key}/{channel}"
         return list(
-            self.session.get(key, timeout=INQUIRY, cancellation_token=self._giving_up, consolidation=NO_CONSOLIDATION)
+            self.session.get(
+                key, timeout=INQUIRY, cancellation_token=self._cancellation, consolidation=NO_CONSOLIDATION
+            )
         )
 
     def confirm(self, token: Token) -> None:
         """Forget a token if its link has gone.
 
-        Zenoh may tell who joins of a token that goes just then, and never that it went. It may find it, too, if it is
-        asked for it, so its transport is asked first; only of links that nobody speaks for the token itself has to do.
+        Zenoh may announce, to a session that joins, a token that is just being removed, and never report its removal.
+        Zenoh may even find such a token in a query. So the link's transport is asked first, and Zenoh only if it
+        does not answer.
         """
         key = self.key("rc_lv", token.key_expr())
         with contextlib.suppress(zenoh.ZError):
             replies = self._inquire(token.link, "text")
             gone = any(_is_gone(reply) for reply in replies)
             if not replies:
-                gone = not list(self.session.liveliness().get(key, timeout=INQUIRY))  # no error, either
+                gone = not list(self.session.liveliness().get(key, timeout=INQUIRY))  # an error counts as an answer
             if gone:
-                self._news(key, False)
+                self._update(key, False)
 
     def put(self, key: str, header: bytes | None, payload: Payload) -> None:
-        """Send what must arrive, what is small before what is large. Raises ZError."""
+        """Send a message that must arrive; small ones overtake large ones. Raises ZError."""
         priority = URGENT if len(payload) <= SMALL else DATA
         self.session.put(key, payload, attachment=header, congestion_control=BLOCK, priority=priority, express=True)
 
     def acknowledge(self, taken: dict[int, int], by: int) -> None:
-        """Tell senders that their messages up to a number were taken."""
+        """Acknowledge, to each sender, its messages up to that number."""
         for sender, sequence in taken.items():
-            with contextlib.suppress(zenoh.ZError):  # closed meanwhile: nobody waits for it
+            with contextlib.suppress(zenoh.ZError):  # closed meanwhile
                 self.put(self.address("rc_ack", sender), None, _ACK.pack(by, sequence))
 
     def due(self, when: float) -> None:
-        """Tick at that time, or before."""
+        """Have the next tick no later than that."""
         if when < self._next_tick:
-            self.do(self._forget_the_clock)
+            self.do(self._tick_now)
 
     def left(self, link: BaseLink[Any, Token]) -> None:
         super().left(link)
         with self._lock:
-            for number in [number for number, owner in list(self.lines.items()) if owner is link]:
-                del self.lines[number]
+            for number in [number for number, owner in list(self.links_by_id.items()) if owner is link]:
+                del self.links_by_id[number]
 
-    # Callbacks: on threads of Zenoh.
+    # Callbacks, on Zenoh's threads.
 
     def _on_token(self, sample: zenoh.Sample) -> None:
-        self._news(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+        self._update(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
-    def _news(self, token: str, there: bool) -> None:
-        if self.table.hear(token, there):
+    def _update(self, token: str, there: bool) -> None:
+        if self.table.update(token, there):
             self._look_soon()
 
     def _on_ack(self, sample: zenoh.Sample) -> None:
-        link, data = self._meant(str(sample.key_expr).split("/")[-1]), sample.payload.to_bytes()
+        link, data = self._link(str(sample.key_expr).split("/")[-1]), sample.payload.to_bytes()
         if link and len(data) == _ACK.size:
             link.acknowledged(*_ACK.unpack(data))
 
@@ -262,14 +265,14 @@ class ZenohTransport(BaseTransport[Token], SupportsHost):
             self._looking = True
             self._work.put(self._look)
 
-    # On threads of ours.
+    # On our own threads.
 
-    def _ask_for_a_word(self, token: Token, answered: Callable[[], None], over: Callable[[], None]) -> None:
+    def _send_probe(self, token: Token, answered: Callable[[], None], over: Callable[[], None]) -> None:
         key = f"{self.address('rc_ask', token.link)}/text"
         handler = direct(lambda reply: answered() if reply.ok and not _is_gone(reply) else None, over)
         with contextlib.suppress(zenoh.ZError):  # closed
             self.session.get(
-                key, handler, timeout=INQUIRY, cancellation_token=self._giving_up, consolidation=NO_CONSOLIDATION
+                key, handler, timeout=INQUIRY, cancellation_token=self._cancellation, consolidation=NO_CONSOLIDATION
             )
 
     def _join(self) -> None:
@@ -280,7 +283,7 @@ class ZenohTransport(BaseTransport[Token], SupportsHost):
     def _receive(self) -> Iterable[Job]:
         wait = self._next_tick - time.monotonic()
         if wait <= 0:
-            self._next_tick, wait = inf, TICK  # what becomes due while we look is not missed
+            self._next_tick, wait = inf, TICK  # `due` may set an earlier time during the tick
             try:
                 wait = self._tick()
             finally:
@@ -290,14 +293,14 @@ class ZenohTransport(BaseTransport[Token], SupportsHost):
         except queue.Empty:
             return ()
 
-    def _forget_the_clock(self) -> None:
+    def _tick_now(self) -> None:
         self._next_tick = 0.0
-        self._work.put(_nothing)  # another thread may have begun to wait meanwhile
+        self._work.put(_nothing)  # wakes a thread that has begun to wait meanwhile
 
     def _tick(self) -> float:
-        """Do what is due; seconds until the next time.
+        """Do what is due; returns the seconds until the next tick.
 
-        On the thread that receives for everybody: nothing may stop it.
+        Errors are logged: this runs on the thread that receives for all links.
         """
         try:
             if self.close_if_abandoned():
@@ -305,8 +308,8 @@ class ZenohTransport(BaseTransport[Token], SupportsHost):
             self._network.tick()
         except Exception:
             log.exception("housekeeping")
-        waits = [self._reaching.tick(time.monotonic()), *self.tick_links()]
-        usual = IDLE_TICK if self._network.settled else TICK
+        waits = [self._reachability.tick(time.monotonic()), *self.tick_links()]
+        usual = IDLE_TICK if self._network.stable else TICK
         return min([usual, *(wait for wait in waits if wait is not None)])
 
     def _look(self) -> None:
@@ -316,20 +319,20 @@ class ZenohTransport(BaseTransport[Token], SupportsHost):
     def _answer(self) -> None:
         query = self._inquiries.get()
         _, _, _, number, what, *channel = str(query.key_expr).split("/")
-        link = self._meant(number)
+        link = self._link(number)
         if link and self._keyed and what != "text" and "/".join(channel) != link.channel.name:
-            link = None  # what was asked for by a right to something else
-        with contextlib.suppress(zenoh.ZError), contextlib.closing(Query(query)) as asked:
+            link = None  # the keys allowed the inquiry for another channel only
+        with contextlib.suppress(zenoh.ZError), contextlib.closing(QueryReplier(query)) as asked:
             answers = link.answer(what) if link else [(_GONE, b"")] if what == "text" else ()
             for header, payload in answers:
                 asked.reply(header, payload)
 
-    def _meant(self, number: str) -> Link | None:
+    def _link(self, number: str) -> Link | None:
         try:
             id_ = self._id << 24 | int(number, 16)
         except ValueError:
             return None
-        return self.lines.get(id_)
+        return self.links_by_id.get(id_)
 
     @contextlib.contextmanager
     def opening(self, link: BaseLink[Any, Token]) -> Iterator[None]:
@@ -339,7 +342,7 @@ class ZenohTransport(BaseTransport[Token], SupportsHost):
 
 
 def _is_gone(reply: zenoh.Reply) -> bool:
-    """Whether the transport of a link answers that it has it no more."""
+    """Whether a transport replies that it does not have the link any more."""
     attachment = reply.ok.attachment if reply.ok else None
     return attachment is not None and attachment.to_bytes() == _GONE
 
@@ -352,14 +355,14 @@ def _options(config: TransportConfig) -> tuple[str, int]:
     connect, domain = options["connect"], options["domain"]
     if type(connect) is not str or not re.fullmatch(r"([\w-]+/\S+)?", connect):
         raise ConfigurationError(
-            f"transport option `connect` is an endpoint like tcp/192.168.1.5:7447, not {connect!r}"
+            f"transport option `connect` must be an endpoint like tcp/192.168.1.5:7447, not {connect!r}"
         )
     if type(domain) is not int or domain < 0:
-        raise ConfigurationError(f"transport option `domain` is a number from 0, not {domain!r}")
+        raise ConfigurationError(f"transport option `domain` must be an integer >= 0, not {domain!r}")
     return connect, domain
 
 
 def _claims(connect: str, domain: int) -> Path:
-    """The folder for claims of those who can meet."""
+    """The folder for claims; components that can meet use the same one."""
     where = hashlib.sha256(connect.encode()).hexdigest()[:8] if connect else "here"
     return runtime_dir("zenoh", f"served-{domain}-{where}")

@@ -1,7 +1,7 @@
-"""Of whom a transport hears: of those that have links of an interface that it has links of, and of nobody else.
+"""Discovery: a transport watches only the tokens of interfaces for which it has links of its own.
 
-If each heard of everybody, their number would count three times: as many tokens, told to as many transports, and for
-each of these the router looks for it among all that are to be told. A hundred components did not become ready so.
+If every transport watched all tokens, the router's work would grow with the cube of their number: each token is
+reported to each transport, and for each report the router searches all of them. A hundred components did not start.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ from ...wire.names import ANY
 from .messages import direct
 
 PROVIDING = ("serves", "receives", "publishes")
-"""The roles of those who have a name that others know."""
+"""The roles whose links peers find by name."""
 
 INQUIRY = 2.0
-"""Seconds for which others are asked who they are, or what they know."""
+"""Time limit of an inquiry, in seconds."""
 
 
 class Watching:
-    """Safe to use from any thread. What was watched once is watched until the session is closed."""
+    """Watches tokens; each key stays watched until the session is closed. Safe to use from any thread."""
 
-    def __init__(self, session: zenoh.Session, domain: int, hear: Callable[[zenoh.Sample], object]) -> None:
-        """`hear` is told, on a thread of Zenoh, of each token that comes or goes; of some more than once."""
-        self._session, self._domain, self._hear = session, domain, hear
+    def __init__(self, session: zenoh.Session, domain: int, on_token: Callable[[zenoh.Sample], object]) -> None:
+        """`on_token` gets, on a Zenoh thread, each token that comes or goes, some of them more than once."""
+        self._session, self._domain, self._on_token = session, domain, on_token
         self._lock = threading.Lock()
         self._watched: dict[str, threading.Event] = {}
-        """By key: set once all that was there when it began has been told."""
+        """By key: set when all tokens that existed at the start were reported."""
 
     def watch(self, role: str, channel: str) -> None:
-        """Have those told that a link in this role may face; returns when that is done of all who are there now.
+        """Watch the possible peers of a link in this role; returns when all present ones were reported.
 
         Raises ZError.
         """
@@ -43,46 +43,46 @@ class Watching:
             self._watched |= new
         try:
             self._begin(list(new))
-        except BaseException:  # whatever it was, nobody is to rely on these
+        except BaseException:  # no other thread may rely on these
             with self._lock:
                 for key in new:
                     del self._watched[key]
             raise
         finally:
-            for told in new.values():
-                told.set()
-        for told in known:
-            told.wait(INQUIRY)
+            for reported in new.values():
+                reported.set()
+        for reported in known:
+            reported.wait(INQUIRY)
 
-    def meet_earlier(self, role: str, channel: str) -> None:
-        """Return once those that a link may face, and that were announced before it was, have been told.
+    def wait_for_earlier(self, role: str, channel: str) -> None:
+        """Return when all possible peers that were announced before the link have been reported.
 
-        So of two links that were announced at the same time, one at least knows the other.
+        So of two links that are announced at the same time, at least one knows the other.
         Raises ZError.
         """
         self._wait_for(self._keys(role, channel))
 
     def _keys(self, role: str, channel: str) -> list[str]:
-        return [f"rc_lv/{self._domain}/*/*/*/*/*/{each}/*" for each in neighbourhoods(role, channel)]
+        return [f"rc_lv/{self._domain}/*/*/*/*/*/{each}/*" for each in peer_prefixes(role, channel)]
 
     def _begin(self, keys: list[str]) -> None:
-        liveliness, hear = self._session.liveliness(), direct(self._hear)
+        liveliness, on_token = self._session.liveliness(), direct(self._on_token)
         for key in keys:
-            liveliness.declare_subscriber(key, hear, history=True)
+            liveliness.declare_subscriber(key, on_token, history=True)
         self._wait_for(keys)
 
     def _wait_for(self, keys: list[str]) -> None:
-        """What is told to the subscribers comes first: once these questions are answered, we know who is there."""
+        """Query the present tokens. Zenoh reports them to our subscribers before it answers the queries."""
         liveliness = self._session.liveliness()
         for replies in [liveliness.get(key, timeout=INQUIRY) for key in keys]:
             for _ in replies:
                 pass
 
 
-def neighbourhoods(role: str, channel: str) -> list[str]:
-    """What the channels of those begin with, in their tokens, whom a link may face.
+def peer_prefixes(role: str, channel: str) -> list[str]:
+    """The beginnings of the channels, in tokens, of a link's possible peers.
 
-    Who provides something is also meant by those who name nobody, and write a dot.
+    A link that provides something also matches users without an instance name, whose tokens have a dot instead.
     """
     *before, instance, interface, _ = channel.split("/")
     meant = [instance] if instance == ANY or role not in PROVIDING else [instance, "."]
