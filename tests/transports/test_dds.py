@@ -244,7 +244,7 @@ def test_a_stranger_may_ask(here: DDSTransport, name: str, lazy: bool) -> None:
             version=1, flags=0, remaining_ms=5000, fingerprint=kind.fingerprint, client=5, sequence=9, stamp=0
         )
         request = request_type(kind.name, kind.request)
-        wait_until(lambda: server._others)
+        wait_until(lambda: server._foreign_clients)
         writer.write(request(header=header, dividend=10, divisor=3))
         sample = _taken(reader)
     assert (sample.ret, sample.remainder) == (3, 1)
@@ -435,7 +435,7 @@ def test_an_announcement_that_names_one_twice_goes_as_a_whole(
     here: DDSTransport, there: DDSTransport, name: str
 ) -> None:
     link = here.server(_lazy(name), answering(here, bytes.upper))
-    [said] = here.announcing._told.values()
+    [said] = here.announcing._descriptions.values()
     about = endpoints_module.user_data([said, said])
     writer = here.bus.writer(announcing_module.NAME, announcement_type(), endpoint_qos(KEEP_ALL, about))
     wait_until(lambda: len(there.bus.endpoints.find("serves", name)) == 2)  # that of the transport, and the other one
@@ -1237,7 +1237,7 @@ def test_options_that_make_no_sense_are_refused(options: dict[str, Any]) -> None
 
 
 def test_a_network_that_is_not_there_is_an_error_that_names_those_that_are() -> None:
-    with pytest.raises(TransportError, match=r"opening domain 79: nowhere0: does not match .*there are .*\blo\b"):
+    with pytest.raises(TransportError, match=r"opening domain 79: nowhere0: does not match .*available: .*\blo\b"):
         DDSTransport(TransportConfig({"domain": 79, "interface": "nowhere0"}))
 
 

@@ -139,7 +139,7 @@ def test_nothing_reliable_is_lost_where_dds_keeps_one_sample(here: DDSTransport,
 @pytest.mark.parametrize(
     ("options", "complaint"),
     [
-        ({"max_samples": 0}, "`max_samples` is a number from 1 to 2147483647, or -1 for no limit, not 0"),
+        ({"max_samples": 0}, "`max_samples` must be an integer from 1 to 2147483647, or -1 for no limit, not 0"),
         ({"max_samples": True}, "not True"),
         ({"max_instances": "3"}, "`max_instances` .* not '3'"),
         ({"max_instances": 2**31}, "`max_instances` .* not 2147483648"),

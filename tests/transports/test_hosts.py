@@ -131,5 +131,5 @@ def test_dds_between_hosts_asks_nobody_but_its_peers():
 
 
 def test_dds_takes_peers_as_a_list(everything: contextlib.ExitStack):
-    with pytest.raises(ConfigurationError, match=r"`peers` is a list of addresses, not '10\.0\.0\.1'"):
+    with pytest.raises(ConfigurationError, match=r"`peers` must be a list of addresses, not '10\.0\.0\.1'"):
         dds(everything, peers="10.0.0.1")

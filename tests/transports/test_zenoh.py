@@ -711,9 +711,9 @@ def test_that_messages_of_a_reliable_publisher_were_lost_is_told_once(
         outsider.put("rc/0/a/b/c", b"x", attachment=head, congestion_control=BLOCK)
     wait_until(lambda: len(heard) == 5)
     assert link.stats.lost == 5
-    told = [record.message for record in caplog.records if "were lost" in record.message]
+    told = [record.message for record in caplog.records if "a/b/c: lost" in record.message]
     assert len(told) == 1
-    assert told[0].startswith("a/b/c: 2 messages of its reliable publisher were lost")
+    assert told[0].startswith("a/b/c: lost 2 messages of a reliable publisher")
     token.undeclare()
 
 

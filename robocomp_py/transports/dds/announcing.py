@@ -1,7 +1,7 @@
-"""Tells others of links that have no reader or writer there.
+"""Announces links that have no DDS reader or writer yet.
 
-Those are servers that no client has asked yet, and clients with `*` for the instance. The latter make readers and
-writers only for peers of their contract. Other peers learn of them here, so that both sides report the difference.
+These are lazy servers without a client, and clients with `*` for the instance. Such a client makes readers and writers
+only for peers with its contract; peers with another contract see it here, so that both sides report the mismatch.
 """
 
 from __future__ import annotations
@@ -19,29 +19,29 @@ NAME = f"{TOPIC}announcements"
 
 
 class Announcing:
-    """One writer, which writes nothing; what it says of itself is what others would say of themselves."""
+    """A writer that sends no samples: its USER_DATA holds the descriptions of the announced links."""
 
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
         self._lock = threading.Lock()
-        self._told: dict[Hashable, Said] = {}
+        self._descriptions: dict[Hashable, Said] = {}
         self._writer: Writer | None = None
         self._gathering = 0
         self._changed = False
 
     def add(self, id: Hashable, said: Said) -> None:
         with self._lock:
-            self._told[id] = said
-            self._tell()
+            self._descriptions[id] = said
+            self._announce()
 
     def remove(self, id: Hashable) -> None:
         with self._lock:
-            if self._told.pop(id, None):
-                self._tell()
+            if self._descriptions.pop(id, None):
+                self._announce()
 
     @contextlib.contextmanager
     def gathering(self) -> Iterator[None]:
-        """What changes while this is entered is told once, at its end."""
+        """Announce all changes within this once, at its end."""
         with self._lock:
             self._gathering += 1
         try:
@@ -50,17 +50,17 @@ class Announcing:
             with self._lock:
                 self._gathering -= 1
                 if self._changed:
-                    self._tell()
+                    self._announce()
 
-    def _tell(self) -> None:
-        """With the lock."""
+    def _announce(self) -> None:
+        """Replace the writer; called with the lock."""
         self._changed = self._gathering > 0
         if self._changed:
             return
         former, new = self._writer, None
-        if self._told:
-            about = user_data(list(self._told.values()))
-            new = self._bus.writer(NAME, announcement_type(), endpoint_qos(KEEP_ALL, about))
+        if self._descriptions:
+            data = user_data(list(self._descriptions.values()))
+            new = self._bus.writer(NAME, announcement_type(), endpoint_qos(KEEP_ALL, data))
         self._writer = new
         if former:
-            former.close()  # afterwards: what is told by both does not go away meanwhile
+            former.close()  # after the new one exists, so that no announcement disappears

@@ -1,9 +1,9 @@
-"""What we need of Cyclone DDS: a domain per process, readers and writers of bytes, waiting, and who is there.
+"""Our interface to Cyclone DDS: participants, readers and writers of bytes, and waiting.
 
-Samples go through the library as the bytes they are on the wire. Listeners are never used (they run
-on the library's threads and may wait for the interpreter's lock holding one of their own); one
-thread waits for everything in `Loop.receive`. No call here waits while it holds the interpreter,
-except a small sample written to a writer that is full, for `BLOCKING_MS`.
+Samples pass through the library in their wire format. Listeners are not used: they run on the
+library's threads and may wait for Python's global lock while they hold a lock of the library.
+Instead, one thread waits for everything in `Loop.receive`. No call here blocks while it holds the
+global lock, except for a small sample to a full writer, which may take `BLOCKING_MS`.
 """
 
 from __future__ import annotations
@@ -69,12 +69,12 @@ log = logging.getLogger("robocomp.transport.dds")
 
 
 class Bus:
-    """A participant: what one transport has of the library. `close` leaves nothing of it."""
+    """The DDS participant of one transport. `close` frees all its entities."""
 
     def __init__(self, domain: int, interface: str, peers: tuple[str, ...] = (), many: bool = False) -> None:
         self._domain = domain
         self.lost = False
-        """Whether it belongs to the process we were forked from."""
+        """Whether this process was forked from the one that opened the bus: then it cannot be used."""
         self.on_loss: Callable[[], None] = lambda: None
         _check_that_we_were_not_forked()
         open_domain(domain, interface, peers, many)
@@ -132,7 +132,7 @@ class _End:
         self.ref = entity._ref
 
     def matched(self) -> set[int]:
-        """The handles of those on the other side that hear or are heard by us."""
+        """The handles of the endpoints that DDS has connected with this one."""
         room = 16
         while True:
             found = (ctypes.c_uint64 * room)()
@@ -141,8 +141,8 @@ class _End:
                 return set(found[: max(count, 0)])
             room = count * 2
 
-    def unmet(self) -> str:
-        """The policy for which another one on the other side, whoever it is, does not hear or is not heard; or ""."""
+    def incompatible_policy(self) -> str:
+        """The QoS policy because of which DDS does not connect some endpoint; "" if there is none."""
         status = self._status
         if type(self)._incompatible(self.ref, ctypes.byref(status)) or status.change <= 0:
             return ""
@@ -156,29 +156,29 @@ class _End:
 
 
 class Writer(_End):
-    """What is sent. Small samples are written holding the interpreter, since that is quicker than to let it go."""
+    """Sends samples. Small ones are written under Python's global lock: that is faster than to release it."""
 
     _matched = staticmethod(dds_get_matched_subscriptions)
     _incompatible = staticmethod(dds_get_offered_incompatible_qos_status)
 
     def write(self, sample: bytearray | bytes | memoryview) -> bool:
-        """Whether it was written; if not, there is no room now. Safe to use from any thread."""
-        code = ddspy_write(self.ref, sample) if len(sample) < LARGE else self._write_aside(sample)
+        """Write; False if there is no room now. Safe to use from any thread."""
+        code = ddspy_write(self.ref, sample) if len(sample) < LARGE else self._write_unlocked(sample)
         return not code or self._written(code)
 
-    def write_within(self, sample: bytearray | bytes | memoryview, end: float, still: Callable[[], None]) -> bool:
-        """Write, trying until `end`; `still` is called meanwhile, and may raise."""
-        while not self._written(self._write_aside(sample)):
-            still()
+    def write_within(self, sample: bytearray | bytes | memoryview, end: float, pause: Callable[[], None]) -> bool:
+        """Retry writing until `end`; calls `pause` before each retry, which may raise."""
+        while not self._written(self._write_unlocked(sample)):
+            pause()
             if time.monotonic() >= end:
                 return False
             time.sleep(0.002)
         return True
 
     def greet(self, sample: bytes) -> bool:
-        """Send no data, only the news that the topic's one instance was disposed of; whether there was room for it.
+        """Send a sample without data (a "dispose"), by which readers notice this writer; False if there is no room.
 
-        The content of the sample does not matter. A reader is told which writer that was.
+        The content of `sample` does not matter.
         """
         held = ctypes.c_char_p(sample)
         container = Container(ctypes.cast(held, ctypes.c_void_p), len(sample))
@@ -189,8 +189,8 @@ class Writer(_End):
             raise TransportError(f"dds: writing: {DDSException(code)}")
         return not code
 
-    def _write_aside(self, sample: bytearray | bytes | memoryview) -> int:
-        """Write while other threads run."""
+    def _write_unlocked(self, sample: bytearray | bytes | memoryview) -> int:
+        """Write without Python's global lock, so that other threads run meanwhile."""
         size = len(sample)
         if memoryview(sample).readonly:
             held: Any = ctypes.c_char_p(bytes(sample))
@@ -213,17 +213,17 @@ class Reader(_End):
         self._liveliness = LivelinessChanged()
 
     def alive(self) -> bool:
-        """Whether a writer that is heard has shown in time that it lives."""
+        """Whether a connected writer has kept its lease."""
         status = self._liveliness
         return dds_get_liveliness_changed_status(self.ref, ctypes.byref(status)) == 0 and status.alive > 0
 
     def take(self, most: int) -> list[tuple[bytes, Any]]:
-        """What came in, at most so many samples, each with what the library says about it.
+        """Up to `most` samples, each with the library's information about it.
 
-        Among that is `valid_data`, without which it is no sample but the news that a writer left.
+        Without `valid_data`, it is not a sample but the news that a writer left, or its greeting.
         """
         taken: list[tuple[bytes, Any]] | int = ddspy_take(self.ref, ANY, most)
-        return taken if type(taken) is list else []  # a number if the reader was closed
+        return taken if type(taken) is list else []  # an error code if the reader was closed
 
     def close(self) -> None:
         dds_delete(self.condition)
@@ -231,7 +231,7 @@ class Reader(_End):
 
 
 class Waiting:
-    """Waits for conditions; any thread may end that by `wake`."""
+    """Waits for conditions; any thread may end the wait by `wake`."""
 
     MOST = 64
 
@@ -241,7 +241,7 @@ class Waiting:
         checked(dds_waitset_attach(self._set, self._guard, self._guard), "waiting")
         self._found = (ctypes.c_ssize_t * self.MOST)()
         self._timeout = ctypes.c_int64()
-        # Made once, for to convert them at each call takes as long as all the rest of it.
+        # Converted once: at each call, that would take half of its time.
         self._arguments = (
             ctypes.c_int32(self._set),
             ctypes.c_void_p(ctypes.addressof(self._found)),
@@ -260,7 +260,7 @@ class Waiting:
         dds_set_guardcondition(self._guard, True)
 
     def wait(self, timeout: float) -> Sequence[int]:
-        """The conditions that hold, at the latest after `timeout` seconds. For one thread at a time."""
+        """Wait at most `timeout` seconds; returns the conditions that hold. For one thread at a time."""
         self._timeout.value = int(timeout * 1e9) if timeout < 1e9 else FOREVER
         count = dds_waitset_wait(*self._arguments)
         if count == 1:
@@ -284,7 +284,7 @@ class Waiting:
 
 
 class Loop:
-    """Waits for samples on all readers at once, and for what is due. `receive` is for one thread at a time."""
+    """Waits for samples on all readers and for the next tick. `receive` is for one thread at a time."""
 
     def __init__(self, participant: int) -> None:
         self._waiting = Waiting(participant)
@@ -292,7 +292,7 @@ class Loop:
         self._jobs: deque[Job] = deque()
         self._next_tick, self._woken, self._sleeping = 0.0, False, False
         self.tick: Callable[[], float] = lambda: float("inf")
-        """Does what is due; returns the time of the next one."""
+        """Does what is due; returns the time of the next tick."""
 
     def attach(self, condition: int, on_input: Callable[[], Iterable[Job]]) -> None:
         self._inputs[condition] = on_input
@@ -303,7 +303,7 @@ class Loop:
             self._waiting.detach(condition)
 
     def do(self, job: Job) -> None:
-        """Return this job next. From any thread."""
+        """Have `receive` return this job. Safe to use from any thread."""
         self._jobs.append(job)
         if self._sleeping:
             self._waiting.wake()
@@ -314,19 +314,19 @@ class Loop:
         self._waiting.wake()
 
     def due(self, when: float) -> None:
-        """Tick at that time, or before."""
+        """Tick no later than that."""
         if when < self._next_tick:
             self.wake()
 
     def receive(self) -> Iterable[Job]:
         now = monotonic()
         if self._woken or now >= self._next_tick:
-            self._woken, self._next_tick = False, inf  # before looking: what becomes due while we look is not missed
+            self._woken, self._next_tick = False, inf  # before the tick: it may set an earlier time
             self._next_tick = self.tick()
         added = self._jobs
-        self._sleeping = True  # before looking at the jobs: whoever adds one later sees this, and wakes us
-        patience = self._next_tick - now
-        ready = self._waiting.wait(0.0 if added or patience < 0.0 else patience)
+        self._sleeping = True  # before the jobs are checked: a thread that adds one now wakes us
+        wait = self._next_tick - now
+        ready = self._waiting.wait(0.0 if added or wait < 0.0 else wait)
         self._sleeping = False
         jobs: list[Job] = []
         for condition in ready:
@@ -335,7 +335,7 @@ class Loop:
                 try:
                     jobs += on_input()
                 except Exception:
-                    log.exception("taking input")  # of one reader; the others have theirs taken
+                    log.exception("taking input")  # the other readers go on
         while added:
             jobs.append(added.popleft())
         return jobs
@@ -344,7 +344,7 @@ class Loop:
         self._waiting.close()
 
 
-# The library has threads, which a forked process lacks; whatever waits for them there waits for ever.
+# A forked process lacks the library's threads; a call that waits for them would never return.
 
 _buses: weakref.WeakSet[Bus] = weakref.WeakSet()
 _forked = False
@@ -353,7 +353,7 @@ _forked = False
 def _check_that_we_were_not_forked() -> None:
     if _forked:
         raise TransportError(
-            "dds: Cyclone DDS was in use when this process was forked, and cannot be used in it: start processes "
+            "dds: Cyclone DDS was in use when this process was forked, and does not work in the child: start processes "
             "by `spawn` or `forkserver`, or fork before a transport is opened"
         )
 
@@ -371,7 +371,7 @@ def _in_forked_process() -> None:
 
 
 def _disown(entity: Entity) -> None:
-    """Have an entity forget what it stands for."""
+    """Detach a Python object from its DDS entity, so that it does not delete the parent's."""
     Entity._entities.pop(entity._ref, None)
 
 

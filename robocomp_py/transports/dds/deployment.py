@@ -1,4 +1,4 @@
-"""DDS as a deployment sees it: participants use the address of their host, and know the others; no multicast."""
+"""Deployment over DDS: participants use their host's address and know all peers' addresses; no multicast."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from ..deployment import Deployment, Reached
 from ..network import Network, Refusal, Wiring, block_of
 
 FIRST_DOMAIN = 100
-"""Networks on several hosts use a domain from this one on, in which programs are only if they are configured to be."""
+"""First domain of networks on several hosts. Only programs configured for such a domain join it."""
 
-CROWD = 24
-"""If more instances meet, they are told so, for each of them talks to all others."""
+MANY = 24
+"""With more instances than this, option `many` is set: in DDS each one talks to all others."""
 
 
 class DDSDeployment(Deployment):
-    summary = "what every tool of DDS sees"
+    summary = "for tools of DDS, which see every topic"
     colour = "#c06a00"
     crosses_hosts = True
     unprotected = "DDS as pip installs it has neither authentication nor encryption"
@@ -27,9 +27,9 @@ class DDSDeployment(Deployment):
         refusals = tuple(
             Refusal(
                 way,
-                f"`{network.middleware}` is wired between IPv4 addresses only, and is to carry `{way.interface}` "
+                f"`{network.middleware}` supports IPv4 addresses only, but has to carry `{way.interface}` "
                 f"between {network.between(way)}",
-                "give the hosts such addresses",
+                "give the hosts IPv4 addresses",
             )
             for way in network.crossing()
             if any(":" in network.address(network.by_name[end]) for end in (way.client, way.provider))
@@ -43,18 +43,18 @@ class DDSDeployment(Deployment):
                     domain, interface = FIRST_DOMAIN + block_of(network.name), network.address(site)
                     options[site.instance] = {"domain": domain, "interface": interface, "peers": peers}
         users = {end for way in network.ways for end in (way.client, way.provider)}
-        for name in sorted(users) if len(users) > CROWD else ():
+        for name in sorted(users) if len(users) > MANY else ():
             if "many" not in network.by_name[name].options.get(network.middleware, {}):
                 options.setdefault(name, {})["many"] = True
         return Wiring({} if refusals else options, refusals=refusals)
 
     def reached(self, options: Mapping[str, Any]) -> Iterator[Reached]:
         if (interface := options.get("interface", "lo")) != "lo":
-            yield Reached("uses the network interface", str(interface) or "of DDS's own choice")
+            yield Reached("uses the network interface", str(interface) or "that DDS chooses")
 
 
 def _connected(network: Network) -> list[set[str]]:
-    """The processes that meet, directly or through others."""
+    """The groups of processes that are connected, directly or through others."""
     groups: list[set[str]] = []
     for way in network.ways:
         pair = {network.by_name[end].process for end in (way.client, way.provider)}

@@ -1,4 +1,4 @@
-"""Domains: how they are configured, and one per number and process."""
+"""Configures DDS domains, and opens each of them once in a process."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ from .library import creating, forget
 log = logging.getLogger("robocomp.transport.dds")
 
 _libc = ctypes.CDLL(None, use_errno=True)
-"""For options of sockets that are not Python's, whose objects would change more about them than that."""
+"""Sets options of the library's sockets. A Python socket object would also change their blocking mode."""
 
 
 def settings(
     interface: str, domain: int = 0, peers: Sequence[str] = (), many: bool = False
 ) -> dict[tuple[str, str], str]:
-    """Our configuration of a domain: elements by section and name.
+    """Our configuration of a domain: XML elements by section and name.
 
-    `interface` is a name, or an IPv4 address of this host; `peers` are the hosts to meet, without multicast;
-    `many` is whether more than a few dozen processes meet.
+    `interface` is a name, or an IPv4 address of this host; `peers` are addresses of hosts, instead of multicast;
+    `many`: more than a few dozen processes use the domain.
     """
     here = interface == "lo"
     found = {
@@ -52,50 +52,50 @@ def settings(
             "<WhcLow>8MB</WhcLow><WhcHigh>32MB</WhcHigh><WhcHighInit>32MB</WhcHighInit><WhcAdaptive>false</WhcAdaptive>"
         ),
         ("Tracing", "Verbosity"): "severe",
-        ("Tracing", "OutputFile"): "stderr",  # not a file in whatever folder we are in
+        ("Tracing", "OutputFile"): "stderr",  # the default is a file in the working directory
     }
     if interface:
         kind = "address" if is_address(interface) else "name"
         found["General", "Interfaces"] = f"<NetworkInterface {kind}={quoteattr(interface)}/>"
     if many:
-        # Five writers of the library in each process ask all others whether they have got everything, until the last
-        # newcomer has said so: ten times a second by default, which is more than they can answer. Large messages pay
-        # for it: if the last part of one is lost, that is noticed by such a question.
+        # Each process has five internal writers, which send heartbeats until the last new reader has acknowledged
+        # everything: by default ten times a second, which is more than many processes can answer. The price is that
+        # the loss of a large message's last fragment, which a heartbeat reveals, is noticed later.
         found["Internal", "HeartbeatInterval"] = "500ms"
     if peers:
         found["General", "AllowMulticast"] = "false"
-        found["Discovery", "MaxAutoParticipantIndex"] = "120"  # so many ports of each peer are told that we are here
-        # One that was out of reach is told again when it is back, whoever of us was there first.
-        told = (f'<Peer Address={quoteattr(peer)} PruneDelay="inf"/>' for peer in peers)
-        found["Discovery", "Peers"] = "".join(told)
+        found["Discovery", "MaxAutoParticipantIndex"] = "120"  # the number of ports probed at each peer
+        # Never stop to probe a peer, so that it is found again after it was unreachable.
+        probes = (f'<Peer Address={quoteattr(peer)} PruneDelay="inf"/>' for peer in peers)
+        found["Discovery", "Peers"] = "".join(probes)
     if here:
         found["General", "FragmentSize"] = "63000B"
-        found["Internal", "NackDelay"] = "10ms"  # what is lost here did not fit the socket's buffer: ask at once
+        found["Internal", "NackDelay"] = "10ms"  # losses here come from a full socket buffer: request at once
         found["Internal", "MaxQueuedRexmitBytes"] = "16MB"
         found["General", "AllowMulticast"] = "false"
-        # Who starts tells all participants that there might be, and hears from those that there are. To go on telling
-        # the 250 others every second, as the library does for half a minute, takes 0.2 % of a core.
+        # A new participant probes all 250 possible addresses once, and the existing participants answer. The library
+        # would repeat these probes every second for half a minute, which takes 0.2 % of a core.
         found["Discovery", "InitialLocatorPruneDelay"] = "2s"
         found["Discovery", "Peers"] = '<Peer Address="127.0.0.1"/>' + "".join(map(partial(_beacon, domain), _own()))
     return found
 
 
 def _beacon(domain: int, address: str) -> str:
-    """Where programs of this host that use the library as it is listen for others.
+    """The address at which programs of this host with the library's default configuration discover peers.
 
-    They expect these by multicast on one network interface. We tell that address of our own, which
-    leaves the host as little as what we send to 127.0.0.1.
+    They expect multicast on a network interface. We send to that interface's own address, so our
+    packets do not leave the host.
     """
     return f'<Peer Address="{address}:{7400 + 250 * domain}" PruneDelay="inf"/>'
 
 
 def is_address(interface: str) -> bool:
-    """Whether that is the IPv4 address of an interface, and not its name."""
+    """Whether this is an IPv4 address, and not the name of an interface."""
     return re.fullmatch(r"\d{1,3}(\.\d{1,3}){3}", interface) is not None
 
 
 def _own() -> list[str]:
-    """The IPv4 addresses of this host, as far as it tells them."""
+    """The IPv4 addresses of this host; empty if they cannot be read."""
     try:
         names = [name for _, name in socket.if_nameindex()] if sys.platform == "linux" else []
     except OSError:
@@ -104,7 +104,7 @@ def _own() -> list[str]:
 
 
 def address_of(interface: str) -> str:
-    """The IPv4 address of a network interface, or nothing."""
+    """The IPv4 address of a network interface; "" if it has none."""
     try:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking:
             answer = fcntl.ioctl(asking, _SIOCGIFADDR, struct.pack("40s", interface.encode()[:15]))
@@ -116,17 +116,17 @@ def address_of(interface: str) -> str:
 _SIOCGIFADDR = 0x8915
 
 
-LITTLE = 1_000_000
-"""Octets that a socket should be able to hold, at least."""
+SMALL_BUFFER = 1_000_000
+"""Minimum size, in bytes, of a socket's receive buffer for large messages."""
 
 
 def note_on_sockets(limit: str) -> str:
-    """What to tell people about this `net.core.rmem_max`, if anything."""
-    if not limit.isdecimal() or int(limit) >= LITTLE:
+    """A warning about this value of `net.core.rmem_max`; "" if it is large enough."""
+    if not limit.isdecimal() or int(limit) >= SMALL_BUFFER:
         return ""
     return (
-        f"dds: a socket of this host holds {int(limit) // 1000} KB at most, so parts of large messages may get lost "
-        "while it is busy, and be sent again; for more: sysctl -w net.core.rmem_max=20000000"
+        f"dds: socket buffers of this host are limited to {int(limit) // 1000} KB, so parts of large messages may get "
+        "lost and sent again when it is busy; to raise the limit: sysctl -w net.core.rmem_max=20000000"
     )
 
 
@@ -134,16 +134,16 @@ def _limit_of_sockets() -> str:
     try:
         with open("/proc/sys/net/core/rmem_max", encoding="ascii") as file:
             return file.read().strip()
-    except OSError:  # not Linux, or hidden from us
+    except OSError:  # not Linux, or not readable
         return ""
 
 
-_WHERE = {("General", "Interfaces"), ("General", "AllowMulticast"), ("Discovery", "Peers")}
-"""Ours for one network make no sense beside the user's choice of another."""
+_NETWORK_SETTINGS = {("General", "Interfaces"), ("General", "AllowMulticast"), ("Discovery", "Peers")}
+"""Settings that are left out if the user's configuration chooses other network interfaces."""
 
 
 def compose(ours: Mapping[tuple[str, str], str], uri: str, domain: int) -> str:
-    """Our configuration with the user's (`CYCLONEDDS_URI`) behind it; where both set something, ours is left out."""
+    """Our configuration, followed by the user's (`CYCLONEDDS_URI`); the user's settings replace ours."""
     theirs = _elements(uri, domain)
     chosen = {("general", "interfaces"), ("general", "networkinterfaceaddress")} & theirs
     out = ElementTree.Element("CycloneDDS")
@@ -151,7 +151,7 @@ def compose(ours: Mapping[tuple[str, str], str], uri: str, domain: int) -> str:
     sections: dict[str, ElementTree.Element] = {}
     for key, value in ours.items():
         section, name = key
-        if (section.lower(), name.lower()) in theirs or (chosen and key in _WHERE):
+        if (section.lower(), name.lower()) in theirs or (chosen and key in _NETWORK_SETTINGS):
             continue
         if section not in sections:
             sections[section] = ElementTree.SubElement(inside, section)
@@ -159,12 +159,12 @@ def compose(ours: Mapping[tuple[str, str], str], uri: str, domain: int) -> str:
         sections[section].append(ElementTree.fromstring(whole))
     text = ElementTree.tostring(out).decode()
     if not uri.isascii():
-        raise ConfigurationError("CYCLONEDDS_URI: Cyclone DDS takes ASCII only")
+        raise ConfigurationError("CYCLONEDDS_URI: Cyclone DDS accepts ASCII only")
     return f"{text},{uri}" if uri.strip() else text
 
 
 def _elements(uri: str, domain: int) -> set[tuple[str, str]]:
-    """What a configuration sets for this domain, as section and element, in lower case."""
+    """The elements that a configuration sets for this domain, as section and name, in lower case."""
     found: set[tuple[str, str]] = set()
     for where, text in _documents(uri):
         for section in _sections(_parsed(where, text), domain):
@@ -172,25 +172,25 @@ def _elements(uri: str, domain: int) -> set[tuple[str, str]]:
     return found
 
 
-_AROUND = "<all>"
-"""A configuration may be a row of elements, which no XML document may."""
+_ROOT = "<all>"
+"""A configuration may have several root elements, which XML does not allow; so it is wrapped into one."""
 
 
 def _parsed(where: str, text: str) -> ElementTree.Element:
     bare = _without_prologue(text)
     try:
-        return ElementTree.fromstring(f"{_AROUND}{bare}</all>")
+        return ElementTree.fromstring(f"{_ROOT}{bare}</all>")
     except ElementTree.ParseError as exc:
         line, column = exc.position
         before = text[: len(text) - len(bare)]
-        column += 1 - (len(_AROUND) if line == 1 else 0) + (len(before.rpartition("\n")[2]) if line == 1 else 0)
+        column += 1 - (len(_ROOT) if line == 1 else 0) + (len(before.rpartition("\n")[2]) if line == 1 else 0)
         line += before.count("\n")
         what = str(exc).partition(":")[0]
         raise ConfigurationError(f"{where}: not well-formed XML: {what} (line {line}, column {column})") from exc
 
 
 def _documents(uri: str) -> Iterator[tuple[str, str]]:
-    """What a configuration consists of, each part with where it stands."""
+    """The parts of a configuration, each with its place for messages."""
     if uri.lstrip().startswith("<"):
         yield "CYCLONEDDS_URI", uri.replace(">,<", "> <")
         return
@@ -221,11 +221,11 @@ def _sections(element: ElementTree.Element, domain: int) -> Iterator[ElementTree
             yield child
 
 
-_Asked = tuple[str, tuple[str, ...], str]
-"""Interface, peers, and what the user's own configuration is."""
+_Settings = tuple[str, tuple[str, ...], str]
+"""Interface, peers, and the user's own configuration."""
 
-_domains: dict[int, tuple[Domain | None, _Asked, int]] = {}
-"""By id: the domain (None if somebody else in this process made it), of what settings, and how many use it."""
+_domains: dict[int, tuple[Domain | None, _Settings, int]] = {}
+"""By id: the domain (None if other code of this process made it), its settings, and the number of its users."""
 
 
 def any_open() -> bool:
@@ -244,11 +244,11 @@ def open_domain(id: int, interface: str, peers: tuple[str, ...] = (), many: bool
                 log.info("%s", note)
             domain = _new_domain(id, config, asked)
         elif used != asked:
-            log.warning("domain %d is open in this process with other settings; they stay", id)
+            log.warning("domain %d is already open in this process with other settings, which stay in force", id)
         _domains[id] = domain, used, users + 1
 
 
-def _new_domain(id: int, config: str, asked: _Asked) -> Domain | None:
+def _new_domain(id: int, config: str, asked: _Settings) -> Domain | None:
     before = set(_udp_sockets())
     try:
         domain = Domain(id, config)
@@ -258,64 +258,66 @@ def _new_domain(id: int, config: str, asked: _Asked) -> Domain | None:
     else:
         _keep_to_loopback({number: at for number, at in _udp_sockets().items() if number not in before})
         return domain
-    log.warning("domain %d was opened by other code of this process; its settings apply to us, too", id)
+    log.warning("domain %d was opened by other code of this process; its settings apply to this transport, too", id)
     return None
 
 
 def _keep_to_loopback(sockets: Mapping[int, str]) -> None:
-    """If a domain uses the loopback interface alone, have its sockets hear nothing else.
+    """If a domain uses the loopback interface only, bind its sockets to that interface.
 
-    The library sends from the address of its interface, but listens at all of the host's: others would reach it. What
-    it sends may go to other addresses of this host, where programs are with settings of their own.
+    The library sends from the interface's address, but listens at all addresses of the host, so other hosts could
+    reach it. Its packets may still go to other addresses of this host, for programs with other settings.
     """
     everywhere = [number for number, address in sockets.items() if address == "0.0.0.0"]
     senders = [address for number, address in sockets.items() if number not in everywhere]
     if not senders or not all(address.startswith("127.") for address in senders):
-        return  # it talks to others, by CYCLONEDDS_URI perhaps, which may name several interfaces
+        return  # another interface is in use, perhaps by CYCLONEDDS_URI
     for number in everywhere:
         if _libc.setsockopt(number, socket.SOL_SOCKET, socket.SO_BINDTODEVICE, b"lo", len(b"lo")):
             why = os.strerror(ctypes.get_errno())
-            log.warning("DDS: other hosts may reach ports of this component, though it talks to none: %s", why)
+            log.warning(
+                "DDS: other hosts can reach ports of this component, which is meant for this host only: %s", why
+            )
             return
 
 
 def _udp_sockets() -> dict[int, str]:
-    """Those of this process for IPv4: the address where each listens, by its number. None where there is no /proc."""
+    """The IPv4 UDP sockets of this process: file descriptor to address."""
     found = {}
     with contextlib.suppress(OSError):
         table = Path("/proc/self/net/udp").read_text().splitlines()[1:]
         addresses = {f"socket:[{words[9]}]": words[1] for words in map(str.split, table)}
         for number in os.listdir("/proc/self/fd"):
-            with contextlib.suppress(OSError):  # closed by now
+            with contextlib.suppress(OSError):  # closed meanwhile
                 if listening := addresses.get(os.readlink(f"/proc/self/fd/{number}")):
                     found[int(number)] = socket.inet_ntoa(struct.pack("=I", int(listening.partition(":")[0], 16)))
     return found
 
 
-def _why(id: int, config: str, asked: _Asked) -> TransportError | ConfigurationError:
-    """Why a domain could not be opened, and what to do about it."""
+def _why(id: int, config: str, asked: _Settings) -> TransportError | ConfigurationError:
+    """An exception that says why a domain could not be opened, and what to do about it."""
     interface, *_ = asked
-    lines = _complaints(id, config)
-    said = "; ".join(line.rstrip(".") for line in lines) or "Cyclone DDS says why on standard error"
+    lines = _library_messages(id, config)
+    reason = "; ".join(line.rstrip(".") for line in lines) or "Cyclone DDS reports the reason on standard error"
     if any(line.startswith("config: ") for line in lines):
-        said = re.sub(r" \(CYCLONEDDS_URI\+\d+ line \d+\)", "", said)  # counted in something that nobody has written
-        return ConfigurationError(f"CYCLONEDDS_URI: {said.replace('config: //', '')}")
+        reason = re.sub(r" \(CYCLONEDDS_URI\+\d+ line \d+\)", "", reason)  # positions in generated text
+        return ConfigurationError(f"CYCLONEDDS_URI: {reason.replace('config: //', '')}")
     remedy = ""
-    if "participant index" in said:
+    if "participant index" in reason:
         remedy = (
-            "; too many processes of this host use it: take another `domain` for some of them, "
-            "or allow for more by <Discovery><MaxAutoParticipantIndex> in CYCLONEDDS_URI"
+            "; too many processes of this host use it: give some of them another `domain`, "
+            "or allow more by <Discovery><MaxAutoParticipantIndex> in CYCLONEDDS_URI"
         )
-    elif interface and "available interface" in said:
-        remedy = f"; there are {', '.join(name for _, name in socket.if_nameindex())}"
-    return TransportError(f"dds: opening domain {id}: {said}{remedy}")
+    elif interface and "available interface" in reason:
+        remedy = f"; available: {', '.join(name for _, name in socket.if_nameindex())}"
+    return TransportError(f"dds: opening domain {id}: {reason}{remedy}")
 
 
-def _complaints(id: int, config: str) -> list[str]:
-    """What the library says about a configuration it cannot use.
+def _library_messages(id: int, config: str) -> list[str]:
+    """The library's messages about a configuration that it cannot use.
 
-    It says that to standard error alone, and its return code is always the same; so it is asked once
-    more, in a process whose standard error is ours.
+    The library writes them only to standard error, and always returns the same code. So we open the
+    domain again in a child process and read its standard error.
     """
     code = "import sys; from cyclonedds.domain import Domain; Domain(int(sys.argv[1]), sys.argv[2])"
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}

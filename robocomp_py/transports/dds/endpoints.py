@@ -1,4 +1,4 @@
-"""Who is there: the endpoints of all participants, as each says of itself."""
+"""Discovery: the endpoints of all participants, with the descriptions that they carry."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _MOST_TEXT = 8192
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """A reader or writer of the domain. What its owner says about it is empty if it is none of ours."""
+    """A reader or writer of the domain. The fields from `role` on are empty if another program made it."""
 
     handle: int
     topic: str
@@ -58,7 +58,7 @@ class Endpoint:
     owner: str = ""
     pid: int = 0
     traits: str = ""
-    """Of its QoS, as `contract.qos.traits` writes them."""
+    """Those of its QoS, in the form of `contract.qos.traits`."""
 
     @property
     def key(self) -> tuple[int, int]:
@@ -66,16 +66,16 @@ class Endpoint:
 
 
 Said = dict[str, Any]
-"""The fields of an `Endpoint` that its owner tells."""
+"""The fields of an `Endpoint` that USER_DATA carries."""
 
-_TOLD: dict[str, type] = {
+_DESCRIBED: dict[str, type] = {
     "role": str, "channel": str, "fingerprint": int, "text": str, "id": int, "reliable": bool, "latched": bool,
     "owner": str, "pid": int, "traits": str,
 }  # fmt: skip
 
 
 def user_data(said: Said | list[Said]) -> Policy.Userdata:
-    """What an endpoint of ours says about itself, or about others that are still to be made."""
+    """The USER_DATA of an endpoint: the description of its link, or of several announced links."""
     packed = _packed(said)
     if len(packed) > _MOST_TEXT:
         packed = _packed([each | {"text": ""} for each in said] if isinstance(said, list) else said | {"text": ""})
@@ -92,9 +92,9 @@ def _said(data: bytes) -> list[Said]:
     try:
         said = json.loads(zlib.decompressobj().decompress(data[len(_MARK) :], 1 << 20))
         each = said if isinstance(said, list) else [said]
-        return [{key: kind(said[key]) for key, kind in _TOLD.items()} for said in each]
+        return [{key: kind(said[key]) for key, kind in _DESCRIBED.items()} for said in each]
     except (ValueError, TypeError, KeyError, ArithmeticError, RecursionError, zlib.error):
-        return [{}]  # not written by us, or by another version
+        return [{}]  # from another program, or another version
 
 
 class Endpoints:
@@ -103,22 +103,22 @@ class Endpoints:
     def __init__(self, participant: DomainParticipant, loop: Loop) -> None:
         self._lock = threading.Lock()
         self._known: dict[int, list[Endpoint]] = {}
-        """By handle: what a reader or writer is, or, if it speaks for others (`announcing`), each of these."""
+        """By handle: the endpoint, or all links that it announces (`announcing`)."""
         self._index: dict[tuple[str, str], dict[Endpoint, None]] = {}
-        """By role and channel, and by role and what a channel has in common with all that it may match."""
+        """By role and channel, and by role and the `_tail` of a channel."""
         self._topics: dict[str, dict[Endpoint, None]] = {}
         self.on_change: Callable[[Set[str]], None] = lambda channels: None
-        """Called with the names of the channels where somebody came or went."""
+        """Called with the names of the channels whose endpoints have changed."""
         self._readers = []
         for topic in (BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription):
-            with creating, as_transport_error("looking for others"):
+            with creating, as_transport_error("discovery"):
                 reader = BuiltinDataReader(participant, topic)
             self._readers.append((reader, partial(_endpoint, topic is BuiltinTopicDcpsPublication)))
-            condition = checked(dds_create_readcondition(reader._ref, ANY), "looking for others")
+            condition = checked(dds_create_readcondition(reader._ref, ANY), "discovery")
             loop.attach(condition, self._look)
 
     def find(self, role: str, channel: str) -> list[Endpoint]:
-        """Ends of a channel in that role; the channel, or theirs, may have `*` for its instance."""
+        """Ends of a channel in that role; either channel may have `*` for its instance."""
         with self._lock:
             named = self._index.get((role, _tail(channel) if STAR in channel else channel), ())
             stars = self._index.get((role, STAR + _tail(channel)), ())
@@ -132,7 +132,7 @@ class Endpoints:
             return list(self._topics.get(topic, ()))
 
     def published_by_others(self, channel: str) -> list[str]:
-        """The channels meant by a name, which may have `*`, that programs without robocomp_py publish."""
+        """The matching channels that programs without robocomp_py publish; `channel` may have `*`."""
         with self._lock:
             found = [_name(each) for each in self._index.get(("", _tail(channel)), ()) if each.writes]
         return sorted({name for name in found if is_namespace(name) and matches(channel, name)})
@@ -149,29 +149,29 @@ class Endpoints:
                     break
                 with self._lock:
                     for handle, endpoints in taken:
-                        changed |= self._become(handle, endpoints)
+                        changed |= self._replace_endpoints(handle, endpoints)
         if changed:
             self.on_change(changed)
         return []
 
-    def _become(self, handle: int, endpoints: list[Endpoint]) -> set[str]:
-        """Know these by a handle from now on; the channels which that concerns."""
+    def _replace_endpoints(self, handle: int, endpoints: list[Endpoint]) -> set[str]:
+        """Replace the endpoints of a handle; returns the channels that changed."""
         endpoints = [each for each in dict.fromkeys(endpoints) if each.topic.startswith(TOPIC)]
         changed: set[str] = set()
         for each in self._known.pop(handle, ()):
             changed |= _channels(each)
-            for index, key in self._places(each):
+            for index, key in self._index_entries(each):
                 del index[key][each]
                 if not index[key]:
                     del index[key]
         for each in endpoints:
             self._known.setdefault(handle, []).append(each)
             changed |= _channels(each)
-            for index, key in self._places(each):
+            for index, key in self._index_entries(each):
                 index.setdefault(key, {})[each] = None
         return changed
 
-    def _places(self, endpoint: Endpoint) -> Iterable[tuple[dict[Any, dict[Endpoint, None]], Any]]:
+    def _index_entries(self, endpoint: Endpoint) -> Iterable[tuple[dict[Any, dict[Endpoint, None]], Any]]:
         role, channel = endpoint.role, endpoint.channel or _name(endpoint)
         yield self._topics, endpoint.topic
         for key in {channel, _tail(channel), STAR + _tail(channel) if STAR in channel else channel}:
@@ -179,7 +179,7 @@ class Endpoints:
 
 
 TOPIC = "rc/"
-"""What the names of our topics begin with."""
+"""Prefix of our topics' names."""
 
 
 def _name(endpoint: Endpoint) -> str:
@@ -188,20 +188,20 @@ def _name(endpoint: Endpoint) -> str:
 
 
 def _channels(endpoint: Endpoint) -> set[str]:
-    """The names of the channels that an endpoint may have to do with."""
+    """The names of the channels that an endpoint may belong to."""
     if endpoint.channel:
         return {endpoint.channel}
-    name = _name(endpoint)  # of others than ours
+    name = _name(endpoint)  # an endpoint of another program
     return {name, *(name.removesuffix(end) for end in ("Request", "Reply", "Credit"))}
 
 
 def _tail(channel: str) -> str:
-    """Interface and operation: what a channel has in common with all that it may match."""
+    """Interface and operation, which are the same in all matching channels."""
     return "/".join(channel.split("/")[-2:])
 
 
 def concerned(channel: str, changed: Set[str]) -> bool:
-    """Whether an end of a channel has to look who is there, if that changed at these."""
+    """Whether a change at these channels may concern an end of this channel."""
     if channel in changed:
         return True
     either = changed if STAR in channel else [each for each in changed if STAR in each]
@@ -212,7 +212,7 @@ def concerned(channel: str, changed: Set[str]) -> bool:
 
 
 def _qos(pointer: int) -> tuple[bytes, str]:
-    """User data and partition. The library's own conversion keeps them in variables that all threads share."""
+    """User data and partition. The library's own conversion is not thread-safe."""
     data, size = ctypes.c_void_p(), ctypes.c_size_t()
     said = b""
     if dds_qget_userdata(pointer, ctypes.byref(data), ctypes.byref(size)) & 1 and data.value:

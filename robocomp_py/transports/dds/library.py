@@ -1,4 +1,4 @@
-"""What we use of the C library beside its Python package."""
+"""Bindings to functions of the C library that its Python package does not offer."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from cyclonedds.internal import DDS
 from ...errors import TransportError
 
 BLOCKING_MS = 2
-"""How long the library waits for room before it says that a sample was not written."""
+"""Maximum time in ms that the library waits for room before a write fails."""
 
 LARGE = 32 * 1024
-"""From so many bytes on, writing a sample takes longer than letting other threads run meanwhile."""
+"""Samples of at least this many bytes are written without Python's global lock."""
 
 ANY = SampleState.Any | ViewState.Any | InstanceState.Any
 TIMEOUT = DDSException.DDS_RETCODE_TIMEOUT
@@ -25,23 +25,23 @@ FOREVER = 2**63 - 1
 
 
 class Container(ctypes.Structure):
-    """A sample, as the types of the Python binding hand it to the library."""
+    """A sample in the form that the Python binding passes to the library."""
 
     _fields_ = (("data", ctypes.c_void_p), ("size", ctypes.c_size_t))
 
 
 class IncompatibleQos(ctypes.Structure):
-    """How many on the other side offer less than a reader asks for, or ask for more than a writer offers."""
+    """Number of writers that offer too little for a reader, or of readers that request too much of a writer."""
 
     _fields_ = (("total", ctypes.c_uint32), ("change", ctypes.c_int32), ("policy", ctypes.c_uint32))
 
 
 POLICIES = {2: "durability", 4: "deadline", 8: "liveliness", 11: "reliability"}
-"""By the number by which the library says which one was the first that is not met."""
+"""Names of QoS policies, by the library's numbers."""
 
 
 class LivelinessChanged(ctypes.Structure):
-    """How many of the writers that a reader hears are alive, by their leases, and how many are not."""
+    """Numbers of a reader's connected writers whose leases are valid and expired."""
 
     _fields_ = (
         ("alive", ctypes.c_uint32),
@@ -52,7 +52,7 @@ class LivelinessChanged(ctypes.Structure):
     )
 
 
-library = ctypes.CDLL(DDS._dll_handle._name)  # a handle of our own: declaring functions on theirs would change it
+library = ctypes.CDLL(DDS._dll_handle._name)  # a handle of our own: declarations on the package's would affect it
 
 
 def _function(name: str, *arguments: Any) -> Callable[..., int]:
@@ -63,7 +63,7 @@ def _function(name: str, *arguments: Any) -> Callable[..., int]:
 
 _FATAL, _ERROR = 1, 2
 library.dds_set_log_mask.argtypes, library.dds_set_log_mask.restype = (ctypes.c_uint32,), None
-library.dds_set_log_mask(_FATAL | _ERROR)  # it warns of every packet that is none, and there may be no end of them
+library.dds_set_log_mask(_FATAL | _ERROR)  # no warnings: there is one for every malformed packet
 
 _int, _handles = ctypes.c_int32, ctypes.POINTER(ctypes.c_uint64)
 dds_delete = _function("dds_delete", _int)
@@ -96,7 +96,7 @@ library.dds_free.argtypes, library.dds_free.restype = (ctypes.c_void_p,), None
 
 
 class _Creating:
-    """Entered while the library makes something: it keeps some of that in variables of its classes."""
+    """A lock for making entities: the library's Python classes keep state in class variables."""
 
     def __init__(self) -> None:
         self._lock = threading.RLock()
@@ -108,7 +108,7 @@ class _Creating:
         self._lock.release()
 
     def renew(self) -> None:
-        """In a forked process: somebody may have held it."""
+        """In a forked process, where a thread that is missing may have held the lock."""
         self._lock = threading.RLock()
 
 
@@ -130,5 +130,5 @@ def checked(code: int, doing: str) -> int:
 
 
 def forget(entity: Entity) -> None:
-    """Delete an entity now, and not when its last reference happens to go; what that leaves is inert."""
+    """Delete an entity now, instead of when its last reference goes. The Python object becomes inert."""
     entity.__del__()

@@ -10,7 +10,7 @@ from ...errors import ConfigurationError
 from ..base import KEEP_ALL_DEPTH, Channel
 
 UNLIMITED = -1
-"""As DDS writes it."""
+"""DDS's value for no limit."""
 
 
 class Limits(NamedTuple):
@@ -22,11 +22,11 @@ class Limits(NamedTuple):
 
     @property
     def room(self) -> int:
-        """Samples of a topic that may be kept: a topic of ours has no key, so it is one instance."""
+        """Maximum number of samples of a topic. Our topics have no key, so each has one instance."""
         return _least(self.max_samples, self.max_samples_per_instance)
 
     def check(self, channel: Channel) -> None:
-        """Raise ConfigurationError if a topic is to keep more than this allows."""
+        """Raise ConfigurationError if a topic's depth exceeds the limits."""
         qos = channel.qos
         if qos.history is History.KEEP_ALL or self.room == UNLIMITED or qos.depth <= self.room:
             return
@@ -37,7 +37,7 @@ class Limits(NamedTuple):
         )
 
     def keeping_all(self) -> Limits:
-        """The limits of a topic that keeps all, whose memory is bounded without any option, too."""
+        """The limits of a topic with history KEEP_ALL, which is always bounded."""
         return Limits(
             _least(self.max_samples, KEEP_ALL_DEPTH),
             self.max_instances,
@@ -50,12 +50,12 @@ DEFAULTS = Limits()._asdict()
 
 
 def limits_of(options: Mapping[str, Any]) -> Limits:
-    """The limits that the options ask for; raises ConfigurationError if they make no sense."""
+    """The limits set by the options. Raises ConfigurationError if they are invalid."""
     for name in DEFAULTS:
         value = options[name]
         if type(value) is not int or (value != UNLIMITED and not 1 <= value < 2**31):
             raise ConfigurationError(
-                f"transport option `{name}` is a number from 1 to {2**31 - 1}, or -1 for no limit, not {value!r}"
+                f"transport option `{name}` must be an integer from 1 to {2**31 - 1}, or -1 for no limit, not {value!r}"
             )
     limits = Limits(**{name: options[name] for name in DEFAULTS})
     if UNLIMITED < limits.max_samples < limits.max_samples_per_instance:

@@ -1,4 +1,4 @@
-"""What all ends of channels have in common: their QoS, and how they look for those they face."""
+"""The base class of the links, and the QoS of their DDS endpoints."""
 
 from __future__ import annotations
 
@@ -31,28 +31,28 @@ if TYPE_CHECKING:
 log = logging.getLogger("robocomp.transport.dds")
 
 INTAKE = 2000
-"""The same of those that would pile up in the reader while somebody is slow: more than can come in meanwhile."""
+"""Maximum number of samples taken from a reader at once; more than arrive during one pass of the loop."""
 
 STRANGERS = 100
-"""Maximum number of topics of other programs, or of peers with another contract, that a link deals with."""
+"""Maximum number of foreign topics, or of peers with another contract, that a link handles."""
 
-SOON = 0.02
-"""Seconds until the next look at what discovery has not finished."""
+DISCOVERY_PAUSE = 0.02
+"""Seconds between two checks while DDS has not finished connecting endpoints."""
 
 
 _RELIABLE = Policy.Reliability.Reliable(BLOCKING_MS * 1_000_000)
 
 
 def best_effort_qos(history: Any, *more: Any) -> Qos:
-    """For a reader of those who offer no more."""
+    """QoS of a reader for best-effort writers."""
     return endpoint_qos(history, *more, reliability=Policy.Reliability.BestEffort)
 
 
 def endpoint_qos(history: Any, *more: Any, reliability: Any = _RELIABLE) -> Qos:
-    """What all our endpoints have in common.
+    """The QoS that all our endpoints share.
 
-    All are reliable on the wire, since a large sample loses fragments even on one host. Samples are
-    ordered as they arrive, for clocks may be set back.
+    All are reliable on the wire, because a large sample may lose fragments even on one host. Samples are
+    ordered by their arrival, because clocks may be set back.
     """
     return Qos(
         reliability,
@@ -67,7 +67,7 @@ def topic_qos(channel: Channel, limits: Limits, *more: Any, common: Callable[...
     qos = channel.qos
     more = (*more, *_policies(qos, limits))
     some = 8 if limits.room == UNLIMITED else min(8, limits.room)
-    newest = Policy.History.KeepLast(max(depth_of(qos), some))  # for a moment: what waits for a sink is the lane's
+    newest = Policy.History.KeepLast(max(depth_of(qos), some))  # only until we take them
     if not qos.latched:
         return common(Policy.History.KeepAll if qos.reliable else newest, *more)
     return common(
@@ -79,7 +79,7 @@ def topic_qos(channel: Channel, limits: Limits, *more: Any, common: Callable[...
 
 
 def _policies(qos: QoS, limits: Limits) -> Iterator[Any]:
-    """Those that mean the same in DDS."""
+    """Our QoS settings as policies of DDS."""
     if qos.history is History.KEEP_ALL:
         limits = limits.keeping_all()
     if limits != Limits():
@@ -108,52 +108,54 @@ class Link(BaseLink["DDSTransport", Endpoint]):
         super().__init__(transport, channel)
         self.bus = transport.bus
         self.id = transport.new_id()
-        self._told: Entry | None = None
-        """What the others of this host are told of this end of a topic."""
+        self._entry: Entry | None = None
+        """The announcement of this end of a topic in the run-time folder."""
         self._looking = threading.RLock()
-        self._shown: set[str] = set()
-        """The channels whose ends of another contract are told of us, with the lock of `_looking`."""
+        self._announced: set[str] = set()
+        """The channels of peers with another contract that see this link announced; protected by `_looking`."""
 
     def opened(self) -> None:
         if self.channel.pattern is Pattern.PUBLISH:
-            self._told = self.transport.tell_neighbours(self)
-        self.look()  # at the peers that were there before; those that come now are reported to all in the list
+            self._entry = self.transport.announce_here(self)
+        self.look()  # finds earlier peers; later ones are reported to all links
 
     def look(self) -> bool:
         with self._looking:
             if not self.closed.is_set():
                 there = self.counterparts()
-                self._show()
-                self.looked(there)
+                self._announce()
+                self.peers_changed(there)
         self.has_news()
         return True
 
-    def looked(self, there: list[Endpoint]) -> None:
-        """`there` are those who face us and mean the same."""
+    def peers_changed(self, there: list[Endpoint]) -> None:
+        """Handle a change; `there` are all visible peers with our contract."""
 
     def connected(self) -> bool:
         return self.transport.has_discovered and self.expected() <= self.reached()
 
     def expected(self) -> set[int]:
         """The ids of the ends that this end of a topic faces, as far as DDS or the run-time folder reports them."""
-        return {endpoint.id for endpoint in self.counterparts()} | self.transport.neighbours(self.facing, self.channel)
+        return {endpoint.id for endpoint in self.counterparts()} | self.transport.announced_here(
+            self.facing, self.channel
+        )
 
     def reached(self) -> set[int]:
-        """The ids of those with which this end of a topic is connected."""
+        """The ids of the peers that DDS has connected with this end of a topic."""
         return set()
 
     def withdraw(self) -> None:
-        if self._told:
-            self.transport.leave_neighbours(self._told)
-        with self._looking:  # so that nothing is made any more
+        if self._entry:
+            self.transport.withdraw_here(self._entry)
+        with self._looking:  # wait for a running `look`, which may announce
             pass
         with contextlib.ExitStack() as everything:
-            for name in self._shown:
+            for name in self._announced:
                 everything.callback(self.transport.announcing.remove, (self.id, name))
 
     def lose(self) -> None:
-        """Be closed, in a forked process."""
-        self.closed = threading.Event()  # the locks of the former one may be held by threads that are not here
+        """Mark this link as closed, in a forked process."""
+        self.closed = threading.Event()  # threads that are missing may hold the old one's lock
         self.closed.set()
 
     def about(self, role: str = "", channel: str = "") -> Policy.Userdata:
@@ -174,23 +176,23 @@ class Link(BaseLink["DDSTransport", Endpoint]):
             "pid": os.getpid(),
         }
 
-    def _show(self) -> None:
-        """Announce this link to peers of another contract if it names no instance: they would not see it otherwise."""
+    def _announce(self) -> None:
+        """If the channel has `*`, announce this link to peers with another contract: they see no endpoint of it."""
         if ANY not in self.channel.name:
             return
         mine = self.channel.type.fingerprint
         others = dict.fromkeys(endpoint.channel for endpoint in self.faced() if endpoint.fingerprint != mine)
         strangers = set(list(others)[:STRANGERS])
-        for name in self._shown - strangers:
+        for name in self._announced - strangers:
             self.transport.announcing.remove((self.id, name))
-        for name in strangers - self._shown:
+        for name in strangers - self._announced:
             self.transport.announcing.add((self.id, name), self.said(channel=name))
-        self._shown = strangers
+        self._announced = strangers
 
 
 def enter(link: Link, order: threading.Lock, deadline: float) -> None:
-    """Take the lock of those who send by a link, who may hold it until deadlines of their own."""
+    """Take the lock for sending. Another thread may hold it until its own deadline."""
     if order.acquire(blocking=False):
         return
-    about_to_block()  # what they wait for may come in by this very thread
+    about_to_block()  # the other thread may wait for input that this thread receives
     link.take_turn(order, deadline)

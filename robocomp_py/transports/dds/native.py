@@ -1,4 +1,4 @@
-"""What programs of DDS need to talk to a component without this package; only the generator imports it."""
+"""Description of topics and types for DDS programs that do not use this package. Imported by `rcgen` only."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who is commanded and who is called."""
+"""The server's links: a command inlet and a server."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from .bus import Reader, Writer
 from .client import client_of
 from .endpoints import Endpoint
 from .library import LARGE
-from .link import INTAKE, KEEP_ALL, SOON, Link, endpoint_qos
+from .link import DISCOVERY_PAUSE, INTAKE, KEEP_ALL, Link, endpoint_qos
 from .types import (
     START,
     Message,
@@ -55,32 +55,32 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("robocomp.transport.dds")
 
-PATIENCE = 60.0
-"""Seconds for which a reply without deadline is kept for a client that cannot be reached yet."""
+REPLY_EXPIRY = 60.0
+"""Seconds for which a reply without deadline waits for a client that cannot be reached yet."""
 
 
 _FOREVER = float("inf")
 
-_LONG_UNDER_WAY = 60.0
-"""What seems to have been under way for longer was not, but the clock was set."""
+_OLDEST = 60.0
+"""A request that seems to be older than this many seconds is not: the clock was set."""
 
 _FINE = Status.OK
-"""Finding it in its class takes longer."""
+"""Attribute access to the enumeration is slower."""
 
 LEAVING = 2.5
-"""Seconds until we have heard that who served before us is gone, even if it was killed: its lease lasts for two."""
+"""Seconds until DDS reports that a previous server has gone, even if it was killed: its lease lasts two seconds."""
 
-_HEARING = 10.0
-"""Seconds more until we have heard it of a process of this host of which we can see that it is dead: we may be late."""
+_LEAVING_DEAD = 10.0
+"""Further seconds for the same, if the previous server's process is known to be dead: the report may be late."""
 
 _Call = tuple[int, int]
-"""Which client's request, and its number."""
+"""Client and number of a request."""
 
-_Asked = tuple[_Call, Payload, float]
-"""A request, what is asked, and when that expires."""
+_Queued = tuple[_Call, Payload, float]
+"""A request's identity, payload and expiry time."""
 
 
-class ServingLink(Link):
+class ServerLink(Link):
     ordered: bool
     claimed: Claim | None = None
 
@@ -98,32 +98,32 @@ class ServingLink(Link):
         end = monotonic() + LEAVING
         while others := self.bus.endpoints.find(self.role, channel.name):  # on another host, or of another user
             dead = self.transport.local and all(is_gone(each.pid) for each in others)
-            if monotonic() >= end + (_HEARING if dead else 0.0):
+            if monotonic() >= end + (_LEAVING_DEAD if dead else 0.0):
                 raise AlreadyServed(f"{channel.name}: already served by {others[0].owner} (pid {others[0].pid})")
             self.closed.wait(0.005)
         if channel.lazy:
             self.transport.announcing.add(self.id, self.said())
         else:
-            self.hear()
+            self.open_reader()
 
-    def hear(self) -> None:
-        """Make what requests come in by."""
+    def open_reader(self) -> None:
+        """Make the reader of requests."""
         kind = self.channel.type
         made = request_type(kind.name, kind.request)
         requests = self.bus.reader(f"rc/{self.channel.name}Request", made, endpoint_qos(KEEP_ALL, self.about()))
         self._requests = requests
         self.bus.loop.attach(requests.condition, partial(self.accept, requests))
 
-    def looked(self, there: list[Endpoint]) -> None:
+    def peers_changed(self, there: list[Endpoint]) -> None:
         if self._requests is None and self.bus.endpoints.on_topic(f"rc/{self.channel.name}Request"):
-            self.hear()
+            self.open_reader()
 
     def accept(self, requests: Reader) -> Iterable[Job]:
-        """Have requests wait for their turn, or turn them away; what is to be done about those that wait."""
+        """Queue or refuse the arrived requests; returns jobs that handle the queue."""
         raise NotImplementedError
 
     def refuse(self, request: Request) -> None:
-        """Answer one that means something else."""
+        """Refuse a request with another contract."""
 
     def release(self) -> None:
         if self._requests:
@@ -132,10 +132,10 @@ class ServingLink(Link):
         if self.claimed:
             self.claimed.close()
         if self.channel.lazy:
-            self.transport.announcing.remove(self.id)  # at last: it may have to make a writer for the others, and fail
+            self.transport.announcing.remove(self.id)  # last: it may fail, as it may make a writer
 
-    def read(self, sample: bytes) -> _Asked | None:
-        """A request that means what we mean, and is new."""
+    def read(self, sample: bytes) -> _Queued | None:
+        """A valid, new request with our contract; None for any other."""
         message = self._message
         try:
             fields = request_fields(sample)
@@ -156,13 +156,13 @@ class ServingLink(Link):
                 return (client, sequence), payload, _FOREVER
             left = ms / 1000
             if self.transport.local:
-                under_way = (time_ns() - stamp) / 1e9
-                left -= under_way if 0.0 < under_way < _LONG_UNDER_WAY else 0.0
+                open_requests = (time_ns() - stamp) / 1e9
+                left -= open_requests if 0.0 < open_requests < _OLDEST else 0.0
             return (client, sequence), payload, monotonic() + left
         return None
 
     def forgotten(self, call: _Call, remaining_ms: int) -> bool:
-        """Whether a request of an idempotent operation that was seen before has to be executed again."""
+        """Whether a repeated request has to be executed again, since its reply is not kept any more."""
         return False
 
     def _text_of(self, fingerprint: int) -> str:
@@ -170,7 +170,7 @@ class ServingLink(Link):
         return next((each.text for each in found if each.fingerprint == fingerprint), "")
 
 
-class CommandInlet(ServingLink):
+class CommandInlet(ServerLink):
     role, facing, ordered = "receives", "commands", True
 
     def __init__(self, transport: DDSTransport, channel: Channel, sink: Sink) -> None:
@@ -179,9 +179,9 @@ class CommandInlet(ServingLink):
 
     def accept(self, requests: Reader) -> Iterable[Job]:
         for sample, info in requests.take(INTAKE):
-            asked = self.read(sample) if info.valid_data else None
-            if asked is not None:
-                self._lane.take(asked[1], asked[2])
+            queued = self.read(sample) if info.valid_data else None
+            if queued is not None:
+                self._lane.take(queued[1], queued[2])
         return [self._lane.drain] if self._lane.summon() else []
 
     def release(self) -> None:
@@ -191,11 +191,10 @@ class CommandInlet(ServingLink):
             self._lane.close()
 
 
-class Server(ServingLink):
-    """A reply waits until its client's reader is known: what is written before that is lost.
+class Server(ServerLink):
+    """Serves the clients in turn, one request at a time; other links get their turn between two requests.
 
-    One request after the other is begun, the clients by turns, and between two of them the other links have their turn,
-    however many wait here.
+    A reply waits until its client's reader is known, because a sample written before that is lost.
     """
 
     role, facing, ordered = "serves", "calls", False
@@ -206,35 +205,35 @@ class Server(ServingLink):
         self._response = Message(channel.type.response)
         self._incarnation = transport.incarnation
         self._writers: dict[str, Writer] = {}
-        """By partition."""
+        """The writer in each partition."""
         self._clients: dict[int, Writer] = {}
-        """The same, by whom they reach."""
-        self._others = False
-        """Whether there are clients that know nothing of our partitions."""
+        """The writer for each client that it reaches."""
+        self._foreign_clients = False
+        """Whether there are clients that do not use our partitions."""
         self._deferred: list[tuple[float, int, bytearray]] = []
-        """When they expire, and for whom they are."""
+        """Replies that wait for their client's reader: expiry time, client, sample."""
         self._order = threading.Lock()
-        self._waiting: Turns[_Asked] = Turns()
-        self._under_way: dict[_Call, float] = {}
-        """When those that wait or are being served expire."""
-        self._turned_away: deque[tuple[_Call, float, Reply]] = deque(maxlen=QUERIES_WAITING)
+        self._waiting: Turns[_Queued] = Turns()
+        self._open_requests: dict[_Call, float] = {}
+        """Expiry time of each request that waits or is being served."""
+        self._refusals: deque[tuple[_Call, float, Reply]] = deque(maxlen=QUERIES_WAITING)
         self._full_until = 0.0
-        """When the next of those under way expires, if there were too many when we last looked."""
+        """While there are too many open requests: when the next of them expires."""
         self._replies = Replies() if channel.idempotent else None
         self._beginning = self._refusing = False
-        """Whether somebody will call `_begin`, and `_send_refusals`."""
+        """Whether a job for `_begin`, or for `_send_refusals`, is queued."""
 
-    def hear(self) -> None:
-        super().hear()
-        self._writers[""] = self._writer("")  # whom others see, and where they read
+    def open_reader(self) -> None:
+        super().open_reader()
+        self._writers[""] = self._writer("")  # for clients that do not use our partitions
 
-    def looked(self, there: list[Endpoint]) -> None:
-        super().looked(there)
+    def peers_changed(self, there: list[Endpoint]) -> None:
+        super().peers_changed(there)
         if self._requests is None:
             return
         ends = self.bus.endpoints.on_topic(f"rc/{self.channel.name}Reply")
         partitions = {endpoint.partition for endpoint in ends if not endpoint.writes}
-        self._others = "" in partitions
+        self._foreign_clients = "" in partitions
         for gone in self._writers.keys() - partitions - {""}:
             self._writers.pop(gone).close()
         for new in partitions - self._writers.keys():
@@ -248,7 +247,7 @@ class Server(ServingLink):
         for expires, client, sample in deferred:
             writer = self._clients.get(client)
             if writer:
-                writer.write(sample)  # to a reader that has just come: there is room
+                writer.write(sample)  # a new reader has room
             else:
                 with self._order:
                     self._deferred.append((expires, client, sample))
@@ -260,43 +259,43 @@ class Server(ServingLink):
             return min((expires - now for expires, _, _ in self._deferred), default=None)
 
     def accept(self, requests: Reader) -> Iterable[Job]:
-        samples, under_way = requests.take(INTAKE), self._under_way
+        samples, open_requests = requests.take(INTAKE), self._open_requests
         for sample, info in samples:
-            asked = self.read(sample) if info.valid_data else None
-            if asked is None:
+            queued = self.read(sample) if info.valid_data else None
+            if queued is None:
                 continue
-            call, _, expires = asked
-            if len(under_way) >= QUERIES_WAITING and not self._forget_expired():
+            call, _, expires = queued
+            if len(open_requests) >= QUERIES_WAITING and not self._forget_expired():
                 self.stats.dropped += 1
-                self._turned_away.append((call, expires, Reply(Status.BUSY)))
+                self._refusals.append((call, expires, Reply(Status.BUSY)))
                 continue
-            under_way[call] = expires
+            open_requests[call] = expires
             if len(samples) == 1 and not self._waiting:
-                return (partial(self._serve, asked),)  # as it is nearly always
-            self._waiting.add(call[0], asked)
+                return (partial(self._serve, queued),)  # the usual case
+            self._waiting.add(call[0], queued)
         return self._jobs()
 
     def refuse(self, request: Request) -> None:
         if not request.flags & Flag.ONEWAY:
             text = dressed(self.channel.type.text.encode())
             call = request.client, request.sequence
-            self._turned_away.append((call, monotonic() + PATIENCE, Reply(Status.MISMATCH, text)))
+            self._refusals.append((call, monotonic() + REPLY_EXPIRY, Reply(Status.MISMATCH, text)))
 
     def forgotten(self, call: _Call, remaining_ms: int) -> bool:
-        if self._replies is None or call in self._under_way:
+        if self._replies is None or call in self._open_requests:
             return False
         reply = self._replies.find(call)
         if reply:
-            self._turned_away.append((call, monotonic() + min(remaining_ms / 1000, PATIENCE), reply))
+            self._refusals.append((call, monotonic() + min(remaining_ms / 1000, REPLY_EXPIRY), reply))
         return reply is None
 
     def _jobs(self) -> list[Job]:
-        """What is to be done, and is not being done."""
+        """Jobs for waiting requests and refusals, unless such jobs are queued."""
         jobs: list[Job] = []
         if self._waiting and not self._beginning:
             self._beginning = True
             jobs.append(self._begin)
-        if self._turned_away and not self._refusing:
+        if self._refusals and not self._refusing:
             self._refusing = True
             jobs.append(self._send_refusals)
         return jobs
@@ -306,50 +305,50 @@ class Server(ServingLink):
             self.bus.loop.detach(self._requests.condition)
         self._servant.close()
         for writer in self._writers.values():
-            writer.close()  # before the reader, whose leaving tells callers that nothing will come any more
+            writer.close()  # before the reader: when that goes, clients expect no further replies
         super().release()
 
     def _begin(self) -> None:
-        """Serve the next request, and have the one after it begun, by the thread that receives then."""
+        """Serve the next request, and queue a job for the one after it."""
         try:
-            asked = self._waiting.take()
-        except IndexError:  # another thread was quicker
+            queued = self._waiting.take()
+        except IndexError:  # another thread has taken it
             return
         finally:
-            self._beginning = False  # before looking for more: who adds some later sees this
+            self._beginning = False  # before the check: a thread that adds one later sees this
             if self._waiting:
                 for job in self._jobs():
                     self.bus.loop.do(job)
-        self._serve(asked)
+        self._serve(queued)
 
     def _send_refusals(self) -> None:
         self._refusing = False
-        with contextlib.suppress(IndexError):  # another thread sends them, too
+        with contextlib.suppress(IndexError):  # another thread may send them, too
             while True:
-                self._answer(*self._turned_away.popleft())
+                self._answer(*self._refusals.popleft())
 
     def _forget_expired(self) -> bool:
-        """Whether some requests that were never answered need not be counted any more."""
+        """Forget expired requests that were never answered; returns whether there is room now."""
         now = monotonic()
         if now < self._full_until:
             return False
-        under_way = list(self._under_way.items())
-        for key, expires in under_way:
+        open_requests = list(self._open_requests.items())
+        for key, expires in open_requests:
             if expires <= now:
-                self._under_way.pop(key, None)
-        self._full_until = min((expires for _, expires in under_way if expires > now), default=0.0)
-        return len(self._under_way) < QUERIES_WAITING
+                self._open_requests.pop(key, None)
+        self._full_until = min((expires for _, expires in open_requests if expires > now), default=0.0)
+        return len(self._open_requests) < QUERIES_WAITING
 
-    def _serve(self, asked: _Asked) -> None:
-        call, payload, expires = asked
+    def _serve(self, queued: _Queued) -> None:
+        call, payload, expires = queued
         answer = partial(self._answer, call, expires)
         if not self._servant.serve(payload, expires, answer):
             answer(Reply(Status.REFUSED))
 
     def _answer(self, call: _Call, expires: float, reply: Reply) -> None:
-        if self._replies is not None:  # first: who asks again just now finds it under way, or answered
+        if self._replies is not None:  # before the pop: a retry finds the request either open or answered
             self._replies.keep(call, reply)
-        self._under_way.pop(call, None)
+        self._open_requests.pop(call, None)
         client, sequence = call
         status, payload = reply
         response = self._response
@@ -359,7 +358,7 @@ class Server(ServingLink):
             else:
                 sample = payload if response.plain and type(payload) is bytearray else response.sample(payload)
             writer = self._clients.get(client)
-            if len(sample) < LARGE:  # a service may answer several with one payload, and a copy is quicker than a lock
+            if len(sample) < LARGE:  # one payload may answer several requests: a copy is faster than a lock
                 sample = sample[:]
                 fill_reply(sample, 0, START, status, client, sequence, self._incarnation, time_ns())
                 if writer and writer.write(sample):
@@ -376,23 +375,23 @@ class Server(ServingLink):
                 log.warning("%s: a reply was dropped: %s", self.channel.name, exc)
 
     def _send_later(self, client: int, sample: bytearray, expires: float) -> None:
-        """Send a reply for which there was no room, or no way to the client."""
+        """Send a reply for which there was no room, or which has to wait for its client's reader."""
         now = monotonic()
-        expires = max(now + SOON, min(expires, now + PATIENCE))
+        expires = max(now + DISCOVERY_PAUSE, min(expires, now + REPLY_EXPIRY))
         writer = self._clients.get(client)
         if writer is None:
-            if self._others:
+            if self._foreign_clients:
                 self._writers[""].write(sample)
             with self._order:
                 self._deferred.append((expires, client, sample))
                 if len(self._deferred) > QUERIES_WAITING:
                     del self._deferred[0]
                     self.stats.dropped += 1
-            if client in self._clients:  # since a moment ago, and those put aside before were sent then
+            if client in self._clients:  # it has just come: the earlier deferred replies were sent
                 self._send_deferred()
             self.bus.loop.due(expires)
         elif not writer.write_within(sample, expires, self._pause) and self._sparing.may_tell():
-            log.warning("%s: a reply was dropped: who asked does not take it", self.channel.name)
+            log.warning("%s: a reply was dropped: the client has no room for it", self.channel.name)
 
     def _pause(self) -> None:
         self.check_open()

@@ -1,4 +1,4 @@
-"""Publishers and subscribers."""
+"""The links of publications: publisher and subscriber."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from ..reception import Reception
 from .bus import Reader, Writer
 from .endpoints import Endpoint
 from .library import LARGE
-from .link import INTAKE, KEEP_ALL, SOON, STRANGERS, Link, best_effort_qos, endpoint_qos, enter, topic_qos
+from .link import DISCOVERY_PAUSE, INTAKE, KEEP_ALL, STRANGERS, Link, best_effort_qos, endpoint_qos, enter, topic_qos
 from .types import (
     BEFORE_TAIL,
     START,
@@ -60,19 +60,19 @@ if TYPE_CHECKING:
 log = logging.getLogger("robocomp.transport.dds")
 
 MESSAGES_WAITING = 1000
-"""Messages of a best-effort publisher that may wait for a reliable subscriber; more are dropped."""
+"""Maximum number of a best-effort publisher's messages that wait in a reliable subscriber; more are dropped."""
 
 MOST_WAITING = 100_000
-"""The same of all its publishers; those who count are told before that to wait."""
+"""The same for all its publishers together; publishers with credit stop before."""
 
-UNGREETED = 100
-"""Messages that a subscriber gets before it has said how many it takes."""
+INITIAL_CREDIT = 100
+"""Credit of a subscriber before it has granted any."""
 
 _NONE = float("inf")
 """No limit."""
 
-_SELDOM = 1.0
-"""Seconds between two looks for a reader that DDS tells of, but has not connected for a while."""
+_LONGEST_PAUSE = 1.0
+"""Maximum seconds between two checks for a reader that DDS has reported, but not yet connected."""
 
 _NO_DATA = bytes(64)
 
@@ -90,16 +90,16 @@ class Publisher(Link, SupportsHeard):
         self._credits: Reader | None = None
         self._room = threading.Condition()
         self._limits: dict[int, int] = {}
-        """By reader that counts: the number of the last message it takes."""
+        """For each reader that grants credit: the highest sequence number that it accepts."""
         self._limit: float = _NONE
-        """The least of these."""
+        """The smallest of these."""
         self._greeted: set[int] = set()
         self._early: dict[int, Credit] = {}
         self._greeted_handles: set[int] = set()
-        """The readers that have been told that they are connected."""
+        """The readers that have been greeted."""
         self._due = _NONE
-        """When to look for readers that are not connected yet."""
-        self._patience = SOON
+        """When to check for readers that are not connected yet."""
+        self._pause_between_checks = DISCOVERY_PAUSE
         self._unmet: set[str] = set()
 
     def open(self) -> None:
@@ -129,7 +129,7 @@ class Publisher(Link, SupportsHeard):
             fill_publication(sample, 0, START, self._fingerprint, self.id, number, time.time_ns())
             out = sample[:BEFORE_TAIL] if len(sample) < LARGE else memoryview(sample)[:BEFORE_TAIL]
             if self._credits is None:
-                self._sent = number  # whether it gets away or not: who hears the next one knows what is missing
+                self._sent = number  # also if the message is dropped: readers then count it as lost
                 self.stats.dropped += not self._written(out)
             elif self._written(out) or self._write_within(out, end):
                 self._sent = number
@@ -142,7 +142,7 @@ class Publisher(Link, SupportsHeard):
         if time.monotonic() >= self._due:
             with self._looking:
                 self._greet_readers()
-        missing = self._writer.unmet() if self._writer else ""
+        missing = self._writer.incompatible_policy() if self._writer else ""
         if missing and missing not in self._unmet:
             self._unmet.add(missing)
             log.warning(
@@ -157,7 +157,7 @@ class Publisher(Link, SupportsHeard):
         same = {endpoint.handle for endpoint in self.counterparts(strict=True)}
         named = {endpoint.handle for endpoint in self.bus.endpoints.find(self.facing, self.channel.name)}
         matched = self._writer.matched() if self._writer else set()
-        return bool(matched - (named - same))  # others than ours can only be right
+        return bool(matched - (named - same))  # readers of other programs have no fingerprint to compare
 
     @property
     def heard(self) -> bool:
@@ -171,9 +171,9 @@ class Publisher(Link, SupportsHeard):
         return {endpoint.id for endpoint in self.counterparts() if endpoint.handle in self._greeted_handles}
 
     def _greet_readers(self) -> None:
-        """Tell new readers that they are connected, by a sample without data, which is not delivered as a message.
+        """Send new readers a sample without data, so that they know that they are connected.
 
-        What is latched is not disturbed by that: its readers get the history anyway.
+        It is not delivered as a message. Latched topics do not need it: their readers get the history.
         """
         assert self._writer
         matched = self._writer.matched()
@@ -182,20 +182,20 @@ class Publisher(Link, SupportsHeard):
         missing = {endpoint.id for endpoint in self.counterparts()} - {
             endpoint.id for endpoint in self.counterparts() if endpoint.handle in self._greeted_handles
         }
-        self._due = time.monotonic() + self._patience if missing else _NONE
-        self._patience = min(2 * self._patience, _SELDOM)
+        self._due = time.monotonic() + self._pause_between_checks if missing else _NONE
+        self._pause_between_checks = min(2 * self._pause_between_checks, _LONGEST_PAUSE)
         self.bus.loop.due(self._due)
 
-    def looked(self, there: list[Endpoint]) -> None:
-        self._patience = SOON
+    def peers_changed(self, there: list[Endpoint]) -> None:
+        self._pause_between_checks = DISCOVERY_PAUSE
         self._greet_readers()
-        counting = {endpoint.id for endpoint in there if endpoint.reliable}
+        crediting = {endpoint.id for endpoint in there if endpoint.reliable}
         with self._room:
-            for reader in self._limits.keys() - counting:
+            for reader in self._limits.keys() - crediting:
                 del self._limits[reader]
                 self._greeted.discard(reader)
-            for reader in counting - self._limits.keys():
-                self._limits[reader] = self._sent + UNGREETED
+            for reader in crediting - self._limits.keys():
+                self._limits[reader] = self._sent + INITIAL_CREDIT
                 if reader in self._early:
                     self._grant(self._early[reader])
             self._early.clear()
@@ -228,8 +228,8 @@ class Publisher(Link, SupportsHeard):
         about_to_block()
 
     def _await_credit(self, number: int, end: float) -> bool:
-        """Wait until every reader takes a message of that number."""
-        about_to_block()  # what we wait for may come in by this very thread
+        """Wait until every reader's credit includes that sequence number; False at `end`."""
+        about_to_block()  # this thread may be the one that receives the credit
         with self._room:
             patience = max(0.0, end - time.monotonic())
             self._room.wait_for(lambda: number <= self._limit or self.closed.is_set(), patience)
@@ -237,7 +237,7 @@ class Publisher(Link, SupportsHeard):
             return number <= self._limit
 
     def _limits_changed(self) -> None:
-        """With the lock of `_room`."""
+        """Compute `_limit`; called with the lock of `_room`."""
         self._limit = min(self._limits.values(), default=_NONE) if self._credits else _NONE
         self._room.notify_all()
 
@@ -257,7 +257,7 @@ class Publisher(Link, SupportsHeard):
                 if credit.reader in self._limits:
                     self._grant(credit)
                 elif len(self._early) < BATCH:
-                    self._early[credit.reader] = credit  # its reader will be reported soon
+                    self._early[credit.reader] = credit  # discovery will report the reader soon
         return []
 
     def _grant(self, credit: Credit) -> None:
@@ -266,28 +266,28 @@ class Publisher(Link, SupportsHeard):
             limit = max(limit, self._limits[credit.reader])
         else:
             self._greeted.add(credit.reader)
-            limit = max(limit, self._sent + credit.window)  # what was sent before it came is no debt of its
+            limit = max(limit, self._sent + credit.window)  # messages sent before the reader came do not count
         self._limits[credit.reader] = limit
         self._limits_changed()
 
 
-class _Heard:
-    """A topic that a subscriber hears: one, or with `*` each that has a publisher."""
+class _SubscribedTopic:
+    """One topic of a subscriber; with `*` it has one for each matching channel that has a publisher."""
 
     def __init__(self, name: str, reader: Reader, credits: Writer | None) -> None:
         self.name, self.reader, self.credits = name, reader, credits
-        self.news: Reader | None = None
-        """Hears publishers that offer less than we ask for (nothing for late ones, say), whom `reader` cannot hear."""
+        self.relaxed: Reader | None = None
+        """A second reader, with lower requirements, for publishers whose QoS is too weak for `reader`."""
         self.common: Callable[..., Qos] = endpoint_qos
-        """What `news` has in common with all readers, or with those that are best effort on the wire, too."""
-        self.modest = False
-        """Whether `news` asks for nothing that might be missing, and not only for less on the wire."""
+        """Makes the QoS of `relaxed`: reliable or best-effort on the wire."""
+        self.no_requirements = False
+        """Whether `relaxed` has no QoS requirements at all, instead of best effort only."""
         self.consumed: dict[int, int] = {}
-        self.told: dict[int, int] = {}
-        """By source: up to which message we said that we have consumed."""
+        self.granted: dict[int, int] = {}
+        """By source: the sequence number in the last credit that we sent."""
 
     def readers(self) -> list[Reader]:
-        return [self.reader, self.news] if self.news else [self.reader]
+        return [self.reader, self.relaxed] if self.relaxed else [self.reader]
 
     def close(self) -> None:
         for each in (*self.readers(), self.credits):
@@ -295,14 +295,14 @@ class _Heard:
                 each.close()
 
 
-_Message = tuple[_Heard, int, int, int, Payload]
-"""What was heard by what, from which source, its number, the size of the sample, and the payload."""
+_Message = tuple[_SubscribedTopic, int, int, int, Payload]
+"""Topic, source, sequence number, size of the sample, and payload."""
 
 
 class Subscriber(Link, SupportsSources):
-    """A reliable one takes all that comes in, for its publishers know how much it takes (`Credit`).
+    """A reliable subscriber grants credit to its publishers, and so has room for every message.
 
-    Others than ours do not, nor do those that publish best effort; of theirs, only so many may wait.
+    Foreign and best-effort publishers do not use credit; a limited number of their messages may wait.
     """
 
     role, facing = "subscribes", "publishes"
@@ -312,7 +312,7 @@ class Subscriber(Link, SupportsSources):
         self._reliable = channel.qos.reliable
         self._sink = sink
         self._window = depth_of(channel.qos)
-        self._intake = INTAKE if self._reliable else BATCH  # the reader of the others keeps the newest ones only
+        self._intake = INTAKE if self._reliable else BATCH  # a best-effort reader keeps only the newest
         depth = MOST_WAITING if self._reliable else self._window
         consume: Sink = self._consume if self._reliable else sink
         self._lane = Lane(channel.name, consume, depth, lossy=not self._reliable, stats=self.stats)
@@ -320,35 +320,35 @@ class Subscriber(Link, SupportsSources):
         self._fingerprint = channel.type.fingerprint
         self._reception = Reception(channel, self.stats, self._through)
         self._ledger = Ledger(self.stats, ordered=True)
-        self._heard: dict[str, _Heard] = {}
+        self._topics: dict[str, _SubscribedTopic] = {}
         self._greeted: set[int] = set()
-        """The writers of which we have heard: they are connected."""
+        """The writers from which something has come: they are connected."""
         self._handles: set[int] = set()
-        """The writers that DDS told of when we last looked."""
-        self._counting: dict[int, bool] = {}
-        """By publisher: whether it counts, and waits for us."""
+        """The writers known at the last `peers_changed`."""
+        self._uses_credit: dict[int, bool] = {}
+        """By publisher: whether it uses credit."""
         self._put = self._consumed = 0
         self._put_bytes = self._consumed_bytes = 0
         self._most = self._window + MESSAGES_WAITING
-        """So many may wait of publishers that do not count."""
-        self._telling = max(1, self._window // 2)
-        """After so many messages we say that we have consumed them."""
+        """Maximum number of waiting messages of publishers without credit."""
+        self._grant_every = max(1, self._window // 2)
+        """Number of consumed messages after which new credit is sent."""
         self._due = float("inf")
 
     def open(self) -> None:
         self.transport.limits.check(self.channel)
         if ANY not in self.channel.name:
-            self._hear(self.channel.name)
+            self._subscribe(self.channel.name)
 
-    def looked(self, there: list[Endpoint]) -> None:
+    def peers_changed(self, there: list[Endpoint]) -> None:
         if ANY in self.channel.name:
             names = {endpoint.channel for endpoint in there}
             names.update(self.bus.endpoints.published_by_others(self.channel.name)[:STRANGERS])
-            for name in self._heard.keys() - names:
-                self._unhear(name)
-            for name in names - self._heard.keys():
-                self._hear(name)
-        self._counting = {endpoint.id: endpoint.reliable for endpoint in there}
+            for name in self._topics.keys() - names:
+                self._unsubscribe(name)
+            for name in names - self._topics.keys():
+                self._subscribe(name)
+        self._uses_credit = {endpoint.id: endpoint.reliable for endpoint in there}
         handles = {endpoint.handle for endpoint in there}
         self._greeted -= self._handles - handles
         self._handles = handles
@@ -356,7 +356,7 @@ class Subscriber(Link, SupportsSources):
             self._greet()
         self._reception.meet(map(_source, there))
         for endpoint in there:
-            self._get_along_with(endpoint)
+            self._relax_for(endpoint)
 
     def tick(self) -> float | None:
         if time.monotonic() >= self._due:
@@ -364,20 +364,20 @@ class Subscriber(Link, SupportsSources):
                 if not self.closed.is_set():
                     self._greet()
         with self._looking:
-            for heard in [] if self.closed.is_set() else self._heard.values():
-                self._notice_strangers(heard)
+            for topic in [] if self.closed.is_set() else self._topics.values():
+                self._check_foreign_publishers(topic)
         return self._due - time.monotonic()
 
     def reached(self) -> set[int]:
         connected = set(self._greeted)
-        for heard in list(self._heard.values()):
-            for reader in heard.readers():
+        for topic in list(self._topics.values()):
+            for reader in topic.readers():
                 connected |= reader.matched() & self._latched
         return {endpoint.id for endpoint in self.counterparts() if endpoint.handle in connected}
 
     @property
     def _latched(self) -> set[int]:
-        """The writers that send no greeting, since they have a history to give."""
+        """The writers with a history to deliver; they send no greeting."""
         return {endpoint.handle for endpoint in self.counterparts() if endpoint.latched}
 
     def sources(self) -> list[Source]:
@@ -385,109 +385,113 @@ class Subscriber(Link, SupportsSources):
         ours = {each.channel for each in there}
         others = [
             Source(name, DEFAULT_QOS)
-            for name, heard in list(self._heard.items())
-            if name not in ours and any(reader.alive() for reader in heard.readers())
+            for name, topic in list(self._topics.items())
+            if name not in ours and any(reader.alive() for reader in topic.readers())
         ]
         return [*(_source(each) for each in there if self._lives(each)), *others]
 
     def _lives(self, publisher: Endpoint) -> bool:
-        """Whether DDS has heard of a publisher's process in time. What one does not send is the watch's business."""
+        """Whether a publisher has kept its lease. Missing messages are not checked here."""
         if from_traits(publisher.traits).liveliness is Liveliness.MANUAL_BY_TOPIC:
             return True
-        heard = self._heard.get(publisher.channel)
-        if heard and any(reader.alive() for reader in heard.readers()):
+        topic = self._topics.get(publisher.channel)
+        if topic and any(reader.alive() for reader in topic.readers()):
             return True
-        # Of one that was late, DDS learns by its next sample only that it lives.
+        # After an expired lease, DDS needs the publisher's next sample to see that it is alive.
         return self.transport.local and state_of(publisher.pid) not in ("", "T", "Z", "X")
 
     def visible(self) -> bool:
         self.counterparts(strict=True)
-        return any(reader.matched() for heard in list(self._heard.values()) for reader in heard.readers())
+        return any(reader.matched() for topic in list(self._topics.values()) for reader in topic.readers())
 
     def release(self) -> None:
         self._lane.close()
-        for name in list(self._heard):
-            self._unhear(name)
+        for name in list(self._topics):
+            self._unsubscribe(name)
 
     def _through(self, wrap: Callable[[Sink], Sink]) -> None:
         self._sink = wrap(self._sink)
         if not self._reliable:
             self._lane.through(wrap)
 
-    def _hear(self, name: str) -> None:
+    def _subscribe(self, name: str) -> None:
         credits = None
         if self._reliable:
             about = self.about("credits", name)
             credits = self.bus.writer(f"rc/{name}Credit", credit_type(), endpoint_qos(KEEP_ALL, about))
-        self._heard[name] = heard = _Heard(name, self._reader(name, self.channel), credits)
-        self.bus.loop.attach(heard.reader.condition, partial(self._on_message, heard))
+        self._topics[name] = topic = _SubscribedTopic(name, self._reader(name, self.channel), credits)
+        self.bus.loop.attach(topic.reader.condition, partial(self._on_message, topic))
 
     def _reader(self, name: str, channel: Channel, common: Callable[..., Qos] = endpoint_qos) -> Reader:
         kind = publication_type(channel.type.name, channel.type.request)
         qos = topic_qos(channel, self.transport.limits, self.about("subscribes", name), common=common)
         return self.bus.reader(f"rc/{name}", kind, qos)
 
-    def _unhear(self, name: str) -> None:
-        heard = self._heard.pop(name)
-        for reader in heard.readers():
+    def _unsubscribe(self, name: str) -> None:
+        topic = self._topics.pop(name)
+        for reader in topic.readers():
             self.bus.loop.detach(reader.condition)
-        heard.close()
+        topic.close()
 
-    def _get_along_with(self, publisher: Endpoint) -> None:
-        """Hear as much as there is of one that offers less than we ask for, whom DDS would not let us hear."""
+    def _relax_for(self, publisher: Endpoint) -> None:
+        """Use the relaxed reader for a publisher whose QoS is too weak for DDS to connect it with `reader`."""
         asked = self.channel.qos
         less = [each for each in shortfalls(asked, from_traits(publisher.traits)) if each.policy != "reliability"]
-        heard = self._heard.get(publisher.channel)
-        if less and heard and not heard.modest:
-            self._hear_news(heard, heard.common)
+        topic = self._topics.get(publisher.channel)
+        if less and topic and not topic.no_requirements:
+            self._make_relaxed_reader(topic, topic.common)
 
-    def _hear_news(self, heard: _Heard, common: Callable[..., Qos], *, modest: bool = True) -> None:
-        """Hear also those that offer less than we ask for; or, if not `modest`, less than all our readers have."""
-        if heard.news:
-            self.bus.loop.detach(heard.news.condition)
-            heard.news.close()
+    def _make_relaxed_reader(
+        self, topic: _SubscribedTopic, common: Callable[..., Qos], *, no_requirements: bool = True
+    ) -> None:
+        """Make the relaxed reader, with fewer or (`no_requirements`) no requirements."""
+        if topic.relaxed:
+            self.bus.loop.detach(topic.relaxed.condition)
+            topic.relaxed.close()
         qos = self.channel.qos
         less = replace(self.channel, qos=QoS(qos.reliability, history=qos.history, depth=qos.depth))
-        heard.news = self._reader(heard.name, less if modest else self.channel, common)
-        heard.common, heard.modest = common, modest
-        self.bus.loop.attach(heard.news.condition, partial(self._on_news, heard, heard.news))
+        topic.relaxed = self._reader(topic.name, less if no_requirements else self.channel, common)
+        topic.common, topic.no_requirements = common, no_requirements
+        self.bus.loop.attach(topic.relaxed.condition, partial(self._on_relaxed_message, topic, topic.relaxed))
 
-    def _notice_strangers(self, heard: _Heard) -> None:
-        """Other programs do not tell what they offer, but that something is missing."""
-        for reader in heard.readers():
-            missing = reader.unmet()
+    def _check_foreign_publishers(self, topic: _SubscribedTopic) -> None:
+        """Find foreign publishers that DDS does not connect; it reports only which policy failed."""
+        for reader in topic.readers():
+            missing = reader.incompatible_policy()
             unreliable = missing == "reliability"
-            if unreliable and not self._reliable:  # then only our readers want it, for the wire
-                if heard.common is not best_effort_qos:
-                    self._hear_news(heard, best_effort_qos, modest=heard.modest)  # and see whether more is missing
+            if unreliable and not self._reliable:  # only our own default asks for reliability
+                if topic.common is not best_effort_qos:
+                    self._make_relaxed_reader(
+                        topic, best_effort_qos, no_requirements=topic.no_requirements
+                    )  # then check again
                     return
                 continue
-            if not missing or (heard.modest and not unreliable):
-                continue  # it is one of ours, or will be heard with the others
+            if not missing or (topic.no_requirements and not unreliable):
+                continue  # one of ours, or connected to the relaxed reader
             log.warning(
-                "%s: a publisher that is none of ours offers less %s than this subscription asks for; it is heard "
-                "nevertheless, for what it is worth",
-                heard.name,
+                "%s: a foreign publisher offers less %s than this subscription requests; its messages are received, "
+                "but without that guarantee",
+                topic.name,
                 missing,
             )
-            self._hear_news(heard, best_effort_qos if unreliable else heard.common)
+            self._make_relaxed_reader(topic, best_effort_qos if unreliable else topic.common)
             return
 
-    def _on_message(self, heard: _Heard) -> list[Job]:
-        return self._deliver(heard, heard.reader.take(self._intake))
+    def _on_message(self, topic: _SubscribedTopic) -> list[Job]:
+        return self._deliver(topic, topic.reader.take(self._intake))
 
-    def _on_news(self, heard: _Heard, news: Reader) -> list[Job]:
-        samples = news.take(self._intake)
-        otherwise = heard.reader.matched()  # whom we hear, with what they have kept, by the other reader
-        return self._deliver(heard, [each for each in samples if each[1].publication_handle not in otherwise])
+    def _on_relaxed_message(self, topic: _SubscribedTopic, relaxed: Reader) -> list[Job]:
+        samples = relaxed.take(self._intake)
+        otherwise = topic.reader.matched()  # these arrive through the main reader
+        return self._deliver(topic, [each for each in samples if each[1].publication_handle not in otherwise])
 
-    def _deliver(self, heard: _Heard, samples: list[tuple[bytes, Any]]) -> list[Job]:
+    def _deliver(self, topic: _SubscribedTopic, samples: list[tuple[bytes, Any]]) -> list[Job]:
         messages = []
         for sample, info in samples:
             if info.publication_handle not in self._greeted:
                 self._greeted.add(info.publication_handle)
                 self._news.set()
-            message = self._take(heard, sample) if info.valid_data else None
+            message = self._take(topic, sample) if info.valid_data else None
             if message is not None:
                 messages.append(message)
         if not messages:
@@ -497,8 +501,8 @@ class Subscriber(Link, SupportsSources):
             self._give_up(messages[taken:])
         return [self._lane.drain] if self._lane.summon() else []
 
-    def _take(self, heard: _Heard, sample: bytes) -> Payload | _Message | None:
-        """A message that means what we mean, is new, and has room here; if we count, with what is to be told of it."""
+    def _take(self, topic: _SubscribedTopic, sample: bytes) -> Payload | _Message | None:
+        """The payload to deliver, with data for credit if we grant it; None if invalid, repeated or without room."""
         try:
             start, fingerprint, source, sequence, stamp = publication_fields(sample)
             if start != START:
@@ -512,61 +516,61 @@ class Subscriber(Link, SupportsSources):
             return None
         if not self._ledger.admit(source, sequence):
             return None
-        if self._reliable and self._put - self._consumed >= self._window and not self._counting.get(source, True):
+        if self._reliable and self._put - self._consumed >= self._window and not self._uses_credit.get(source, True):
             waiting, octets = self._put - self._consumed, self._put_bytes - self._consumed_bytes
             if waiting >= self._most or octets >= BYTES_WAITING:
                 self.stats.dropped += 1
                 return None
         if self._reception.on:
-            payload = self._reception.admit(heard.name, stamp, payload)
+            payload = self._reception.admit(topic.name, stamp, payload)
         if not self._reliable:
             return payload
         self._put += 1
         self._put_bytes += len(sample)
-        return heard, source, sequence, len(sample), payload
+        return topic, source, sequence, len(sample), payload
 
     def _give_up(self, messages: list[Any]) -> None:
-        """These found no room."""
+        """Count messages for which there was no room."""
         self.stats.dropped += len(messages)
         if self._reliable:
             self._put -= len(messages)
             self._put_bytes -= sum(size for *_, size, _ in messages)
 
     def _consume(self, message: _Message) -> None:
-        heard, source, sequence, size, payload = message
+        topic, source, sequence, size, payload = message
         self._consumed += 1
         self._consumed_bytes += size
         try:
             self._sink(payload)
         finally:
-            if heard.credits:
-                heard.consumed[source] = sequence
-                if sequence - heard.told.get(source, sequence) >= self._telling:
-                    self._tell(heard, source)
+            if topic.credits:
+                topic.consumed[source] = sequence
+                if sequence - topic.granted.get(source, sequence) >= self._grant_every:
+                    self._grant_credit(topic, source)
 
     def _greet(self) -> None:
-        """Tell the publishers that we can reach, and have not told yet, how much we take."""
+        """Send the first credit to publishers that are connected and have none yet."""
         self._due = float("inf")
-        for name, heard in self._heard.items():
-            assert heard.credits
+        for name, topic in self._topics.items():
+            assert topic.credits
             credited = self.bus.endpoints.find("credited", name)
-            for gone in heard.told.keys() - {endpoint.id for endpoint in credited}:
-                del heard.told[gone]
-            waiting = [endpoint for endpoint in credited if endpoint.id not in heard.told]
-            matched = heard.credits.matched() if waiting else set()
+            for gone in topic.granted.keys() - {endpoint.id for endpoint in credited}:
+                del topic.granted[gone]
+            waiting = [endpoint for endpoint in credited if endpoint.id not in topic.granted]
+            matched = topic.credits.matched() if waiting else set()
             for endpoint in waiting:
                 if endpoint.handle in matched and endpoint.fingerprint == self.channel.type.fingerprint:
-                    self._tell(heard, endpoint.id)
+                    self._grant_credit(topic, endpoint.id)
                 else:
-                    self._due = time.monotonic() + SOON
+                    self._due = time.monotonic() + DISCOVERY_PAUSE
         self.bus.loop.due(self._due)
 
-    def _tell(self, heard: _Heard, source: int) -> None:
-        assert heard.credits
-        consumed = heard.consumed.get(source, 0)
-        heard.told[source] = consumed
-        with contextlib.suppress(TransportError):  # closed meanwhile
-            heard.credits.write(pack_credit(Credit(self.id, source, consumed, self._window)))
+    def _grant_credit(self, topic: _SubscribedTopic, source: int) -> None:
+        assert topic.credits
+        consumed = topic.consumed.get(source, 0)
+        topic.granted[source] = consumed
+        with contextlib.suppress(TransportError):  # the link is closed
+            topic.credits.write(pack_credit(Credit(self.id, source, consumed, self._window)))
 
 
 def _source(publisher: Endpoint) -> Source:

@@ -1,4 +1,4 @@
-"""The transport: its links, and the thread that looks after them."""
+"""The DDS transport: its links, its options, and its threads."""
 
 from __future__ import annotations
 
@@ -42,22 +42,22 @@ from .types import (
 log = logging.getLogger("robocomp.transport.dds")
 
 LAST_DOMAIN = 230
-"""Of higher ones the ports would be none."""
+"""Ports of higher domains would exceed 65535."""
 
 FIRST_USER = 1000
-"""The number that Linux gives to the first user of a machine who is neither root nor a service."""
+"""The user id that Linux gives to the first ordinary user."""
 
 DISCOVERY = 0.5
-"""Seconds that DDS is given to find those on other hosts that a new publisher, or subscriber, is to be connected to."""
+"""Seconds that a new publisher or subscriber allows for the discovery of peers on other hosts."""
 
 TICK = 0.5
-"""Seconds between two looks whether somebody forgot to close us."""
+"""Seconds between two checks whether the program has ended without closing this transport."""
 
 
 def domain_of_user(number: int) -> int:
-    """Where those of a user meet on a host that others use, too: 0, as every tool has it, but for the second one on.
+    """A user's default domain: 0 for root, services and the first user, another one for each further user.
 
-    Root, services and the first user share it, as do users whose numbers differ by how many domains there are.
+    Users share a domain if their ids differ by a multiple of the number of domains.
     """
     return max(0, number - FIRST_USER) % (LAST_DOMAIN + 1)
 
@@ -65,10 +65,10 @@ def domain_of_user(number: int) -> int:
 class DDSTransport(BaseTransport[Endpoint], SupportsGathering):
     """Options:
 
-    `domain`      a number; of the user, on this host alone, else 0
-    `interface`   its name, or its IPv4 address: "lo" is this host alone; "" lets Cyclone DDS choose
-    `peers`       addresses of the hosts to meet, this one among them, instead of looking for them by multicast
-    `many`        whether more than a few dozen processes meet; `rcdeploy` says so
+    `domain`      an integer; the default is the user's own domain on this host only, otherwise 0
+    `interface`   name or IPv4 address of a network interface: "lo" is this host only; "" lets Cyclone DDS choose
+    `peers`       addresses of all hosts, this one included; without it, hosts are discovered by multicast
+    `many`        whether more than a few dozen processes use the domain; `rcdeploy` sets it
 
     and those of `limits.Limits`.
     """
@@ -83,19 +83,21 @@ class DDSTransport(BaseTransport[Endpoint], SupportsGathering):
         if domain is None:
             domain = domain_of_user(os.getuid()) if interface == "lo" else 0
         if type(domain) is not int or not 0 <= domain <= LAST_DOMAIN:
-            raise ConfigurationError(f"transport option `domain` is a number from 0 to {LAST_DOMAIN}, not {domain!r}")
+            raise ConfigurationError(
+                f"transport option `domain` must be an integer from 0 to {LAST_DOMAIN}, not {domain!r}"
+            )
         if type(interface) is not str:
-            raise ConfigurationError(f"transport option `interface` is a name like 'lo', not {interface!r}")
+            raise ConfigurationError(f"transport option `interface` must be a name like 'lo', not {interface!r}")
         peers = options["peers"]
         if not isinstance(peers, list) or not all(isinstance(peer, str) for peer in peers):
-            raise ConfigurationError(f"transport option `peers` is a list of addresses, not {peers!r}")
+            raise ConfigurationError(f"transport option `peers` must be a list of addresses, not {peers!r}")
         many = options["many"]
         if type(many) is not bool:
-            raise ConfigurationError(f"transport option `many` is true or false, not {many!r}")
+            raise ConfigurationError(f"transport option `many` must be true or false, not {many!r}")
         self.limits = limits_of(options)
-        """Of the readers and writers of topics."""
+        """The limits of the readers and writers of topics."""
         self.local = interface == "lo"
-        """Whether all are on this host."""
+        """Whether the domain is limited to this host."""
         if not self.local:
             self.capabilities |= Capability.CROSS_HOST
         self.codec: Codec = CODEC
@@ -103,7 +105,7 @@ class DDSTransport(BaseTransport[Endpoint], SupportsGathering):
         self.incarnation = random_id()
         self._domain = domain
         self.folder = runtime_dir("dds", f"served-{domain}")
-        """For claims of those who can meet."""
+        """The folder for claims; components that can meet use the same one."""
         self._ids: set[int] = set()
         self.bus = Bus(domain, interface, tuple(peers), many)
         self.announcing = Announcing(self.bus)
@@ -111,7 +113,7 @@ class DDSTransport(BaseTransport[Endpoint], SupportsGathering):
         self._discovered_at = 0.0 if self.local else time.monotonic() + DISCOVERY
         self._directory: Directory | None = None
         self._member: Membership | None = None
-        """By which components of this host know of each other's ends of topics; once we have one, if all are here."""
+        """Announces our ends of topics to components of this host. Made with the first one, if the domain is local."""
         self.bus.on_loss = self._lose
         self.bus.endpoints.on_change = self._look
         self.bus.loop.tick = self._tick
@@ -147,7 +149,7 @@ class DDSTransport(BaseTransport[Endpoint], SupportsGathering):
         """
         return time.monotonic() >= self._discovered_at
 
-    def tell_neighbours(self, link: Link) -> Entry | None:
+    def announce_here(self, link: Link) -> Entry | None:
         """Announce an end of a topic to the components of this host, before DDS does."""
         if not self.local:
             return None
@@ -163,11 +165,11 @@ class DDSTransport(BaseTransport[Endpoint], SupportsGathering):
         self._member.add(entry)
         return entry
 
-    def leave_neighbours(self, entry: Entry) -> None:
+    def withdraw_here(self, entry: Entry) -> None:
         if self._member:
             self._member.remove(entry)
 
-    def neighbours(self, role: str, channel: Channel) -> set[int]:
+    def announced_here(self, role: str, channel: Channel) -> set[int]:
         """The ids of ends of a topic that components of this host have announced."""
         if self._directory is None or self._member is None:
             return set()
@@ -187,7 +189,7 @@ class DDSTransport(BaseTransport[Endpoint], SupportsGathering):
         self.bus.loop.do(job)
 
     def new_id(self) -> int:
-        """A number for a link of ours."""
+        """An id for a new link."""
         number = random_id()
         self._ids.add(number)
         return number
@@ -204,15 +206,15 @@ class DDSTransport(BaseTransport[Endpoint], SupportsGathering):
             self._ids.discard(link.id)
 
     def _lose(self) -> None:
-        """In a process forked from ours, where nothing of this works."""
+        """Close this transport in a forked process, where it cannot work."""
         self.closed = True
-        self._lock = threading.RLock()  # the former one may be held by a thread that is not here
-        self.gone = "it was opened before this process was forked, which has to open its own"
+        self._lock = threading.RLock()  # a thread that is missing may hold the old one
+        self.gone = "it was opened before this process was forked; open a new transport in the child"
         for link in self._links:
             if isinstance(link, Link):
                 link.lose()
 
-    # On the receiving thread, which must go on whatever happens.
+    # On the receiving thread, which no exception may end.
 
     def _look(self, changed: Set[str]) -> None:
         for link in list(self._links):

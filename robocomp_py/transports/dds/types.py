@@ -1,14 +1,14 @@
-"""The types of our DDS topics, made from contracts, and the bytes of their samples.
+"""Makes the types of our DDS topics from contracts, and reads and writes the bytes of samples.
 
     publication   {PublicationHeader header; fields of the message}           topic rc/<channel>
     request       {RequestHeader header; fields of the request}               topic rc/<channel>Request
     reply         {ReplyHeader header; fields of the response; octets error}  topic rc/<channel>Reply
     credit        {reader, source, sequence, window}                          topic rc/<channel>Credit
 
-Others see every field, and can read and write every sample: a reply that is not OK holds an empty
-response, and its payload as `error`. All headers have the same size, a multiple of 8, so the same
-bytes serve as payload of our codec and, once the header is filled in, as sample. The library's own
-codec is never used. A message whose fields are not known travels as octets.
+Other DDS programs see every field, and can read and write every sample. A reply that is not OK
+holds an empty response, and its payload as `error`. All headers have the same size, a multiple of 8.
+So the bytes of our codec's payload become a sample when the header is filled in. The library's own
+codec is not used. A message whose fields are not known is sent as octets.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ from ...wire.codec import Payload
 from ...wire.header import VERSION
 
 ROOM = 40
-"""Octets of a header."""
+"""Size of a header in bytes."""
 
 BODY = len(ENCAPSULATION) + ROOM
-"""Where the fields of a message begin in a sample."""
+"""Offset of a message's fields in a sample."""
 
 CODEC = Cdr(ROOM)
 
 BEFORE_TAIL = -len(TAIL)
-"""Where what is sent of a sample ends, but for replies."""
+"""End of the part of a sample that is sent, except for replies."""
 
 DdsType = type[IdlStruct]
 
@@ -45,7 +45,7 @@ _NUMBERS: dict[str, Any] = {
     "b": idl.int8, "B": idl.uint8, "h": idl.int16, "H": idl.uint16, "i": idl.int32, "I": idl.uint32,
     "q": idl.int64, "Q": idl.uint64, "f": idl.float32, "d": idl.float64,
 }  # fmt: skip
-"""The library's types, by the letter of ours."""
+"""The library's number types, by our codes."""
 
 _made: dict[tuple[str, int], tuple[object, DdsType]] = {}
 _making = threading.RLock()
@@ -67,7 +67,7 @@ class Request(NamedTuple):
 
 
 class Credit(NamedTuple):
-    """A reader of a reliable topic has consumed a source's messages up to `sequence`, and takes `window` more."""
+    """A reader of a reliable topic has consumed a source's messages up to `sequence`, and has room for `window` more."""
 
     reader: int
     source: int
@@ -80,9 +80,9 @@ _PUBLICATION, _CREDIT = struct.Struct("<5s7xQQQq"), struct.Struct("<4sQQQI")
 _U32 = struct.Struct("<I")
 
 START = ENCAPSULATION + bytes((VERSION,))
-"""What every sample with a header begins with."""
+"""The first bytes of every sample with a header."""
 
-# At every message, so there is nothing in front of what `struct` compiled.
+# Bound methods of `struct`, without a wrapper, since every message uses them.
 
 fill_request, fill_reply, fill_publication = _REQUEST.pack_into, _REPLY.pack_into, _PUBLICATION.pack_into
 """Write a header: `fill_reply(sample, 0, START, status, client, sequence, server, stamp)`; all fields: `_HEADERS`."""
@@ -90,7 +90,7 @@ fill_request, fill_reply, fill_publication = _REQUEST.pack_into, _REPLY.pack_int
 request_fields, reply_fields, publication_fields = (
     _REQUEST.unpack_from, _REPLY.unpack_from, _PUBLICATION.unpack_from
 )  # fmt: skip
-"""The same fields of a sample, the first of which must be `START`. Raise `struct.error` if it is too short."""
+"""Read the same fields, the first of which must be `START`. Raise `struct.error` if it is short."""
 
 
 def pack_credit(credit: Credit) -> bytes:
@@ -111,17 +111,17 @@ def read_credit(sample: bytes) -> Credit:
 
 
 class Message:
-    """How payloads of one message become samples, and back. `kind` is None if its fields are not known."""
+    """Converts payloads of one message to samples, and back. `kind` is None if the fields are not known."""
 
     def __init__(self, kind: Struct | None) -> None:
         self.kind = kind
         self.plain = kind is not None
-        """Whether samples are payloads as they are, and fresh payloads samples."""
+        """Whether payloads and samples have the same bytes."""
         self._empty = _zero(kind) if kind else TAIL
-        """An empty message, padded to where the count of octets behind it stands."""
+        """An empty message, padded up to the count of the octets that follow."""
 
     def sample(self, payload: Payload) -> bytearray:
-        """A payload as a sample whose header is still to be filled in, with an empty sequence behind it (`TAIL`)."""
+        """A sample with this payload, followed by an empty sequence (`TAIL`); the caller fills in the header."""
         if type(payload) is bytearray and self.kind is not None:
             return payload
         if self.kind is None:
@@ -129,25 +129,25 @@ class Message:
             return bytearray(b"").join((bytes(BODY), _counted(octets), TAIL))
         if payload is None:
             return bytearray(b"").join((bytes(BODY), self._empty, TAIL))
-        return bytearray(b"").join((payload, bytes(-len(payload) & 3), TAIL))  # one that was received
+        return bytearray(b"").join((payload, bytes(-len(payload) & 3), TAIL))  # a received payload
 
     def payload(self, sample: bytes) -> Payload:
-        """The payload in a sample, not copied, with what follows it. Raises DecodeError."""
+        """The payload in a sample and the bytes after it, not copied. Raises DecodeError."""
         return sample if self.plain else dressed(_octets(sample, BODY))
 
     def failure(self, payload: Payload) -> bytearray:
-        """A sample that carries a payload of another type behind an empty message."""
+        """A sample with an empty message and a payload of another type after it."""
         octets = b"" if payload is None else bare(payload)
         return bytearray(b"").join((bytes(BODY), self._empty, _counted(octets)))
 
     def why(self, sample: bytes) -> Payload:
-        """The payload of another type in a sample, if there is one. Raises DecodeError."""
+        """The payload of another type in a sample; empty if there is none. Raises DecodeError."""
         octets = _octets(sample, BODY + len(self._empty))
         return dressed(octets) if len(octets) else None
 
 
 def bare(payload: Payload) -> memoryview:
-    """The fields of a payload alone."""
+    """The fields of a payload, without padding and tail."""
     fields = memoryview(payload)[BODY:]
     return fields[: -len(TAIL)] if type(payload) is bytearray else fields
 
@@ -171,7 +171,7 @@ def _octets(sample: bytes, start: int) -> memoryview:
 
 
 def _zero(kind: Struct) -> bytes:
-    """The octets of a struct whose fields are all zero or empty, padded to a multiple of four."""
+    """The encoding of a struct whose fields are all zero or empty, padded to a multiple of four."""
     out = bytearray()
     _append_zero(kind, out)
     return bytes(out) + bytes(-len(out) & 3)
@@ -199,7 +199,7 @@ def _append_zero(kind: Type, out: bytearray) -> None:
 
 
 def publication_type(name: str, message: Struct | None) -> DdsType:
-    """Its name is not that of the request with these fields: the header is another one."""
+    """The type of a publication. It has another name than a request with the same fields: their headers differ."""
     name = f"{name.removesuffix('Request')}Publication"
     return _cached("publication", name, message, lambda: _message(name, "PublicationHeader", message))
 
@@ -238,7 +238,7 @@ _HEADERS: dict[str, dict[str, Any]] = {
 
 
 def _cached(role: str, name: str, message: Struct | None, make: Callable[[], DdsType]) -> DdsType:
-    """One class per message and role, however many transports use it: the library compares them by identity."""
+    """One class per message and role for all transports: the library compares classes by identity."""
     key = (f"{role} {name}", id(message))
     with _making:  # the library builds types on a global stack
         if key not in _made:
@@ -306,9 +306,9 @@ def _struct(name: str, fields: dict[str, Any]) -> DdsType:
 
 
 def _init(self: IdlStruct, **members: Any) -> None:
-    """For whoever reads samples by the library's codec, as our tests do."""
+    """For reading samples with the library's codec, as the tests do."""
     vars(self).update(members)
 
 
+# Making the first type takes ten times as long as others. Done at import, forked processes inherit it.
 announcement_type().__idl__.fill_type_data()
-# What the library makes for the first type only takes as long as ten types: processes that are forked have it.
