@@ -1205,7 +1205,7 @@ def test_settings_of_the_user_reach_the_library(monkeypatch: pytest.MonkeyPatch,
     assert "65500" in text
 
 
-@pytest.mark.parametrize(("limit", "told"), [("212992", "holds 212 KB"), ("4194304", ""), ("", "")])
+@pytest.mark.parametrize(("limit", "told"), [("212992", "limited to 212 KB"), ("4194304", ""), ("", "")])
 def test_who_has_small_sockets_is_told_how_to_have_larger_ones(limit: str, told: str) -> None:
     note = note_on_sockets(limit)
     assert (told in note) if told else not note

@@ -188,7 +188,7 @@ def test_a_best_effort_publisher_of_another_program_is_heard_and_of_what_is_aske
         wait_until(heard)
     told = [each.getMessage() for each in caplog.records if "offers less" in each.getMessage()]
     assert len(told) == (missing is not None)
-    assert all(f"offers less {missing} than this subscription asks for" in each for each in told)
+    assert all(f"offers less {missing} than this subscription requests" in each for each in told)
 
 
 def test_a_publisher_of_another_program_is_there_as_long_as_dds_says_so(here: DDSTransport, name: str) -> None:

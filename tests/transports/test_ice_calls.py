@@ -158,7 +158,7 @@ def test_an_answer_larger_than_its_client_takes_is_told_as_a_failure(opening: Op
     payload = blob(there, bytes(LIMIT - 1000))
     reply = caller.ask(payload, SOON) if how == "ask" else caller.call(payload, SOON).result(SOON)
     assert reply.status is Status.FAILED
-    assert b"the answer has" in reply.payload
+    assert b"the reply has" in reply.payload
     assert question(there, caller, how, b"12") == b"1212"
 
 
@@ -270,7 +270,7 @@ def test_who_waits_for_an_object_by_a_wrong_name_is_told(
     caller = opening(proxies={"server": f"Conformance:{endpoint}"}).caller(query(NAME))
     wait_until(lambda: not caller.wait_peer(A_MOMENT) and caplog.messages)
     [told] = caplog.messages
-    assert told == f"Conformance:{endpoint}: who answers there has no object `Conformance`; waiting for it"
+    assert told == f"Conformance:{endpoint}: the program there has no object `Conformance`; waiting for it"
 
 
 def test_an_address_that_is_no_address_of_this_machine_is_named(opening: Open) -> None:

@@ -170,10 +170,10 @@ def test_what_names_no_topic_manager_is_refused() -> None:
 def test_without_one_a_topic_is_not_opened_and_the_error_says_what_to_start(
     storm: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    from robocomp_py.transports.ice import exchange
+    from robocomp_py.transports.ice import storm_client
 
-    monkeypatch.setattr(exchange, "OPEN_PATIENCE", 0.3)
-    monkeypatch.setattr(exchange, "TOLD", 0.05)
+    monkeypatch.setattr(storm_client, "OPEN_TIMEOUT", 0.3)
+    monkeypatch.setattr(storm_client, "TOLD", 0.05)
     with contextlib.closing(open_ice(storm=storm)) as transport:
         for use in (lambda: transport.outlet(topic(NAME)), lambda: transport.inlet(topic(NAME), lambda _: None)):
             with pytest.raises(
@@ -203,7 +203,7 @@ def test_who_is_asked_to_end_waits_for_none(storm: str) -> None:
     config = TransportConfig({"storm": storm}, "test", wanted=lambda: False)
     with contextlib.closing(find_transport("ice")(config)) as transport:
         for use in (lambda: transport.outlet(topic(NAME)), lambda: transport.inlet(topic(NAME), lambda _: None)):
-            with pytest.raises(Closed, match="asked to end while waiting for IceStorm"):
+            with pytest.raises(Closed, match="stopped while waiting for IceStorm"):
                 use()
 
 
@@ -227,13 +227,13 @@ def test_history_is_asked_for_again_if_its_publisher_is_too_busy_to_answer(
     here: Any, there: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     here.outlet(topic(NAME, LATCHED)).send(blob(here, b"1"))
-    history, asked = there.desk.history, list[int]()
+    history, asked = there.topic_service.history, list[int]()
 
-    def history_late(desk: str, source: int) -> Any:
+    def history_late(topic_service: str, source: int) -> Any:
         asked.append(source)
-        return history(desk, source) if len(asked) > 2 else None
+        return history(topic_service, source) if len(asked) > 2 else None
 
-    monkeypatch.setattr(there.desk, "history", history_late)
+    monkeypatch.setattr(there.topic_service, "history", history_late)
     assert subscribe(there, topic(NAME, LATCHED)).get(timeout=SOON) == b"1"
 
 

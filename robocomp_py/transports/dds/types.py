@@ -67,7 +67,7 @@ class Request(NamedTuple):
 
 
 class Credit(NamedTuple):
-    """A reader of a reliable topic has consumed a source's messages up to `sequence`, and has room for `window` more."""
+    """A reader of a reliable topic has consumed a source's messages up to `sequence`, and accepts `window` more."""
 
     reader: int
     source: int

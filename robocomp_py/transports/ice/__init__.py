@@ -4,13 +4,14 @@
     a request, a command          an invocation, two-way or one-way; the payload is its encapsulation, untouched
     a publication                 an invocation of a topic of IceStorm's
 
-Which context our requests carry, and how they may end beside a result, is in `messages`, and on the page
-docs/reference/protocol-ice.md. No Slice is loaded.
-Those of this host find each other in the directory of the run-time folder,
-whose entries hold proxies; others are told which objects are where (`proxies`), and where ours are to be (`endpoints`).
+`messages` and docs/reference/protocol-ice.md describe the context of our requests and their outcomes besides a
+result. No Slice is loaded.
 
-Threads. One of Ice's reads requests, and one reads answers. Both leave what they got to a `LeaderFollowers`, in
-order: they must neither wait nor log, since `logging` would have `threading` take them for ours. Who asks and waits
-does so inside Ice, on a connection to itself, taken out of a pool (`client.Stream`): nothing lies between the answer
-and who waits for it, and closing that connection calls back who waits.
+Discovery. On one host, components find each other in the directory of the run-time folder, whose entries hold
+proxies. Other objects are configured: where to find them (`proxies`), and where ours listen (`endpoints`).
+
+Threads. One thread of Ice reads requests, another one reads replies. Both queue their input, in order, for a
+`LeaderFollowers`. They must neither wait nor log: `logging` would register them with `threading`. A blocking call
+waits inside Ice, on a connection of its own from a pool (`client.Connection`). So it gets its reply directly, and
+closing that connection ends the wait.
 """

@@ -1,4 +1,4 @@
-"""Who commands and who calls, and the objects they ask."""
+"""The client's links, a command outlet and a caller, and the objects that they invoke."""
 
 from __future__ import annotations
 
@@ -52,59 +52,59 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("robocomp.transport.ice")
 
-IDLE_STREAMS = 8
-"""Connections to one object that are kept for who asks next."""
+IDLE_CONNECTIONS = 8
+"""Maximum number of idle connections to one object that are kept for later calls."""
 
-_AGAIN = 0.2
-"""Seconds between two questions whether somebody elsewhere is there."""
+_PING_PAUSE = 0.2
+"""Seconds between two pings of a configured object."""
 
-_PING = 1.0
-"""Seconds within which that is answered."""
+_PING_TIMEOUT = 1.0
+"""Seconds to wait for the answer to a ping."""
 
-_TIMEOUTS = 64
-"""So many proxies that differ in their timeout alone are kept."""
+_MOST_PROXIES = 64
+"""Maximum number of cached proxies that differ only in their timeout."""
 
-_USUAL_MOST = 1024 * 1024
-"""Octets of a message: what Ice takes unless told otherwise."""
+_DEFAULT_LIMIT = 1024 * 1024
+"""Ice's default for the maximum size of a message, in bytes."""
 
 _SHORTLY = 0.002
-"""Seconds between two attempts to call back who waits for an answer."""
+"""Seconds between two attempts to end blocking calls."""
 
 _numbers = itertools.count(1)
-"""Of proxies, since those with different numbers have different connections; and of calls."""
+"""Numbers for proxies, which get different connections by them, and for calls."""
 
 
-class Line:
-    """A connection to an object: a proxy for each time after which who uses it gives up."""
+class Connection:
+    """A connection to an object, with one proxy for each timeout."""
 
     def __init__(self, proxy: Any) -> None:
         self._proxy = proxy.ice_connectionId(f"rc{next(_numbers)}")
         self._within: dict[int, Any] = {}
         self.connected = False
-        """Whether it has ever been."""
+        """Whether a connection was ever established."""
         self.begun, self.heard = time.monotonic(), 0.0
-        """When it was made, and when the last answer came by it, of those that nobody waited for."""
+        """When it was made, and when the last reply to an asynchronous call came."""
 
     def within(self, seconds: float) -> Any:
-        """A proxy whose invocations end by then."""
+        """A proxy with this timeout for its invocations."""
         ms = max(1, int(seconds * 1000) + 1)
         proxy = self._within.get(ms)
         if proxy is None:
-            if len(self._within) >= _TIMEOUTS:
+            if len(self._within) >= _MOST_PROXIES:
                 self._within.clear()
             proxy = self._within[ms] = self._proxy.ice_invocationTimeout(ms)
         return proxy
 
     def connect(self, wait: Callable[[], object], seconds: float) -> None:
-        """`wait` is called meanwhile, and may raise. Raises Ice's exceptions."""
-        asked = self.within(seconds).ice_getConnectionAsync()
-        wait_for(asked, wait)
-        asked.result()
+        """Connect; calls `wait` repeatedly, which may raise. Raises Ice's exceptions."""
+        invocation = self.within(seconds).ice_getConnectionAsync()
+        wait_for(invocation, wait)
+        invocation.result()
         self.connected = True
 
     def close(self) -> None:
-        """Whoever waits for an answer by it gets an exception of Ice's."""
-        for proxy in list(self._within.values()):  # each knows the connection that it used, which is the same
+        """Close; calls that wait on it get an exception of Ice."""
+        for proxy in list(self._within.values()):  # all of them use the same connection
             with contextlib.suppress(LocalException):
                 connection = proxy.ice_getCachedConnection()
                 if connection:
@@ -112,10 +112,10 @@ class Line:
 
 
 class Peer:
-    """An object that is asked: a connection for all who do not wait, and connections for those who do."""
+    """An object to invoke: a shared connection for asynchronous calls, and connections for blocking ones."""
 
     def __init__(self, transport: IceTransport, member_id: str, address: str) -> None:
-        """`address` is its proxy, after the octets of the largest message that it takes, if these are known."""
+        """`address` is its proxy, preceded by its maximum size of a message, if that is known."""
         self.id, self.address, self._transport = member_id, address, transport
         self.key = member_id, address
         limit, _, named = address.partition(" ")
@@ -123,7 +123,7 @@ class Peer:
         self.named = named if known else address
         self.limit = min(int(limit), transport.limit) if known else transport.limit
         self.flags = Flag.NONE
-        """Of all requests."""
+        """Flags of all requests to it."""
         self.closed = False
         self._told = ""
         with as_transport_error(f"the proxy {self.named!r}"):
@@ -132,64 +132,64 @@ class Peer:
             raise ConfigurationError(f"the proxy {self.named!r} names no object")
         self._proxy = self._proxy.ice_twoway()
         self.identity: str = self._proxy.ice_getIdentity().name
-        self.shared, self.oneway = Line(self._proxy), Line(self._proxy.ice_oneway())
-        self._idle: list[Line] = []
+        self.shared, self.oneway = Connection(self._proxy), Connection(self._proxy.ice_oneway())
+        self._idle: list[Connection] = []
 
     def alive(self) -> bool:
         return not self.closed and (not self.id or self._transport.directory.alive(self.id))
 
-    def take(self, wait: Callable[[], object], seconds: float) -> Line:
-        """A connection for the calling thread alone; it must `give` it back, or close it."""
+    def take(self, wait: Callable[[], object], seconds: float) -> Connection:
+        """A connection for the calling thread only, which must `give` it back or close it."""
         try:
-            line = self._idle.pop()
+            connection = self._idle.pop()
         except IndexError:
-            line = Line(self._proxy)
-        if not line.connected:
+            connection = Connection(self._proxy)
+        if not connection.connected:
             try:
-                line.connect(wait, seconds)
-            except InvocationTimeout:  # it is still attempted: who asks next waits for that, rather than begin another
-                self.give(line)
+                connection.connect(wait, seconds)
+            except InvocationTimeout:  # Ice goes on connecting: the next call waits for that
+                self.give(connection)
                 raise
-        return line
+        return connection
 
-    def give(self, line: Line) -> None:
-        if len(self._idle) < IDLE_STREAMS:
-            self._idle.append(line)
+    def give(self, connection: Connection) -> None:
+        if len(self._idle) < IDLE_CONNECTIONS:
+            self._idle.append(connection)
         else:
-            line.close()
+            connection.close()
         if self.closed:
             self._close_idle()
 
-    def doubt(self, line: Line, since: float) -> None:
-        """Nothing came by that one in time: if nothing has come at all since then, ask by another one from now on.
+    def replace_if_silent(self, connection: Connection, since: float) -> None:
+        """Replace the shared connection after a timeout, if nothing has come since the call began.
 
-        What had been asked before may be answered all the same. A host that was switched off closes no connection. One
-        by which nothing has come ever may not be there yet: it has its time.
+        A host that was switched off does not close its connections. Earlier calls may still get replies by the old
+        one. A connection that never had a reply may still be connecting, so it is kept for a while.
         """
-        if self.shared is not line or line.heard >= since:
+        if self.shared is not connection or connection.heard >= since:
             return
-        if line.heard or time.monotonic() - line.begun >= CONNECTING_MS / 1000:
-            self.shared = Line(self._proxy)
+        if connection.heard or time.monotonic() - connection.begun >= CONNECTING_MS / 1000:
+            self.shared = Connection(self._proxy)
 
-    def answers(self, wait: Callable[[], object], seconds: float) -> bool:
-        """Whether the object is there."""
-        line, begun = self.shared, time.monotonic()
-        asked = line.within(seconds).ice_pingAsync()
+    def is_there(self, wait: Callable[[], object], seconds: float) -> bool:
+        """Ping the object."""
+        connection, begun = self.shared, time.monotonic()
+        invocation = connection.within(seconds).ice_pingAsync()
         try:
-            wait_for(asked, wait)
-            asked.result()
+            wait_for(invocation, wait)
+            invocation.result()
         except InvocationTimeout:
-            self.doubt(line, begun)
+            self.replace_if_silent(connection, begun)
             return False
         except LocalException as exc:
-            self._tell(exc)
+            self._log_reason(exc)
             return False
         return True
 
-    def _tell(self, exc: Any) -> None:
-        """Tell, once, why it will probably never be there: a name is wrong."""
+    def _log_reason(self, exc: Any) -> None:
+        """Log, once, that a name is probably wrong."""
         if isinstance(exc, NotServed):
-            reason = f"who answers there has no object `{self.identity}`"
+            reason = f"the program there has no object `{self.identity}`"
         elif isinstance(exc, NoSuchHost):
             reason = why(exc)
         else:
@@ -205,13 +205,13 @@ class Peer:
         self._close_idle()
 
     def _close_idle(self) -> None:
-        """By whoever gets hold of each: more may be given back meanwhile."""
+        """Another thread may give back a connection, or close some, meanwhile."""
         with contextlib.suppress(IndexError):
             while True:
                 self._idle.pop().close()
 
 
-class AskingLink(FindingLink["IceTransport", Peer, str]):
+class ClientLink(FindingLink["IceTransport", Peer, str]):
     _flags = Flag.NONE
 
     def __init__(self, transport: IceTransport, channel: Channel) -> None:
@@ -223,7 +223,7 @@ class AskingLink(FindingLink["IceTransport", Peer, str]):
 
     def open(self) -> None:
         if self._elsewhere:
-            self.transport.peer("", self._elsewhere)  # raises for what is no proxy
+            self.transport.peer("", self._elsewhere)  # raises if it is not a proxy
         super().open()
 
     def reach(self, member: Member, entry: Entry) -> Peer:
@@ -244,7 +244,7 @@ class AskingLink(FindingLink["IceTransport", Peer, str]):
         if not self._elsewhere:
             return super().visible()
         peer, _ = self.server()
-        return peer.answers(self.check_open, _PING)
+        return peer.is_there(self.check_open, _PING_TIMEOUT)
 
     def wait_peer(self, timeout: float) -> bool:
         if not self._elsewhere:
@@ -252,18 +252,18 @@ class AskingLink(FindingLink["IceTransport", Peer, str]):
         end = time.monotonic() + timeout
         while True:
             peer, _ = self.server()
-            if peer.answers(self.check_open, min(_PING, max(SLICE, end - time.monotonic()))):
+            if peer.is_there(self.check_open, min(_PING_TIMEOUT, max(SLICE, end - time.monotonic()))):
                 return True
             left = end - time.monotonic()
             if left <= 0:
                 return False
-            self.closed.wait(min(_AGAIN, left))
+            self.closed.wait(min(_PING_PAUSE, left))
 
     def look(self) -> bool:
         return bool(self._elsewhere) or super().look()
 
     def refuses(self, peer: Peer, reply: Reply) -> bool:
-        """Whether an object that does not know our operation is gone."""
+        """Whether the object refused our operation because its server has left."""
         if self._elsewhere or not self.lost(peer):
             return False
         self.transport.drop(peer)
@@ -275,47 +275,47 @@ class AskingLink(FindingLink["IceTransport", Peer, str]):
         return {RC: request.hex(), **self._told}
 
     def check_size(self, peer: Peer, payload: bytes, context: dict[str, str]) -> None:
-        """Raise before Ice would, and the other side would close the connection."""
+        """Raise if a message is too large. Otherwise the server would close the connection."""
         size = len(payload) + request_head(peer.identity, self._operation, context)
         if size > peer.limit:
             raise TransportError(
-                f"{self.channel.name}: a message of {size} octets is too large: {peer.named} and we take "
+                f"{self.channel.name}: a message of {size} bytes is too large: {peer.named} and we allow "
                 f"{peer.limit}; raise `message_size_max` (Ice.MessageSizeMax) of both sides"
             )
 
     def outcome(self, peer: Peer, exc: Any, deadline: float, size: int) -> Reply:
-        """What one of Ice's exceptions says about a request. Raises TransportError."""
+        """The reply that an exception of Ice stands for. Raises TransportError if it does not stand for one."""
         if isinstance(exc, NotServed):
-            if not peer.id:  # an address that was given, behind which there may be any program
+            if not peer.id:  # a configured address, which may be that of any program
                 raise Refused(f"{self.channel.name}: {peer.named} does not serve it") from exc
             return Reply(Status.REFUSED)
         if isinstance(exc, Unknown):
             return failure_told(exc.unknown)
-        self.check_open()  # what goes wrong because we are closed is that
+        self.check_open()  # Closed, if that is the cause
         if isinstance(exc, InvocationTimeout):
             raise Timeout(f"{self.channel.name}: no answer in {deadline:g} s") from exc
         if kind_of(exc) is Unreachable:
             hint = ""
-            if not peer.id and size > _USUAL_MOST:
-                hint = f"; or it takes no message of {size} octets: see its Ice.MessageSizeMax"
+            if not peer.id and size > _DEFAULT_LIMIT:
+                hint = f"; or it does not accept a message of {size} bytes: see its Ice.MessageSizeMax"
             raise Unreachable(f"{self.channel.name}: {peer.named} is not there: {why(exc)}{hint}") from exc
         raise error(self.channel.name, exc) from exc
 
-    def understood(self, ok: bool, payload: bytes) -> Reply:
-        """What an answer says. Raises TransportError."""
+    def decoded(self, ok: bool, payload: bytes) -> Reply:
+        """The reply in an Ice answer. Raises TransportError."""
         if ok:
             return Reply(Status.OK, payload)
         try:
             reply = reply_of(ok, payload)
         except DecodeError as exc:
             self.malformed(exc)
-            raise TransportError(f"{self.channel.name}: not an answer of ours: {exc}") from exc
+            raise TransportError(f"{self.channel.name}: malformed reply: {exc}") from exc
         if reply is None:
             raise Unreachable(f"{self.channel.name}: its server left")
         return accepted(self.channel, reply)
 
 
-class CommandOutlet(CommandingLink["IceTransport", Peer, str], AskingLink):
+class CommandOutlet(CommandingLink["IceTransport", Peer, str], ClientLink):
     _flags = Flag.ONEWAY
 
     def command(self, peer: Peer, where: str, payload: Payload, end: float, deadline: float) -> None:
@@ -338,11 +338,11 @@ class CommandOutlet(CommandingLink["IceTransport", Peer, str], AskingLink):
             raise
 
 
-class Caller(CallingLink["IceTransport", Peer, str], AskingLink):
+class Caller(CallingLink["IceTransport", Peer, str], ClientLink):
     def __init__(self, transport: IceTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
-        self._asking: set[Line] = set()
-        """On which somebody waits."""
+        self._waiting_on: set[Connection] = set()
+        """The connections on which blocking calls wait."""
 
     def met(self, peer: Peer) -> None:
         """Ice reports the end of each call, so the peer need not be watched."""
@@ -355,65 +355,72 @@ class Caller(CallingLink["IceTransport", Peer, str], AskingLink):
         self.check_size(peer, payload, context)
         key = next(_numbers)
         future = self._pending.add(key, deadline)
-        line, begun = peer.shared, time.monotonic()
+        connection, begun = peer.shared, time.monotonic()
         try:
-            asked = line.within(deadline).ice_invokeAsync(self._operation, self._mode, payload, context)
+            invocation = connection.within(deadline).ice_invokeAsync(self._operation, self._mode, payload, context)
         except LocalException as exc:
             future.cancel()
             raise error(self.channel.name, exc) from exc
-        future.add_done_callback(lambda _: _forget(asked))
-        ended = partial(self._ended, key, peer, line, asked, begun, deadline, len(payload))
-        asked.add_done_callback(lambda _: self.transport.do(ended))
+        future.add_done_callback(lambda _: _forget(invocation))
+        ended = partial(self._ended, key, peer, connection, invocation, begun, deadline, len(payload))
+        invocation.add_done_callback(lambda _: self.transport.do(ended))
         return future
 
     def release(self) -> None:
         super().release()
         end = time.monotonic() + STUCK
-        while self._asking and time.monotonic() < end:  # some may have been about to begin
-            for line in list(self._asking):
-                line.close()
+        while self._waiting_on and time.monotonic() < end:  # repeat: calls may just be starting
+            for connection in list(self._waiting_on):
+                connection.close()
             time.sleep(_SHORTLY)
 
     def ask_peer(self, peer: Peer, where: str, payload: bytes, number: int, end: float, deadline: float) -> Reply:
         number = number or next(self._sequence)
         try:
-            line = peer.take(self.check_open, end - time.monotonic())
+            connection = peer.take(self.check_open, end - time.monotonic())
         except LocalException as exc:
             return self.outcome(peer, exc, deadline, 0)
-        self._asking.add(line)
+        self._waiting_on.add(connection)
         try:
             self.check_open()
             left = end - time.monotonic()
             context = self.context(peer, left, number)
             self.check_size(peer, payload, context)
-            proxy = line.within(left)
+            proxy = connection.within(left)
             ok, answer = proxy.ice_invoke(self._operation, self._mode, payload, context)
         except LocalException as exc:
-            if isinstance(exc, (NotServed, Unknown)):  # which is an answer
-                peer.give(line)
+            if isinstance(exc, (NotServed, Unknown)):  # the connection works
+                peer.give(connection)
             else:
-                line.close()
+                connection.close()
             return self.outcome(peer, exc, deadline, len(payload))
         except BaseException:
-            line.close()
+            connection.close()
             raise
         finally:
-            self._asking.discard(line)
-        peer.give(line)
-        return self.understood(ok, answer)
+            self._waiting_on.discard(connection)
+        peer.give(connection)
+        return self.decoded(ok, answer)
 
     def _ended(
-        self, key: Hashable, peer: Peer, line: Line, asked: Any, begun: float, deadline: float, size: int
+        self,
+        key: Hashable,
+        peer: Peer,
+        connection: Connection,
+        invocation: Any,
+        begun: float,
+        deadline: float,
+        size: int,
     ) -> None:
-        """On a thread of the crew: what became of a call."""
+        """Settle an asynchronous call. Runs on one of our threads."""
         try:
             try:
-                ok, answer = asked.result()
-                line.heard = time.monotonic()
-                reply = self.understood(ok, answer)
+                ok, answer = invocation.result()
+                connection.heard = time.monotonic()
+                reply = self.decoded(ok, answer)
             except LocalException as exc:
                 if isinstance(exc, InvocationTimeout):
-                    peer.doubt(line, begun)
+                    peer.replace_if_silent(connection, begun)
                 reply = self.outcome(peer, exc, deadline, size)
             if reply.status is Status.REFUSED and self.refuses(peer, reply):
                 raise self._left()
@@ -423,7 +430,7 @@ class Caller(CallingLink["IceTransport", Peer, str], AskingLink):
             self._pending.settle(key, reply)
 
 
-def _forget(asked: Any) -> None:
-    """Nobody waits for that answer any more; what was asked is sent all the same."""
-    if not asked.done():
-        asked.add_sent_callback(lambda *_: asked.cancel())
+def _forget(invocation: Any) -> None:
+    """Drop the reply to a call that ended. The request is still sent."""
+    if not invocation.done():
+        invocation.add_sent_callback(lambda *_: invocation.cancel())

@@ -1,4 +1,4 @@
-"""What we use of Ice for Python, and how it is set up. Nothing else here imports `Ice`."""
+"""Sets up Ice for Python and exports the parts that we use. No other module of this folder imports `Ice`."""
 
 from __future__ import annotations
 
@@ -17,13 +17,14 @@ try:
     import Ice
 except ImportError as exc:
     raise ImportError(
-        f"Ice for Python is not there ({exc}): `pip install 'robocomp-py[ice]'`, or Debian's package python3-zeroc-ice"
+        f"Ice for Python is not installed ({exc}): `pip install 'robocomp-py[ice]'`, "
+        "or Debian's package python3-zeroc-ice"
     ) from exc
 
 log = logging.getLogger("robocomp.transport.ice")
 
 if Ice.intVersion() // 100 != 307:
-    raise ImportError(f"this speaks Ice 3.7, and Ice for Python {Ice.stringVersion()} is installed")
+    raise ImportError(f"Ice 3.7 is required, but Ice for Python {Ice.stringVersion()} is installed")
 
 NORMAL, IDEMPOTENT = Ice.OperationMode.Normal, Ice.OperationMode.Idempotent
 FORCEFULLY = Ice.ConnectionClose.Forcefully
@@ -31,34 +32,34 @@ FORCEFULLY = Ice.ConnectionClose.Forcefully
 BlobjectAsync: Any = Ice.BlobjectAsync
 LocalException: Any = Ice.LocalException
 InvocationTimeout: Any = Ice.InvocationTimeoutException
-Late: Any = Ice.TimeoutException
-"""Also what waiting for a future raises."""
+AnyTimeout: Any = Ice.TimeoutException
+"""Also raised by waiting for a future."""
 NotServed: Any = Ice.RequestFailedException
 """There is no such object, facet or operation."""
 NoSuchObject: Any = Ice.ObjectNotExistException
 NoSuchOperation: Any = Ice.OperationNotExistException
 NoSuchHost: Any = Ice.DNSException
 Unknown: Any = Ice.UnknownException
-"""What raised on the other side is no exception that its operation declares."""
+"""The server raised an exception that its operation does not declare."""
 
 CONNECTING_MS = 5000
-"""A connection that is not there by then will not be."""
+"""Time limit for establishing a connection."""
 
 STALLED_MS = 10_000
-"""A connection on which nothing moves for so long, in the middle of a message, is given up."""
+"""A connection without progress in the middle of a message is closed after this time."""
 
 SLICE = 0.1
-"""Seconds after which who waits for Ice looks whether there is still a reason to."""
+"""Seconds between two checks, while waiting for Ice, whether to go on waiting."""
 
 _MORE_KB = 64
-"""Taken beyond the limit, so that what keeps it is never the last straw: heads are not all of one length."""
+"""Ice's own limit is this much higher than ours, because message headers differ in length."""
 
-_USUAL = {
+_DEFAULTS = {
     "Ice.Default.Timeout": STALLED_MS,
     "Ice.Override.ConnectTimeout": CONNECTING_MS,
     "Ice.Override.CloseTimeout": 500,
-    # While we execute something, who waits for it is told that we live; who asks nothing is let go after a while.
-    # A call that takes long is never cut off: it has a deadline.
+    # A server sends heartbeats while it executes a request; idle connections are closed after a while.
+    # A long call is never cut off: only its deadline ends it.
     "Ice.ACM.Client.Timeout": 60,
     "Ice.ACM.Client.Close": 1,
     "Ice.ACM.Client.Heartbeat": 0,
@@ -66,17 +67,17 @@ _USUAL = {
     "Ice.ACM.Server.Close": 1,
     "Ice.ACM.Server.Heartbeat": 1,
 }
-"""Unless the options say otherwise."""
+"""Default settings of Ice; options may override them."""
 
 
 def communicator(options: IceOptions, limit: int, tell: Callable[[int, str], object]) -> Any:
-    """A new one, which takes messages of so many octets.
+    """A new communicator, with `limit` as the maximum size of a message in bytes.
 
-    `tell` gets what Ice has to say, with a level of logging: on any thread, so it must not log.
+    `tell` gets Ice's log messages, each with its level. Ice may call it on any thread, so it must not log.
     """
     size = {"Ice.Default.Host": options.host, "Ice.MessageSizeMax": limit // 1024 + _MORE_KB}
     properties = Ice.createProperties()
-    for key, value in (_USUAL | dict(options.properties) | dict(FIXED) | size).items():
+    for key, value in (_DEFAULTS | dict(options.properties) | dict(FIXED) | size).items():
         properties.setProperty(key, str(value))
     data = Ice.InitializationData()
     data.properties, data.logger, data.threadHook = properties, _Logger(tell), _ThreadHook()
@@ -108,9 +109,9 @@ class _Logger(Ice.Logger):  # type: ignore[misc]  # Ice has no types
 
 
 class _ThreadHook(Ice.ThreadNotification):  # type: ignore[misc]  # Ice has no types
-    """Python does not know Ice's threads, and would make a state for them at each callback, and destroy it afterwards.
+    """Keeps the Python state of Ice's threads, which Python would otherwise create and destroy at each callback.
 
-    Entered once more than left, a thread keeps the one it has; before it ends, that is made good.
+    One PyGILState_Ensure at the start of a thread keeps its state until the release at its end.
     """
 
     def start(self) -> None:
@@ -121,14 +122,13 @@ class _ThreadHook(Ice.ThreadNotification):  # type: ignore[misc]  # Ice has no t
 
 
 _HELD = 0
-"""PyGILState_LOCKED: the lock is held by who calls, and stays so."""
+"""PyGILState_LOCKED: the calling thread already holds the lock, and keeps it."""
 
 
 def gone(sending: Any) -> bool:
-    """Whether a one-way request was sent at once; nothing is left of it then.
+    """Whether a one-way request was sent at once; then its memory is freed.
 
-    Ice for Python would keep it for ever, with its payload: the future of such a request and what Ice knows of it hold
-    each other.
+    Ice for Python would never free it, payload included: the request's future and Ice's result refer to each other.
     """
     if not sending.is_sent_synchronously():
         return False
@@ -137,7 +137,7 @@ def gone(sending: Any) -> bool:
 
 
 def wait_for(asked: Any, wait: Callable[[], object]) -> None:
-    """Until a future of Ice's is done; `wait` is called meanwhile, and may raise."""
+    """Wait until a future of Ice is done; calls `wait` repeatedly, which may raise."""
     if asked.done():
         return
     done = threading.Event()
@@ -148,7 +148,7 @@ def wait_for(asked: Any, wait: Callable[[], object]) -> None:
 
 @contextlib.contextmanager
 def as_transport_error(doing: str) -> Iterator[None]:
-    """What Ice raises becomes ours."""
+    """Turn Ice's exceptions into ours."""
     try:
         yield
     except Ice.Exception as exc:
@@ -156,7 +156,7 @@ def as_transport_error(doing: str) -> Iterator[None]:
 
 
 def error(doing: str, exc: Any) -> TransportError | ConfigurationError:
-    """What one of Ice's exceptions means, of those that tell neither of an answer nor of a deadline."""
+    """Our exception for one of Ice that stands neither for a reply nor for a deadline."""
     return kind_of(exc)(f"{doing}: {why(exc)}")
 
 
@@ -195,17 +195,17 @@ _MEANINGS: tuple[tuple[Any, type[TransportError] | type[ConfigurationError]], ..
 
 
 def why(exc: Any) -> str:
-    """In words."""
-    told = [str(value) for name in _TELLING if (value := getattr(exc, name, None))]
+    """The message of an Ice exception."""
+    told = [str(value) for name in _DETAILS if (value := getattr(exc, name, None))]
     if isinstance(exc, Ice.SyscallException) and exc.error:
         told.append(os.strerror(exc.error))
     name = type(exc).__name__.removesuffix("Exception")
     words = "".join(f" {letter.lower()}" if letter.isupper() else letter for letter in name).strip()
-    return ": ".join(filter(None, (_PLAINLY.get(name, words), *told))) or words
+    return ": ".join(filter(None, (_WORDS.get(name, words), *told))) or words
 
 
-_TELLING = ("str", "reason", "unknown", "kindOfObject", "host", "proxy")
-_PLAINLY: Mapping[str, str] = {
+_DETAILS = ("str", "reason", "unknown", "kindOfObject", "host", "proxy")
+_WORDS: Mapping[str, str] = {
     "ConnectionLost": "the connection was lost",
     "ConnectionRefused": "",  # the error that follows says the same
     "DNS": "host not found",

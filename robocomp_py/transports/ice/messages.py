@@ -1,7 +1,7 @@
-"""What travels beside the payloads, which are encapsulations. Pure.
+"""Contexts of requests, and replies that are not results. Payloads are encapsulations. No I/O here.
 
 context of a request   rc       our header (`wire.header`), in hexadecimal digits
-                       rc-max   octets that the payload of its answer may have, if that is not what all have
+                       rc-max   maximum size in bytes of the reply's payload, if it is not the default
 answer                 a payload, or an exception that the operation declares, as it is; of all other outcomes
                        those who sent `rc` get the exception `::robocomp::Refusal`, others get Ice's own
 
@@ -26,16 +26,16 @@ from ..base import STATUSES, Reply, Status
 RC, RC_MAX = "rc", "rc-max"
 
 OBJECT = "::Ice::Object"
-"""The interface that all objects have."""
+"""The base interface of all objects."""
 
 NOTHING = b"\6\0\0\0\1\1"
 """The encapsulation of no values."""
 
 LEFT = 255
-"""A status of answers alone: who served it left before it had answered."""
+"""A status of replies: the server left before it had answered."""
 
 REPLY_HEAD = 19
-"""Octets of an answer before its payload."""
+"""Bytes of a reply before its payload."""
 
 _ANSWER = struct.Struct("<iBBB")
 _LAST_SLICE = 0x20
@@ -44,7 +44,7 @@ _HEAD = _ANSWER.size + len(_TYPE)
 
 
 def request_head(identity: str, operation: str, context: Mapping[str, str]) -> int:
-    """Octets of a request before its payload, at most."""
+    """Maximum number of bytes of a request before its payload."""
     texts = (identity, operation, *context.keys(), *context.values())
     return 32 + sum(5 + len(text.encode()) for text in texts)
 
@@ -53,12 +53,12 @@ _LENGTHS = (2 * REQUEST_BYTES, 2 * (REQUEST_BYTES + 4))
 
 
 def is_ours(context: Mapping[str, str]) -> bool:
-    """Whether a request is one of ours, as far as can be told at once; others may use the key for something else."""
+    """Whether a request seems to be ours, by a quick check; other programs may use the same key."""
     return len(context.get(RC, "")) in _LENGTHS
 
 
 def header(context: Mapping[str, str]) -> Request | None:
-    """What one of ours tells with a request; None of anybody else."""
+    """The header of a request; None if another program sent it."""
     told = context.get(RC)
     if told is None:
         return None
@@ -69,20 +69,20 @@ def header(context: Mapping[str, str]) -> Request | None:
 
 
 def room(context: Mapping[str, str], usual: int) -> int:
-    """Octets that the payload of an answer may have."""
+    """Maximum size of a reply's payload in bytes."""
     told = context.get(RC_MAX, "")
     return min(int(told), usual) if told.isascii() and told.isdecimal() and len(told) < 12 else usual
 
 
 def refusal(status: int, detail: bytes) -> bytes:
-    """The exception that tells one of ours how its request ended."""
+    """The exception that reports the outcome of a request to a client of ours."""
     size = bytes([len(detail)]) if len(detail) < 255 else b"\xff" + struct.pack("<i", len(detail))
     total = _HEAD + 1 + len(size) + len(detail)
     return b"".join((_ANSWER.pack(total, 1, 1, _LAST_SLICE), _TYPE, bytes([status]), size, detail))
 
 
 def read_refusal(payload: bytes) -> tuple[int, bytes] | None:
-    """What `refusal` was given; None if it is another exception. Raises DecodeError."""
+    """Status and detail of a refusal; None for another exception. Raises DecodeError."""
     if payload[_ANSWER.size : _HEAD] != _TYPE:
         return None
     status, length, begin = payload[_HEAD : _HEAD + 1], payload[_HEAD + 1 : _HEAD + 2], _HEAD + 2
@@ -94,7 +94,7 @@ def read_refusal(payload: bytes) -> tuple[int, bytes] | None:
 
 
 def reply_of(ok: bool, payload: bytes) -> Reply | None:
-    """What an answer says; None if its server left before it had answered. Raises DecodeError."""
+    """The reply in an Ice answer; None if the server left before it had answered. Raises DecodeError."""
     if ok:
         return Reply(Status.OK, payload)
     refused = read_refusal(payload)
@@ -119,7 +119,7 @@ _decode_text = Ice().decoder(_TEXT)
 
 
 def text_of(payload: bytes) -> str:
-    """Raises DecodeError."""
+    """The string in a payload. Raises DecodeError."""
     (value,) = _decode_text(payload)
     return str(value)
 
@@ -142,9 +142,9 @@ def failed(kind: str, reason: str, trace: str = "") -> Reply:
 
 
 def failure_told(unknown: str) -> Reply:
-    """What a program that is none of ours tells of an exception it did not declare.
+    """The failure that a foreign server reports by an undeclared exception.
 
-    Ice for Python tells the traceback, with the exception behind its last frame; others tell what they like.
+    Ice for Python sends the traceback, with the exception after its last frame; other programs send any text.
     """
     text = unknown.strip()
     lines = text.split("\n")
@@ -158,9 +158,9 @@ def failure_told(unknown: str) -> Reply:
 
 
 def failure_text(payload: bytes | None) -> str:
-    """What a program that is none of ours is told of such a failure."""
+    """The text about a failure for a foreign client."""
     try:
         kind, reason, trace = _decode(payload or b"")
-    except DecodeError:  # of a service that broke altogether
+    except DecodeError:  # the service itself failed
         return "no reason given"
     return f"{kind}: {reason}\n{trace}".strip()

@@ -1,4 +1,4 @@
-"""What programs of Ice need to talk to a component without this package; only the generator imports it."""
+"""Description of objects and contexts for Ice programs that do not use this package. Imported by `rcgen` only."""
 
 from __future__ import annotations
 

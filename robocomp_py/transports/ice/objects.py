@@ -1,4 +1,4 @@
-"""Objects that others invoke: what comes in, and how it is answered."""
+"""Objects that clients invoke: they queue invocations and send replies."""
 
 from __future__ import annotations
 
@@ -32,25 +32,25 @@ log = logging.getLogger("robocomp.transport.ice")
 
 REQUESTS_WAITING = 10_000
 OCTETS_WAITING = 256 * 1024 * 1024
-"""Of requests that nobody has taken yet; further ones are turned away."""
+"""Limits of the requests that wait to be read; further ones are refused."""
 
 BATCH = 256
-"""So many are taken before anything is done about them."""
+"""Maximum number of inputs that are read before their jobs run."""
 
 Input = Callable[[], Iterable[Job]]
-"""Takes what came in, and tells what is left to be done about it."""
+"""Reads one input; returns the jobs that remain."""
 
 
 class Intake:
-    """What Ice's threads leave for the crew: in order, and bounded."""
+    """The queue from Ice's threads to ours: in order, and bounded."""
 
     def __init__(self) -> None:
         self._waiting: SimpleQueue[tuple[Input, int]] = SimpleQueue()
         self._came = self._taken = 0
-        """Octets. The first is counted by one thread, the second by another, so neither needs a lock."""
+        """Total bytes put and taken. Each is counted by one thread only, so neither needs a lock."""
 
     def put(self, take: Input, octets: int = 0) -> bool:
-        """Whether there was room. What has no octets always finds some."""
+        """Append an input; False if the queue is full. An input with `octets` 0 is always accepted."""
         if octets:
             crowded = self._waiting.qsize() >= REQUESTS_WAITING or self._came - self._taken >= OCTETS_WAITING
             if crowded:
@@ -60,7 +60,7 @@ class Intake:
         return True
 
     def receive(self, timeout: float) -> list[Job]:
-        """What is left to be done about what has come in: all of it, since of topics what is old is to be given up."""
+        """Read all inputs; returns the jobs that remain. Reading all lets topics drop their oldest messages."""
         jobs: list[Job] = []
         try:
             take, octets = self._waiting.get(timeout=timeout)
@@ -77,22 +77,22 @@ class Intake:
         try:
             jobs.extend(take())
         except Exception:
-            log.exception("taking what came in")  # the rest is taken all the same
+            log.exception("taking what came in")  # the other inputs are still read
 
 
-class Answer:
-    """What a request is going to be answered: a future, as Ice for Python wants it. Ended once, by any thread."""
+class PendingReply:
+    """The future reply to a request, in the form that Ice for Python expects. Any thread may end it, once."""
 
     __slots__ = ("_ended", "_error", "_lock", "_outstanding", "_result", "_told", "ours")
 
-    def __init__(self, ours: bool, outstanding: set[Answer]) -> None:
-        """`ours` is whether one of ours waits for it."""
+    def __init__(self, ours: bool, outstanding: set[PendingReply]) -> None:
+        """`ours`: whether the client uses this package."""
         self.ours = ours
         self._lock = threading.Lock()
         self._ended = False
         self._error: Any = None
         self._result: tuple[bool, bytes] | None = None
-        self._told: Callable[[Answer], object] | None = None
+        self._told: Callable[[PendingReply], object] | None = None
         self._outstanding = outstanding
         outstanding.add(self)
 
@@ -100,11 +100,11 @@ class Answer:
         self._end((ok, payload), None)
 
     def fail(self, error: Any) -> None:
-        """By one of Ice's exceptions."""
+        """End with an exception of Ice."""
         self._end(None, error)
 
     def leave(self) -> None:
-        """It is not going to be answered: by who leaves."""
+        """End because the server leaves before it has answered."""
         if self.ours:
             self.give(False, refusal(LEFT, b""))
         else:
@@ -120,9 +120,9 @@ class Answer:
         if told:
             told(self)
 
-    # By Ice, which passes on what it is told.
+    # Called by Ice.
 
-    def add_done_callback(self, told: Callable[[Answer], object]) -> None:
+    def add_done_callback(self, told: Callable[[PendingReply], object]) -> None:
         with self._lock:
             if not self._ended:
                 self._told = told
@@ -136,29 +136,29 @@ class Answer:
         return self._result
 
 
-class Arrived:
-    """An invocation that came in."""
+class Invocation:
+    """An invocation that has arrived."""
 
     __slots__ = ("_answer", "_limit", "context", "operation", "payload")
 
     def __init__(
-        self, operation: str, payload: bytes, context: Mapping[str, str], answer: Answer | None, limit: int
+        self, operation: str, payload: bytes, context: Mapping[str, str], answer: PendingReply | None, limit: int
     ) -> None:
         self.operation, self.payload, self.context = operation, payload, context
         self._answer, self._limit = answer, limit
 
     @property
     def oneway(self) -> bool:
-        """Whether nobody waits for an answer."""
+        """Whether the client expects no reply."""
         return self._answer is None
 
     def reply(self, reply: Reply) -> None:
-        """Answer it, in the way in which those who sent it understand. Without effect if it was answered."""
+        """Send the reply in the form that the client understands. Without effect if it was answered already."""
         if self._answer is None:
             return
         status, payload = reply
         if payload and len(payload) > (most := room(self.context, self._limit) - REPLY_HEAD):
-            status, payload = failed("TransportError", f"the answer has {len(payload)} octets; {most} are allowed")
+            status, payload = failed("TransportError", f"the reply has {len(payload)} bytes; the client accepts {most}")
         if status is Status.OK or status is Status.THROWN:
             self._answer.give(status is Status.OK, payload)
         elif self._answer.ours:
@@ -168,32 +168,32 @@ class Arrived:
         elif status is Status.REFUSED:
             self._answer.fail(NoSuchObject())
         else:
-            self._answer.fail(Unknown(_PLAINLY[status]))
+            self._answer.fail(Unknown(_WORDS[status]))
 
     def not_served(self) -> None:
-        """There is no such operation here."""
+        """Report that this object has no such operation."""
         if self._answer is not None:
             self._answer.fail(NoSuchOperation())
 
     def leave(self) -> None:
-        """It will not be answered any more."""
+        """Report that the server leaves before it has answered."""
         if self._answer is not None:
             self._answer.leave()
 
 
-_PLAINLY = {
-    Status.BUSY: "too many calls wait here",
-    Status.EXPIRED: "its deadline was over before it was executed",
-    Status.MISMATCH: "this was generated from another definition of the operation",
+_WORDS = {
+    Status.BUSY: "too many requests wait",
+    Status.EXPIRED: "the deadline passed before the request was executed",
+    Status.MISMATCH: "client and server have different contracts of the operation",
 }
 
 
-Take = Callable[[Arrived], Iterable[Job]]
-"""Called on the thread that receives, for one invocation after the other, as they came in."""
+Take = Callable[[Invocation], Iterable[Job]]
+"""Called on the receiving thread, for one invocation after the other, in order."""
 
 
 class Port:
-    """An object, and the adapter through which it is reached."""
+    """An object, and the adapter that makes it reachable."""
 
     def __init__(
         self,
@@ -206,9 +206,9 @@ class Port:
         limit: int,
         take: Take,
     ) -> None:
-        """`name` is the adapter's, and nobody else's. No `endpoints` is where there is room. `ids` tells which
-        interfaces the object has, as Ice names them."""
-        self._outstanding: set[Answer] = set()
+        """`name` is the adapter's, and unique. Without `endpoints`, the system chooses a port. `ids` returns the
+        object's interfaces, as Ice names them."""
+        self._outstanding: set[PendingReply] = set()
         endpoints = endpoints or "tcp"
         host = communicator.getProperties().getProperty("Ice.Default.Host")
         where = f"listening at {endpoints!r}{'' if '-h ' in endpoints else f' of {host}'} for {identity}"
@@ -227,8 +227,8 @@ class Port:
             raise
 
     def close(self) -> None:
-        """Stop listening, whatever was not answered is told so. Not on one of Ice's threads."""
-        self._adapter.deactivate()  # first: nothing comes in any more
+        """Stop listening, and end all unanswered requests. Must not be called on one of Ice's threads."""
+        self._adapter.deactivate()  # first, so that no more invocations arrive
         for answer in list(self._outstanding):
             answer.leave()
         with contextlib.suppress(LocalException):  # the communicator is destroyed already
@@ -236,7 +236,7 @@ class Port:
 
 
 class _Servant(BlobjectAsync):  # type: ignore[misc]  # Ice has no types
-    """Called on a thread of Ice's: passes on what came in, and does nothing about it."""
+    """Queues invocations. Called on Ice's threads."""
 
     def __init__(
         self,
@@ -245,24 +245,24 @@ class _Servant(BlobjectAsync):  # type: ignore[misc]  # Ice has no types
         intake: Intake,
         limit: int,
         take: Take,
-        outstanding: set[Answer],
+        outstanding: set[PendingReply],
     ) -> None:
         self.identity = identity
         self._ids, self._intake, self._limit, self._take, self._outstanding = ids, intake, limit, take, outstanding
 
-    def ice_invoke(self, payload: bytes, current: Any) -> Answer | tuple[bool, bytes]:
+    def ice_invoke(self, payload: bytes, current: Any) -> PendingReply | tuple[bool, bytes]:
         operation: str = current.operation
         if operation.startswith("ice_"):
             return self._about_itself(operation, payload)
         context: Mapping[str, str] = current.ctx
-        answer = Answer(is_ours(context), self._outstanding) if current.requestId else None
-        arrived = Arrived(operation, payload, context, answer, self._limit)
-        if not self._intake.put(lambda: self._take(arrived), len(payload)):
-            arrived.reply(Reply(Status.BUSY))
+        answer = PendingReply(is_ours(context), self._outstanding) if current.requestId else None
+        invocation = Invocation(operation, payload, context, answer, self._limit)
+        if not self._intake.put(lambda: self._take(invocation), len(payload)):
+            invocation.reply(Reply(Status.BUSY))
         return answer or (True, NOTHING)
 
     def _about_itself(self, operation: str, payload: bytes) -> tuple[bool, bytes]:
-        """What all objects are asked by Ice itself."""
+        """PendingReply the operations that every Ice object has."""
         ids = sorted({*self._ids(), OBJECT})
         match operation:
             case "ice_ping":
@@ -277,12 +277,12 @@ class _Servant(BlobjectAsync):  # type: ignore[misc]  # Ice has no types
 
 
 class _ByAnyFacet(BlobjectAsync):  # type: ignore[misc]  # Ice has no types
-    """What has another name than the object, or names a facet of it: an object of ours is the same by any facet."""
+    """Receives invocations with another identity or with a facet; our objects ignore facets."""
 
     def __init__(self, servant: _Servant) -> None:
         self._servant = servant
 
-    def ice_invoke(self, payload: bytes, current: Any) -> Answer | tuple[bool, bytes]:
+    def ice_invoke(self, payload: bytes, current: Any) -> PendingReply | tuple[bool, bytes]:
         if (current.id.category, current.id.name) != self._servant.identity:
             raise NoSuchObject()
         return self._servant.ice_invoke(payload, current)

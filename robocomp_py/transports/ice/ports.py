@@ -1,7 +1,7 @@
-"""What the options of Ice (`transports.ice`) mean to the ports of a component that go over it.
+"""Checks and completes the options of Ice (`transports.ice`) for the ports of a component that use Ice.
 
-This can be told only when everything else is set: that decides over what each port goes. A component that uses an
-interface over Ice, and has a proxy for it by the name of the port, uses that proxy: `from` need not name it.
+This comes last, because all other settings decide which transport a port uses. If `proxies` has an entry with the name
+of a port that requires an interface, the port uses it: `from` need not name it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ AT: Key = ("transports", ICE)
 
 
 def complete(options: Mapping[str, Any], ports: Ports, *, is_overridden: bool) -> Iterator[Complaint | Completion]:
-    """What is wrong with the tables of the options, and whom ports use since there is a proxy for them."""
+    """Complaints about the tables of the options, and the sources of ports for which there is a proxy."""
     yield from _unknown_keys(options, ports, is_overridden=is_overridden)
     proxies = _table(options, "proxies")
     for port in ports.using:
@@ -35,7 +35,7 @@ def complete(options: Mapping[str, Any], ports: Ports, *, is_overridden: bool) -
 
 
 def _unknown_keys(options: Mapping[str, Any], ports: Ports, *, is_overridden: bool) -> Iterator[Complaint]:
-    """Keys of tables that are about ports, and about none of this component."""
+    """Complaints about keys that name no port of this component."""
     component = ports.component
     served = [component.segment(port) for port in ports.every if port.verb is Verb.IMPLEMENTS]
     served += [f"{port.interface.short}Topic" for port in component.ports if port.verb is Verb.SUBSCRIBES]
@@ -43,7 +43,7 @@ def _unknown_keys(options: Mapping[str, Any], ports: Ports, *, is_overridden: bo
     published = [port.interface.short for port in component.ports if port.verb.is_topic]
     yield from _unknown("topics", options, published, published)
     if is_overridden:
-        return  # whom the file names may be somebody who is not used any more
+        return  # the file may still name sources that are not used any more
     using = [port for port in component.ports if port.verb is Verb.REQUIRES]
     sources = [each.source for each in ports.settings.ports.values() if each.source]
     named = [names.resolve(source, "", "") for source in sources if _is_source(source)]
@@ -56,14 +56,14 @@ def _is_source(text: str) -> bool:
     try:
         names.resolve(text, "", "X")
     except ValueError:
-        return False  # which is told of the port
+        return False  # reported for the port
     return True
 
 
 def _unknown(
     name: str, options: Mapping[str, Any], alone: Iterable[str], interfaces: Sequence[str] = ()
 ) -> Iterator[Complaint]:
-    """Keys of a table that are not known; behind a slash, a key names an interface."""
+    """Complaints about unknown keys of a table; after a slash, a key names an interface."""
     for key in _table(options, name):
         last = key.rpartition("/")[2]
         known = list(interfaces if "/" in key and interfaces else alone)
@@ -72,7 +72,7 @@ def _unknown(
 
 
 class Ports:
-    """Those of a component, by where they go."""
+    """The ports of a component, by the transports that they use."""
 
     def __init__(self, component: Component, own: Port | None, settings: Settings, generated_for: str) -> None:
         """`own` is the port of its `CommonBehavior`, `generated_for` the middleware of its generic part."""
@@ -82,30 +82,30 @@ class Ports:
         self.using = [port for port in component.ports if port.verb is Verb.REQUIRES and self.carried(port)]
 
     def called(self, name: str, *verbs: Verb) -> Port | None:
-        """The one that is called so."""
+        """The port with that name."""
         among = (port for port in self.every if port.verb in verbs)
         return next((port for port in among if port.label.lower() == name.lower()), None)
 
     def of(self, interface: str, verb: Verb) -> list[Port]:
-        """All of an interface."""
+        """All ports of an interface with that verb."""
         return [port for port in self.every if port.verb is verb and port.interface.short.lower() == interface.lower()]
 
     def carried(self, port: Port) -> list[str]:
-        """Its operations that go over Ice."""
+        """The operations of a port that use Ice."""
         operations = [operation.name for operation, _ in port.interface.under(port.verb)]
         if port not in self.component.ports:  # its `CommonBehavior`
             return operations if carrier(self.settings.middleware, self._generated_for) == ICE else []
         return [name for name in operations if ICE in self.settings.middlewares(port, name, self._generated_for)]
 
     def elsewhere(self, port: Port) -> str:
-        """What carries a port that does not go over Ice."""
+        """The transport of a port that does not use Ice."""
         operations = (operation.name for operation, _ in port.interface.under(port.verb))
         if port not in self.component.ports:
             return carrier(self.settings.middleware, self._generated_for)
         return next((self.settings.middlewares(port, name, self._generated_for)[0] for name in operations), "")
 
     def without_source(self, port: Port) -> Iterator[Key]:
-        """Where to say whom it uses, if that is not said: for the port, or else for those operations over Ice."""
+        """The keys for a missing source: that of the port, or those of its operations that use Ice."""
         carried = self.carried(port)
         operations = [operation.name for operation, _ in port.interface.under(port.verb)]
         said = self.settings.ports

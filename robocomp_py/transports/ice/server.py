@@ -1,4 +1,4 @@
-"""Who is commanded and who is called: the operations of one object."""
+"""The server's links, which are operations of objects, and the queue of their requests."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from ..server import Server as _Server
 from ..server import ServingLink
 from ..turns import Turns
 from .messages import NOTHING, OBJECT, header
-from .objects import OCTETS_WAITING, REQUESTS_WAITING, Arrived, Port
+from .objects import OCTETS_WAITING, REQUESTS_WAITING, Invocation, Port
 
 if TYPE_CHECKING:
     from .transport import IceTransport
 
 
 class _Held(ServingLink):
-    """Part of an object until nothing of it runs any more."""
+    """A link that stays part of its object until none of its handlers runs any more."""
 
     transport: IceTransport
 
@@ -37,27 +37,27 @@ class _Held(ServingLink):
             self.transport.let_go(self)
 
 
-class Requests:
-    """Begins the requests of all servers of a transport one after the other, the clients by turns.
+class RequestQueue:
+    """Starts the requests of all servers of a transport, one at a time, the clients in turn.
 
-    Between two of them what has come in is read. What was read waits here, within the same bounds as what was not:
-    else no bound would hold while handlers are slow.
+    New input is read between two requests, and waits here. This queue has the same limits as unread input, so that
+    the limits hold even if handlers are slow.
     """
 
     def __init__(self, do: Callable[[Job], object]) -> None:
-        """`do` has a job run by the crew."""
+        """`do` runs a job on one of the transport's threads."""
         self._do = do
         self._waiting: Turns[tuple[Job, int]] = Turns(itemgetter(1))
-        """With the size of each request."""
+        """The waiting requests, each with its size."""
         self._beginning = False
-        """Whether a thread will call `_begin`."""
+        """Whether a job for `_begin` is queued."""
 
     @property
     def is_full(self) -> bool:
         return len(self._waiting) >= REQUESTS_WAITING or self._waiting.octets >= OCTETS_WAITING
 
     def add(self, client: int, job: Job, octets: int) -> Job:
-        """Have a request begun when it is its turn. What is returned has to be run."""
+        """Queue a request. The caller must run the returned job."""
         self._waiting.add(client, (job, octets))
         if self._beginning:
             return _nothing
@@ -67,10 +67,10 @@ class Requests:
     def _begin(self) -> None:
         try:
             job, _ = self._waiting.take()
-        except IndexError:  # another thread was quicker
+        except IndexError:  # another thread has taken it
             return
         finally:
-            self._beginning = False  # before looking for more: a thread that adds some later sees this
+            self._beginning = False  # before the check: a thread that adds one later sees this
             if self._waiting and not self._beginning:
                 self._beginning = True
                 self._do(self._begin)
@@ -93,24 +93,24 @@ class Server(_Held, _Server):
 
 class CommandInlet(_Held, _CommandInlet):
     def accept(self, payload: Payload, expires: float, answer: Any) -> Job | None:
-        """Also those of programs that wait for an answer: they get it when the command has its place in the queue."""
+        """Queue a command. A client that expects a reply gets it when the command is queued."""
         job = super().accept(payload, expires, answer)
         answer(Reply(Status.OK, NOTHING) if job else Reply(Status.BUSY))
         return job
 
 
-class Offer:
-    """What is served as one object: its operations, which come and go one by one."""
+class ServedObject:
+    """The operations that are served as one object; they come and go one by one."""
 
     def __init__(self) -> None:
         self.port: Port | None = None
         self.held: set[ServingLink] = set()
-        """Links that were not let go of yet; some are not served any more."""
+        """Links with running handlers; some are not served any more."""
         self._links: dict[str, ServingLink] = {}
         self._left: set[str] = set()
         """Operations that are not served any more."""
-        self._asked: dict[tuple[int, int], Arrived] = {}
-        """By client and number, what was not answered yet."""
+        self._asked: dict[tuple[int, int], Invocation] = {}
+        """Unanswered invocations by client and number."""
 
     def add(self, link: ServingLink) -> None:
         self.held.add(link)
@@ -121,54 +121,54 @@ class Offer:
     def remove(self, link: ServingLink) -> None:
         operation = names.operation(link.channel.name)
         if self._links.get(operation) is link:
-            self._left.add(operation)  # first: who finds no link looks there
+            self._left.add(operation)  # first: an invocation that finds no link checks this
             del self._links[operation]
 
     def ids(self) -> Iterable[str]:
-        """The interfaces that it has, as Ice names them."""
+        """The object's interfaces, as Ice names them."""
         return {interface_id(link.channel.type.text) for link in list(self._links.values())}
 
-    def take(self, arrived: Arrived) -> Iterable[Job]:
-        link = self._links.get(arrived.operation)
+    def take(self, invocation: Invocation) -> Iterable[Job]:
+        link = self._links.get(invocation.operation)
         if link is None:
-            if arrived.operation in self._left:
-                arrived.leave()
+            if invocation.operation in self._left:
+                invocation.leave()
             else:
-                arrived.not_served()
+                invocation.not_served()
             return ()
-        job = self._accept(link, arrived)
+        job = self._accept(link, invocation)
         return (job,) if job else ()
 
-    def _accept(self, link: ServingLink, arrived: Arrived) -> Job | None:
-        request = header(arrived.context)
+    def _accept(self, link: ServingLink, invocation: Invocation) -> Job | None:
+        request = header(invocation.context)
         if request is None:
-            return link.accept(arrived.payload, math.inf, arrived.reply)
+            return link.accept(invocation.payload, math.inf, invocation.reply)
         if request.fingerprint != link.channel.type.fingerprint:
             link.refuse_stranger(request)
-            arrived.reply(Reply(Status.MISMATCH, link.channel.type.text.encode()))
+            invocation.reply(Reply(Status.MISMATCH, link.channel.type.text.encode()))
             return None
         remaining = math.inf if request.remaining_ms == NO_DEADLINE else request.remaining_ms / 1000
         asked = request.client, request.sequence
-        if not arrived.oneway:
+        if not invocation.oneway:
             before = self._asked.pop(asked, None)
-            self._asked[asked] = arrived
+            self._asked[asked] = invocation
             if before:
-                before.leave()  # nobody waits for that answer any more: this one has been asked instead
-        answer = partial(self._answer, asked, arrived)
-        job = link.take(request, arrived.payload, time.monotonic() + remaining, answer)
-        if job is None:  # it was seen before
+                before.leave()  # the retry replaces the earlier invocation
+        answer = partial(self._answer, asked, invocation)
+        job = link.take(request, invocation.payload, time.monotonic() + remaining, answer)
+        if job is None:  # a repeated request
             self._asked.pop(asked, None)
-            arrived.leave()
+            invocation.leave()
         return job
 
-    def _answer(self, asked: tuple[int, int], arrived: Arrived, reply: Reply) -> None:
-        if self._asked.get(asked) is arrived:
+    def _answer(self, asked: tuple[int, int], invocation: Invocation, reply: Reply) -> None:
+        if self._asked.get(asked) is invocation:
             self._asked.pop(asked, None)
-        arrived.reply(reply)
+        invocation.reply(reply)
 
 
 def interface_id(text: str) -> str:
-    """The Slice type of the interface whose operation a contract's text is about."""
+    """The Slice type of the interface to which a contract's operation belongs."""
     first, _, _ = text.partition("\n")
     kind, _, name = first.partition(" ")
     interface, dot, _ = name.rpartition(".")

@@ -1,9 +1,11 @@
-"""IceStorm as a program: whether one answers, and running it for components, as RoboComp's `rcnode` does.
+"""Runs IceStorm as a child process for components, as RoboComp's `rcnode` does, and checks whether one answers.
 
-Who starts components enters `hosted`. While nobody answers where they look for IceStorm, and that is an address of
-this machine, an `icebox` with it is run here, and again if it dies, whoever ran it. Publishers and subscribers come
-back to a new one by themselves (`exchange`). It remembers nothing (`IceStorm.Transient`), and its settings are on its
-command line: there is no file to leave behind. The kernel ends it with the thread that started it, however that ends.
+A program that starts components enters `hosted`. If the configured address of IceStorm belongs to this machine and no
+IceStorm answers there, `hosted` runs an `icebox`, and does so again if the present one dies. Publishers and subscribers
+reconnect to a new one automatically (`storm_client`).
+
+The icebox stores nothing (`IceStorm.Transient`), and its settings are on its command line, so no file is left behind.
+The kernel ends it together with the thread that started it.
 """
 
 from __future__ import annotations
@@ -34,25 +36,25 @@ from ..iceoptions import HOST, IceOptions, parse_proxy
 log = logging.getLogger("robocomp.transport.ice")
 
 START = 20.0
-"""Seconds after which an icebox that has been started should answer."""
+"""Seconds that a started icebox has until it must answer."""
 
 LOOK = 0.2
-"""Seconds between two looks at our own icebox."""
+"""Seconds between two checks of our own icebox."""
 
 CALL = 1.0
-"""Seconds between two looks whether the IceStorm of somebody else answers, and that an answer may take."""
+"""Seconds between two checks whether another IceStorm answers, and timeout of such a check."""
 
 GRACE = 5.0
-"""Seconds that it has to end, after which it is killed."""
+"""Seconds that an icebox has to end before it is killed."""
 
 LONGEST_PAUSE = 10.0
-"""Seconds between two attempts to start one, when one after the other fails."""
+"""Maximum seconds between two attempts to start an icebox."""
 
 QUEUE = 10_000
-"""Messages that IceStorm keeps for a subscriber that is slow; then it drops some, which that one counts."""
+"""Messages that IceStorm keeps for a slow subscriber; further ones are dropped, and the subscriber counts them."""
 
 HUNG_MS = 5000
-"""A subscriber that takes nothing for so long is dropped, with what is kept for it. It comes back by itself."""
+"""IceStorm drops a subscriber that accepts nothing for this time, with its messages; it subscribes again."""
 
 INSTALL = "Debian and Ubuntu have it: apt-get install zeroc-icebox libzeroc-icestorm3.7"
 
@@ -62,15 +64,15 @@ _prctl = ctypes.PyDLL(None).prctl if sys.platform.startswith("linux") else lambd
 
 @contextlib.contextmanager
 def hosted(options: IceOptions, owner: str) -> Iterator[None]:
-    """While this is entered, IceStorm answers where `options` say, if that is a place of this machine.
+    """Within this, IceStorm answers at the address in `options`, if that is an address of this machine.
 
-    That it cannot be run is told, and no error: a network whose components only call each other needs none.
+    A failure to run it is only logged: components that only call each other do not need it.
     """
     place = Place.of(options)
     if not place.is_here():
         yield
         return
-    keeper = _Keeper(place, owner, options.message_size_max or MAX_BYTES)
+    keeper = _Supervisor(place, owner, options.message_size_max or MAX_BYTES)
     try:
         keeper.open()
         yield
@@ -79,14 +81,14 @@ def hosted(options: IceOptions, owner: str) -> Iterator[None]:
 
 
 class Place:
-    """Where an IceStorm is, or is to be."""
+    """The address of an IceStorm."""
 
     def __init__(self, instance: str, host: str, port: int) -> None:
         self.instance, self.host, self.port = instance, host, port
 
     @classmethod
     def of(cls, options: IceOptions) -> Place:
-        """Raises ConfigurationError if the options do not say it."""
+        """The address in the options. Raises ConfigurationError if it is invalid."""
         try:
             proxy = parse_proxy(options.storm)
         except ValueError as exc:
@@ -103,7 +105,7 @@ class Place:
         return f"{self.host}:{self.port}"
 
     def is_here(self) -> bool:
-        """Whether that is an address of this machine."""
+        """Whether it is an address of this machine."""
         try:
             with socket.socket(socket.AF_INET6 if ":" in self.host else socket.AF_INET) as probe:
                 probe.bind((self.host, 0))
@@ -112,7 +114,7 @@ class Place:
         return True
 
     def beside(self) -> int:
-        """A port for publications that is free: the one before, as `rcnode` has it, or any."""
+        """A free port for publications: the previous number, which `rcnode` uses, or any."""
         for port in (self.port - 1, 0):
             try:
                 with socket.socket(socket.AF_INET6 if ":" in self.host else socket.AF_INET) as probe:
@@ -123,12 +125,12 @@ class Place:
                 continue
         return 0
 
-    def answers(self, patience: float = CALL) -> bool:
-        """Whether IceStorm is there: its TopicManager is asked, in Ice's protocol, whether it exists."""
-        end = time.monotonic() + patience
+    def answers(self, timeout: float = CALL) -> bool:
+        """Whether IceStorm answers: this pings its TopicManager in Ice's protocol."""
+        end = time.monotonic() + timeout
         try:
-            with socket.create_connection((self.host, self.port), patience) as connection:
-                _receive(connection, end)  # that it is ready
+            with socket.create_connection((self.host, self.port), timeout) as connection:
+                _receive(connection, end)  # the message that the connection is valid
                 connection.sendall(_ping(self.instance, "TopicManager"))
                 status = _receive(connection, end)[4:5]
         except (OSError, ValueError):
@@ -136,23 +138,23 @@ class Place:
         return status == b"\0"
 
 
-class _Keeper:
-    """Runs an icebox while nobody else does."""
+class _Supervisor:
+    """Runs an icebox while no other program does."""
 
     def __init__(self, place: Place, owner: str, most_bytes: int) -> None:
         self._place, self._owner, self._most_bytes = place, owner or "ice", most_bytes
         self._beside = 0
-        """The port of publications: that of the first IceStorm, as publishers that know no better go on with it."""
-        self._thread = threading.Thread(target=self._keep, name="icestorm-keeper")
+        """The port of publications. A restarted icebox keeps it, because publishers go on using it."""
+        self._thread = threading.Thread(target=self._run, name="icestorm-keeper")
         self._ending, self._settled = threading.Event(), threading.Event()
         self._box: subprocess.Popen[bytes] | None = None
         self._claim: Claim | None = None
         self._started_at = self._not_before = self._pause = 0.0
         self._told = ""
-        """Why it was not started at the last attempt."""
+        """Why the last attempt to start it failed."""
 
     def open(self) -> None:
-        """Start it; returns once somebody's answers, or it is known why nobody's does."""
+        """Start; returns when an IceStorm answers, or when it is known why none does."""
         if not start_thread(self._thread):
             raise TransportError(f"ice: IceStorm cannot be run: {NO_THREAD}")
         self._settled.wait(2 * START)
@@ -162,14 +164,14 @@ class _Keeper:
         if self._thread.ident is not None:
             self._thread.join()
 
-    def _keep(self) -> None:
-        """On a thread of its own, as the kernel ends the icebox when the thread that started it has ended."""
+    def _run(self) -> None:
+        """Runs on its own thread: the kernel ends the icebox together with the thread that started it."""
         try:
             while not self._ending.is_set():
                 try:
                     pause = self._look()
-                except Exception:  # if this thread ended, so would the icebox
-                    log.exception("%s: looking after IceStorm; trying again", self._owner)
+                except Exception:  # the end of this thread would end the icebox
+                    log.exception("%s: checking IceStorm failed; trying again", self._owner)
                     pause = CALL
                 self._settled.set()
                 self._ending.wait(pause)
@@ -178,12 +180,12 @@ class _Keeper:
             self._settled.set()
 
     def _look(self) -> float:
-        """Do what is due; seconds until the next time."""
+        """Do what is due; returns the seconds until the next time."""
         if self._box:
             self._pass_on()
             if self._box.poll() is None:
                 return LOOK
-            self._mourn(self._box)
+            self._report_end(self._box)
         if time.monotonic() < self._not_before or self._place.answers():
             return CALL
         self._start()
@@ -192,20 +194,20 @@ class _Keeper:
     def _start(self) -> None:
         program = shutil.which("icebox")
         if program is None:
-            self._complain(f"IceStorm does not answer at {self._place}, and there is no `icebox` to run it; {INSTALL}")
+            self._report(f"IceStorm does not answer at {self._place}, and there is no `icebox` to run it; {INSTALL}")
             return
         name = f"icestorm {self._place.host} {self._place.port}"
         claims = runtime_dir("ice", "storms")
         sweep(claims)
         self._claim = try_claim(claims, name, self._owner)
         if self._claim is None:
-            who = holder(claims, name)
-            self._complain(f"IceStorm does not answer at {self._place}; it is run by {who}")
+            owner = holder(claims, name)
+            self._report(f"IceStorm does not answer at {self._place}; it is run by {owner}")
             return
         try:
             self._box = self._launch(program)
         except (OSError, subprocess.SubprocessError) as exc:
-            self._complain(f"IceStorm cannot be run at {self._place}: {program}: {exc}")
+            self._report(f"IceStorm cannot be run at {self._place}: {program}: {exc}")
             self._stop()
             return
         assert self._box.stderr
@@ -219,10 +221,10 @@ class _Keeper:
             if self._box.poll() is not None:
                 break
             self._ending.wait(0.01)
-        if not self._ending.is_set() and not self._place.answers():  # else another one was quicker
-            said = self._said() or f"it says nothing, for {START:g} s"
-            lacks = f"; {INSTALL}" if "load" in said and "IceStormService" in said else ""
-            self._complain(f"IceStorm cannot be run at {self._place}: {said}{lacks}")
+        if not self._ending.is_set() and not self._place.answers():  # otherwise another program has started one
+            output = self._output() or f"it says nothing, for {START:g} s"
+            lacks = f"; {INSTALL}" if "load" in output and "IceStormService" in output else ""
+            self._report(f"IceStorm cannot be run at {self._place}: {output}{lacks}")
         self._stop()
 
     def _launch(self, program: str) -> subprocess.Popen[bytes]:
@@ -233,11 +235,11 @@ class _Keeper:
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             env={key: value for key, value in os.environ.items() if key != "ICE_CONFIG"},
-            start_new_session=True,  # Ctrl-C is for us; who needs it is ended first
+            start_new_session=True,  # Ctrl-C must not end it before the components
             preexec_fn=partial(_die_with, os.getpid()),
         )
 
-    def _mourn(self, box: subprocess.Popen[bytes]) -> None:
+    def _report_end(self, box: subprocess.Popen[bytes]) -> None:
         code = box.returncode
         how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with exit status {code}"
         log.error(
@@ -250,12 +252,12 @@ class _Keeper:
         self._stop()
         if time.monotonic() - self._started_at >= LONGEST_PAUSE:
             self._pause = 0.0
-        self._put_off()
+        self._lengthen_pause()
 
     def _stop(self) -> None:
         box, self._box = self._box, None
         if box:
-            with box:  # which closes its pipe
+            with box:  # closes its pipe
                 box.terminate()
                 try:
                     box.wait(GRACE)
@@ -265,32 +267,32 @@ class _Keeper:
             self._claim.close()
             self._claim = None
 
-    def _complain(self, why: str) -> None:
-        """Tell it, once, and try again later and later."""
-        self._put_off()
+    def _report(self, why: str) -> None:
+        """Log a problem, once, and lengthen the pause before the next attempt."""
+        self._lengthen_pause()
         if why != self._told:
             self._told = why
-            log.warning("%s: %s. Until there is one, nothing is published over ice", self._owner, why)
+            log.warning("%s: %s. Until one does, publications over ice fail", self._owner, why)
 
-    def _put_off(self) -> None:
-        """The first attempt after it has run for a while is made at once."""
+    def _lengthen_pause(self) -> None:
+        """Lengthen the pause before the next attempt; after a long run, the first attempt is immediate."""
         self._not_before = time.monotonic() + self._pause
         self._pause = min(2 * self._pause or CALL, LONGEST_PAUSE)
 
-    def _said(self) -> str:
-        """What it has written since we last looked, without the time of day."""
+    def _output(self) -> str:
+        """The icebox's new output, without the time of day."""
         assert self._box
         assert self._box.stderr
-        said = (self._box.stderr.read() or b"").decode(errors="replace")
-        return re.sub(r"^[-!]! \d\S* \d\S* ", "", said, flags=re.MULTILINE).strip()
+        output = (self._box.stderr.read() or b"").decode(errors="replace")
+        return re.sub(r"^[-!]! \d\S* \d\S* ", "", output, flags=re.MULTILINE).strip()
 
     def _pass_on(self) -> None:
-        for line in self._said().splitlines():
+        for line in self._output().splitlines():
             log.warning("%s: icebox: %s", self._owner, line)
 
 
 def _command(program: str, place: Place, beside: int, most_bytes: int) -> list[str]:
-    host = rf"\"{place.host}\"" if ":" in place.host else place.host  # quoted inside of what is quoted below
+    host = rf"\"{place.host}\"" if ":" in place.host else place.host  # within the quotes below
     at = f"tcp -h {host}"
     settings = {
         "IceStorm.InstanceName": place.instance,
@@ -309,14 +311,14 @@ def _command(program: str, place: Place, beside: int, most_bytes: int) -> list[s
 
 
 def _version(program: str) -> str:
-    """By which the library with IceStorm is called: 37."""
-    said = subprocess.run([program, "--version"], capture_output=True, text=True, timeout=START)
-    found = re.search(r"(\d+)\.(\d+)", said.stdout + said.stderr)
+    """The version in the name of IceStorm's library: 37."""
+    output = subprocess.run([program, "--version"], capture_output=True, text=True, timeout=START)
+    found = re.search(r"(\d+)\.(\d+)", output.stdout + output.stderr)
     return "".join(found.groups()) if found else "37"
 
 
 def _die_with(parent: int) -> None:
-    """In the new process: have the kernel end it with its parent, or end now if that has ended already."""
+    """In the child: have the kernel end it with its parent, or end now if the parent has ended."""
     _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
     if os.getppid() != parent:
         os._exit(1)
@@ -337,7 +339,7 @@ def _ping(category: str, name: str) -> bytes:
             _text(category),
             b"\0",  # no facet
             _text("ice_ping"),
-            b"\1\0",  # it may be repeated; no context
+            b"\1\0",  # idempotent; no context
             _NO_ARGUMENTS,
         )
     )
@@ -350,7 +352,7 @@ def _text(text: str) -> bytes:
 
 
 def _receive(connection: socket.socket, end: float) -> bytes:
-    """The body of one message; raises ValueError if it is none."""
+    """The body of one message. Raises ValueError if it is not one of Ice's."""
     magic, *_, size = _HEAD.unpack(_read(connection, _HEAD.size, end))
     if magic != b"IceP" or not _HEAD.size <= size <= _LONGEST:
         raise ValueError("this is not Ice")

@@ -1,8 +1,9 @@
-"""Publishers and subscribers, with IceStorm between them.
+"""The links of publications: publisher and subscriber, with IceStorm between them.
 
-IceStorm keeps no history and waits for nobody. What is latched is therefore asked of its publisher, and reliable
-subscribers tell theirs what they took (`Credit`): both at its `Desk`, of which the directory tells. Those of other
-hosts are out of its reach; to them, reliable is what IceStorm makes of it: acknowledged by it, delivered one by one.
+IceStorm keeps no history and does not wait for slow subscribers. So a subscriber fetches latched messages from their
+publisher, and a reliable subscriber acknowledges messages to it (`Credit`). Both go to the publisher's `TopicService`,
+listed in the directory. Subscribers on other hosts cannot do this. For them, reliable means that IceStorm acknowledges
+each message, and delivers them one by one.
 """
 
 from __future__ import annotations
@@ -28,9 +29,9 @@ from ..limits import BYTES_AHEAD, MOST_AHEAD, PARTS, STRANGERS
 from ..reception import HISTORY_TRIES, Reception
 from ..topics import SubscribingLink
 from . import library
-from .desk import RC_CHANNEL, Header, Hearing
-from .exchange import Topic
 from .messages import RC
+from .storm_client import Topic
+from .topic_service import RC_CHANNEL, Header, SharedSubscription
 
 if TYPE_CHECKING:
     from .transport import IceTransport
@@ -38,19 +39,19 @@ if TYPE_CHECKING:
 log = logging.getLogger("robocomp.transport.ice")
 
 WAITING = 10_000
-"""Messages that may wait at a reliable subscriber; only publishers that do not wait for it can send as many."""
+"""Maximum number of messages that wait at a reliable subscriber. Only publishers without credit reach it."""
 
 _FEWEST_UNSENT = 8
-"""So many messages may be on their way to IceStorm, however few its publisher keeps."""
+"""Minimum of the limit of messages that are being sent to IceStorm."""
 
 _MOST_UNSENT_BYTES = 64 * 1024 * 1024
-"""While so many are, nothing more is sent; the last message may be of any size."""
+"""No more is sent while this many bytes are being sent; the last message may be of any size."""
 
 _MOST_UNKNOWN = 1000
-"""Of so many publishers that the directory does not tell of it is remembered what was taken."""
+"""Maximum number of publishers outside the directory whose acknowledgements are kept."""
 
 _READERS = 0.02
-"""Seconds for which it is taken for known who reads what we publish."""
+"""Seconds for which the list of reliable readers is cached."""
 
 
 class Publisher(DirectoryLink["IceTransport"]):
@@ -75,13 +76,13 @@ class Publisher(DirectoryLink["IceTransport"]):
         self._order = threading.Lock()
 
     def open(self) -> None:
-        exchange = self.transport.desk.exchange
-        with exchange.using(self.transport.options.topic_of(self.channel.name)) as topic:
-            exchange.reach(topic)
+        storm_client = self.transport.topic_service.storm_client
+        with storm_client.using(self.transport.options.topic_of(self.channel.name)) as topic:
+            storm_client.reach(topic)
         self._topic = topic
-        desk = self.transport.desk.open()
-        self.transport.desk.publishers[self.id] = self
-        self.announce(f"{self.id:016x} {self.ahead} {desk}")
+        topic_service = self.transport.topic_service.open()
+        self.transport.topic_service.publishers[self.id] = self
+        self.announce(f"{self.id:016x} {self.ahead} {topic_service}")
 
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
         end = time.monotonic() + deadline
@@ -99,12 +100,12 @@ class Publisher(DirectoryLink["IceTransport"]):
                 raise Timeout(f"{self.channel.name}: a subscriber did not keep up for {deadline:g} s")
             header = pack_publication(self._fingerprint, self.id, self._credit.sent, time.time_ns())
             if self._history.maxlen:
-                self._history.append((header, data))  # first: who asks for it now may not hear the other one
+                self._history.append((header, data))  # first: a new subscriber may miss the publication
             context = {RC: header.hex(), RC_CHANNEL: self.channel.name}
             if self._lossless:
-                self._pass_on(data, context, end, deadline)
+                self._send_acknowledged(data, context, end, deadline)
             else:
-                self._throw(data, context)
+                self._send_unacknowledged(data, context)
         finally:
             self._order.release()
 
@@ -114,15 +115,15 @@ class Publisher(DirectoryLink["IceTransport"]):
             return False
         if any(self.transport.directory.alive(member.id) for member, _ in self.counterparts(strict=True)):
             return True
-        self.transport.desk.exchange.look_soon()
-        return topic.strangers
+        self.transport.topic_service.storm_client.look_soon()
+        return topic.foreign_subscribers
 
     def release(self) -> None:
-        self.transport.desk.publishers.pop(self.id, None)
+        self.transport.topic_service.publishers.pop(self.id, None)
         if self._topic:
-            self.transport.desk.exchange.leave(self._topic)
+            self.transport.topic_service.storm_client.leave(self._topic)
 
-    # By the desk.
+    # Called by the topic service.
 
     def took(self, reader: int, sequence: int) -> None:
         self._credit.took(reader, sequence)
@@ -132,8 +133,8 @@ class Publisher(DirectoryLink["IceTransport"]):
 
     # Sending.
 
-    def _throw(self, data: bytes, context: Mapping[str, str]) -> None:
-        """To whoever is there, if that goes without waiting."""
+    def _send_unacknowledged(self, data: bytes, context: Mapping[str, str]) -> None:
+        """Publish without acknowledgement, if that is possible without waiting."""
         assert self._topic
         unsent, proxy = self._unsent, self._topic.oneway
         while unsent and unsent[0][0].done():
@@ -146,8 +147,8 @@ class Publisher(DirectoryLink["IceTransport"]):
             unsent.append((future, len(data)))
             self._unsent_bytes += len(data)
 
-    def _pass_on(self, data: bytes, context: Mapping[str, str], end: float, deadline: float) -> None:
-        """Have IceStorm acknowledge it. It is not sent again if it may have arrived."""
+    def _send_acknowledged(self, data: bytes, context: Mapping[str, str], end: float, deadline: float) -> None:
+        """Publish with IceStorm's acknowledgement. A message that may have arrived is not sent again."""
         assert self._topic
         while True:
             proxy = self._await_storm(end, deadline)
@@ -155,14 +156,16 @@ class Publisher(DirectoryLink["IceTransport"]):
             try:
                 future.result(max(0.001, end - time.monotonic()))
                 return
-            except library.NotServed:  # another IceStorm, which does not know of the topic yet
-                self.transport.desk.exchange.lost()
+            except library.NotServed:  # a restarted IceStorm, which does not have the topic yet
+                self.transport.topic_service.storm_client.lost()
                 self._topic.publisher = None
-            except library.Late as exc:
+            except library.AnyTimeout as exc:
                 future.cancel()
-                raise Timeout(f"{self.channel.name}: IceStorm did not take it for {deadline:g} s") from exc
+                raise Timeout(
+                    f"{self.channel.name}: IceStorm did not accept the publication for {deadline:g} s"
+                ) from exc
             except library.LocalException as exc:
-                self.transport.desk.exchange.lost()
+                self.transport.topic_service.storm_client.lost()
                 raise self._failed(exc) from exc
 
     def _await_storm(self, end: float, deadline: float) -> Any:
@@ -170,7 +173,9 @@ class Publisher(DirectoryLink["IceTransport"]):
         while (proxy := self._topic.publisher) is None:
             self.check_open()
             if time.monotonic() >= end:
-                raise Timeout(f"{self.channel.name}: for {deadline:g} s, {self.transport.desk.exchange.absent()}")
+                raise Timeout(
+                    f"{self.channel.name}: for {deadline:g} s, {self.transport.topic_service.storm_client.absent()}"
+                )
             self.closed.wait(0.01)
         return proxy
 
@@ -194,7 +199,7 @@ class Publisher(DirectoryLink["IceTransport"]):
         return self._readers[1]
 
     def _find_readers(self) -> Iterator[tuple[int, int]]:
-        """Those who tell what they took, and since when: another number, once what was on its way may be lost."""
+        """Readers that acknowledge, each with an epoch, which changes when messages in transit may be lost."""
         epoch = self._topic.epoch if self._topic else 0
         for member, entry in self.counterparts():
             told = _reader(entry.address)
@@ -203,7 +208,7 @@ class Publisher(DirectoryLink["IceTransport"]):
 
 
 class Subscriber(SubscribingLink["IceTransport"]):
-    _hearing: Hearing | None = None
+    _hearing: SharedSubscription | None = None
 
     def __init__(self, transport: IceTransport, channel: Channel, sink: Sink) -> None:
         self._sink = sink
@@ -212,23 +217,23 @@ class Subscriber(SubscribingLink["IceTransport"]):
         self.operation = names.operation(channel.name)
         self._latched = channel.qos.latched
         self._taking = threading.RLock()
-        self._publishers: dict[int, _Told] = {}
-        """By their ids."""
-        self._untold: dict[int, _Untold] = {}
-        """By publisher."""
+        self._publishers: dict[int, _PublisherEntry] = {}
+        """Publishers by id."""
+        self._unacknowledged: dict[int, _Unacknowledged] = {}
+        """What is not acknowledged yet, by publisher."""
         self._held: dict[int, list[tuple[Header, Payload]]] = {}
-        """Of publishers that are asked for what they latched: what else they sent meanwhile."""
+        """Messages that arrived while their publisher's history is being fetched."""
         self._asked: set[int] = set()
         self._heard: dict[int, int] = {}
-        """The last numbers of publishers of which nothing is missed that they latched."""
+        """The last sequence number of each publisher whose history was delivered."""
         self._looked = False
-        """Whether those who published before we subscribed are known."""
+        """Whether the earlier publishers are known."""
         self._met: set[int] = set()
-        """Publishers that mean something else."""
+        """Publishers with another contract."""
         self._heard_strangers = False
 
     def lane_to(self, sink: Sink) -> Lane:
-        give = self._give_and_tell if self.lossless else self._give
+        give = self._give_and_acknowledge if self.lossless else self._give
         depth = WAITING if self.lossless else self._depth
         return Lane(self.channel.name, give, depth, lossy=not self.lossless, stats=self.stats)
 
@@ -236,16 +241,16 @@ class Subscriber(SubscribingLink["IceTransport"]):
         return Reception(self.channel, self.stats, self._through)
 
     def open(self) -> None:
-        self._hearing = self.transport.desk.hear(self)
+        self._hearing = self.transport.topic_service.hear(self)
         self.announce()
         self.look()
 
     def announce(self, address: str = "") -> None:
-        hearing = self._hearing
-        super().announce(address or f"{self.id:016x} {hearing.epoch if hearing else 0}")
+        subscription = self._hearing
+        super().announce(address or f"{self.id:016x} {subscription.epoch if subscription else 0}")
 
     def announce_again(self) -> None:
-        """What was on its way to us may be lost: publishers that wait for us must not wait for that."""
+        """Announce a new epoch: messages in transit may be lost, and publishers must not wait for them."""
         with self._closing:
             if self.closed.is_set() or self._entry is None:
                 return
@@ -258,11 +263,11 @@ class Subscriber(SubscribingLink["IceTransport"]):
         self.meet(found)
         with self._taking:
             self._publishers, self._looked = there, True
-            for source, untold in list(self._untold.items()):
+            for source, unacknowledged in list(self._unacknowledged.items()):
                 if source in there:
-                    self._tell(there[source], untold)
-                elif len(self._untold) > _MOST_UNKNOWN:
-                    del self._untold[source]
+                    self._acknowledge(there[source], unacknowledged)
+                elif len(self._unacknowledged) > _MOST_UNKNOWN:
+                    del self._unacknowledged[source]
             jobs = self._catch_up(there) if self._latched else []
         for job in jobs:
             self.transport.do(job)
@@ -287,7 +292,7 @@ class Subscriber(SubscribingLink["IceTransport"]):
     # On the thread that receives.
 
     def hear(self, header: Header | None, payload: Payload) -> Job | None:
-        """One message; what is left to be done about it. Without a header it is a stranger's."""
+        """Handle one message; returns the job that remains. Without a header, a foreign publisher sent it."""
         if header is None:
             self._heard_strangers = True
             if self._reception.on:
@@ -302,7 +307,7 @@ class Subscriber(SubscribingLink["IceTransport"]):
             return self._admit(header, payload)
 
     def _meet(self, header: Header) -> None:
-        """Report, once, who means something else: with its words, where the directory has them."""
+        """Report, once, a publisher with another contract; the directory may have its text."""
         if header.source in self._met or len(self._met) >= STRANGERS:
             return
         self._met.add(header.source)
@@ -335,35 +340,37 @@ class Subscriber(SubscribingLink["IceTransport"]):
     def _give(self, payload: Payload) -> None:
         self._sink(payload)
 
-    def _give_and_tell(self, item: tuple[Header | None, int, Payload]) -> None:
+    def _give_and_acknowledge(self, item: tuple[Header | None, int, Payload]) -> None:
         header, octets, payload = item
         if header:
             self._note(header, octets)
         self._sink(payload)
 
     def _note(self, header: Header, octets: int) -> None:
-        """Have it told to its publisher that a message was taken, when it is worth telling."""
+        """Note a message as taken, and acknowledge if enough have been."""
         source = header.source
         with self._taking:
-            publisher, before = self._publishers.get(source), self._untold.get(source, _NOTHING)
-            untold = _Untold(before.messages + 1, before.octets + octets, header.sequence)
-            self._untold[source] = untold
+            publisher, before = self._publishers.get(source), self._unacknowledged.get(source, _NOTHING)
+            unacknowledged = _Unacknowledged(before.messages + 1, before.octets + octets, header.sequence)
+            self._unacknowledged[source] = unacknowledged
             if publisher:
-                self._tell(publisher, untold)
+                self._acknowledge(publisher, unacknowledged)
 
-    def _tell(self, publisher: _Told, untold: _Untold) -> None:
-        if untold.messages * PARTS >= publisher.ahead or untold.octets * PARTS >= BYTES_AHEAD:
-            del self._untold[publisher.id]
-            self.transport.desk.tell_taken(publisher.desk, publisher.id, self.id, untold.last)
+    def _acknowledge(self, publisher: _PublisherEntry, unacknowledged: _Unacknowledged) -> None:
+        if unacknowledged.messages * PARTS >= publisher.ahead or unacknowledged.octets * PARTS >= BYTES_AHEAD:
+            del self._unacknowledged[publisher.id]
+            self.transport.topic_service.acknowledge(
+                publisher.topic_service, publisher.id, self.id, unacknowledged.last
+            )
 
-    # What is latched.
+    # Latched messages.
 
     def _is_next(self, header: Header, payload: Payload) -> bool:
-        """Whether all that precedes a latched message was heard, and itself was not."""
+        """Whether a latched message is to be delivered now: after its publisher's history, and only once."""
         source = header.source
         if source not in self._heard:
             if self._looked and source not in self._publishers and source not in self._asked:
-                self._heard[source] = header.sequence  # it came after us, or the directory does not tell of it
+                self._heard[source] = header.sequence  # a later publisher, or one outside the directory
                 return True
             held = self._held.setdefault(source, [])
             if len(held) < WAITING:
@@ -374,8 +381,8 @@ class Subscriber(SubscribingLink["IceTransport"]):
         self._heard[source] = max(header.sequence, self._heard[source])
         return new
 
-    def _catch_up(self, there: Mapping[int, _Told]) -> list[Job]:
-        """Have fetched what these latched. What others sent in the meantime is not to wait any longer."""
+    def _catch_up(self, there: Mapping[int, _PublisherEntry]) -> list[Job]:
+        """Fetch these publishers' histories; deliver the waiting messages of publishers that have left."""
         for source in there:
             self._ask(source)
         self._heard = {each: last for each, last in self._heard.items() if each in there}
@@ -383,19 +390,19 @@ class Subscriber(SubscribingLink["IceTransport"]):
         return [job for source in others for job in self._admit_all(source, ())]
 
     def _ask(self, source: int) -> None:
-        """Have a publisher's history fetched; what else comes from it has to wait until it is there."""
+        """Have a publisher's history fetched; its later messages wait until then."""
         publisher = self._publishers.get(source)
         if publisher and source not in self._heard and source not in self._asked:
             self._asked.add(source)
             self.transport.do(partial(self._fetch, publisher))
 
-    def _fetch(self, publisher: _Told, tries: int = HISTORY_TRIES) -> None:
-        latched = self.transport.desk.history(publisher.desk, publisher.id)
+    def _fetch(self, publisher: _PublisherEntry, tries: int = HISTORY_TRIES) -> None:
+        latched = self.transport.topic_service.history(publisher.topic_service, publisher.id)
         if latched is None and publisher.id in self._publishers and not self.closed.is_set():
             if tries > 1:
                 self.transport.do(partial(self._fetch, publisher, tries - 1))
                 return
-            log.warning("%s: what its publisher has latched did not come in time", publisher.channel)
+            log.warning("%s: the latched messages of its publisher did not come in time", publisher.channel)
         with self._taking:
             jobs = self._admit_all(
                 publisher.id, [(Header(*fields, publisher.channel), payload) for fields, payload in latched or ()]
@@ -414,39 +421,39 @@ class Subscriber(SubscribingLink["IceTransport"]):
         return [job for job in jobs if job]
 
 
-class _Untold(NamedTuple):
-    """What was taken of a publisher since it was told so."""
+class _Unacknowledged(NamedTuple):
+    """A publisher's messages taken since the last acknowledgement."""
 
     messages: int
     octets: int
     last: int
-    """The number of the last message."""
+    """The sequence number of the last message."""
 
 
-_NOTHING = _Untold(0, 0, 0)
+_NOTHING = _Unacknowledged(0, 0, 0)
 
 
-class _Told(NamedTuple):
-    """What the directory tells of a publisher."""
+class _PublisherEntry(NamedTuple):
+    """A publisher's entry in the directory."""
 
     id: int
     ahead: int
-    desk: str
-    """A proxy, in words."""
+    topic_service: str
+    """A proxy, as text."""
     channel: str
 
 
-def _publisher(channel: str, address: str) -> _Told | None:
+def _publisher(channel: str, address: str) -> _PublisherEntry | None:
     identity, _, rest = address.partition(" ")
-    ahead, _, desk = rest.partition(" ")
+    ahead, _, topic_service = rest.partition(" ")
     try:
-        return _Told(int(identity, 16), int(ahead), desk, channel)
+        return _PublisherEntry(int(identity, 16), int(ahead), topic_service, channel)
     except ValueError:
         return None
 
 
 def _reader(address: str) -> tuple[int, int] | None:
-    """A subscriber's id, and how often it has subscribed."""
+    """A subscriber's id and epoch."""
     identity, _, epoch = address.partition(" ")
     try:
         return int(identity, 16), int(epoch)

@@ -1,4 +1,4 @@
-"""The transport: its links, its communicator, its thread."""
+"""The Ice transport: its links, its communicator, and its threads."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from ..link import Ends
 from ..memory import keep_memory
 from ..server import ServingLink
 from .client import Caller, CommandOutlet, Peer
-from .desk import Desk
 from .library import communicator
 from .objects import Intake, Port, Take
-from .server import CommandInlet, Offer, Requests, Server
+from .server import CommandInlet, RequestQueue, ServedObject, Server
 from .storm import hosted
+from .topic_service import TopicService
 from .topics import Publisher, Subscriber
 
 log = logging.getLogger("robocomp.transport.ice")
 
 TICK = 0.25
-"""Seconds between two looks at what should be as it was."""
+"""Seconds between two ticks."""
 
 
 class IceTransport(DirectoryTransport, SupportsHost):
-    """Options: see `iceoptions`. A message that is larger than `message_size_max` is not taken, and not sent."""
+    """Options: see `iceoptions`. Messages larger than `message_size_max` are neither sent nor accepted."""
 
     ends = Ends(Publisher, CommandOutlet, Subscriber, CommandInlet, Caller, Server)
     capabilities = ANY_QOS | Capability.CROSS_PROCESS
@@ -44,7 +44,7 @@ class IceTransport(DirectoryTransport, SupportsHost):
         super().__init__()
         self.options = iceoptions.read(config.options)
         self.limit = self.options.message_size_max or MAX_BYTES
-        """Octets of a whole message."""
+        """Maximum size of a whole message in bytes."""
         if self.options.endpoints or self.options.proxies or self.options.host != iceoptions.HOST:
             self.capabilities |= Capability.CROSS_HOST
         self.codec: Codec = Ice()
@@ -53,9 +53,9 @@ class IceTransport(DirectoryTransport, SupportsHost):
         self.served = self.folder / "served"
         self.directory = Directory(self.folder)
         self._numbers = itertools.count(1)
-        self._offers: dict[str, Offer] = {}
+        self._offers: dict[str, ServedObject] = {}
         self._intake = Intake()
-        self.requests = Requests(self.do)
+        self.requests = RequestQueue(self.do)
         self._next_tick = 0.0
         self._threads: LeaderFollowers | None = None
         keep_memory()
@@ -65,7 +65,7 @@ class IceTransport(DirectoryTransport, SupportsHost):
         except BaseException:
             self.communicator.destroy()
             raise
-        self.desk = Desk(self)
+        self.topic_service = TopicService(self)
         self._threads = LeaderFollowers("ice", self._receive, wake=self.look_soon)
         try:
             self._threads.start()
@@ -75,7 +75,7 @@ class IceTransport(DirectoryTransport, SupportsHost):
 
     @staticmethod
     def host(config: TransportConfig) -> contextlib.AbstractContextManager[None]:
-        """See `base.SupportsHost`: run IceStorm, unless somebody does, or it is elsewhere."""
+        """See `base.SupportsHost`: run IceStorm, unless it is running already, or is elsewhere."""
         return hosted(iceoptions.read(config.options), config.owner)
 
     def release(self, everything: contextlib.ExitStack) -> None:
@@ -83,13 +83,13 @@ class IceTransport(DirectoryTransport, SupportsHost):
         everything.callback(self._threads.close)
         everything.callback(self.communicator.destroy)
         everything.callback(self.close_peers)
-        everything.callback(self.desk.close)
+        everything.callback(self.topic_service.close)
         everything.callback(self.member.close)
 
     # What links use.
 
     def do(self, job: Job) -> None:
-        """Have the crew run this. On any thread, also one of Ice's."""
+        """Run a job on one of our threads. Safe to use from any thread, also from Ice's."""
         self._intake.put(lambda: (job,))
 
     def look_soon(self) -> None:
@@ -97,7 +97,7 @@ class IceTransport(DirectoryTransport, SupportsHost):
         self._intake.put(tuple)
 
     def port(self, identity: str, endpoints: str, take: Take, ids: Callable[[], Iterable[str]] = tuple) -> Port:
-        """An object of that identity, to which `take` is given what is asked of it; see `objects.Port`."""
+        """An object of that identity; `take` gets its invocations. See `objects.Port`."""
         name = f"{identity} {next(self._numbers)}"
         return Port(self.communicator, name, identity, endpoints, ids, self._intake, self.limit, take)
 
@@ -105,7 +105,7 @@ class IceTransport(DirectoryTransport, SupportsHost):
         prefix = link.channel.name.rpartition("/")[0]
         endpoints = self.options.endpoint_of(link.channel.name) or ""
         with self._lock:
-            offer = self._offers.setdefault(prefix, Offer())
+            offer = self._offers.setdefault(prefix, ServedObject())
             offer.add(link)
             if offer.port is None:
                 identity = iceoptions.identity_of(link.channel.name)
@@ -118,7 +118,7 @@ class IceTransport(DirectoryTransport, SupportsHost):
             offer.remove(link)
 
     def let_go(self, link: ServingLink) -> None:
-        """Nothing of it runs any more; with the last one its object goes."""
+        """Release a link without running handlers; the object ends with its last link."""
         prefix = link.channel.name.rpartition("/")[0]
         with self._lock:
             offer = self._offers.get(prefix)
@@ -134,16 +134,16 @@ class IceTransport(DirectoryTransport, SupportsHost):
     def peer(self, member_id: str, address: str) -> Peer:
         return self.asked((member_id, address), partial(Peer, self, member_id, address))
 
-    # On threads of the crew.
+    # On our own threads.
 
     def _receive(self) -> Iterable[Job]:
         wait = self._next_tick - time.monotonic()
         if wait <= 0:
-            self._next_tick = time.monotonic() + TICK  # what becomes due while we look is not missed
+            self._next_tick = time.monotonic() + TICK  # `due` may set an earlier time during the tick
             wait = self.tick()
             self._next_tick = min(self._next_tick, time.monotonic() + wait)
         return self._intake.receive(wait)
 
     def _tell(self, level: int, message: str) -> None:
-        """What Ice has to say; see `library.communicator`."""
+        """Log a message of Ice; see `library.communicator`."""
         self.do(partial(log.log, level, "%s: %s", self.owner or "ice", message))

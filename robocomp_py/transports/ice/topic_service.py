@@ -1,9 +1,9 @@
-"""What the publishers and subscribers of a transport share: what IceStorm sends them, and the object that others ask.
+"""Shared by a transport's publishers and subscribers: subscriptions to IceStorm, and an object for other components.
 
     context of a publication   rc           our header (`wire.header`), in hexadecimal digits
-                               rc-channel   the channel, as a topic of IceStorm's carries those of all instances
+                               rc-channel   the channel, since an IceStorm topic carries those of all instances
 
-What comes without these is somebody else's, and for all who subscribe to such an operation.
+A message without these comes from another program; it goes to all subscribers of the operation.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from ...wire.names import ANY, matches
 from ..base import Reply, Status, about_to_block
 from ..leader_followers import Job
 from . import library
-from .exchange import OURS, Exchange, Subscription, Topic
 from .messages import NOTHING, RC
+from .storm_client import OURS, StormClient, Subscription, Topic
 
 if TYPE_CHECKING:
-    from .objects import Arrived
+    from .objects import Invocation
     from .topics import Publisher, Subscriber
     from .transport import IceTransport
 
@@ -34,17 +34,17 @@ log = logging.getLogger("robocomp.transport.ice")
 RC_CHANNEL = "rc-channel"
 
 INQUIRY_MS = 2000
-"""For so long a publisher is asked for what it has latched."""
+"""Time limit for fetching a publisher's latched messages."""
 
 _MOST_NAMES = 10_000
-"""Of so many channels it is remembered who hears them."""
+"""Maximum size of each cache."""
 
 _ENCAPSULATION = struct.Struct("<iBB")
 _TOOK, _ASKED, _SIZE = struct.Struct("<QQQ"), struct.Struct("<Q"), struct.Struct("<I")
 
 
 class Header(NamedTuple):
-    """What a publication of ours comes with."""
+    """The header of a publication, and its channel."""
 
     fingerprint: int
     source: int
@@ -53,19 +53,19 @@ class Header(NamedTuple):
     channel: str
 
 
-class Hearing:
-    """One subscription, for all links of a transport that hear the same topic in the same way."""
+class SharedSubscription:
+    """One IceStorm subscription for all links of a transport with the same topic, order and endpoints."""
 
-    def __init__(self, desk: Desk, key: _Key, topic: Topic) -> None:
-        self._desk, self._key, self.topic = desk, key, topic
+    def __init__(self, service: TopicService, key: _Key, topic: Topic) -> None:
+        self._service, self._key, self.topic = service, key, topic
         self._links: tuple[Subscriber, ...] = ()
         self._for: dict[tuple[str, str], tuple[Subscriber, ...]] = {}
-        """By operation and channel; that of strangers is ""."""
-        transport = desk.transport
-        self._port = transport.port(desk.name(OURS), key.endpoints, self._take)
+        """Cache: the links for an operation and channel; the channel is "" for foreign publishers."""
+        transport = service.transport
+        self._port = transport.port(service.name(OURS), key.endpoints, self._take)
         proxy = transport.communicator.stringToProxy(self._port.proxy)
         self._subscription = Subscription(proxy, key.ordered, renewed=lambda: transport.do(self._renewed))
-        desk.exchange.subscribe(topic, self._subscription)
+        service.storm_client.subscribe(topic, self._subscription)
 
     @property
     def epoch(self) -> int:
@@ -76,48 +76,48 @@ class Hearing:
         return not self._links
 
     def begin(self) -> None:
-        """Wait until it is made. Raises TransportError if IceStorm is not there."""
-        self._desk.exchange.subscribed(self._subscription)
+        """Wait until IceStorm has made the subscription. Raises TransportError if IceStorm does not answer."""
+        self._service.storm_client.subscribed(self._subscription)
 
     def add(self, link: Subscriber) -> None:
         self._links = (*self._links, link)
         self._for = {}
 
     def leave(self, link: Subscriber) -> None:
-        self._desk.leave(self, self._key, link)
+        self._service.leave(self, self._key, link)
 
     def remove(self, link: Subscriber) -> None:
         self._links = tuple(each for each in self._links if each is not link)
         self._for = {}
 
     def close(self) -> None:
-        self._desk.exchange.unsubscribe(self.topic, self._subscription)
-        self._desk.exchange.leave(self.topic)
+        self._service.storm_client.unsubscribe(self.topic, self._subscription)
+        self._service.storm_client.leave(self.topic)
         self._port.close()
 
     def _renewed(self) -> None:
         for link in self._links:
             link.announce_again()
 
-    def _take(self, arrived: Arrived) -> Iterable[Job]:
-        arrived.reply(_TAKEN)
+    def _take(self, invocation: Invocation) -> Iterable[Job]:
+        invocation.reply(_TAKEN)
         try:
-            header = _header(arrived.context)
+            header = _header(invocation.context)
         except ValueError as exc:
-            for link in self._hearing(arrived.operation, ""):
+            for link in self._links_for(invocation.operation, ""):
                 link.malformed(exc)
             return ()
         source = header.source if header else 0
-        own = source in self._desk.publishers
+        own = source in self._service.publishers
         jobs = []
-        for link in self._hearing(arrived.operation, header.channel if header else ""):
+        for link in self._links_for(invocation.operation, header.channel if header else ""):
             if not (own and ANY in link.channel.name):
-                job = link.hear(header, arrived.payload)
+                job = link.hear(header, invocation.payload)
                 if job:
                     jobs.append(job)
         return jobs
 
-    def _hearing(self, operation: str, channel: str) -> tuple[Subscriber, ...]:
+    def _links_for(self, operation: str, channel: str) -> tuple[Subscriber, ...]:
         known = self._for.get((operation, channel))
         if known is None:
             if len(self._for) >= _MOST_NAMES:
@@ -134,7 +134,7 @@ _TAKEN = Reply(Status.OK, NOTHING)
 
 
 def _header(context: Mapping[str, str]) -> Header | None:
-    """None if somebody else publishes, who may use the key for something else. Raises ValueError."""
+    """The header in a context; None for a foreign publisher. Raises ValueError."""
     told, channel = context.get(RC), context.get(RC_CHANNEL)
     if told is None or channel is None:
         return None
@@ -153,122 +153,122 @@ class _Key(NamedTuple):
     endpoints: str
 
 
-class Desk:
-    """Of a transport: who publishes and who subscribes there, and the object at which others ask and tell publishers.
+class TopicService:
+    """A transport's publishers and subscriptions, and the object by which subscribers reach the publishers.
 
         took      id of the publisher u64 · id of the subscriber u64 · sequence u64       one-way
         history   id of the publisher u64 → (header · size u32 · payload)…
 
-    Little-endian, in an encapsulation each.
+    Both messages are little-endian, each in an encapsulation.
     """
 
     def __init__(self, transport: IceTransport) -> None:
         self.transport = transport
-        self.exchange = Exchange(transport)
+        self.storm_client = StormClient(transport)
         self.publishers: dict[int, Publisher] = {}
         self._lock = threading.RLock()
-        self._hearings: dict[_Key, Hearing] = {}
+        self._subscriptions: dict[_Key, SharedSubscription] = {}
         self._names = 0
         self._port: Any = None
         self._proxies: dict[str, Any] = {}
 
     def open(self) -> str:
-        """Where it is reached."""
+        """Make the object; returns its proxy."""
         with self._lock:
             if self._port is None:
                 self._port = self.transport.port(self.name("desk"), "", self._take)
             proxy: str = self._port.proxy
             return proxy
 
-    def hear(self, link: Subscriber) -> Hearing:
-        """Have a link hear its topic. Raises TransportError if IceStorm is not there."""
+    def hear(self, link: Subscriber) -> SharedSubscription:
+        """Subscribe a link to its topic. Raises TransportError if IceStorm does not answer."""
         options = self.transport.options
         endpoints = options.subscriber_endpoint_of(link.channel.name) or ""
-        # two ways to hear cannot share a port
+        # an ordered and an unordered subscription cannot share an endpoint
         key = _Key(options.topic_of(link.channel.name), link.lossless or bool(endpoints), endpoints)
         with self._lock:
-            hearing = self._hearings.get(key)
-            if hearing is None:
-                with self.exchange.using(key.topic) as topic:
-                    hearing = self._hearings[key] = Hearing(self, key, topic)
-            hearing.add(link)
+            subscription = self._subscriptions.get(key)
+            if subscription is None:
+                with self.storm_client.using(key.topic) as topic:
+                    subscription = self._subscriptions[key] = SharedSubscription(self, key, topic)
+            subscription.add(link)
         try:
-            hearing.begin()
+            subscription.begin()
         except BaseException:
-            hearing.leave(link)
+            subscription.leave(link)
             raise
-        return hearing
+        return subscription
 
-    def leave(self, hearing: Hearing, key: _Key, link: Subscriber) -> None:
+    def leave(self, subscription: SharedSubscription, key: _Key, link: Subscriber) -> None:
         with self._lock:
-            hearing.remove(link)
-            if not hearing.idle or self._hearings.get(key) is not hearing:
+            subscription.remove(link)
+            if not subscription.idle or self._subscriptions.get(key) is not subscription:
                 return
-            del self._hearings[key]
-        hearing.close()
+            del self._subscriptions[key]
+        subscription.close()
 
     def close(self) -> None:
-        """All links are closed."""
-        self.exchange.close()
+        """Called after all links are closed."""
+        self.storm_client.close()
         with self._lock:
             port, self._port = self._port, None
         if port is not None:
             port.close()
 
     def name(self, category: str) -> str:
-        """An identity of an object of ours, not used yet."""
+        """A new identity for an object."""
         with self._lock:
             self._names += 1
-            return f"{category}/{self.exchange.neighbours}{self.transport.member.id}-{self._names}"
+            return f"{category}/{self.storm_client.own_prefix}{self.transport.member.id}-{self._names}"
 
-    def tell_taken(self, desk: str, publisher: int, subscriber: int, sequence: int) -> None:
-        """Tell a publisher what a subscriber took, without waiting. One that has left is not told."""
+    def acknowledge(self, address: str, publisher: int, subscriber: int, sequence: int) -> None:
+        """Send an acknowledgement to a publisher, without waiting. It is lost if the publisher has left."""
         data = _wrapped(_TOOK.pack(publisher, subscriber, sequence))
         try:
-            library.gone(self._proxy(desk).ice_oneway().ice_invokeAsync("took", library.NORMAL, data))
+            library.gone(self._proxy(address).ice_oneway().ice_invokeAsync("took", library.NORMAL, data))
         except library.LocalException as exc:
-            log.debug("telling %s: %s", desk, library.why(exc))
+            log.debug("telling %s: %s", address, library.why(exc))
 
-    def history(self, desk: str, source: int) -> list[tuple[tuple[int, int, int, int], bytes]] | None:
-        """What a publisher has latched: headers, and payloads; nothing, if it has gone; None, if that took too long."""
+    def history(self, address: str, source: int) -> list[tuple[tuple[int, int, int, int], bytes]] | None:
+        """A publisher's latched messages with their headers; none if it has left; None after a timeout."""
         about_to_block()
         try:
-            proxy = self._proxy(desk).ice_invocationTimeout(INQUIRY_MS)
+            proxy = self._proxy(address).ice_invocationTimeout(INQUIRY_MS)
             ok, answer = proxy.ice_invoke("history", library.NORMAL, _wrapped(_ASKED.pack(source)))
             return list(_unfolded(answer)) if ok else []
         except library.InvocationTimeout:
             return None
         except (library.LocalException, struct.error) as exc:
-            log.warning("what a publisher has latched could not be fetched: %s", exc)
+            log.warning("could not fetch a publisher's latched messages: %s", exc)
             return []
 
-    def _proxy(self, desk: str) -> Any:
-        proxy = self._proxies.get(desk)
+    def _proxy(self, address: str) -> Any:
+        proxy = self._proxies.get(address)
         if proxy is None:
             if len(self._proxies) >= _MOST_NAMES:
                 self._proxies.clear()
-            proxy = self._proxies[desk] = self.transport.communicator.stringToProxy(desk)
+            proxy = self._proxies[address] = self.transport.communicator.stringToProxy(address)
         return proxy
 
-    def _take(self, arrived: Arrived) -> Iterable[Job]:
-        data = arrived.payload[_ENCAPSULATION.size :]
+    def _take(self, invocation: Invocation) -> Iterable[Job]:
+        data = invocation.payload[_ENCAPSULATION.size :]
         try:
-            if arrived.operation == "took":
+            if invocation.operation == "took":
                 source, reader, sequence = _TOOK.unpack(data)
                 publisher = self.publishers.get(source)
                 if publisher:
                     publisher.took(reader, sequence)
-            elif arrived.operation == "history":
+            elif invocation.operation == "history":
                 (source,) = _ASKED.unpack(data)
-                return [partial(self._tell_history, source, arrived)]
+                return [partial(self._send_history, source, invocation)]
             else:
-                arrived.not_served()
+                invocation.not_served()
         except struct.error as exc:
-            log.debug("not understood: %s: %s", arrived.operation, exc)
-            arrived.not_served()
+            log.debug("not understood: %s: %s", invocation.operation, exc)
+            invocation.not_served()
         return ()
 
-    def _tell_history(self, source: int, arrived: Arrived) -> None:
+    def _send_history(self, source: int, invocation: Invocation) -> None:
         publisher = self.publishers.get(source)
         room = min(self.transport.limit, MAX_BYTES)
         newest: list[bytes] = []
@@ -277,16 +277,16 @@ class Desk:
             if room < 0:
                 break
             newest[:0] = (header, _SIZE.pack(len(payload)), payload)
-        arrived.reply(Reply(Status.OK, _wrapped(b"".join(newest))))
+        invocation.reply(Reply(Status.OK, _wrapped(b"".join(newest))))
 
 
 def _wrapped(data: bytes) -> bytes:
-    """An encapsulation."""
+    """The data in an encapsulation."""
     return _ENCAPSULATION.pack(_ENCAPSULATION.size + len(data), 1, 1) + data
 
 
 def _unfolded(answer: bytes) -> Iterator[tuple[tuple[int, int, int, int], bytes]]:
-    """Raises struct.error."""
+    """The messages in a reply to `history`. Raises struct.error."""
     at = _ENCAPSULATION.size
     while at < len(answer):
         _, *fields = publication_fields(answer[at : at + PUBLICATION_BYTES])

@@ -1,8 +1,8 @@
-"""A transport's dealings with IceStorm: topics are found or made there, subscriptions are kept, and losses noticed.
+"""The client of IceStorm: finds or makes topics, keeps subscriptions, and notices when IceStorm is lost.
 
-A topic of IceStorm carries all operations of an interface, of all who publish it. Whether it and our subscriptions
-are still there is asked every few seconds, and at once when the connection to IceStorm is lost: one that was started
-again knows neither. Nothing here is asked on anybody else's thread, since a call may take until it is given up.
+An IceStorm topic carries all operations of an interface, from all its publishers. A restarted IceStorm has lost its
+topics and subscriptions. So we check them every few seconds, and at once when the connection to IceStorm is lost.
+This happens on a thread of its own, because each call may take until its timeout.
 """
 
 from __future__ import annotations
@@ -29,41 +29,41 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("robocomp.transport.ice")
 
-OPEN_PATIENCE = 10.0
-"""Seconds after which opening a topic gives up to reach IceStorm."""
+OPEN_TIMEOUT = 10.0
+"""Seconds that opening a topic waits for IceStorm."""
 
-TOLD = 1.0
-"""Seconds after which it is told that opening a topic waits for IceStorm."""
+LOG_AFTER = 1.0
+"""Seconds of waiting for IceStorm before that is logged."""
 
 CALL_MS = 2000
-"""IceStorm answers within so many milliseconds, or counts as gone."""
+"""Timeout of a call to IceStorm in ms; after that it counts as gone."""
 
-LOOK = 2.0
-"""Seconds between two looks whether all is as it was."""
+CHECK_PERIOD = 2.0
+"""Seconds between two checks of topics and subscriptions."""
 
-ATTEMPT, LONGEST_ATTEMPT = 0.05, 0.5
-"""Seconds between two attempts to reach an IceStorm that is not there, at first and in the end."""
+FIRST_PAUSE, LONGEST_PAUSE = 0.05, 0.5
+"""Seconds between two attempts to reach an IceStorm that does not answer: the first pause, and the longest."""
 
-ASKED = 0.1
-"""Seconds between two looks that somebody asks for who waits for others."""
+SHORTEST_PERIOD = 0.1
+"""Minimum seconds between two checks that waiting links request."""
 
 OURS = "robocomp"
-"""The category of identities under which components of ours subscribe."""
+"""The category of our subscribers' identities."""
 
 ORDERED = {"reliability": "ordered"}
 
 
 @dataclass(eq=False)
 class Subscription:
-    """What IceStorm is to send to an object of ours."""
+    """A subscription of one of our objects to a topic."""
 
     proxy: Any
     ordered: bool
     """Whether each message is acknowledged before the next one is sent."""
     epoch: int = 0
-    """How often it was made; 0: not yet."""
+    """How often it was made; 0 before the first time."""
     renewed: Callable[[], object] = lambda: None
-    """Called when it was made again."""
+    """Called after it was made again."""
 
     @property
     def identity(self) -> str:
@@ -75,21 +75,21 @@ class Subscription:
 class Topic:
     name: str
     publisher: Any = None
-    """A proxy that takes what is published and tells that it did; None while IceStorm is not reached."""
+    """The proxy to publish with acknowledgement; None while IceStorm does not answer."""
     oneway: Any = None
-    """The same, without telling."""
+    """The proxy to publish without acknowledgement."""
     epoch: int = 0
-    """How often it was reached; 0: not yet."""
-    strangers: bool = False
-    """Whether somebody subscribes whom the directory does not tell of."""
+    """How often the topic was found; 0 before the first time."""
+    foreign_subscribers: bool = False
+    """Whether it has subscribers that are not in the directory."""
     subscriptions: list[Subscription] = field(default_factory=list)
     ended: list[Subscription] = field(default_factory=list)
     found: Any = None
     users: int = 0
 
 
-class Exchange:
-    """Costs nothing until a topic is used. Safe to use from any thread."""
+class StormClient:
+    """Connects when the first topic is used. Safe to use from any thread."""
 
     def __init__(self, transport: IceTransport) -> None:
         self._transport = transport
@@ -102,19 +102,19 @@ class Exchange:
         self._manager: Any = None
         self._connection: Any = None
         self._lost = ""
-        """Why IceStorm is not reached, if that was told."""
+        """Why IceStorm does not answer, if that was logged."""
         self._why = ""
         self._reached = False
-        self._asked_for = False
-        """Whether it was told that a topic waits for IceStorm."""
-        self._looked_at = 0.0
+        self._wait_logged = False
+        """Whether it was logged that a topic waits for IceStorm."""
+        self._checked_at = 0.0
         folder = f"{clock()}{runtime_dir()}"
-        self.neighbours = f"{hashlib.sha256(folder.encode()).hexdigest()[:8]}-"
-        """What the names of subscribers begin with that the directory tells of."""
+        self.own_prefix = f"{hashlib.sha256(folder.encode()).hexdigest()[:8]}-"
+        """Prefix of the names of those subscribers that are in the directory."""
 
     @contextlib.contextmanager
     def using(self, name: str) -> Iterator[Topic]:
-        """A topic that is attended to from now on; not any more if what is done with it here raises."""
+        """Start to use a topic; the use ends if the body raises."""
         topic = self._attach(name)
         try:
             yield topic
@@ -123,20 +123,20 @@ class Exchange:
             raise
 
     def leave(self, topic: Topic) -> None:
-        """Who used a topic does so no more."""
+        """End the use of a topic."""
         with self._lock:
             topic.users -= 1
             if not topic.users and not topic.ended:
                 self._topics.pop(topic.name, None)
 
     def subscribe(self, topic: Topic, subscription: Subscription) -> None:
-        """Have it made, soon, and kept."""
+        """Have the thread make and keep this subscription."""
         with self._lock:
             topic.subscriptions.append(subscription)
         self._due.set()
 
     def subscribed(self, subscription: Subscription) -> None:
-        """Wait until it is made. Raises TransportError if IceStorm is not there."""
+        """Wait until it is made. Raises TransportError if IceStorm does not answer."""
         self._wait(lambda: subscription.epoch > 0)
 
     def unsubscribe(self, topic: Topic, subscription: Subscription) -> None:
@@ -147,13 +147,13 @@ class Exchange:
         self._due.set()
 
     def reach(self, topic: Topic) -> None:
-        """Wait until there is somebody to publish to. Raises TransportError if IceStorm is not there."""
+        """Wait until a topic can be published to. Raises TransportError if IceStorm does not answer."""
         self._wait(lambda: topic.publisher is not None)
 
     def _wait(self, condition: Callable[[], bool]) -> None:
-        """Raises TransportError, which says what to do, if that does not come true; Closed, if it need not any more."""
+        """Wait for a condition. Raises TransportError, with a hint, after a timeout; Closed if stopped meanwhile."""
         begun = time.monotonic()
-        end = begun + OPEN_PATIENCE
+        end = begun + OPEN_TIMEOUT
         while self._transport.wanted():
             with self._lock:
                 done = self._changed.wait_for(lambda: condition() or self._closed, library.SLICE)
@@ -162,30 +162,30 @@ class Exchange:
                 return
             if time.monotonic() >= end:
                 raise TransportError(self.absent())
-            if time.monotonic() - begun >= TOLD and not self._asked_for:
-                self._asked_for = True
-                log.warning("waiting up to %g s for IceStorm; %s", OPEN_PATIENCE, self.absent())
-        raise Closed("ice: asked to end while waiting for IceStorm")
+            if time.monotonic() - begun >= LOG_AFTER and not self._wait_logged:
+                self._wait_logged = True
+                log.warning("waiting up to %g s for IceStorm; %s", OPEN_TIMEOUT, self.absent())
+        raise Closed("ice: stopped while waiting for IceStorm")
 
     def absent(self) -> str:
-        """That IceStorm is not reached, and what to do, in words."""
+        """The message that IceStorm does not answer, and what to do about it."""
         return (
             f"ice: no IceStorm answers at `{self._transport.options.storm}`, and topics need one: start RoboComp's "
-            "`rcnode`, or `rc host ice`, or the network by rcdeploy, which does so; if it is elsewhere, set "
+            "`rcnode` or `rc host ice`, or the network by rcdeploy, which starts IceStorm; if it is elsewhere, set "
             f"`transports.ice.storm`; if it is not installed, {INSTALL} ({self._why or 'it has not answered yet'})"
         )
 
     def look_soon(self) -> None:
-        """Have it looked whether somebody came, unless that was done a moment ago."""
-        if time.monotonic() - self._looked_at >= ASKED:
+        """Have the thread check the topics now, unless it did so a moment ago."""
+        if time.monotonic() - self._checked_at >= SHORTEST_PERIOD:
             self._due.set()
 
     def lost(self) -> None:
-        """IceStorm may have gone. May be called by Ice."""
+        """Note that IceStorm may have gone. Ice may call this."""
         self._due.set()
 
     def close(self) -> None:
-        """Take back what we subscribed to, if IceStorm answers, and end."""
+        """Unsubscribe, if IceStorm answers, and end the thread."""
         with self._lock:
             self._closed = True
             self._changed.notify_all()
@@ -212,41 +212,41 @@ class Exchange:
             import IceStorm
         except ImportError as exc:
             raise ConfigurationError(f"ice: topics need the IceStorm package of Ice for Python: {exc}") from exc
-        Place.of(self._transport.options)  # raises, if that is none
+        Place.of(self._transport.options)  # raises if the options are wrong
         with library.as_transport_error("transports.ice.storm"):
             proxy = self._transport.communicator.stringToProxy(self._transport.options.storm)
         self._manager = IceStorm.TopicManagerPrx.uncheckedCast(proxy).ice_invocationTimeout(CALL_MS)
         self._no_such_topic, self._exists = IceStorm.NoSuchTopic, IceStorm.TopicExists
         self._subscribed_already = IceStorm.AlreadySubscribed
-        thread = threading.Thread(target=self._attend, name="ice-topics")
+        thread = threading.Thread(target=self._run, name="ice-topics")
         belongs(thread)
         if not start_thread(thread):
             raise TransportError(f"ice: topics: {NO_THREAD}")
         self._thread = thread
 
-    # On the thread of its own.
+    # On its own thread.
 
-    def _attend(self) -> None:
-        pause = ATTEMPT
+    def _run(self) -> None:
+        pause = FIRST_PAUSE
         while not self._closed:
             self._due.clear()
             try:
-                self._look()
-                pause = ATTEMPT
-                self._due.wait(LOOK)
+                self._check()
+                pause = FIRST_PAUSE
+                self._due.wait(CHECK_PERIOD)
             except Exception as exc:
                 if self._closed:
                     break
-                self._miss(exc)
+                self._note_failure(exc)
                 self._due.wait(pause)
-                pause = min(2 * pause, LONGEST_ATTEMPT)
+                pause = min(2 * pause, LONGEST_PAUSE)
         try:
             for topic in list(self._topics.values()):
                 self._end(topic, [*topic.ended, *(each for each in topic.subscriptions if each.epoch)])
-        except Exception as exc:  # it goes down just now, too, and forgets us then
+        except Exception as exc:  # IceStorm is ending, too, and will forget us
             log.debug("unsubscribing: %s", exc)
 
-    def _look(self) -> None:
+    def _check(self) -> None:
         asked = self._manager.ice_getConnectionAsync()
         library.wait_for(asked, self._check_open)
         connection = asked.result()
@@ -257,22 +257,22 @@ class Exchange:
         for topic in list(self._topics.values()):
             if self._closed:
                 return
-            self._look_after(topic)
-        self._looked_at = time.monotonic()
+            self._check_topic(topic)
+        self._checked_at = time.monotonic()
         self._reached = True
         if self._lost:
             log.info("%s: IceStorm answers again", self._transport.owner or "ice")
             self._lost = ""
 
-    def _miss(self, exc: Exception) -> None:
-        """IceStorm is not there, or not what it should be."""
+    def _note_failure(self, exc: Exception) -> None:
+        """Note that IceStorm does not answer, or not as expected."""
         self._why = library.why(exc) if isinstance(exc, library.LocalException) else f"{type(exc).__name__}: {exc}"
         if not isinstance(exc, library.LocalException):
             if self._lost != self._why:
-                log.error("looking after topics; trying again", exc_info=exc)
+                log.error("checking topics failed; trying again", exc_info=exc)
         elif self._reached and not self._lost:
             log.warning(
-                "%s: IceStorm at `%s` does not answer (%s); until it does, nothing is published over ice",
+                "%s: IceStorm at `%s` does not answer (%s); until it does, publications over ice fail",
                 self._transport.owner or "ice",
                 self._transport.options.storm,
                 self._why,
@@ -287,7 +287,7 @@ class Exchange:
             for topic in self._topics.values():
                 topic.publisher = topic.oneway = topic.found = None
 
-    def _look_after(self, topic: Topic) -> None:
+    def _check_topic(self, topic: Topic) -> None:
         there = self._subscribers(topic)
         if topic.publisher is None:
             publisher = topic.found.getPublisher()
@@ -302,16 +302,16 @@ class Exchange:
                 self._make(topic, each)
         if ended:
             self._end(topic, ended)
-        topic.strangers = any(
-            category != OURS or not name.startswith(self.neighbours) for name, category in there.items()
+        topic.foreign_subscribers = any(
+            category != OURS or not name.startswith(self.own_prefix) for name, category in there.items()
         )
 
     def _subscribers(self, topic: Topic) -> dict[str, str]:
-        """Who subscribes: names, and their categories. The topic is found, or made."""
+        """The names of a topic's subscribers and their categories. Finds the topic, or makes it."""
         if topic.found is not None:
             try:
                 return {each.name: each.category for each in topic.found.getSubscribers()}
-            except library.NoSuchObject:  # another IceStorm in its place, or somebody removed it
+            except library.NoSuchObject:  # IceStorm was restarted, or the topic was removed
                 with self._lock:
                     topic.publisher = topic.oneway = topic.found = None
         topic.found = self._find(topic.name).ice_invocationTimeout(CALL_MS)
@@ -323,7 +323,7 @@ class Exchange:
             try:
                 return self._manager.retrieve(name)
             except self._no_such_topic:
-                with contextlib.suppress(self._exists):  # made by somebody else meanwhile
+                with contextlib.suppress(self._exists):  # another program has made it meanwhile
                     return self._manager.create(name)
 
     def _make(self, topic: Topic, subscription: Subscription) -> None:
