@@ -59,11 +59,8 @@ def test_a_plan_says_who_runs_where_after_whom_and_who_uses_whom_over_what() -> 
 
 def test_a_plan_says_which_icestorm_its_topics_need() -> None:
     proxy = "IceStorm/TopicManager:tcp -h 127.0.0.1 -p 9999"
-    plan = Plan("One", "ice", (process("arm"),), (), helpers=(storm(proxy),))
-    assert lines(plan)[1:3] == [
-        f"IceStorm: {proxy}, started with the network if the address is on this host and no IceStorm answers there",
-        "",
-    ]
+    plan = Plan("One", "ice", (process("arm"),), (), helpers=(icestorm(proxy),))
+    assert lines(plan)[1:3] == [f"IceStorm: {proxy}, run with the network if that is here and none answers there", ""]
 
 
 def test_columns_in_which_nothing_stands_are_left_out() -> None:

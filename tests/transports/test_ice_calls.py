@@ -145,7 +145,7 @@ def test_a_request_larger_than_its_server_takes_is_not_sent_and_says_so(opening:
     echoing(opening(message_size_max=LIMIT))
     there = opening()
     caller = there.caller(query(NAME))
-    with pytest.raises(TransportError, match=r"too large: .* take 100000; raise `message_size_max`"):
+    with pytest.raises(TransportError, match=r"too large: .* allow 100000; raise `message_size_max`"):
         question(there, caller, how, bytes(LIMIT))
     assert question(there, caller, how, bytes(LIMIT - 300)) == bytes(LIMIT - 300)
 

@@ -154,7 +154,7 @@ def test_requests_that_were_read_and_wait_are_bounded_for_all_servers_of_a_trans
         served.append(payload)
         return Reply(Status.OK, b"")
 
-    transport = SimpleNamespace(requests=server.Requests(later.append))
+    transport = SimpleNamespace(requests=server.RequestQueue(later.append))
     servers = [
         server.Server(transport, Channel(f"a/A/{name}", Pattern.QUERY, TypeRef(f"A.{name}", 1, f"A.{name}")), service)
         for name in "ab"

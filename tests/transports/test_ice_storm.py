@@ -173,7 +173,7 @@ def test_without_one_a_topic_is_not_opened_and_the_error_says_what_to_start(
     from robocomp_py.transports.ice import storm_client
 
     monkeypatch.setattr(storm_client, "OPEN_TIMEOUT", 0.3)
-    monkeypatch.setattr(storm_client, "TOLD", 0.05)
+    monkeypatch.setattr(storm_client, "LOG_AFTER", 0.05)
     with contextlib.closing(open_ice(storm=storm)) as transport:
         for use in (lambda: transport.outlet(topic(NAME)), lambda: transport.inlet(topic(NAME), lambda _: None)):
             with pytest.raises(

@@ -1,4 +1,4 @@
-"""Deployment over Ice. `deploy.iceplaces` computes the places of the objects."""
+"""Deployment over Ice. `places` computes the addresses of the objects in a network."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 
 class IceDeployment(Deployment):
-    summary = "ZeroC Ice, for RoboComp's own programs"
+    summary = "ZeroC Ice, as RoboComp's own programs speak it"
     colour = "#0e7490"
     crosses_hosts = True
-    unprotected = "Ice, as RoboComp's programs use it, has neither authentication nor encryption"
+    unprotected = "Ice as RoboComp's programs speak it has neither authentication nor encryption"
     ports_of_interfaces = True
-    shares = False  # topics need IceStorm, calls do not
+    shares = False  # topics need IceStorm, and calls need nothing
     modules = (("Ice", "zeroc-ice"),)
 
     def place(self, network: Network) -> Placement:
@@ -60,16 +60,10 @@ class IceDeployment(Deployment):
         served = [each for text in told.endpoints.values() for each in iceoptions.parse_endpoints(text)]
         for each in (IceEndpoint("tcp", told.host), *served):
             yield Reached("listens at", _address(each, told))
-        said = [] if told.storm == iceoptions.STORM else [told.storm]  # the default is on the same host
+        said = [] if told.storm == iceoptions.STORM else [told.storm]  # else it is wherever we are
         for text in (*told.proxies.values(), *said):
             for each in iceoptions.parse_proxy(text).endpoints:
                 yield Reached("connects to", _address(each, told))
-
-
-def storm(proxy: str, number: int = 0, host: str | None = None) -> Helper:
-    """The IceStorm at a TopicManager's proxy; without `host`, the host with that address runs it."""
-    note = f"{proxy}, started with the network if the address is on this host and no IceStorm answers there"
-    return Helper("ice", host, {"storm": proxy}, f"ice-storm{number or ''}", "IceStorm", note=note)
 
 
 def _address(endpoint: IceEndpoint, options: IceOptions) -> str:

@@ -1,4 +1,4 @@
-"""Where the instances of a network find each other over Ice: pure, from the network as it is configured.
+"""Computes the addresses at which the instances of a network find each other over Ice. No I/O here.
 
 Instances of one host find each other by themselves. In the other cases an object has a known host and port:
 
