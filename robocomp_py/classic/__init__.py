@@ -1,1 +1,1 @@
-"""RoboComp's old files and code: read, run and written; joined to the rest by entry points only."""
+"""Support for RoboComp's own files and code. Other packages use it through entry points only."""

@@ -1,13 +1,12 @@
-"""RoboComp's own configuration files, read as ours: the plug-in for configurations.
+"""The plug-in that reads RoboComp's own configuration files as documents of ours.
 
     classic   LaserProxy = laser:tcp -p 10003 # …     Ice's properties: a key, a value without a type, `#` anywhere
     2025      Period.Compute = 100                    dotted keys with values as in TOML, some in quotes
               [Period]  Compute = 100                 or sections: a TOML file
 
-`Period.Compute` (ms) is `component.period` (s) here. Where Ice finds and serves what, its topics and its own
-settings mean something to ports that go over Ice (see `icelines`), and nothing to other middlewares: they are noted.
-Every other key is a parameter, found by its name:
-`Robot.Speed` is the parameter `Robot_Speed`, or `Speed`. Lists of parameters can only be set in our own form.
+`Period.Compute` (ms) becomes `component.period` (s). Ice's addresses, topics and settings apply to ports over Ice (see
+`icelines`); for other middlewares they have no effect, which a note says. Every other key is a parameter, found by its
+name: `Robot.Speed` is the parameter `Robot_Speed`, or `Speed`. Lists of parameters can only be set in our own form.
 """
 
 from __future__ import annotations
@@ -30,13 +29,13 @@ _UNDECLARED = "the component has no parameters (params in its .cdsl)"
 
 
 SECTIONS = ("Proxies", "Endpoints", "Period", "Ice", "Agent")
-"""Tables of which a TOML file of 2025 has at least one."""
+"""Names of tables; a TOML file of 2025 has at least one of them."""
 
 
 def find(folder: Path) -> Path | None:
-    """A component that RoboComp's generator made reads `etc/config` first; others if they have no `etc/config.toml`.
+    """The classic configuration file to read. Without RoboComp's generator, `etc/config.toml` takes precedence.
 
-    What a user of RoboComp calls `etc/config.toml` is the user's own.
+    In a component of RoboComp's generator, `etc/config.toml` is the user's own file.
     """
     path = folder / "etc" / "config"
     counts = is_existing(folder) or not path.with_name("config.toml").exists()
@@ -44,7 +43,7 @@ def find(folder: Path) -> Path | None:
 
 
 def accepts(path: Path, text: str) -> bool:
-    """Ice's properties, which have no tables; or a TOML file of 2025."""
+    """Whether a file has RoboComp's form: Ice's properties, or a TOML file of 2025."""
     if path.suffix == ".toml" or has_sections(text):
         return is_of_2025(parsed(text, path))
     entries, notes = _lines(text)
@@ -52,13 +51,13 @@ def accepts(path: Path, text: str) -> bool:
 
 
 def is_of_2025(data: Mapping[str, Any]) -> bool:
-    """Whether the tables of a TOML file are RoboComp's and not ours."""
+    """Whether a TOML file has RoboComp's tables instead of ours."""
     ours = any(isinstance(data.get(name), dict) for name in ("component", "params", "ports", "transports"))
     return not ours and any(isinstance(data.get(name), dict) for name in SECTIONS)
 
 
 def read(text: str, path: Path, params: ParameterSet, topics: Collection[str]) -> Document:
-    """A file of RoboComp's, classic or of 2025, as a document of ours; its notes say what became of each line.
+    """Read a file of RoboComp's, classic or of 2025, as a document of ours; notes report the effect of each line.
 
     Values have the types that the parameters of the component give them, and only declared keys are taken.
     `topics` are the interfaces it publishes and subscribes to.
@@ -70,9 +69,9 @@ def read(text: str, path: Path, params: ParameterSet, topics: Collection[str]) -
 
 
 def as_written(text: str, path: Path) -> list[tuple[tuple[str, ...], str, Any]]:
-    """Every key of a file of RoboComp's in its parts, with its value as text, and as what it looks like.
+    """Every key of RoboComp's file in its parts, with its value as text, and with the type it seems to have.
 
-    What is set twice counts as it stands last. Raises ConfigurationError.
+    The last line with a key counts. Raises ConfigurationError.
     """
     entries = _entries_of(parsed(text, path), text) if has_sections(text) else _lines(text)[0]
     last = {entry.names: entry for entry in entries}
@@ -85,7 +84,7 @@ class _Entry:
     value: Any
     spot: Spot
     typed: bool = False
-    """Whether the value is what it is meant to be, and not a text that may mean a number."""
+    """Whether the value has its type; otherwise it is a text that may stand for a number."""
 
     @property
     def key(self) -> str:
@@ -93,7 +92,7 @@ class _Entry:
 
     @property
     def folded(self) -> str:
-        """As a parameter may be called, in lower case."""
+        """The possible name of a parameter, in lower case."""
         return _folded(self.key)
 
 
@@ -101,7 +100,7 @@ def _folded(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9]", "_", name).lower()
 
 
-# The two ways of writing.
+# The two formats.
 
 
 def _entries_of(data: Mapping[str, Any], text: str) -> list[_Entry]:
@@ -133,7 +132,7 @@ def _lines(text: str) -> tuple[list[_Entry], list[Note]]:
 
 
 _PROPERTY = re.compile(r"""((?:\\.|[^\\=#])*)=[ \t]*("[^"]*"(?=\s*(?:#|$))|(?:\\.|[^\\#])*)""")
-"""A key, and a value up to a comment; a backslash in front of `#` and `=` takes away what they mean."""
+"""A key, and a value up to a comment; a backslash escapes `#` and `=`."""
 
 
 def _property(found: re.Match[str], start: int) -> _Entry:
@@ -145,17 +144,17 @@ def _property(found: re.Match[str], start: int) -> _Entry:
 
 
 def _stripped(found: re.Match[str], group: int, start: int) -> tuple[str, Range]:
-    """A part of a line without blanks around it, and where it is in the text."""
+    """A part of a line without surrounding blanks, and its position in the text."""
     text = found[group]
     begin = start + found.start(group) + len(text) - len(text.lstrip())
     return text.strip(), (begin, begin + len(text.strip()))
 
 
-# What it means here.
+# The meaning of entries.
 
 
 class _Reading:
-    """Entries on their way into a document."""
+    """Puts entries into a document."""
 
     def __init__(self, document: Document, params: ParameterSet, notes: list[Note], topics: Collection[str]) -> None:
         self.document, self._params = document, params
@@ -175,7 +174,7 @@ class _Reading:
         self.document.notes = tuple(sorted(self._notes, key=lambda note: note.line))
 
     def _take_known(self, entry: _Entry) -> bool:
-        """Take what has a meaning of its own, unless a parameter is called so."""
+        """Handle a key with a fixed meaning, unless a parameter has its name."""
         if _find(self._params, entry):
             return False
         if entry.folded == "period_compute":
@@ -205,7 +204,7 @@ class _Reading:
         self._put(entry, ("component", "period"), value / 1000 if number else value)
 
     def _declared(self, entries: Sequence[_Entry], params: ParameterSet) -> None:
-        """Into the parameters that a PDSL declares."""
+        """Put entries into the parameters that the PDSL declares."""
         for entry in entries:
             parameter = _find(params, entry)
             if parameter:
@@ -239,7 +238,7 @@ class _Reading:
 
 
 def _of_robocomp(entry: _Entry) -> str:
-    """Why a key that means something to RoboComp has no effect here; "" if it may be a parameter."""
+    """Why a known key of RoboComp has no effect here; "" if it may be a parameter."""
     written = f"{entry.key}={entry.value}"
     return next((why for pattern, why in _WITHOUT_EFFECT if re.fullmatch(pattern, written, re.DOTALL)), "")
 
@@ -257,7 +256,7 @@ _OF_ICE = (
     ),
     (OfIceKind.TOPIC, r"(\w+?)(?:Topic)?=\1(?:Topic)?", _TOPIC),
 )
-"""What a key and its value look like that tell Ice something; the groups are whom it is about."""
+"""Patterns of `key=value` for Ice's settings; the groups name the interface or property."""
 
 _WITHOUT_EFFECT = (
     (r"(IceStorm|IceGrid|IceSSL|Glacier2)\..*", "a setting of Ice"),
@@ -276,7 +275,7 @@ _WITHOUT_EFFECT = (
 
 
 def _find(params: ParameterSet, entry: _Entry) -> Parameter | None:
-    """The parameter that a key means: by its whole name, else by its last part."""
+    """The parameter of a key: by its whole name, otherwise by its last part."""
     by_name = {_folded(each.name): each for each in params.parameters}
     return by_name.get(entry.folded) or by_name.get(_folded(entry.names[-1]))
 
@@ -285,7 +284,7 @@ def _find(params: ParameterSet, entry: _Entry) -> Parameter | None:
 
 
 def _guessed(entry: _Entry) -> Any:
-    """The value as what it looks like."""
+    """The value with the type that it seems to have."""
     if entry.typed and not isinstance(entry.value, str):
         return entry.value
     text = str(entry.value)
@@ -301,7 +300,7 @@ def _guessed(entry: _Entry) -> Any:
 
 
 def _typed(entry: _Entry, parameter: Parameter) -> Any:
-    """The value as its parameter wants it; as it is, if it cannot be that."""
+    """The value converted to its parameter's type; unchanged if that fails."""
     return parameter.read(entry.value) if isinstance(entry.value, str) else entry.value
 
 

@@ -1,10 +1,10 @@
-"""Components made by RoboComp's own generator: what of them is understood, and what is not.
+"""Reports which parts of a component of RoboComp's own generator are understood.
 
-Their files stay as they are. `src/specificworker.py` keeps the place of our specific part, `etc/config` that of our
+Its files remain unchanged. `src/specificworker.py` takes the place of our specific part, `etc/config` that of our
 configuration; only the generic part is new.
 
-    handlers   Laser_getLaserData, or getLaserData, as generators before 2018 called it
-    proxies    self.laser_proxy, or self.laserpub, as generators before 2018 called that of a topic
+    handlers   Laser_getLaserData, or getLaserData, the name before 2018
+    proxies    self.laser_proxy, or self.laserpub, the name of a topic's proxy before 2018
 """
 
 from __future__ import annotations
@@ -48,10 +48,10 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """What became of one thing; for machines as it is."""
+    """The verdict on one item of a component."""
 
     file: str
-    """Below the component's folder."""
+    """Path below the component's folder."""
     line: int
     what: str
     verdict: Verdict
@@ -63,13 +63,13 @@ class Finding:
 
 @dataclass(frozen=True)
 class Findings:
-    """All of one component."""
+    """All findings of one component."""
 
     folder: Path
     all: tuple[Finding, ...]
 
     def lines(self) -> Iterator[str]:
-        yield f"It was made by RoboComp's generator, its files stay as they are, and `rc run {self.folder}` runs it."
+        yield f"It was made by RoboComp's generator. Its files remain unchanged; `rc run {self.folder}` runs it."
         yield f"What is in {self.folder}/:"
         yield ""
         yield from listed(self.all)
@@ -79,7 +79,7 @@ class Findings:
 
 
 def find(linked: LinkedComponent, folder: Path, workspace: Workspace, middleware: str) -> Findings:
-    """What becomes of the component in a folder."""
+    """The findings about the component in a folder."""
     return Findings(folder, tuple(_find(linked, folder, workspace, middleware)))
 
 
@@ -107,7 +107,7 @@ def _find(linked: LinkedComponent, folder: Path, workspace: Workspace, middlewar
 
 
 def in_model(model: CdslComponent, diagnostics: Sequence[Diagnostic]) -> Iterator[Finding]:
-    """What each clause is for, by what was said about it."""
+    """Findings about the clauses of the CDSL, from their diagnostics."""
     file = model.source.path.name
     for item in model.items:
         yield Finding(file, _line(item.span), f"{item.verb} {item.interface}", Verdict.UNDERSTOOD)
@@ -132,7 +132,7 @@ def _overlap(one: Span, other: Span) -> bool:
 
 
 def in_worker(text: str, component: Component) -> Iterator[Finding]:
-    """Which operations its class handles, and which proxies it uses."""
+    """Findings about the class's handlers and the proxies that it uses."""
     file = str(WORKER)
     try:
         source, converted = as_python3(text, file)
@@ -213,7 +213,7 @@ def _proxies(file: str, worker: ast.ClassDef, component: Component) -> Iterator[
 
 
 def _calls(file: str, name: str, port: Port, called: dict[str, int]) -> Iterator[Finding]:
-    """What is asked of a proxy that it has not, and Ice's own may have."""
+    """Findings about methods that a proxy does not have, though Ice's may."""
     there = spellings.calls(port)
     for operation, line in called.items():
         if operation not in there:
@@ -221,7 +221,7 @@ def _calls(file: str, name: str, port: Port, called: dict[str, int]) -> Iterator
 
 
 def proxies(component: Component) -> dict[str, Port]:
-    """The attributes by which a component has proxies, in one generation or another."""
+    """The names of a component's proxies, in all generations."""
     ports = [port for port in component.ports if port.verb.has_proxy]
     return {name: port for port in ports for name in spellings.attributes(port)}
 
@@ -240,7 +240,7 @@ def no_operation(name: str, port: Port) -> str:
 
 
 def in_configuration(file: str, notes: Iterable[Note], params: ParameterSet) -> Iterator[Finding]:
-    """What each key of a configuration of RoboComp's sets."""
+    """Findings about the keys of a configuration of RoboComp's."""
     names = [*(each.name for each in params.parameters), *(each.name for each in params.lists)]
     for note in notes:
         if note.undeclared:
@@ -260,7 +260,7 @@ def in_configuration(file: str, notes: Iterable[Note], params: ParameterSet) -> 
 
 
 def listed(findings: Sequence[Finding]) -> Iterator[str]:
-    """By file, and by what became of things, the good news first; what is the same of several things is said once."""
+    """The report, by file and verdict, the good ones first; equal findings are merged."""
     for file in dict.fromkeys(each.file for each in findings):
         yield f"  {file}"
         for verdict in Verdict:

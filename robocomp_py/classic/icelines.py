@@ -1,6 +1,6 @@
-"""Lines of RoboComp's configuration that tell Ice something, as options of `transports.ice`.
+"""Converts the lines of RoboComp's configuration that configure Ice into options of `transports.ice`.
 
-They count where a port goes over Ice, and less than whatever else says the same:
+They apply to ports over Ice. Any other setting of the same option takes precedence.
 
     LaserProxy = laser:tcp -p 10003          transports.ice.proxies.Laser = "laser:tcp -p 10003"
     Laser.Endpoints = tcp -p 10003           transports.ice.endpoints.Laser = "tcp -p 10003"
@@ -42,18 +42,18 @@ class OfIceKind(StrEnum):
 
 @dataclass(frozen=True)
 class OfIce:
-    """A line that tells Ice something."""
+    """A line that configures Ice."""
 
     kind: OfIceKind
     name: str
-    """Whom it is about: an interface, or the name of a property without its `Ice.`."""
+    """The interface that it configures, or the name of a property without `Ice.`."""
     value: str
     note: Note
-    """What is said of it as long as it has no effect."""
+    """The note about it if it has no effect."""
 
 
 def add(document: Document, lines: Sequence[OfIce]) -> None:
-    """Have a document take these lines when everything else in it is set."""
+    """Have a document apply these lines after all its other settings."""
     document.peers = {line.name.lower(): line.value for line in reversed(lines) if line.kind is OfIceKind.PROXY}
     document.complete = partial(_take, lines) if lines else None
 
@@ -65,7 +65,7 @@ def _take(lines: Sequence[OfIce], document: Document, component: Component, gene
 
 @dataclass(frozen=True)
 class _Taken:
-    """What a line comes to: an option with its value, or why there is none."""
+    """The option and value of a line, or the reason why it has none."""
 
     key: Key = ()
     value: Any = None
@@ -73,7 +73,7 @@ class _Taken:
 
 
 class _Reading:
-    """Lines for Ice on their way into the options."""
+    """Puts the lines for Ice into the options."""
 
     def __init__(self, document: Document, ports: Ports) -> None:
         self._document, self._ports = document, ports
@@ -85,7 +85,7 @@ class _Reading:
         self._document.notes = tuple(notes.get(note, note) for note in self._document.notes)
 
     def _note(self, line: OfIce, taken: _Taken) -> Note:
-        """Put it where it belongs; what is said of it then."""
+        """Set the option; returns the note about it."""
         key = (*AT, *taken.key)
         if not taken.key:
             return replace(line.note, why=taken.why or line.note.why)
@@ -130,11 +130,11 @@ class _Reading:
             return self._idle(line, port)
         if not any(self._ports.without_source(port)):
             said = self._document.place(("ports", port.name, "from"))
-            return _Taken(why=f"where Ice finds an interface; {said} says whom to use instead")
+            return _Taken(why=f"where Ice finds an interface; {said} sets the source instead")
         return _Taken(("proxies", port.label), line.value)
 
     def _required(self, name: str) -> Port | None:
-        """The port that a proxy is for. Some files number all of several: `RGBD1`, `RGBD2`, or from 0."""
+        """The port of a proxy. Some files number several proxies: `RGBD1`, `RGBD2`, or from 0."""
         numbered = re.fullmatch(r"(.*?)\d+", name)
         if numbered and numbered[1] not in self._proxies:
             every = [each for each in self._proxies if re.fullmatch(rf"{re.escape(numbered[1])}\d+", each)]
@@ -175,7 +175,7 @@ class _Reading:
         return _Taken(why="a setting of Ice, which is not taken over; transports.ice.properties sets it")
 
     def _idle(self, line: OfIce, port: Port | None) -> _Taken:
-        """Why a line has no effect whose port does not go over Ice."""
+        """Why a line has no effect: its port does not use Ice."""
         if port and (other := self._ports.elsewhere(port)):
             return _Taken(why=f"{line.note.why.partition(';')[0]}, and `{port.label}` goes over {other}")
         return _Taken()

@@ -1,10 +1,10 @@
-"""IDSL to Slice, the language of ZeroC Ice: `X.idsl` becomes `X.ice`, with all that it imports.
+"""Converts IDSL to Slice, the language of ZeroC Ice: `X.idsl` becomes `X.ice`, with all that it imports.
 
     int8                     byte, whose sign is lost
     uint16, uint32, uint64   int, long, long
     time                     long: nanoseconds since 1970
     sequence<T> in place     a sequence with a name of its own, `TSeq`
-    [command] [publish]      comments: who uses an interface of Ice decides that
+    [command] [publish]      comments: in Ice, the user of an interface decides that
 
 The rules for names are those of slice2py 3.7.
 """
@@ -44,7 +44,7 @@ _LOSSY = {
 
 
 def to_slice(files: Files, report: Report) -> tuple[Artifact, ...]:
-    """A file for each; what Slice cannot hold is reported."""
+    """One Slice file for each IDSL file. Reports what Slice cannot express."""
     names = _Names(files, report)
     writer = _Writer(files, report)
     artifacts = []
@@ -56,7 +56,7 @@ def to_slice(files: Files, report: Report) -> tuple[Artifact, ...]:
 
 
 _TEXT = re.compile(r'"(?:[^"\\]|\\.)*"|//.*')
-"""Where a line may have underscores that are not in a name."""
+"""Strings and comments, whose underscores are not in names."""
 
 
 class _Writer:
@@ -64,11 +64,11 @@ class _Writer:
         self._files, self._report = files, report
         self._taken = {module: {each.name.text.lower() for each in found} for module, found in files.modules.items()}
         self._sequences: dict[tuple[str, str], str] = {}
-        """The names of sequences that the IDSL gives none, by module and what they are of."""
+        """The names made for unnamed sequences, by module and element type."""
         self._new: list[str] = []
-        """Their definitions, for in front of what uses them."""
+        """Their definitions, to be written before their use."""
         self._operation_names: set[str] = set()
-        """Inside an interface, those of its operations, in lower case: a type called so needs its whole name."""
+        """The present interface's operations, in lower case: types with such names need qualified names."""
 
     def file(self, file: m.File) -> Iterator[str]:
         self._module = file.module.text
@@ -343,7 +343,7 @@ def _stem(imported: str) -> str:
 
 
 def _behind(line: str, note: str, doc: str) -> Iterator[str]:
-    """A member, with what is to be said of it behind it or, if that would be too long, above it."""
+    """A member with its comment after it or, if the line would be too long, above it."""
     about = "; ".join(filter(None, (note.partition("// ")[2], " ".join(printable(doc).split()))))
     if about and len(line) + len(about) + 13 <= WIDTH:
         yield f"{line}  // {about}".rstrip("\\ ")

@@ -1,4 +1,4 @@
-"""The words of Slice: what types are called there, which names are taken, how comments are written."""
+"""Slice's vocabulary: type names, keywords, and comments."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ NOTED = {
     Primitive.UINT64: "uint64",
     Primitive.TIME: "time: nanoseconds since 1970",
 }
-"""What a reader would not know from the type that is written."""
+"""Comments for types whose meaning Slice does not show."""
 
 KEYWORDS = frozenset(
     re.findall(
@@ -45,14 +45,14 @@ KEYWORDS = frozenset(
     )
 )
 TYPES_OF_ITS_OWN = ("LocalObject", "Object", "Value")
-"""What even escaped names mean."""
+"""Names that are reserved even when escaped."""
 
 
 SUFFIXES = ("Prx", "Ptr", "Helper", "Holder")
 
 
 def macro(stem: str) -> str:
-    """The name of a file as one that the preprocessor takes: `año` → `A_F1O`."""
+    """The name of a file as an identifier of the preprocessor: `año` → `A_F1O`."""
     found = re.sub(r"[^A-Za-z0-9_]", lambda char: "_" if char[0].isascii() else f"_{ord(char[0]):X}", stem).upper()
     return f"_{found}" if found[:1].isdigit() else found
 

@@ -177,12 +177,12 @@ def test_without_one_a_topic_is_not_opened_and_the_error_says_what_to_start(
     with contextlib.closing(open_ice(storm=storm)) as transport:
         for use in (lambda: transport.outlet(topic(NAME)), lambda: transport.inlet(topic(NAME), lambda _: None)):
             with pytest.raises(
-                TransportError, match=r"no IceStorm answers at .*start RoboComp's `rcnode`, or `rc host "
+                TransportError, match=r"no IceStorm answers at .*start RoboComp's `rcnode` or `rc host "
             ):
                 use()
     told = [line for line in caplog.messages if "waiting up to 0.3 s for IceStorm" in line]
     assert len(told) == 1
-    assert "start RoboComp's `rcnode`, or `rc host ice`" in told[0]
+    assert "start RoboComp's `rcnode` or `rc host ice`" in told[0]
 
 
 def test_one_that_is_started_a_little_later_is_waited_for(storm: str) -> None:

@@ -1,4 +1,4 @@
-"""Networks of RoboComp's other tools as DDSL: the plug-in for `rcdeploy --import`.
+"""The plug-in for `rcdeploy --import`: converts networks of RoboComp's other tools to DDSL.
 
 rcmanager.py   rcmanager's XML     → programs
 finding.py     programs            → the components whose .cdsl is on this machine
@@ -22,7 +22,7 @@ endings = {".xml": "rcmanager's XML"}
 def to_ddsl(source: Source, folder: Path, report: Report, environment: Mapping[str, str] | None = None) -> str | None:
     """The text of a DDSL file in that folder; None if the source cannot be read, which is reported.
 
-    `environment` is that of whoever reads it, `os.environ` by default.
+    `environment` replaces `os.environ`.
     """
     listing = read_rcmanager(source, report)
     return written(listing, Finder(source.path, environment), folder) if listing else None

@@ -1,4 +1,4 @@
-"""Programs as the text of a DDSL file, as a person would write it; what it cannot carry over stands in comments."""
+"""Writes programs as a DDSL file, in the style of a person; comments hold what cannot be converted."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class _Instance:
     name: str
     found: Found | None
     host: str = ""
-    """What the one it runs on is called here; "" for this one."""
+    """The DDSL name of its host; "" for this host."""
     dependences: list[str] = field(default_factory=list)
 
 
@@ -44,7 +44,7 @@ class _Writer:
         self._listing, self._finder, self._folder = listing, finder, folder
         self._ports: dict[tuple[str, str], str] = {}
         self._hosts: dict[str, str] = {}
-        """What they are called here, by how the file calls them: `10.0.0.7`, or `robot@10.0.0.7`."""
+        """The DDSL names of hosts, by their names in the file: `10.0.0.7`, or `robot@10.0.0.7`."""
         brokers = [each for each in listing.programs if _is_broker(each)]
         self._brokers = {each.name: each for each in brokers}
         self._instances = self._named([each for each in listing.programs if each not in brokers])
@@ -72,7 +72,7 @@ class _Writer:
         yield "};"
 
     def _host_blocks(self) -> Iterator[str]:
-        """The other machines. Who may take part in a network on several is for people to say."""
+        """The other hosts. The `security` clause of a network on several hosts is left to the user."""
         if not self._hosts:
             return
         message = "On several hosts, say who may take part: `security lan;` (see rcdeploy keys), or `security open;`."
@@ -84,7 +84,7 @@ class _Writer:
             yield from [f"        user {_quoted(user)};"] if user else []
             yield "    };"
 
-    # Names, and who depends on whom.
+    # Names and dependences.
 
     def _named(self, programs: list[Program]) -> list[_Instance]:
         instances: list[_Instance] = []
@@ -113,7 +113,7 @@ class _Writer:
         return instances
 
     def _host(self, program: Program) -> str:
-        """What the host is called that a program runs on; "" for this one."""
+        """The name of a program's host; "" for this one."""
         where = address(program.endpoint.text) if program.endpoint else address("")
         said = program.host or where.host
         if program.host and where.host and program.host != where.host:
@@ -128,7 +128,7 @@ class _Writer:
         return self._hosts.setdefault(said, name if name[0] != "_" else f"host{name}")
 
     def _tell_apart(self, instance: _Instance, instances: list[_Instance]) -> None:
-        """Of components that are called alike a network can have one only."""
+        """Note a clash: a network can have only one component of a name."""
         for other in instances:
             if other.found and instance.found and other.found.name.lower() == instance.found.name.lower():
                 if other.found.cdsl != instance.found.cdsl:
@@ -163,7 +163,7 @@ class _Writer:
         yield "    };"
 
     def _clauses(self, instance: _Instance) -> Iterator[str]:
-        """What is carried over; the rest is noted."""
+        """The converted clauses; the rest is noted."""
         program = instance.program
         if instance.found is None:
             where = f"is in {program.folder}" if program.folder else "is there"
@@ -188,7 +188,7 @@ class _Writer:
         yield from self._address(instance)
 
     def _component_of_ours(self, program: Program, said: Said, command: CommandLine) -> Iterator[str]:
-        """Of a component in Python nothing but its configuration is named: it is started as a component."""
+        """For a component in Python only the configuration is needed: rcdeploy starts it as a component."""
         program.notes.append(Said(f"it was started by `{said.text}`", said.line))
         configurations = [each for each in map(_configuration, command.arguments) if each]
         others = [each for each in command.arguments if not _configuration(each)]
@@ -207,7 +207,7 @@ class _Writer:
             program.notes.append(Said(f"the arguments {left} are left out", said.line))
 
     def _other_program(self, said: Said, program: Program, command: CommandLine) -> Iterator[str]:
-        """`env` finds it as the shell did, and in the folder where it was started."""
+        """The command, run by `env`, which searches the PATH like the shell, in its folder."""
         path, words = "/usr/bin/env", list(command.words)
         if program.folder:
             there = self._finder.here(program.folder)
@@ -226,7 +226,7 @@ class _Writer:
             yield line if len(line) <= WIDTH - len("        ;") else f"args {several}"
 
     def _over_ice(self, instance: _Instance, command: CommandLine) -> Iterator[str]:
-        """What the others have to know of a program that goes on to speak Ice."""
+        """The clauses for a program that continues to use Ice."""
         if instance.found is None or not instance.found.model.ports:
             return
         yield "middleware ice"
@@ -236,7 +236,7 @@ class _Writer:
             yield f"config {_quoted(self._path(there))}"
 
     def _wirings(self, instance: _Instance, command: CommandLine | None) -> Iterator[str]:
-        """Whom it uses, where several could be meant: the one at the port that its configuration names."""
+        """If several instances offer an interface: the source whose port its configuration names."""
         arguments = [path for path in map(_configuration, command.arguments if command else ()) if path]
         there = self._finder.here(self._joined(instance.program, arguments[0])) if arguments else None
         if instance.found is None or there is None or not there.is_file():
@@ -276,7 +276,7 @@ class _Writer:
         return path if path.startswith("~") else os.path.join(program.folder, path)
 
     def _path(self, path: Path) -> str:
-        """As the file in `folder` names it: from there, unless that leads far up."""
+        """The path relative to `folder`, unless that leads far up."""
         relative = os.path.relpath(path.absolute(), self._folder.absolute())
         return str(path.absolute()) if relative.startswith(os.path.join("..", "..", "..")) else relative
 
@@ -305,7 +305,7 @@ def _is_broker(program: Program) -> bool:
 
 
 def _reaches(start: _Instance, end: _Instance, called: dict[str, _Instance]) -> bool:
-    """Whether one depends on another, by what was carried over so far."""
+    """Whether one depends on another, by what was converted so far."""
     named = {each.name: each for each in called.values()}
     waiting, seen = [start], set[str]()
     while waiting:
@@ -319,7 +319,7 @@ def _reaches(start: _Instance, end: _Instance, called: dict[str, _Instance]) -> 
 
 
 def _folder_of(program: Program) -> str:
-    """The folder of a program that is given by its whole path."""
+    """The folder of a program with an absolute path."""
     command = command_line(program.command.text) if program.command else None
     whole = command is not None and command.file.startswith(("/", "~"))
     return str(PurePosixPath(command.file).parent) if command and whole else ""
@@ -340,7 +340,7 @@ def _identifier(text: str) -> str:
 
 
 def _fits_quotes(text: str) -> bool:
-    """Whether a text can stand in quotes, which end at the first one, and at the end of a line."""
+    """Whether DDSL can quote a text: it must have no quote and no line break."""
     return '"' not in text and "\n" not in text
 
 
@@ -354,7 +354,7 @@ def _remarks(notes: Iterable[Said], margin: str) -> Iterator[str]:
 
 
 def _comment(text: str, margin: str = "") -> Iterator[str]:
-    """A comment; nothing in it ends a line, or joins it to the next one."""
+    """A comment; characters that would end a line, or join two, become blanks."""
     plain = "".join(char if char.isprintable() else " " for char in text)
     width = WIDTH - len(margin) - 3
     for line in textwrap.wrap(plain, width, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False):

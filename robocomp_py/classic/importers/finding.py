@@ -1,4 +1,4 @@
-"""Where what a file of another machine names is on this one."""
+"""Finds, on this machine, the files and components that a file of another machine names."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ class Found:
 class Finder:
     """Finds components and files by the paths they had on the machine a deployment was written for.
 
-    Such a path is tried as it is; with the home of whoever reads it in place of the home it had; and, if the
-    deployment lies in a folder that the path leads through, from there: beside /src/shelly/etc/deployment.xml,
-    /home/robot/shelly/components/panel is /src/shelly/components/panel.
+    A path is tried unchanged; then with the reader's home in place of the original one; then relative to a folder in
+    it that also contains the deployment. For /src/shelly/etc/deployment.xml, the path
+    /home/robot/shelly/components/panel becomes /src/shelly/components/panel.
     """
 
     def __init__(self, importing: Path, environment: Mapping[str, str] | None = None) -> None:
@@ -47,11 +47,11 @@ class Finder:
         self._environment = os.environ if environment is None else environment
 
     def here(self, path: str) -> Path | None:
-        """The file or folder that a path means."""
+        """The file or folder of a path; None if it is not found."""
         return next((each for each in self._candidates(path) if each.exists()), None)
 
     def component(self, folder: str) -> Found | None:
-        """The component that is started in a folder, in its `bin` or in its `src`."""
+        """The component that is started in this folder, or in its `bin` or `src`."""
         there = self.here(folder)
         if there is None or not there.is_dir():
             return None
@@ -64,7 +64,7 @@ class Finder:
         return None
 
     def expanded(self, path: str) -> Path:
-        """With the home of whoever reads it for `~`."""
+        """The path with the reader's home for `~`."""
         return self._home / path[1:].lstrip("/") if path.startswith("~") else Path(path)
 
     @property

@@ -1,4 +1,4 @@
-"""What a file comes to: programs to start, and whatever else is said about them."""
+"""The content of an imported file: programs to start, and notes about them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import PurePosixPath
 
 @dataclass(frozen=True)
 class Said:
-    """A text of the file, and its line."""
+    """A text and its line in the file."""
 
     text: str
     line: int
@@ -22,15 +22,15 @@ class Program:
     line: int
     command: Said | None = None
     folder: str = ""
-    """Where it is started; "" where that is not said."""
+    """Its working directory; "" if the file does not name it."""
     host: str = ""
-    """The machine it is started on, if not this one."""
+    """Its host, if not this one."""
     endpoint: Said | None = None
-    """`laser:tcp -h localhost -p 10003`: how Ice finds it."""
+    """Its proxy in Ice, such as `laser:tcp -h localhost -p 10003`."""
     needs: list[Said] = field(default_factory=list)
-    """The names of those that have to run before."""
+    """The names of the programs that must run before."""
     notes: list[Said] = field(default_factory=list)
-    """What could not be carried over."""
+    """What could not be converted."""
 
 
 @dataclass
@@ -49,7 +49,7 @@ class Address:
 
 
 def address(endpoint: str) -> Address:
-    """Where `laser:tcp -h localhost -p 10003` listens; what it does not say is ""."""
+    """Host and port of a proxy like `laser:tcp -h localhost -p 10003`; missing ones are ""."""
     host = re.search(r"(?:^|\s)-h\s*(\S+)", endpoint)
     port = re.search(r"(?:^|\s)-p\s*(\d+)", endpoint)
     return Address(host[1] if host else "", port[1] if port else "")
@@ -63,7 +63,7 @@ class CommandLine:
 
     @property
     def python(self) -> bool:
-        """Whether it runs a file of Python, given to an interpreter or by itself."""
+        """Whether it runs a Python file, with or without an explicit interpreter."""
         return self._interpreted or self.words[0].endswith(".py")
 
     @property
@@ -72,12 +72,12 @@ class CommandLine:
 
     @property
     def file(self) -> str:
-        """The program, or the file of Python that it runs."""
+        """The program, or the Python file that it runs."""
         return self.words[1] if self._interpreted else self.words[0]
 
     @property
     def arguments(self) -> tuple[str, ...]:
-        """What stands behind it."""
+        """The arguments after `file`."""
         return self.words[2:] if self._interpreted else self.words[1:]
 
     @property
@@ -86,14 +86,14 @@ class CommandLine:
 
 
 HERE = ("localhost", "127.0.0.1", "::1")
-"""How this machine is called."""
+"""Names of this machine."""
 
 _PYTHON = re.compile(r"python(\d(\.\d+)?)?\Z")
 _SHELL = re.compile(r"[;&|<>$`*?()\n]")
 
 
 def command_line(text: str) -> CommandLine | None:
-    """The words of a command; None of one that only a shell understands."""
+    """The words of a command; None if only a shell understands it."""
     try:
         words = shlex.split(text)
     except ValueError:

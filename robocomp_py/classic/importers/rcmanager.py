@@ -1,6 +1,6 @@
-"""rcmanager's XML: a `<node>` for each program, with what it depends on and the commands that start and stop it.
+"""Reads rcmanager's XML: a `<node>` for each program, with its dependences and its commands to start and stop.
 
-A file that declares a document type is refused: nothing that XML offers to harm its reader is needed here.
+Files with a document type are refused, since they may contain attacks on XML parsers.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from ...dsl.source import Source
 from .programs import HERE, Listing, Program, Said
 
 _WITHOUT_EFFECT = ("xpos", "ypos", "radius", "color", "downCommand", "configFile")
-"""Where a node stands in the picture, how it is stopped, and what its editor opens."""
+"""Elements without effect: position in the picture, command to stop, files for the editor."""
 
 _ENDS_TOO_EARLY = expat.errors.codes[expat.errors.XML_ERROR_NO_ELEMENTS]
 
@@ -34,7 +34,7 @@ def read_rcmanager(source: Source, report: Report) -> Listing | None:
 
 
 class _Refused(Exception):
-    """Well-formed, but nothing that is read here."""
+    """Well-formed XML that this module does not read."""
 
     def __init__(self, message: str, parser: expat.XMLParserType) -> None:
         super().__init__(message)

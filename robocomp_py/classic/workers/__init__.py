@@ -1,4 +1,4 @@
-"""Components that RoboComp's own generator made in Python: the plug-in that runs them. See `existing`."""
+"""The plug-in that runs Python components of RoboComp's own generators. See `existing`."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""A component of RoboComp's own generators as a worker of ours: what surrounds it, and what calls it.
+"""Runs a component of RoboComp's own generators as a worker of ours.
 
-Its `SpecificWorker` is no `Worker`: it is an object that one has, whose base, `GenericWorker`, is made here with
-nothing in it but what RoboComp's generated class has. So no name of ours is in the way of its author's, and windows
-may be what they are. Everything of it runs as a worker's code does: one piece at a time.
+Its `SpecificWorker` is not a `Worker`. An `ExistingWorker` owns it, and makes its base `GenericWorker` with only the
+names of RoboComp's generated class. So our names do not clash with the author's, and the class may derive from a
+window. Its code runs like any worker's: one piece at a time.
 """
 
 from __future__ import annotations
@@ -51,11 +51,11 @@ _ARGUMENTS = {
     **dict.fromkeys(("params", "parameters"), "texts"),
     "startup_check": "no",
 }
-"""What is given to a constructor behind the proxies."""
+"""Arguments of a constructor after the proxies."""
 
 
 def existing_worker(folder: Path, package: str, alone: bool) -> type[ExistingWorker]:
-    """The worker for a component whose generic part is generated, and whose folder is the package of that name.
+    """The worker class for a component with a generated generic part, whose folder is the package of that name.
 
     `alone`, it runs in its own folder, as RoboComp starts it. Raises ComponentError if its file cannot be read; what
     it imports is imported when it is made.
@@ -105,7 +105,7 @@ def _nothing(name: str) -> None:
 
 
 def _sources(folder: Path) -> Iterator[tuple[str, str]]:
-    """The author's files that can be read; others than the specific part may be left-overs that nothing imports."""
+    """The author's readable files. Files besides the specific part may be unused leftovers, so errors are skipped."""
     for path in sorted((folder / "src").glob("*.py")):
         if path.is_file() and _is_users(path, folder):
             try:
@@ -120,14 +120,14 @@ def _not_converted(exc: NotConverted, path: Path) -> str:
 
 
 def _is_users(path: Path, folder: Path) -> bool:
-    """Whether a file of `src` is the author's, and not one that RoboComp's generator writes."""
+    """Whether the author wrote a file of `src`, and not RoboComp's generator."""
     if path.name in ("genericworker.py", "interfaces.py", "__init__.py", f"{folder.name}.py"):
         return False
     return path.name == WORKER.name or not path.name.startswith("ui_")
 
 
 class ExistingWorker(Worker[Any]):
-    """Base of the workers made here, one class for each loaded component."""
+    """Base of the worker classes, one for each loaded component."""
 
     _takes_any_params: ClassVar[bool] = True
     _home: ClassVar[Path]
@@ -136,17 +136,17 @@ class ExistingWorker(Worker[Any]):
     window: ClassVar[str]
     machine: ClassVar[StateMachine | None]
     sources: ClassVar[Mapping[str, str]]
-    """The author's files in `src`, in Python 3."""
+    """The author's files in `src`, converted to Python 3."""
     tree: ClassVar[ast.Module]
-    """That of the specific part."""
+    """The syntax tree of the specific part."""
     generated: ClassVar[Mapping[str, ModuleType]]
     ices: ClassVar[Ices]
     slices: ClassVar[Slices]
     _instances: ClassVar[int] = 0
     _grace_s = 2.0
-    """So long it is waited in the end for threads that they have begun."""
+    """Seconds to wait, at the end, for threads that the component has started."""
     _work_s = 4.0
-    """So long if they are pools with calls that wait to be made; a deployment gives five seconds for everything."""
+    """The same for pools with waiting calls; a deployment allows five seconds for the whole end."""
 
     def __init__(self) -> None:
         if self.alone:
@@ -154,7 +154,7 @@ class ExistingWorker(Worker[Any]):
         self._repeats = Repeats()
         self._user: Any = None
         self._thread: int | None = None
-        """Which one its loop is run by."""
+        """The timer that runs its loop."""
         self._begun = waits.Begun()
         self.statemachine = None
         self._chart: Chart | None = None
@@ -189,11 +189,11 @@ class ExistingWorker(Worker[Any]):
         self._generic: type[Any] = generic
         self._wanted = self._constructor()
 
-    # What the framework calls.
+    # Called by the framework.
 
     @property
     def period(self) -> float:
-        """Seconds between two timeouts of their timer, as they have said it last."""
+        """Seconds between two timeouts of the component's timer, as last set."""
         said = getattr(self._user, "Period", None)
         return said / 1000 if isinstance(said, int | float) and said > 0 else self._period
 
@@ -211,7 +211,7 @@ class ExistingWorker(Worker[Any]):
             self.log.warning("%s has no method %s; calls of it fail", self._home / WORKER, name)
 
     def compute(self) -> None:
-        """One thing that is due: a step of the state machine, a timer, or a queued signal; handlers come between."""
+        """Do one thing that is due: a step of the state machine, a timer, or a signal. Handlers may run in between."""
         self._thread = threading.get_ident()
         if self._chart and self._chart.due:
             self._chart.step()
@@ -221,24 +221,24 @@ class ExistingWorker(Worker[Any]):
     def finish(self) -> None:
         begun = time.monotonic()
         self._loop.close()
-        pools = self._begun.pools()  # before their object goes, and pools with it that have something to do
+        pools = self._begun.pools()  # before the object goes, with its pools
         self._loop.call(self._part)
         with self._suspended():
-            work_s = max(0.0, self._work_s - (time.monotonic() - begun))  # of which slots may have had their share
+            work_s = max(0.0, self._work_s - (time.monotonic() - begun))  # slots may have used some of it
             left, calls = self._begun.end(pools, min(self._grace_s, work_s), work_s)
         if left:
-            self.log.warning("threads of its own go on, and end with the process: %s", ", ".join(left))
+            self.log.warning("its own threads are still running, and end with the process: %s", ", ".join(left))
         if calls:
-            self.log.warning("%d calls that its pools were given have not begun after %g s", calls, self._work_s)
+            self.log.warning("%d calls in its thread pools have not begun after %g s", calls, self._work_s)
 
     def _part(self) -> None:
-        """Let go of their object, whose `__del__` may have something to do."""
+        """Release the component's object, so that its `__del__` runs."""
         self._user = None
         if self._need or "PySide6" not in sys.modules:  # windows of others may be garbage, too: that is Qt's thread's
-            gc.collect()  # its timers and signals refer to it, and it to them
+            gc.collect()  # its timers and signals form cycles with it
 
     def _end(self) -> None:
-        """End, when those have had their turn who were told of it by a signal from another thread."""
+        """End, after queued signals from other threads have been handled."""
         if threading.get_ident() == self._thread:
             self.stop()
         else:
@@ -248,7 +248,7 @@ class ExistingWorker(Worker[Any]):
         return _LoopBeat(self._loop, self._chart, self._period, self._period_set)
 
     def _period_set(self, seconds: float) -> None:
-        """Somebody has asked for another period from outside."""
+        """The period was changed from outside."""
         user = self._user
         if user is not None:
             self._loop.post(partial(user.setPeriod, round(seconds * 1000)))
@@ -259,7 +259,7 @@ class ExistingWorker(Worker[Any]):
             raise NotImplementedError(f"{WORKER} has no method {names[0]}, so that {operation} is not answered")
         return self._loop.call(method, *arguments)
 
-    # Their object.
+    # The component's object.
 
     def _construct(self, arguments: list[Any], params: Mapping[str, Any]) -> None:
         self._user = self._class(*arguments)
@@ -268,7 +268,7 @@ class ExistingWorker(Worker[Any]):
             self.log.warning("%s: setParams returned False; going on, as RoboComp does", self._home / WORKER)
 
     def _constructor(self) -> list[str]:
-        """What its constructor takes, by the names that RoboComp's generators and their users have given to that."""
+        """The arguments that its constructor expects, by the names used in RoboComp's components."""
         signature = inspect.signature(getattr(self._class, "__init__"))  # noqa: B009 - of a class, not of an instance
         taken = [each for each in signature.parameters.values() if each.kind is each.POSITIONAL_OR_KEYWORD][2:]
         wanted = ["proxies"]
@@ -292,7 +292,7 @@ class ExistingWorker(Worker[Any]):
                 yield port, proxy
 
     def _method(self, name: str) -> Callable[..., Any] | None:
-        """A method that the component's author has written; those of a window are none."""
+        """A method that the component's author has written, not one of a window class."""
         for each in type(self._user).__mro__ if self._user is not None else ():
             if each is self._generic:
                 return None
@@ -316,24 +316,24 @@ class ExistingWorker(Worker[Any]):
             self._attempt(method)
 
     def _attempt(self, slot: Callable[[], object]) -> None:
-        """Call what a state, or something that happens to one, is connected to."""
+        """Call the slots of a state, or of its signals."""
         try:
             self._loop.call(slot)
         except Exception as exc:
             self._tell(exc)
 
     def _tell(self, exc: BaseException) -> None:
-        """Say what a slot has raised. As with Qt, that does not end the component."""
+        """Log an exception of a slot. As with Qt, it does not end the component."""
         more = self._repeats.untold(way_of(exc))
         if more is None:
             return
         hindered = isinstance(exc, TransportError)
         what = f"was cut short: {exc}" if hindered else f"raised\n{user_trace(exc)}"
         own = frames_in(self._home, exc)
-        who = own[0][0].f_code.co_qualname if own else "a slot"
-        self.log.log(logging.WARNING if hindered else logging.ERROR, "%s %s%s", who, what, times_more(more))
+        slot = own[0][0].f_code.co_qualname if own else "a slot"
+        self.log.log(logging.WARNING if hindered else logging.ERROR, "%s %s%s", slot, what, times_more(more))
 
-    # What surrounds it.
+    # The modules that its files import.
 
     def _surroundings(self) -> Imports:
         package = self._own_package()
@@ -342,7 +342,7 @@ class ExistingWorker(Worker[Any]):
         types = {name: module_of(module, self.slices, package) for name, module in self.generated.items()}
         types.setdefault("RoboCompCommonBehavior", ModuleType(f"{package}.RoboCompCommonBehavior"))
         for name, module in types.items():
-            sys.modules.setdefault(f"{self.package}.{name}", module)  # where pickle looks for their classes
+            sys.modules.setdefault(f"{self.package}.{name}", module)  # pickle looks here for their classes
         for module in types.values():
             for name, other in types.items():
                 if name not in vars(module):
@@ -363,7 +363,7 @@ class ExistingWorker(Worker[Any]):
         return imports
 
     def _own_package(self) -> str:
-        """The component's package, or for a further instance one that stands for the same folder."""
+        """The component's package, or, for a further instance, another package for the same folder."""
         number = type(self)._instances = type(self)._instances + 1
         if number == 1:
             return self.package
@@ -376,7 +376,7 @@ class ExistingWorker(Worker[Any]):
     def _genericworker(
         self, package: str, types: Mapping[str, ModuleType], given: Mapping[str, ModuleType]
     ) -> ModuleType:
-        """The module with what `from genericworker import *` brings in all generations: what RoboComp's imports."""
+        """The module `genericworker`, with all names that RoboComp's has had, in all generations."""
         module = ModuleType(f"{package}.genericworker")
         names: dict[str, Any] = {"os": os, "sys": sys, "Ice": given["Ice"]}
         names |= {"ROBOCOMP": os.environ.get("ROBOCOMP") or "/opt/robocomp", "preStr": "", "additionalPathStr": ""}
@@ -387,12 +387,12 @@ class ExistingWorker(Worker[Any]):
         parts = {part: modules[f"{version}.{part}"] for part in _QT if f"{version}.{part}" in modules}
         names |= parts
         if self.window:
-            for part in parts.values():  # the form imports their names, and passes them on
+            for part in parts.values():  # the form re-exports their names
                 names |= {name: getattr(part, name) for name in dir(part) if not name.startswith("_")}
             names |= _public(modules["ui_mainUI"])
             if "Ui_guiDlg" not in names:
                 raise ComponentError(f"{self._home / _FORM}: its <class> has to be guiDlg, as in all of RoboComp's")
-        if "interfaces" not in imported:  # since 2020, types are reached by their modules only
+        if "interfaces" not in imported:  # since 2020, types are accessed only by their modules
             bound = self._bound()
             for each in types.values():
                 names |= {name: value for name, value in _public(each).items() if name not in bound}
@@ -401,7 +401,7 @@ class ExistingWorker(Worker[Any]):
         return module
 
     def _imported(self) -> frozenset[str]:
-        """The first parts of what its specific part imports."""
+        """The top-level modules that its specific part imports."""
         return frozenset(
             name.partition(".")[0]
             for node in ast.walk(self.tree)
@@ -410,7 +410,7 @@ class ExistingWorker(Worker[Any]):
         )
 
     def _bound(self) -> frozenset[str]:
-        """What its specific part itself calls something, wherever that stands: more than a name that comes by a `*`."""
+        """Names that its specific part defines or imports anywhere; they take precedence over names imported by `*`."""
         found: set[str] = set()
         for node in self.tree.body:
             match node:
@@ -434,7 +434,7 @@ class ExistingWorker(Worker[Any]):
         return module
 
     def _make_generic(self) -> type[Any]:
-        """The class that RoboComp generates: what it has, and nothing else."""
+        """The class that RoboComp generates, without further names."""
         adapter = self
         core = self._loop.modules["PySide6.QtCore"]
 
@@ -469,7 +469,7 @@ class ExistingWorker(Worker[Any]):
         return generic
 
     def _equip(self, user: Any, core: Any, config: Any) -> None:
-        """What the generated constructor sets."""
+        """Set the attributes that the generated constructor sets."""
         for port, proxy in self._proxies():
             for attribute in spellings.attributes(port):
                 setattr(user, attribute, proxy)
@@ -490,14 +490,14 @@ class ExistingWorker(Worker[Any]):
                 user.timer.timeout.connect(again)
 
 
-# as they are called where one of them fails
+# names for error messages
 ExistingWorker.initialize.__qualname__ = "the start of SpecificWorker"
 ExistingWorker.compute.__qualname__ = "SpecificWorker's loop"
 ExistingWorker.finish.__qualname__ = "the end of SpecificWorker"
 
 
 class _LoopBeat(qt.LoopBeat):
-    """When something is due in a component's loop, or in its state machine."""
+    """The times at which something is due in a component's loop or state machine."""
 
     def __init__(self, loop: qt.Loop, chart: Chart | None, period: float, changed: Callable[[float], None]) -> None:
         self._chart, self._changed, self._seconds = chart, changed, period
@@ -518,7 +518,7 @@ class _LoopBeat(qt.LoopBeat):
 
 
 class _Interfaces(ModuleType):
-    """`interfaces`: its console is made when it is used, since that takes its time."""
+    """The module `interfaces`; its console is made at its first use, since that takes time."""
 
     def __getattr__(self, name: str) -> Any:
         if name not in ("console", "Console", "Text"):

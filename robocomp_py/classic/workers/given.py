@@ -1,4 +1,4 @@
-"""What a component is configured with, as RoboComp's main programs hand it over.
+"""A component's configuration in the forms that RoboComp's main programs pass to it.
 
 until 2024   setParams(params): every key of the file, values as text, as Ice's properties are
 since 2025   configData: nested tables by the dots of the keys, values as what they look like
@@ -19,7 +19,7 @@ Entries = dict[tuple[str, ...], Any]
 
 
 def entries(settings: Settings) -> tuple[dict[str, str], dict[str, Any]]:
-    """The parameters as texts, and as tables; what was set over the file is in both."""
+    """The parameters as texts and as tables, with overrides of the file in both."""
     texts: dict[str, str] = {}
     values: Entries = {}
     document = settings.document or Document()
@@ -41,7 +41,7 @@ def _of_file(document: Document) -> list[tuple[tuple[str, ...], str, Any]]:
 
 
 def _set(data: Mapping[str, Any], overridden: list[Key]) -> list[tuple[tuple[str, ...], Any]]:
-    """What the command line, the environment or a deployment have set of what a component's own code looks at."""
+    """Parameters that the command line, the environment or a deployment have set."""
     found: list[tuple[tuple[str, ...], Any]] = []
     for key in overridden:
         value: Any = data
@@ -61,7 +61,7 @@ def _nested(values: Entries, settings: Settings) -> dict[str, Any]:
         for name in names[:-1]:
             below = table.setdefault(name, {})
             if not isinstance(below, dict):
-                below = table[name] = {}  # `a = 1` and `a.b = 2`: what comes later counts
+                below = table[name] = {}  # `a = 1` and `a.b = 2`: the later one counts
             table = below
         table[names[-1]] = value
     return tables

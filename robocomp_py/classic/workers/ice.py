@@ -1,8 +1,8 @@
-"""The modules `Ice` and `IceStorm` of one component: exceptions to catch, and what need not be done any more.
+"""The modules `Ice` and `IceStorm` of one component: exceptions to catch, and functions without effect.
 
-What a proxy of ours raises is an exception of Ice's, too, so that `except Ice.Exception` and
-`except Ice.ConnectionRefusedException` mean what they did. Where ZeroC Ice is installed, its own classes are those,
-and whatever else the module has is there; where it is not, they are made up.
+Exceptions of our proxies are also exceptions of Ice, so `except Ice.Exception` and
+`except Ice.ConnectionRefusedException` work as before. If ZeroC Ice is installed, its own classes and all its other
+names are used; otherwise the exception classes are made here.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ _BASES = {
     "MemoryLimitException": "MarshalException",
     "CloseConnectionException": "ProtocolException",
 }
-"""Exceptions of Ice 3.7 that are caught by name, each with its base."""
+"""Exceptions of Ice 3.7 that components catch by name, each with its base."""
 
 _MEANS: tuple[tuple[type[RobocompError], str], ...] = (
     (Unreachable, "ConnectionRefusedException"),
@@ -81,11 +81,11 @@ _MEANS: tuple[tuple[type[RobocompError], str], ...] = (
     (DeclaredError, "UserException"),
     (RobocompError, "Exception"),
 )
-"""What an error of ours is to Ice; the first that fits."""
+"""Ice's exceptions for our errors; the first match counts."""
 
 
 def uses_ice(text: str) -> bool:
-    """Whether a file does more with Ice than to catch what it raises: only then it is worth its time to import it."""
+    """Whether a file uses more of Ice than exceptions; only then ZeroC's module is imported, which takes time."""
     return any(name not in (*_BASES, "loadSlice") for name in re.findall(r"\bIce(?:Storm)?\.(\w+)", text))
 
 
@@ -95,15 +95,15 @@ def real(name: str) -> ModuleType | None:
         return importlib.import_module(name)
     except Exception as exc:
         if not isinstance(exc, ModuleNotFoundError):
-            log.warning("%s is installed, and cannot be imported: %s", name, exc)
+            log.warning("%s is installed but cannot be imported: %s", name, exc)
         return None
 
 
 class Ices:
-    """What Ice is to one component."""
+    """The Ice modules of one component."""
 
     def __init__(self, package: str, find: Callable[[str], ModuleType | None]) -> None:
-        """`find` gives ZeroC's modules, or None."""
+        """`find` returns a module of ZeroC's, or None."""
         self._real = find("Ice")
         self.ice = _Module(f"{package}.Ice", self._real, "Ice")
         for name, base in _BASES.items():
@@ -127,7 +127,7 @@ class Ices:
         return found
 
     def raised(self, exc: RobocompError) -> RobocompError:
-        """The same error, which Ice's classes match from now on."""
+        """Make an error match Ice's classes, too."""
         kind = type(exc)
         if not isinstance(exc, vars(self.ice)["Exception"]):
             if kind not in self._twins:
@@ -154,7 +154,7 @@ def _set_reason(exc: Any, value: str) -> None:
 
 
 class _Module(ModuleType):
-    """A module with attributes of its own in front of those of the real one."""
+    """A module whose own attributes hide those of the real one."""
 
     def __init__(self, name: str, real: ModuleType | None, called: str) -> None:
         super().__init__(name)
@@ -173,4 +173,4 @@ class _Module(ModuleType):
 
 
 def _load_nothing(*arguments: Any, **named: Any) -> None:
-    """Slice files are not needed: `import RoboCompLaser` gives what the IDSL says."""
+    """No effect: `import RoboCompLaser` works without Slice files."""

@@ -1,4 +1,4 @@
-"""Imports of one component's files: modules of its own, which no other component of the process sees.
+"""Imports in one component's files: it has its own modules, separate from other components of the process.
 
 Every module of a component is executed with builtins of its own, of which `__import__` looks here first: a statement
 `import genericworker` in its files, wherever it stands and whenever it runs, gives this component's. What is neither
@@ -28,10 +28,10 @@ log = logging.getLogger("robocomp.worker")
 
 
 class Imports:
-    """What `import` means in the files of one component."""
+    """Implements `import` for the files of one component."""
 
     def __init__(self, package: str, folder: Path) -> None:
-        """`package` is imported already, and stands for the folder."""
+        """`package` is the imported package of the folder."""
         self.package, self.folder = package, folder
         self.given: dict[str, ModuleType] = {}
         """Modules that are provided, by the name under which the component imports them; dotted ones, too."""
@@ -49,7 +49,7 @@ class Imports:
         """The module of a file in `src`."""
         return self._file(f"src.{name}", self._source / f"{name}.py")
 
-    # What stands behind the statement.
+    # Called by the import statement.
 
     def _import(
         self,

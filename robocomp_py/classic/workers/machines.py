@@ -16,11 +16,11 @@ from ...contract.statemachine import StateMachine, Transition, label
 from ...runtime.statemachine import Machine, Trigger
 
 Attempt = Callable[[Callable[[], object]], None]
-"""Calls a slot, and tells what it raises."""
+"""Calls a slot, and logs what it raises."""
 
 
 class Slots:
-    """Something that happens, and who wants to be called then: what users know of a signal."""
+    """An event and its callbacks, with the methods of a Qt signal."""
 
     def __init__(self, attempt: Attempt) -> None:
         self._attempt = attempt
@@ -67,7 +67,7 @@ class StateName:
 
 
 class Start:
-    """`self.defaultMachine`: begins when the user says so, and the component's loop has begun."""
+    """`self.defaultMachine`: starts after the user has called `start` and the component's loop runs."""
 
     def __init__(self, engine: Machine, attempt: Attempt, wake: Callable[[], None]) -> None:
         self._engine, self._wake = engine, wake
@@ -108,11 +108,11 @@ class Chart:
 
     @property
     def due(self) -> bool:
-        """Whether something is to be done."""
+        """Whether a step is due."""
         return self.start.wanted or (self.start.running and bool(self.engine._waiting))
 
     def step(self) -> None:
-        """Begin, or take what was fired first."""
+        """Start, or take the transition that was triggered first."""
         if self.start.wanted:
             self.start.wanted, self.start.running = False, True
             self.engine._begin()
@@ -129,5 +129,5 @@ class Chart:
 
 
 def _spelled(transition: Transition) -> tuple[str, str]:
-    """As it is called today, and as until 2019."""
+    """Its present name, and its name until 2019."""
     return transition.trigger, f"{transition.source}to{label(transition.target)}"

@@ -1,4 +1,4 @@
-"""Proxies as Ice's are called: positional arguments, lists instead of arrays, exceptions of Ice."""
+"""Proxies with the interface of Ice's: positional arguments, lists instead of arrays, exceptions of Ice."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from .spellings import AS_IT_IS, WITH_DEADLINE, slice_name
 
 
 class Loop(Protocol):
-    """What a component has that runs on one thread, whoever calls it."""
+    """The loop of a component whose code must run on one thread."""
 
     def wait_for(self, function: Callable[[], Any]) -> Any:
-        """Call a function that waits, and have the rest of the component go on meanwhile."""
+        """Call a blocking function while the component's other code may run."""
 
     def post(self, call: Callable[[], object]) -> None:
-        """Have something called on that thread."""
+        """Queue a call for that thread."""
 
 
 def proxy_class(interface: Interface, port: Port, ices: Ices) -> type[Proxy]:
-    """The class of a port's proxies. `_loop` is to be set if the component has one."""
+    """The class of a port's proxies. If the component has a loop, set `_loop`."""
     methods: dict[str, Any] = {
         "interface": interface,
         "_deadline": None,
@@ -48,7 +48,7 @@ def proxy_class(interface: Interface, port: Port, ices: Ices) -> type[Proxy]:
 
 
 def _with_deadline(self: Any, milliseconds: int) -> Any:
-    """A proxy of the same with a time limit; -1 is for as long as it takes, which here is as configured."""
+    """The same proxy with a time limit; with -1, the configured limit."""
     copy = type(self)(self._bound)
     copy._deadline = milliseconds / 1000 if milliseconds > 0 else None
     copy._loop = self._loop
@@ -56,7 +56,7 @@ def _with_deadline(self: Any, milliseconds: int) -> Any:
 
 
 class _Call:
-    """One operation, as users call it."""
+    """One operation, callable."""
 
     def __init__(self, operation: Operation[Any], ices: Ices) -> None:
         self.operation, self._ices = operation, ices
@@ -73,7 +73,7 @@ class _Call:
         proxy._send(self.operation, arguments, proxy._deadline)
 
     def given(self, result: Any) -> Any:
-        """A result, or several, with what slice2py's code would have."""
+        """The result, or a tuple of several, with slice2py's types."""
         if self._receive is None:
             return result
         if len(self._receive) == 1:
@@ -81,8 +81,8 @@ class _Call:
         return tuple(convert(each) for convert, each in zip(self._receive, result, strict=True))
 
     def taken(self, arguments: tuple[Any, ...], named: dict[str, Any]) -> tuple[Any, ...]:
-        """The arguments in order. Raises TypeError if there are others than the operation has."""
-        context = named.pop("context", None)  # Ice's last one, of which nobody here knows anything
+        """The arguments in order. Raises TypeError for wrong ones."""
+        context = named.pop("context", None)  # Ice's optional last argument is ignored
         number = len(self._names)
         if len(arguments) == number + 1 and context is None and isinstance(arguments[-1], dict | None):
             arguments = arguments[:-1]
@@ -127,7 +127,7 @@ def _later(call: _Call) -> Callable[..., Any]:
 
 
 class _Answer:
-    """What an asynchronous call will give: Ice's future, and its AsyncResult."""
+    """The result of an asynchronous call, with the methods of Ice's future and AsyncResult."""
 
     def __init__(self, call: _Call, future: Future[Any], loop: Loop | None) -> None:
         self._call, self._future, self._loop = call, future, loop
@@ -169,7 +169,7 @@ class _Answer:
 
 
 def handler(operation: Operation[Any]) -> Callable[[Callable[..., Any], tuple[Any, ...]], Any]:
-    """What calls a function for an operation, with the arguments that slice2py's code would give it."""
+    """A handler that calls a function with slice2py's types of arguments."""
     receive, settle = receiving(operation.inputs), settling(operation.outputs)
 
     def handle(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
@@ -177,7 +177,7 @@ def handler(operation: Operation[Any]) -> Callable[[Callable[..., Any], tuple[An
             arguments = tuple(convert(each) for convert, each in zip(receive, arguments, strict=True))
         result = function(*arguments)
         if not settle:
-            return None  # Ice takes no notice of what is returned for nothing
+            return None  # Ice ignores the result of a void operation
         if len(settle) == 1:
             return settle[0](result)
         if isinstance(result, tuple) and len(result) == len(settle):

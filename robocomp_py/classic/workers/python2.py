@@ -1,7 +1,7 @@
-"""Source text of a component, of whichever Python it is.
+"""Converts the source text of components from Python 2 to Python 3.
 
-Components of before 2019 are written in Python 2. What its converter (`lib2to3`, which is part of Python up to 3.12)
-makes of them is compiled; their files stay as they are. It keeps the lines, so that tracebacks name the right ones.
+Components made before 2019 are written in Python 2. The converter `lib2to3` (part of Python up to 3.12) converts their
+text in memory; their files remain unchanged. It keeps line numbers, so tracebacks stay correct.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from typing import Any
 
 
 class NotConverted(SyntaxError):
-    """A text is no Python 3, and cannot be made one; its attributes are those of the first SyntaxError."""
+    """A text cannot be read as, or converted to, Python 3. It has the attributes of the first SyntaxError."""
 
     @property
     def why(self) -> str:
-        """For the author of the file, who knows whether it is Python 2."""
+        """The message for the author of the file."""
         if _tool() is not None:
             return f"this is neither Python 3 nor something that 2to3 can make it from: {self.msg}"
         return (
@@ -31,7 +31,7 @@ class NotConverted(SyntaxError):
 
 @lru_cache(maxsize=64)
 def as_python3(text: str, name: str) -> tuple[str, bool]:
-    """The text, or what it is in Python 3, and whether it had to be converted. Raises NotConverted."""
+    """The text in Python 3, and whether it was converted. Raises NotConverted."""
     try:
         parsed(text, name)
     except (SyntaxError, ValueError) as exc:
@@ -41,7 +41,7 @@ def as_python3(text: str, name: str) -> tuple[str, bool]:
 
 def parsed(text: str, name: str) -> ast.Module:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what its strings look like is none of our business
+        warnings.simplefilter("ignore")  # about escapes in its strings
         return ast.parse(text, name)
 
 
@@ -57,7 +57,7 @@ def _converted(text: str, name: str, why: SyntaxError | ValueError) -> str:
 
 
 def _untabbed(text: str) -> str:
-    """With blanks at the beginnings of lines, as Python 2 reads tabs there: up to the next multiple of eight."""
+    """The text with leading tabs expanded to multiples of eight, as in Python 2."""
     return re.sub(r"^[ \t]+", lambda found: found[0].expandtabs(8), text, flags=re.MULTILINE)
 
 
@@ -67,19 +67,19 @@ def _by_2to3(text: str) -> str | None:
         return None
     try:
         return str(tool.refactor_string(text.replace("\r\n", "\n").rstrip() + "\n", "their file"))
-    except Exception:  # its tokenizer and parser raise whatever they like: then it is no Python 2 either
+    except Exception:  # its tokenizer and parser raise various exceptions: the text is not Python 2 either
         return None
 
 
 @cache
 def _tool() -> Any:
-    """The converter, if this Python has it still."""
+    """The converter; None if this Python does not have it."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # it will be gone
+        warnings.simplefilter("ignore")  # its deprecation
         try:
             from lib2to3 import refactor
         except ImportError:
             return None
         tool = refactor.RefactoringTool(refactor.get_fixers_from_package("lib2to3.fixes"))
-    tool.logger.disabled = True  # which fixers it left out is nothing that anybody has to know
+    tool.logger.disabled = True  # it logs skipped fixers
     return tool
