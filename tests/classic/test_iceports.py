@@ -143,7 +143,7 @@ def test_whoever_else_says_it_counts_more(tmp_path: Path) -> None:
     assert sources(document)["laser"] == "world"
     why = {note.key: note.why for note in document.notes}
     assert why["TopicManager.Proxy"] == f"where the topics of IceStorm are managed, which --set {storm} says"
-    assert why["LaserProxy"].endswith("--set ports.laser.from=world says whom to use instead")
+    assert why["LaserProxy"].endswith("--set ports.laser.from=world sets the source instead")
 
 
 @pytest.mark.parametrize("names", [("Laser1Proxy", "Laser2Proxy"), ("LaserProxy0", "LaserProxy1")])

@@ -1,4 +1,4 @@
-"""The types of a component as slice2py makes them: contracts as ours, with other Python classes.
+"""A component's types in the form of slice2py: our contracts with other Python classes.
 
     struct       a class with any attributes; positional and keyword arguments; zeros, "" and None for what is a list
     enumeration  its enumerators print as their names
@@ -30,7 +30,7 @@ Convert = Callable[[Any], Any]
 
 @dataclass(frozen=True)
 class _Field(t.Field):
-    """A field that codecs read by another attribute than users do."""
+    """A field for which codecs read another attribute than users."""
 
     read_by: str = field(default="", compare=False, repr=False)
 
@@ -40,7 +40,7 @@ class _Field(t.Field):
 
 
 class Slices:
-    """The mirror of one component's contracts. Equal types have one class; `user_exception` is Ice's base of them."""
+    """Mirrors one component's contracts. Equal types share a class; exceptions derive from `user_exception`, of Ice."""
 
     def __init__(self, package: str, user_exception: type[BaseException]) -> None:
         self._package, self._user_exception = package, user_exception
@@ -48,7 +48,7 @@ class Slices:
         self._enumerations: dict[str, t.Enumeration] = {}
         self._exceptions: dict[str, t.ExceptionType] = {}
         self.classes: dict[str, type[Any]] = {}
-        """Of structs, enumerations and exceptions, as users know them, by qualified name."""
+        """The classes of structs, enumerations and exceptions, by qualified name."""
 
     def mirror(self, kind: t.Type) -> t.Type:
         match kind:
@@ -139,7 +139,7 @@ class _Enumerators(IntEnum):
 
     @classmethod
     def valueOf(cls, number: int) -> _Enumerators | None:
-        """As slice2py's: the enumerator of a number, or None."""
+        """The enumerator of a number, or None, as in slice2py."""
         return cls._value2member_map_.get(number)  # type: ignore[return-value]
 
 
@@ -155,7 +155,7 @@ def _said(exception: Any) -> str:
 
 
 def _is_hashable(kind: t.Type) -> bool:
-    """Whether Slice takes it as the key of a dictionary."""
+    """Whether Slice allows this type as the key of a dictionary."""
     match kind:
         case t.Struct(fields=inner):
             return bool(inner) and all(_is_hashable(each.type) for each in inner)
@@ -168,7 +168,7 @@ def _is_hashable(kind: t.Type) -> bool:
 
 
 def _default(of: t.Field) -> tuple[Any, Any]:
-    """The annotation of a field, and what a new value holds: nothing, where slice2py has nothing."""
+    """The annotation and default of a field; None where slice2py has None."""
     kind = of.type
     if of.default is not None:
         if isinstance(kind, t.Enumeration):
@@ -187,7 +187,7 @@ def _default(of: t.Field) -> tuple[Any, Any]:
 
 
 def _reads(of: Iterable[t.Field]) -> dict[str, Any]:
-    """The properties by which codecs read what may be None, or merely true."""
+    """Properties for codecs, which convert None and values that only need to be true."""
     found: dict[str, Any] = {}
     for each in of:
         settle = _settled(each.type)
@@ -222,11 +222,11 @@ def _maker(python: type[Any], of: tuple[t.Field, ...]) -> type[Any]:
     return type(python.__name__, (), {"__new__": make, "__module__": python.__module__})
 
 
-# -- values on their way -----------------------------------------------------------------
+# -- conversion of values ----------------------------------------------------------------
 
 
 def _settled(kind: t.Type) -> Convert | None:
-    """What Ice takes for a value of a type, and we do not, as what it means; None if there is nothing of that kind."""
+    """Converts values that Ice accepts for a type, but we do not; None if there are none."""
     match kind:
         case t.Sequence():
             return _list
@@ -257,18 +257,18 @@ def _same(value: Any) -> Any:
 
 
 def settling(of: Iterable[t.Field]) -> tuple[Convert, ...]:
-    """For arguments, or results, that users give."""
+    """Converters for arguments or results from user code."""
     return tuple(_settled(each.type) or _same for each in of)
 
 
 def receiving(of: Iterable[t.Field]) -> tuple[Convert, ...] | None:
-    """For arguments, or results, that users are given; None if they are as they come."""
+    """Converters for arguments or results to user code; None if none is needed."""
     converts = tuple(received(each.type) for each in of)
     return tuple(each or _same for each in converts) if any(converts) else None
 
 
 def received(kind: t.Type) -> Convert | None:
-    """Makes of what a codec has decoded what slice2py's code gives; None if that is the same."""
+    """Converts a decoded value to slice2py's type; None if they are the same."""
     match kind:
         case t.Sequence(t.Primitive.UINT8):
             return _octets
@@ -310,7 +310,7 @@ def _list_class(name: str, module: str) -> type[Any]:
 
 
 def module_of(generated: ModuleType, slices: Slices, package: str) -> ModuleType:
-    """What `import RoboCompLaser` means to a component: what slice2py would have made of the interface's file."""
+    """The module for `import RoboCompLaser`, as slice2py makes it."""
     name = generated.__name__.rpartition(".")[2]
     made = ModuleType(f"{package}.{name}")
     aliases = [alias for alias, kind in getattr(generated, "__annotations__", {}).items() if kind == "TypeAlias"]
@@ -328,7 +328,7 @@ def module_of(generated: ModuleType, slices: Slices, package: str) -> ModuleType
                 continue
             case _ if isinstance(value, Interface):
                 short = value.short
-                setattr(made, short, type(short, (), {"__doc__": "Base of servants, which nobody needs here."}))
+                setattr(made, short, type(short, (), {"__doc__": "Base of servants; without effect here."}))
                 setattr(made, f"{short}Prx", type(f"{short}Prx", (_Prx,), {"__module__": made.__name__}))
                 continue
             case _ if type(value) in (bool, int, float, str) and not attribute.startswith("_"):
@@ -341,7 +341,7 @@ def module_of(generated: ModuleType, slices: Slices, package: str) -> ModuleType
 
 
 class _Prx:
-    """The type of a proxy, where one is asked for: what is cast is a proxy already."""
+    """The type of a proxy. Casts return their argument, which is a proxy already."""
 
     @staticmethod
     def checkedCast(proxy: Any, *rest: Any) -> Any:
@@ -353,7 +353,7 @@ class _Prx:
 
 
 def component_of(component: Component, slices: Slices, proxies: Callable[[Interface, Port], type[Any]]) -> Component:
-    """The component with the classes of its mirror, and proxies that behave as Ice's."""
+    """The component with mirrored classes, and proxies that behave like Ice's."""
     known: dict[str, Interface] = {}
     made = []
     for port in component.ports:

@@ -1,4 +1,4 @@
-"""What a component of RoboComp's calls what its .cdsl names, in one generation or another; as today first."""
+"""The names that RoboComp's components use for ports and operations, in all generations; present names first."""
 
 from __future__ import annotations
 
@@ -12,34 +12,34 @@ _KEYWORDS = {*keyword.kwlist, "exec", "print"}
 
 WITH_DEADLINE = ("ice_timeout", "ice_invocationTimeout")
 AS_IT_IS = ("ice_oneway", "ice_twoway", "ice_context")
-"""What Ice's proxies have that gives another proxy."""
+"""Methods of Ice's proxies that return another proxy."""
 
 
 def slice_name(name: str) -> str:
-    """How slice2py spells a name that means something in Python."""
+    """slice2py's name for an identifier that is a Python keyword."""
     return f"_{name}" if name in _KEYWORDS else name
 
 
 def handlers(port: Port, operation: Operation[Any]) -> tuple[str, ...]:
-    """Its method for an operation: as since 2018, as before, as if there were one such port."""
+    """The handler's names for an operation: since 2018, before, and without a number of the port."""
     short = port.interface.short
     return tuple(dict.fromkeys((port.handler(operation.name), operation.name, f"{short}_{operation.name}")))
 
 
 def attributes(port: Port) -> tuple[str, ...]:
-    """Where a proxy is: as always; that of a topic also as before 2018."""
+    """The attributes of a proxy; that of a topic also has its name before 2018."""
     return (port.attribute, port.name) if port.verb.is_topic else (port.attribute,)
 
 
 def keys(port: Port) -> tuple[str, ...]:
-    """A proxy in the map that the constructor is given."""
+    """The keys of a proxy in the constructor's map."""
     short, number = port.interface.short, port.number
     suffix = "Pub" if port.verb.is_topic else "Proxy"
     return f"{short}{suffix}{number}", f"{short}{number}{suffix}", f"{short}{number}"
 
 
 def calls(port: Port) -> set[str]:
-    """What its proxy has: what an operation is called by, and what Ice's proxies have."""
+    """The methods of a proxy: its operations', and those of Ice's proxies."""
     found = {*WITH_DEADLINE, *AS_IT_IS}
     for operation, pattern in port.interface.under(port.verb):
         found.add(slice_name(operation.name))

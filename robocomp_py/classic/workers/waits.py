@@ -1,12 +1,12 @@
-"""What waits in Python's library, for one component: who waits there lets its handlers in, as at a call.
+"""Replaces blocking functions of Python's library in one component: while they wait, its handlers may run.
 
-RoboComp runs handlers beside `compute`, and users guard what both use by locks, or have one wait for the other. Here
-they take turns; so a wait has to be a turn's end, or a handler that wants a lock which is held by who waits for an
-answer would keep both from going on.
+RoboComp runs handlers in parallel with `compute`, so components use locks, and let one wait for the other. Here, code
+of a component runs one piece at a time. So a blocking function has to let others run, as a call does. Otherwise a
+handler that waits for a lock, and the code that holds the lock and waits for a reply, would block each other.
 
-    a lock                lets them in if it is taken
-    whatever else waits   lets them in each time: who works off a queue that is never empty need not wait, and would
-                          keep them out forever
+    a lock           lets handlers run only if it has to wait
+    anything else    lets handlers run each time: code that reads a queue that is never empty would never wait, and
+                     would keep them from running
 """
 
 from __future__ import annotations
@@ -27,27 +27,27 @@ from ...threads import NO_THREAD, start_thread
 T = TypeVar("T")
 
 BELOW = ("concurrent.futures.thread", "concurrent.futures.process")
-"""What is below these modules, and stays as it is."""
+"""Modules that these are built on; they are not replaced."""
 
 
 class Loop(Protocol):
-    """What lets others in."""
+    """Lets the component's other code run during a wait."""
 
     def outside(self) -> AbstractContextManager[None]:
-        """Around a wait for a lock, which has to be on the thread that will have it."""
+        """Entered around a wait for a lock, which must happen on the thread that takes it."""
 
     def wait_for(self, function: Callable[[], T]) -> T:
-        """Call a function that waits, on whatever thread: others are let in meanwhile."""
+        """Call a blocking function, on any thread, while other code may run."""
 
     def locked(self, change: int) -> None:
-        """A lock was taken (1), or given back (-1): what may want it is not called on the same thread meanwhile."""
+        """A lock was taken (1) or released (-1). Meanwhile, code that may want it must not run on this thread."""
 
 
 Pool = concurrent.futures.ThreadPoolExecutor
 
 
 class Begun:
-    """What a component's code has begun, and would keep a process of its own from ending; ours it does not."""
+    """Threads and pools that a component has started. In RoboComp they keep the process from ending; here not."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -63,13 +63,14 @@ class Begun:
             self._pools.add(pool)
 
     def pools(self) -> list[Pool]:
-        """Those that somebody has."""
+        """The pools that are still referenced."""
         with self._lock:
             return list(self._pools)
 
     def end(self, pools: Collection[Pool], grace_s: float, work_s: float) -> tuple[list[str], int]:
-        """Tell pools that no more comes, and wait until all threads have ended: `grace_s`, and those of a pool where
-        calls wait to be made, `work_s`. Returns the names of those that go on, and how many calls still wait."""
+        """Shut down the pools, and wait for threads: at most `grace_s`, or `work_s` for pools with waiting calls.
+
+        Returns the names of threads that still run, and the number of calls that still wait."""
         begun = time.monotonic()
         for pool in pools:
             if not pool._shutdown:
@@ -85,13 +86,13 @@ def _join(threads: Iterable[threading.Thread], end: float) -> None:
 
 
 def _calls_in(pool: Pool) -> int:
-    """How many calls nobody has begun in a pool that was shut down: what says so stands behind them, and stays."""
+    """The number of waiting calls in a pool that was shut down. The queue's last item is the pool's end marker."""
     is_at_it = any(each.is_alive() for each in pool._threads)
     return max(0, pool._work_queue.qsize() - 1) if is_at_it else 0
 
 
 def modules(loop: Loop, begun: Begun) -> Mapping[str, ModuleType]:
-    """The modules by name, with those of their parts that wait exchanged."""
+    """The modules by name, with their blocking functions replaced."""
     futures = _like(concurrent.futures, **_futures(loop, begun))
     return {
         "threading": _like(threading, **_threading(loop, begun)),
@@ -119,7 +120,7 @@ def _threading(loop: Loop, begun: Begun) -> dict[str, Any]:
     locked = loop.locked
 
     class Lock:
-        """A lock that lets others in while it is waited for."""
+        """A lock that lets other code run while it is waited for."""
 
         _make: Callable[[], Any] = staticmethod(threading.Lock)
 
@@ -153,7 +154,7 @@ def _threading(loop: Loop, begun: Begun) -> dict[str, Any]:
     class RLock(Lock):
         _make = staticmethod(threading.RLock)
 
-        # by which a condition gives its lock away while it waits, however often it was taken, and takes it again
+        # A condition uses these to release its lock completely during a wait, and to take it again.
 
         def _release_save(self) -> Any:
             state = self._lock._release_save()
@@ -170,7 +171,7 @@ def _threading(loop: Loop, begun: Begun) -> dict[str, Any]:
             super().__init__(lock)
 
         def wait(self, timeout: float | None = None) -> bool:
-            """As Python does it, but that another thread than the one that has the lock may be who waits."""
+            """As in Python, but another thread than the one with the lock may do the waiting."""
             this: Any = self
             if not this._is_owned():
                 raise RuntimeError("cannot wait on un-acquired lock")

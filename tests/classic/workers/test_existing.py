@@ -526,7 +526,7 @@ def what_goes_on(tmp_path: Path, code: str, caplog: pytest.LogCaptureFixture, *,
         over = vars(arm.worker._imports.load("specificworker"))["OVER"]
     assert arm.fine
     try:
-        [told] = [each.getMessage() for each in caplog.records if "threads of its own" in each.getMessage()]
+        [told] = [each.getMessage() for each in caplog.records if "its own threads are" in each.getMessage()]
         yield told.rpartition(": ")[2]
     finally:
         over.set()
@@ -588,7 +588,7 @@ IDLE.submit(int)
         saved = vars(arm.worker._imports.load("specificworker"))["SAVED"]
     assert arm.fine
     assert saved == list(range(20))
-    assert not [each for each in caplog.records if "of its own" in each.getMessage()]
+    assert not [each for each in caplog.records if "its own threads" in each.getMessage()]
 
 
 def test_who_waits_for_a_pool_when_the_end_begins_takes_what_time_he_needs(tmp_path: Path) -> None:
@@ -631,7 +631,7 @@ BEGUN = threading.Event()
 """
     with what_goes_on(tmp_path, code, caplog, grace_s=0.2) as names:
         assert names == "endless_0"
-    assert any("2 calls that its pools were given have not begun after 0.2 s" in each for each in caplog.messages)
+    assert any("2 calls in its thread pools have not begun after 0.2 s" in each for each in caplog.messages)
 
 
 # What it is configured with.

@@ -1,8 +1,8 @@
-"""Qt, for components of RoboComp's generators: the real one if their files use it, else a stand-in.
+"""Qt for components of RoboComp's generators: the real one if their files need it, otherwise a stand-in.
 
-Components without windows have timers, signals and slots, mutexes; those run on the component's own thread, one thing
-at a time, between what the rest of the runtime does there, and nothing has to be installed. With windows, PySide6 is
-Qt, under whatever name a file imports it.
+Components without windows use timers, signals, slots and mutexes. The stand-in provides these; they run on the
+component's own thread, one at a time, and Qt need not be installed. For components with windows, PySide6 is used,
+whatever version of Qt a file imports.
 """
 
 from __future__ import annotations
@@ -23,59 +23,59 @@ __all__ = ["Loop", "LoopBeat", "Need", "need", "open_loop"]
 T = TypeVar("T")
 
 _LONG = 3600.0
-"""Seconds after which a loop that has nothing to do is asked again."""
+"""Seconds between two checks of an idle loop."""
 
 
 class Loop(Protocol):
-    """The event loop of one component, and Qt as its files know it."""
+    """The event loop of one component, and the Qt modules for its files."""
 
     @property
     def modules(self) -> Mapping[str, ModuleType]:
-        """What `PySide2`, `PySide2.QtCore`, `PyQt5.QtWidgets`, `ui_mainUI` mean in its files."""
+        """The modules `PySide2`, `PySide2.QtCore`, `PyQt5.QtWidgets`, `ui_mainUI` and so on, for its files."""
 
     @property
     def base(self) -> type:
-        """What its `GenericWorker` derives from."""
+        """The base class of its `GenericWorker`."""
 
     @property
     def in_front(self) -> Front | None:
-        """What the main thread has to do while the component lives, if anything."""
+        """What the main thread has to run while the component runs; None for nothing."""
 
     @property
     def missed(self) -> int:
-        """How many beats of timers were left out, because something took too long."""
+        """Number of timeouts that were skipped because something took too long."""
 
     def locked(self, change: int) -> None:
-        """A lock of the user's was taken (1), or let go of (-1): whoever waits while it has one calls nothing that may
-        want it on the same thread."""
+        """A lock in the user's code was taken (1) or released (-1). A thread that holds one must not run other code,
+        which may want it, during a wait."""
 
     def call(self, function: Callable[..., T], *arguments: Any) -> T:
-        """Call something of the user's where it has to run, and return what it returns, or raise what it raises.
+        """Call a function of the user's on the proper thread; returns its result, or raises its exception.
 
         The caller is inside the component's monitor.
         """
 
     builtins: dict[str, Any] | None
-    """Those of its files; to be set by who loads them."""
+    """The builtins of its files; set by the loader."""
 
     def outside(self) -> AbstractContextManager[None]:
-        """Around a wait for a lock in the user's code: others are let in meanwhile, as far as that can be."""
+        """Entered around a wait for a lock in the user's code; other code runs meanwhile, if possible."""
 
     def wait_for(self, function: Callable[[], T]) -> T:
-        """Call a function that waits, for the user's code, on whatever thread: others are let in meanwhile."""
+        """Call a blocking function for the user's code, on any thread, while other code may run."""
 
     def due(self, now: float) -> float | None:
-        """Seconds until there is something to do; 0: it is time; None: nothing until `wake` is called."""
+        """Seconds until something is due; 0: now; None: nothing until `wake` is called."""
 
     def run(self, now: float) -> None:
-        """Do one thing that is due, inside the component's monitor. What slots raise is told; SystemExit is raised."""
+        """Do one due thing inside the component's monitor. Exceptions of slots are logged, but SystemExit passes."""
 
     def post(self, call: Callable[[], object]) -> None:
-        """Have something called when it is its turn, which may be inside of a `wait_for`. From any thread; raises
-        ComponentError if too much waits."""
+        """Queue a call, which may run inside of a `wait_for`. Safe to use from any thread. Raises ComponentError if
+        too many calls wait."""
 
     def close(self) -> None:
-        """Stop timers, close windows. Nothing of the user's is called afterwards but by `call`. Idempotent."""
+        """Stop timers and close windows. Afterwards only `call` runs user code. Idempotent."""
 
 
 def open_loop(
@@ -90,9 +90,9 @@ def open_loop(
 ) -> Loop:
     """A loop for one component instance, before its files are imported.
 
-    `wake` is called from any thread when there may be something to do sooner than `due` said, `quit` when its code or
-    its last window wants the component to end. `outside` lets others in while the calling thread waits. `tell` is given
-    what slots raise. `folder` is where its .ui files are. Raises ComponentError if PySide6 is needed and not there.
+    `wake` is called, from any thread, when something may be due earlier than `due` has returned; `quit` when its code
+    or its last window wants the component to end. `outside` lets other code run while the calling thread waits. `tell`
+    gets exceptions of slots. `folder` holds its .ui files. Raises ComponentError if PySide6 is needed but missing.
     """
     if not need:
         return Alone(wake, quit, outside, tell)
@@ -102,7 +102,7 @@ def open_loop(
 
 
 class LoopBeat(Beat):
-    """The beat of a component whose loop says when it is time."""
+    """The beat of a component whose loop decides when it is due."""
 
     def __init__(self, loop: Loop, period: float) -> None:
         super().__init__(period, 0.0)

@@ -1,6 +1,6 @@
-"""What a component has to do and when: calls that were posted, and alarms. Time comes in as a value.
+"""The schedule of a component: queued calls, and alarms. The clock is a parameter.
 
-The older of two things is done first. An alarm that repeats keeps its beat: what was missed is left out and counted.
+The earliest is done first. A repeating alarm keeps its rhythm: missed times are skipped and counted.
 """
 
 from __future__ import annotations
@@ -14,28 +14,28 @@ from collections.abc import Callable
 from ....errors import ComponentError
 
 MAX_POSTED = 10_000
-"""So many calls may wait for their turn."""
+"""Maximum number of waiting calls."""
 
 
 class Alarm:
-    """Calls something after a while; again and again, unless it is `single`."""
+    """Calls a function after an interval; repeatedly unless `single`."""
 
     def __init__(self, ring: Callable[[], object], single: bool = False) -> None:
         self.ring, self.single = ring, single
         self.interval = 0.0
-        """In seconds."""
+        """The interval in seconds."""
         self.at: float | None = None
-        """When it rings next."""
+        """Time of the next call."""
         self.ringing = False
 
 
 class Agenda:
-    """Posted to and changed from any thread; what is due is done by the one that calls `do`."""
+    """Any thread may post and change; the thread that calls `do` runs what is due."""
 
     def __init__(self, wake: Callable[[], None], clock: Callable[[], float] = time.monotonic) -> None:
-        """`wake` is called when something may be due sooner than was said, from whatever thread that is changed by."""
+        """`wake` is called, on the changing thread, when something may be due earlier than `due` has returned."""
         self.missed = 0
-        """So many times alarms were left out, since what was done took too long."""
+        """Number of skipped alarms, because something took too long."""
         self.closed = False
         self._wake, self._clock = wake, clock
         self._lock = threading.Lock()
@@ -57,7 +57,7 @@ class Agenda:
         self._wake()
 
     def start(self, alarm: Alarm, interval: float) -> None:
-        """Have it ring after so many seconds; from now on, if it was started before."""
+        """Start an alarm; one that was started before begins anew."""
         with self._lock:
             alarm.interval = interval
             if self.closed:
@@ -74,13 +74,13 @@ class Agenda:
                 self._alarms.remove(alarm)
 
     def due(self, now: float) -> float | None:
-        """Seconds until there is something to do; 0: it is time; None: nothing as things are."""
+        """Seconds until something is due; 0: now; None: nothing."""
         with self._lock:
             first = min(_time_of(self._next_alarm()), self._posted[0][0] if self._posted else math.inf)
         return None if first == math.inf else max(0.0, first - now)
 
     def do(self, now: float) -> bool:
-        """Do one thing that is due. Whether there was any."""
+        """Do one thing that is due; False if there is none."""
         with self._lock:
             alarm = self._next_alarm()
             if self._posted and self._posted[0][0] <= min(now, _time_of(alarm)):
@@ -88,7 +88,7 @@ class Agenda:
                 call = self._posted.popleft()[1]
             elif alarm and _time_of(alarm) <= now:
                 self._set_again(alarm, now)
-                alarm.ringing = True  # not again inside of itself, where somebody does what is due meanwhile
+                alarm.ringing = True  # not recursively, if its callback runs `do`
                 call = alarm.ring
             else:
                 return False
@@ -100,7 +100,7 @@ class Agenda:
         return True
 
     def close(self) -> None:
-        """Forget everything. What comes after that is ignored."""
+        """Drop everything, and ignore what is added later."""
         with self._lock:
             self.closed = True
             for alarm in self._alarms:

@@ -1,4 +1,4 @@
-"""The loop of a component that runs without Qt: its own thread does what is due, one thing at a time."""
+"""The loop of a component without real Qt: its own thread does what is due, one thing at a time."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import Any, TypeVar
 
 from .agenda import Agenda
 from .core import Application, Place, core
-from .mutex import Keeper
+from .mutex import MutexSet
 from .served import Absent, Served
 
 T = TypeVar("T")
 
 _CORE = frozenset({"QApplication", "QGuiApplication", "qApp"})
-"""What QtCore has not."""
+"""Names of the stand-in that are not in QtCore."""
 
 
 class Alone:
@@ -35,7 +35,7 @@ class Alone:
         self.builtins: dict[str, Any] | None = None
         self._agenda = Agenda(wake)
         self._place = Place(self._agenda, tell, quit_, outside)
-        self._keeper = Keeper(outside)
+        self._keeper = MutexSet(outside)
         self._core = core(self._place, self._keeper)
         self._has_run = False
         self.base: type = self._core["QObject"]
@@ -54,10 +54,10 @@ class Alone:
         self._agenda.do(now)
 
     def locked(self, change: int) -> None:
-        """Whoever waits for a lock waits outside; that is enough where each handler has a thread of its own."""
+        """A wait for a lock leaves the monitor; that suffices because each handler has its own thread."""
 
     def call(self, function: Callable[..., T], *arguments: Any) -> T:
-        if not self._has_run:  # who makes the objects is who will run them, as far as anybody knows
+        if not self._has_run:  # assume that the thread that makes the objects will run them
             self._place.thread = threading.get_ident()
         return function(*arguments)
 

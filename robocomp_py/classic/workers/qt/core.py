@@ -1,13 +1,13 @@
-"""A stand-in for as much of QtCore as components without windows use: objects, signals, slots, timers, mutexes.
+"""The stand-in for the parts of QtCore that components without windows use: objects, signals, slots, timers, mutexes.
 
-It behaves as PySide2 and PySide6 do, as far as it goes:
+It behaves like PySide2 and PySide6:
 
-    a slot gets as many of a signal's arguments as it takes
-    a signal emitted on the component's own thread calls its slots at once, one emitted elsewhere when it is their turn
-    what a slot raises is told, and neither the other slots nor who emitted the signal hear of it; SystemExit is let by
+    a slot gets as many of a signal's arguments as it accepts
+    a signal emitted on the component's own thread calls its slots at once; on another thread, it queues the calls
+    an exception of a slot is logged, and does not reach other slots or the emitter; SystemExit passes
 
-What it has not, real Qt has (needs.py tells which of both a component gets). The classes are made for each component,
-since each has an agenda of its own.
+Components that use more get real Qt (needs.py decides). The classes are made for each component, because each has its
+own agenda.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from functools import partial
 from typing import Any, ClassVar
 
 from .agenda import Agenda, Alarm
-from .mutex import Keeper, mutexes
+from .mutex import MutexSet, mutexes
 
 Slot_ = Callable[..., Any]
 
 
 class Place:
-    """Where the objects of one component live: what they have to do, and on which thread."""
+    """The agenda and the thread of one component's objects."""
 
     def __init__(
         self,
@@ -42,16 +42,16 @@ class Place:
     ) -> None:
         self.agenda, self.tell, self.quit, self.outside = agenda, tell, quit_, outside
         self.thread: int | None = None
-        """Where its objects live; None as long as nothing has run there."""
+        """The thread of its objects; None before anything has run there."""
         self.sender: Object | None = None
 
     @property
     def here(self) -> bool:
-        """Whether the calling thread is the one its objects live on."""
+        """Whether the calling thread is the thread of its objects."""
         return self.thread in (None, threading.get_ident())
 
     def attempt(self, sender: Object | None, call: Callable[[], object]) -> None:
-        """Call a slot, and tell what it raises."""
+        """Call a slot, and log what it raises."""
         with self._sent_by(sender):
             try:
                 call()
@@ -81,7 +81,7 @@ class TimerType(IntEnum):
 
 
 class Qt:
-    """Of Qt's namespace, what those without windows say."""
+    """The names in Qt's namespace that components without windows use."""
 
     ConnectionType, TimerType = ConnectionType, TimerType
     AutoConnection = ConnectionType.AutoConnection
@@ -183,7 +183,7 @@ class BoundSignal:
 
 
 def _takes(call: Slot_) -> float:
-    """How many arguments a slot takes at most."""
+    """Maximum number of arguments that a slot accepts."""
     if isinstance(call, BoundSignal):
         return len(call._types)
     owner = getattr(call, "__self__", None)
@@ -191,7 +191,7 @@ def _takes(call: Slot_) -> float:
         return len(owner._types)
     try:
         parameters = inspect.signature(call).parameters.values()
-    except (TypeError, ValueError):  # what is written in C tells not always
+    except (TypeError, ValueError):  # some C functions have no signature
         return math.inf
     if any(each.kind is each.VAR_POSITIONAL for each in parameters):
         return math.inf
@@ -199,7 +199,7 @@ def _takes(call: Slot_) -> float:
 
 
 def Slot(*types: Any, name: str | None = None, result: Any = None) -> Any:
-    """`@Slot()`, `@Slot(int, result=bool)`, `@Slot`: says that a method is a slot, which changes nothing about it."""
+    """`@Slot()`, `@Slot(int, result=bool)`, `@Slot`: marks a method as a slot, without effect."""
     if len(types) == 1 and inspect.isfunction(types[0]):
         return types[0]
     return lambda function: function
@@ -217,7 +217,7 @@ def SLOT(text: str) -> str:
 
 
 class Object:
-    """`QObject`. Its own names begin with `_qt_`, for the others are its user's."""
+    """`QObject`. Its own names begin with `_qt_`; other names are the user's."""
 
     destroyed = Signal()
 
@@ -257,7 +257,7 @@ class Object:
         return self._qt_blocked
 
     def sender(self) -> Object | None:
-        """Whose signal has called the slot that runs."""
+        """The object whose signal has called the running slot."""
         return self._qt_place.sender
 
     def property(self, name: str) -> Any:
@@ -278,7 +278,7 @@ class Object:
 
     @staticmethod
     def connect(sender: Object, signal: str, *to: Any) -> bool:
-        """As of old: `connect(button, SIGNAL("clicked()"), self.pressed)`, or `…, self, SLOT("pressed()"))`."""
+        """The old form: `connect(button, SIGNAL("clicked()"), self.pressed)`, or `…, self, SLOT("pressed()"))`."""
         slot = getattr(to[0], _named(to[1])) if len(to) > 1 and isinstance(to[1], str) else to[0]
         return bool(_signal(sender, signal).connect(slot))
 
@@ -296,7 +296,7 @@ def _signal(sender: Object, signal: str) -> BoundSignal:
 
 
 def _named(text: str) -> str:
-    """The name in what SIGNAL or SLOT says."""
+    """The name in the text of SIGNAL or SLOT."""
     return text[1:].partition("(")[0]
 
 
@@ -344,7 +344,7 @@ class Timer(Object):
         return self._qt_type
 
     def setTimerType(self, kind: TimerType) -> None:
-        """All of them are as exact as can be."""
+        """No effect: all timers are as precise as possible."""
         self._qt_type = kind
 
     @classmethod
@@ -368,7 +368,7 @@ def _milliseconds(given: float) -> int:
 
 
 class Application(Object):
-    """`QCoreApplication`, and `QApplication` for those who want nothing else of it. There is one, whoever makes it."""
+    """`QCoreApplication`, also as `QApplication` for components without windows. There is only one."""
 
     aboutToQuit = Signal()
 
@@ -379,7 +379,7 @@ class Application(Object):
         return cls.instance()
 
     def __init__(self, *_: Any) -> None:
-        """It is made already."""
+        """Nothing to do: the application exists already."""
 
     @classmethod
     def instance(cls) -> Application:
@@ -398,17 +398,17 @@ class Application(Object):
 
     @classmethod
     def exec(cls) -> int:
-        """The component's loop runs already; as with Qt, there is no second one."""
+        """No effect: the component's loop is running already."""
         return -1
 
     exec_ = exec
 
     @classmethod
     def processEvents(cls, *_: Any) -> None:
-        """Do what is due by now, and let handlers in that wait."""
+        """Do what is due now, and let waiting handlers run."""
         place = cls._qt_place
         if not place.here:
-            return  # what another thread has to do is not its business
+            return  # another thread must not run this one's calls
         now = place.agenda.now()
         while place.agenda.do(now):
             pass
@@ -439,8 +439,8 @@ class Application(Object):
 # -- all of it, for one component ------------------------------------------------------
 
 
-def core(place: Place, keeper: Keeper) -> dict[str, Any]:
-    """What QtCore has in it, and `QApplication`, by name."""
+def core(place: Place, keeper: MutexSet) -> dict[str, Any]:
+    """The names in QtCore, and `QApplication`."""
     objects = type("QObject", (Object,), {"_qt_place": place})
     application = type("QCoreApplication", (Application, objects), {"_qt_only": [], "_qt_names": {}})
     return {
@@ -463,7 +463,7 @@ def core(place: Place, keeper: Keeper) -> dict[str, Any]:
 
 
 def renamed(signal: Any, slot: Any) -> dict[str, Any]:
-    """What PyQt calls otherwise."""
+    """PyQt's other names."""
     return {"pyqtSignal": signal, "pyqtSlot": slot, "pyqtBoundSignal": BoundSignal}
 
 

@@ -1,16 +1,17 @@
-"""The main thread of a process whose components use real Qt: it runs Qt's loop, and what others have it call.
+"""The main thread of a process whose components use real Qt: it runs Qt's loop, and calls for other threads.
 
-Windows may be touched by the main thread only. So whatever is a user's runs there: what timers and clicks call, since
-Qt calls it, and handlers, since the threads that have them (and with them the monitor) have it call them, and wait.
+Only the main thread may use windows, so all user code runs there. Qt calls the slots of timers and clicks. Threads
+with a handler hold the monitor, ask the main thread to call the handler (an errand), and wait.
 
-    main thread   Qt's loop, between whose events it serves errands
-    life          Running.run: hooks, as everywhere
-    asks          what the main thread waits for; it serves errands meanwhile, so two components can call each other
+    main thread   runs Qt's loop, and errands between two events
+    life          a thread for Running.run: hooks, as without Qt
+    asks          a pool of threads for blocking functions; meanwhile the main thread runs errands, so that two
+                  components can call each other
 
-Errands of a thread whose code waits let go of the monitor until that is over. While a lock of theirs is taken no errand
-is served inside of a wait: its code would want the lock, and be what keeps the other from giving it back. Nobody waits
-for an errand that is posted. Of these, one at a time is at work, as Ice has one thread for what is called when an
-answer comes: else each that waits would begin the next one inside of itself.
+While the code of an errand waits, its thread releases the monitor. While its code holds a lock, no errand runs inside
+of its wait: that might want the lock, and would keep the holder from releasing it. No thread waits for a posted errand.
+Only one posted errand runs at a time, because Ice has one thread for callbacks. Otherwise each one that waits would
+start the next one inside of its wait.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ T = TypeVar("T")
 Outside = Callable[[], AbstractContextManager[None]]
 
 _LOOK_S = 1.0
-"""After so long, who waits looks again: a signal that comes just before a wait does not end it."""
+"""Seconds between two checks while waiting, because a signal that comes just before a wait does not end it."""
 
 _BROKEN = "6.12.0"
 """The version of PySide6 that loses a reference to a bool with each signal that Python emits."""
@@ -70,8 +71,8 @@ def qt(name: str) -> Any:
         ) from exc
 
 
-class _Word(Enum):
-    """What the main thread says to who waits for an errand."""
+class _Message(Enum):
+    """A message of the main thread to the thread that waits for an errand."""
 
     WAITS = "its code waits for others"
     GOES_ON = "it goes on"
@@ -79,13 +80,13 @@ class _Word(Enum):
 
 
 class _Errand:
-    """Something that another thread has the main thread call."""
+    """A call that another thread has the main thread make."""
 
     is_posted = False
 
     def __init__(self, call: Callable[[], Any], always: bool = False, apart: bool = False) -> None:
         self.call, self.always, self.apart = call, always, apart
-        self.words: SimpleQueue[_Word] = SimpleQueue()
+        self.messages: SimpleQueue[_Message] = SimpleQueue()
         self.is_back = False
         self.result: Any = None
         self.error: BaseException | None = None
@@ -95,26 +96,26 @@ class _Errand:
             self.result = self.call()
         except KeyboardInterrupt:
             _end_now()
-        except BaseException as exc:  # whoever waits for it gets it
+        except BaseException as exc:  # raised in the waiting thread
             self.error = exc
         finally:
-            self.words.put(_Word.DONE)
+            self.messages.put(_Message.DONE)
 
 
 class _Posted(_Errand):
-    """One that nobody waits for."""
+    """An errand that no thread waits for."""
 
     is_posted = True
 
     def do(self) -> None:
         try:
             self.call()
-        except Exception as exc:  # it may be done inside of a wait, which is not to raise this
+        except Exception as exc:  # it may run inside of a wait, which must not raise this
             sys.excepthook(type(exc), exc, exc.__traceback__)
 
 
-class _Question(Generic[T]):
-    """A function that waits, for a thread of a pool to call."""
+class _BlockingCall(Generic[T]):
+    """A blocking function that a thread of a pool calls."""
 
     def __init__(self, function: Callable[[], T], answered: Callable[[], object]) -> None:
         self._function = function
@@ -123,7 +124,7 @@ class _Question(Generic[T]):
         self.asked = False
 
     def ask(self, pool: Pool) -> bool:
-        """Whether a thread calls it. May be called again and again; the function is called once."""
+        """Have a thread call it; False if none is free. The function is called only once."""
         self.asked = self.asked or pool.offer(partial(fulfil, self.answer, self._function))
         return self.asked
 
@@ -138,13 +139,13 @@ class Joined:
 
 
 class Front:
-    """The one of this process. Made by the main thread, before anything of Qt's is."""
+    """The single instance of this process. The main thread makes it before any object of Qt."""
 
     _only: ClassVar[Front | None] = None
 
     @classmethod
     def there(cls, screen: bool, name: str) -> Front:
-        """Raises ComponentError if there can be none."""
+        """The instance. Raises ComponentError if it cannot be made."""
         if cls._only is None:
             cls._only = cls(screen, name)
         elif screen and not cls._only.screen:
@@ -167,16 +168,16 @@ class Front:
         self._news = threading.Condition()
         self._inbox: deque[_Errand] = deque()
         self._at: list[_Errand] = []
-        """What the main thread is at; the last one is the innermost."""
+        """The errands that the main thread is running; the last one is the innermost."""
         self._waits = 0
-        """How many waits it is in, one inside of the other."""
+        """Depth of its nested waits."""
         self._is_over = False
         self._is_leaving = False
         self._joined: list[Joined] = []
         self._start = start
         self._asks = Pool("asks", MAX_SUSPENDED + 8, freed=self._tell_news, start=start)
         self._is_short = False
-        """Whether a thread was needed, and there was none."""
+        """Whether a thread was needed but none was free."""
         self._wakeup = _Wakeup(self._woken)
         self._exit_code = 0
 
@@ -185,7 +186,7 @@ class Front:
         return threading.get_ident() == self._thread
 
     def join(self, joined: Joined) -> Callable[[], None]:
-        """One more component. Call what is returned when it ends."""
+        """Add a component. Call the returned function when it ends."""
         self._joined.append(joined)
 
         def leave() -> None:
@@ -198,7 +199,7 @@ class Front:
     # On the main thread.
 
     def live(self, life: Callable[[], bool], stop: Callable[[], None]) -> bool:
-        """Run Qt's loop until `life`, on a thread of its own, has ended. If Qt is to quit, `stop` is called.
+        """Run Qt's loop until `life`, on its own thread, has ended. Calls `stop` if Qt is to quit.
 
         Raises ComponentError if the system has no thread to spare.
         """
@@ -226,7 +227,7 @@ class Front:
         return bool(result) and result[0]
 
     def wait_for(self, function: Callable[[], T]) -> T:
-        """Have a thread call a function that waits, and do errands meanwhile.
+        """Have a thread call a blocking function, and run errands meanwhile.
 
         If the system has no thread to spare, errands are done until it has one. Raises Closed if the component ends
         before that.
@@ -235,22 +236,22 @@ class Front:
             return function()
         errand = self._at[-1] if self._at and not self._at[-1].is_posted else None
         if errand:
-            errand.words.put(_Word.WAITS)
-        question = _Question(function, self._tell_news)
+            errand.messages.put(_Message.WAITS)
+        question = _BlockingCall(function, self._tell_news)
         self._waits += 1
         try:
             self._ask(question)
             self._serve(question.answer.done)
             if errand:
-                errand.words.put(_Word.GOES_ON)
+                errand.messages.put(_Message.GOES_ON)
                 self._serve(lambda: errand.is_back or self._is_over)
                 errand.is_back = False
         finally:
             self._waits -= 1
         return question.answer.result()
 
-    def _ask(self, question: _Question[Any]) -> None:
-        """Returns when a thread calls it, which may take until the system has one to spare."""
+    def _ask(self, question: _BlockingCall[Any]) -> None:
+        """Wait until a thread is free to call it."""
         if not question.ask(self._asks):
             if not self._is_short:
                 log.warning("waits begin later, when a thread is free: %s", NO_THREAD)
@@ -261,17 +262,17 @@ class Front:
         self._is_short = False
 
     def leave(self) -> None:
-        """Have no events of Qt's happen any more, and close dialogs that somebody waits for."""
+        """Stop Qt's events, and close dialogs that code waits for."""
         self._is_leaving = True
         self.application.exit(0)
 
     def _check(self) -> None:
-        """Leave a loop that had not begun when it was left."""
+        """Leave a loop that was told to end before it began."""
         if self._is_leaving:
             self.leave()
 
     def _serve(self, until: Callable[[], bool]) -> None:
-        """Do errands, and wait for such, until something holds."""
+        """Run errands, and wait for more, until a condition holds."""
         while True:
             with self._news:
                 while not until() and not self._next():
@@ -294,7 +295,7 @@ class Front:
         return next(filter(may, self._inbox), None)
 
     def _woken(self) -> None:
-        """Do one errand: Qt handles its own events between two of them."""
+        """Run one errand; Qt handles its events between two of them."""
         if self._is_over:
             self.leave()
             return
@@ -315,7 +316,7 @@ class Front:
 
     @contextlib.contextmanager
     def _signals(self) -> Iterator[None]:
-        """Python handles signals between two of its steps, of which there are none while Qt waits: wake it."""
+        """Wake Qt's loop, because Python handles signals only while Python code runs."""
         reading, writing = socket.socketpair()
         reading.setblocking(False)
         writing.setblocking(False)
@@ -339,7 +340,7 @@ class Front:
 
     @contextlib.contextmanager
     def _exceptions(self) -> Iterator[None]:
-        """PySide gives what slots raise to Python's hook for that."""
+        """PySide passes exceptions of slots to `sys.excepthook`."""
         before = sys.excepthook
 
         def raised(kind: type[BaseException], exc: BaseException, trace: TracebackType | None) -> None:
@@ -359,7 +360,7 @@ class Front:
 
     @contextlib.contextmanager
     def _exits(self, life: threading.Thread, stop: Callable[[], None]) -> Iterator[None]:
-        """PySide ends Python when a slot raises SystemExit: then nothing here goes on but what Python waits for."""
+        """PySide ends Python when a slot raises SystemExit; then only threads that Python waits for go on."""
         before = sys.exit
 
         def note(status: Any = None, /) -> Any:
@@ -388,15 +389,15 @@ class Front:
     # On any other thread.
 
     def call(self, call: Callable[[], T], outside: Outside, *, always: bool = False) -> T:
-        """Have the main thread call something, and wait. `always`: nobody's code runs by it, so it hinders nobody."""
+        """Have the main thread call something, and wait. `always`: runs no user code, so it may run inside any wait."""
         if self.here:
             return call()
         errand = _Errand(call, always)
         if not self._put(errand):
             raise Closed("the component ends")
         with ExitStack() as aside:
-            while (word := errand.words.get()) is not _Word.DONE:
-                if word is _Word.WAITS:
+            while (word := errand.messages.get()) is not _Message.DONE:
+                if word is _Message.WAITS:
                     aside.enter_context(outside())
                 else:
                     aside.close()
@@ -408,22 +409,22 @@ class Front:
         return result
 
     def post(self, call: Callable[[], object]) -> None:
-        """Have the main thread call something when it is its turn, without waiting."""
+        """Queue a call for the main thread, without waiting."""
         self._put(_Posted(call))
 
     def rest(self, patience_s: float) -> None:
-        """Wait until what the main thread is at, and would come back to after a wait, has ended."""
+        """Wait until the errands that the main thread is running have ended."""
         is_over = threading.Event()
         if not self.here and self._put(_Errand(is_over.set, apart=True)):
             is_over.wait(patience_s)
 
     def freed(self) -> None:
-        """No lock of a component's is taken any more."""
+        """A component has released its last lock."""
         if self._waits and self._inbox:
             self._tell_news()
 
     def _put(self, errand: _Errand) -> bool:
-        """Whether it will be done."""
+        """Queue an errand; False if it will not run."""
         with self._news:
             if self._is_over:
                 return False
@@ -437,7 +438,7 @@ class Front:
             self._news.notify_all()
 
     def _end(self) -> None:
-        """Life is over: who still waits is sent away."""
+        """The life thread has ended: end all waits."""
         with self._news:
             self._is_over = True
             waiting = [*self._inbox, *self._at]
@@ -445,7 +446,7 @@ class Front:
             self._news.notify_all()
         for errand in waiting:
             errand.error = Closed("the component ends")
-            errand.words.put(_Word.DONE)
+            errand.messages.put(_Message.DONE)
         self._is_leaving = True
         self._wakeup.wake()
 
@@ -469,7 +470,7 @@ class _Wakeup:
     """
 
     def __init__(self, woken: Callable[[], None]) -> None:
-        """To be called on the main thread. The object lasts as long as the process."""
+        """Must be called on the main thread. The object lives as long as the process."""
         self._woken = woken
         self._reading, self._writing = os.pipe()
         os.set_blocking(self._reading, False)
@@ -479,7 +480,7 @@ class _Wakeup:
         self._notifier.activated.connect(self._read)
 
     def wake(self) -> None:
-        """From any thread. Several wake-ups may become one."""
+        """Safe to use from any thread. Several wake-ups may be merged."""
         with contextlib.suppress(BlockingIOError):  # as many wait to be read as the pipe holds
             os.write(self._writing, b"\0")
 

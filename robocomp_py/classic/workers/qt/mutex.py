@@ -1,8 +1,8 @@
-"""Mutexes of Qt. Who waits for one lets the component's handlers in, so that none waits for another in vain.
+"""Qt's mutexes. While code waits for one, the component's other handlers may run, so that there is no deadlock.
 
-RoboComp's components ran on several threads, and guard what these share by a mutex; here they run on one at a time.
-One that has locked a mutex and waits for an answer from another component lets others in, who may want the same mutex:
-they step outside until it is free.
+RoboComp's components run on several threads, and guard shared data by mutexes; here one thread runs at a time. A
+handler that holds a mutex and waits for a reply lets other handlers run. If they want the same mutex, they leave the
+monitor until it is free.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from typing import Any, ClassVar
 from ....errors import Closed
 
 _LOOK_S = 1.0
-"""After so long, who waits looks whether the component ends."""
+"""Seconds between two checks, while waiting, whether the component ends."""
 
 
-class Keeper:
-    """What the mutexes of one component have in common."""
+class MutexSet:
+    """Shared state of the mutexes of one component."""
 
     def __init__(
         self, outside: Callable[[], AbstractContextManager[None]], freed: Callable[[], object] = lambda: None
     ) -> None:
-        """`freed` is called when none is locked any more."""
+        """`freed` is called when the last locked mutex was released."""
         self.outside = outside
         self.closed = False
         self._freed = freed
@@ -48,7 +48,7 @@ class Mutex:
 
     NonRecursive, Recursive = 0, 1
 
-    keeper: ClassVar[Keeper]
+    keeper: ClassVar[MutexSet]
 
     def __init__(self, mode: int = NonRecursive) -> None:
         self._recursive = mode == self.Recursive
@@ -105,14 +105,14 @@ class Mutex:
 
 
 class RecursiveMutex(Mutex):
-    """`QRecursiveMutex`, as that is called since Qt 6."""
+    """`QRecursiveMutex`, the name since Qt 6."""
 
     def __init__(self) -> None:
         super().__init__(self.Recursive)
 
 
 class MutexLocker:
-    """`QMutexLocker`: locks at once, unlocks when a `with` ends, or nobody has it any more."""
+    """`QMutexLocker`: locks at once, unlocks at the end of a `with` or when it is deleted."""
 
     _locked = False
 
@@ -143,8 +143,8 @@ class MutexLocker:
         self.unlock()
 
 
-def mutexes(keeper: Keeper) -> dict[str, type]:
-    """The classes for one component, by the names its files have for them."""
+def mutexes(keeper: MutexSet) -> dict[str, type]:
+    """The classes for one component, by their names in its files."""
     return {
         "QMutex": type("QMutex", (Mutex,), {"keeper": keeper}),
         "QRecursiveMutex": type("QRecursiveMutex", (RecursiveMutex,), {"keeper": keeper}),

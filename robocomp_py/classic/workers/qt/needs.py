@@ -1,4 +1,4 @@
-"""Whether a component needs real Qt: by what its files use of it, not by what they import.
+"""Decides whether a component needs real Qt: by the names that its files use, not by those that they import.
 
 RoboComp's generators wrote `from PySide2.QtWidgets import QApplication` into components without any window, and for
 years `from PySide import QtGui`; what they use of that is `QApplication.instance().quit`, which the stand-in has.
@@ -18,15 +18,15 @@ from typing import Any
 from ..python2 import parsed
 from .agenda import Agenda
 from .core import Place, core
-from .mutex import Keeper
+from .mutex import MutexSet
 
 ROOTS = ("PySide", "PySide2", "PySide6", "PyQt4", "PyQt5", "PyQt6")
-"""What people import Qt as."""
+"""The packages from which files import Qt."""
 
 START = "specificworker"
 
 _CLASS = re.compile(r"Q(?=\w*[a-z])[A-Z0-9]\w*|q[A-Z][a-z]\w*App|pyqt(Signal|Slot|Property)")
-"""What looks like a name of Qt's, where nobody can tell where it comes from."""
+"""What looks like a name of Qt, if its origin is unknown."""
 
 _VALUES = frozenset({
     "QByteArray", "QDate", "QDateTime", "QDir", "QElapsedTimer", "QEvent", "QEventLoop", "QFile", "QLine",
@@ -35,17 +35,17 @@ _VALUES = frozenset({
     "QWaitCondition", "QColor", "QImage", "QMatrix4x4", "QPolygon", "QPolygonF", "QQuaternion", "QTransform",
     "QVector2D", "QVector3D", "QVector4D",
 })  # fmt: skip
-"""Of QtCore and QtGui, what works without a screen."""
+"""Names of QtCore and QtGui that work without a screen."""
 
 
 @dataclass(frozen=True)
 class Use:
-    """One thing of Qt's that somebody uses, and the stand-in has not."""
+    """A name of Qt that a file uses and the stand-in does not have."""
 
     file: str
     line: int
     module: str
-    """`QtWidgets`; empty where it cannot be told from the text."""
+    """For example `QtWidgets`; empty if the text does not show it."""
     name: str
     """`QLabel`, `Qt.AlignCenter`; empty for a window made of an .ui file."""
 
@@ -60,23 +60,23 @@ class Use:
 
 @dataclass(frozen=True)
 class Need:
-    """False if the stand-in will do."""
+    """What a component needs of Qt; false if the stand-in suffices."""
 
     uses: tuple[Use, ...] = ()
     window: str = ""
-    """What the component is, by the `gui` statement of its CDSL: `QWidget`, `QMainWindow`."""
+    """The window class in the `gui` statement of the CDSL: `QWidget`, `QMainWindow`."""
 
     def __bool__(self) -> bool:
         return bool(self.uses or self.window)
 
     @property
     def screen(self) -> bool:
-        """Whether there have to be windows, or what is painted in them."""
+        """Whether it uses windows, or classes that draw."""
         return bool(self.window) or any(use.needs_screen for use in self.uses)
 
     @property
     def why(self) -> str:
-        """One line, for people."""
+        """One line for messages."""
         if self.window:
             return f"its .cdsl says `gui` ({self.window})"
         more = f" and {len(self.uses) - 1} more" if len(self.uses) > 1 else ""
@@ -84,9 +84,9 @@ class Need:
 
 
 def need(sources: Mapping[str, str], window: str = "") -> Need:
-    """What a component needs, by its files (name → text): those that its specific part imports, and that itself.
+    """What a component needs, from its files (name → text): the specific part and the files that it imports.
 
-    Files that are no Python 3 count as empty: whoever imports them says so.
+    Files that are not Python 3 count as empty; importing them reports the error.
     """
     trees = {PurePath(file).stem: (file, _parsed(text)) for file, text in sources.items()}
     own = {node.name for _, tree in trees.values() for node in ast.walk(tree) if isinstance(node, _DEFINITION)}
@@ -115,7 +115,7 @@ def _parsed(text: str) -> ast.Module:
 
 
 class _Reading(ast.NodeVisitor):
-    """One file: what its names stand for, then which of them are used."""
+    """Reads one file: the meanings of its names, then the names that it uses."""
 
     def __init__(self, file: str, own: set[str]) -> None:
         self.uses: list[Use] = []
@@ -195,12 +195,12 @@ class _Reading(ast.NodeVisitor):
 
 
 def _is_main(node: ast.stmt) -> bool:
-    """Whether that is `if __name__ == "__main__":`, which is for trying a file alone."""
+    """Whether a node is `if __name__ == "__main__":`, which does not run here."""
     return isinstance(node, ast.If) and any(isinstance(n, ast.Name) and n.id == "__name__" for n in ast.walk(node.test))
 
 
 def provided(names: list[str]) -> bool:
-    """Whether the stand-in has that; of objects, only their classes are known here."""
+    """Whether the stand-in has a name; attributes of objects are not checked."""
     found: Any = _stand_in().get(names[0])
     if found is None:
         return False
@@ -216,4 +216,4 @@ def provided(names: list[str]) -> bool:
 @cache
 def _stand_in() -> dict[str, Any]:
     place = Place(Agenda(lambda: None), lambda exc: None, lambda: None, nullcontext)
-    return core(place, Keeper(nullcontext))
+    return core(place, MutexSet(nullcontext))

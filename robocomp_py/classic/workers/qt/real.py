@@ -1,4 +1,4 @@
-"""The loop of a component that uses real Qt: PySide6, by whatever name and from whatever year its files know Qt."""
+"""The loop of a component that uses real Qt: PySide6, whatever version of Qt its files import."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from typing import Any, TypeVar
 from ....errors import ComponentError
 from .core import rand
 from .front import Front, Joined, qt
-from .mutex import Keeper, mutexes
+from .mutex import MutexSet, mutexes
 from .needs import Need
 from .served import ALL, Served
 
 T = TypeVar("T")
 
 _SISTERS = ("QtCore", "QtGui", "QtWidgets", "QtStateMachine", "QtOpenGLWidgets", "QtSvgWidgets", "QtPrintSupport")
-"""Where a name may be nowadays that another module of Qt had in former years."""
+"""Modules in which names are now that used to be in another module of Qt."""
 
 ADDONS = "pip install PySide6"
 """Has charts, 3D, multimedia, which are no part of what `gui` installs."""
@@ -46,10 +46,10 @@ _HEADER = re.compile(r"(<header[^<>]*>[^<>]*?)\.py\s*(?=</header>)")
 """Where a widget of the user's is, written as a file of Python's: Qt's compiler wants a module, or a file of C++'s."""
 
 _ASK_S = 1.0
-"""So often the main thread is asked whether it still answers."""
+"""Period of the checks whether the main thread still answers."""
 
 _REST_S = 2.0
-"""So long a slot or a handler that waits may take to get done, in the end."""
+"""Seconds that a waiting slot or handler has, at the end of the component."""
 
 
 class Real:
@@ -71,7 +71,7 @@ class Real:
         except ComponentError as exc:
             raise ComponentError(f"{exc}\n(it needs Qt: {need.why})") from exc
         self._outside = outside
-        self._keeper = Keeper(self.outside, self._front.freed)
+        self._keeper = MutexSet(self.outside, self._front.freed)
         self._own = self._names()
         self.base: type = self._base(need.window)
         self.builtins: dict[str, Any] | None = None
@@ -86,15 +86,15 @@ class Real:
         return self._front.live
 
     def outside(self) -> AbstractContextManager[None]:
-        """Around a wait for a lock. The main thread has nothing to step out of: who has it call something has. While a
-        lock is taken it would call nothing anyway."""
+        """Entered around a wait for a lock. The main thread does not hold the monitor: the thread that waits for the
+        errand does. While a lock is held, the main thread would run nothing else anyway."""
         return nullcontext() if self._front.here else self._outside()
 
     def due(self, now: float) -> float:
         return max(0.0, self._asked + _ASK_S - now)
 
     def run(self, now: float) -> None:
-        """Wait until the main thread answers: as long as it does not, this component does not get on."""
+        """Wait until the main thread answers; this component cannot continue before."""
         self._asked = now
         self._front.call(lambda: None, self._outside, always=True)
 
@@ -116,10 +116,10 @@ class Real:
         leave, self._leave = self._leave, None
         self._keeper.closed = True
         self._front.call(leave, self._outside, always=True)
-        with self._outside():  # who waits comes back in
+        with self._outside():  # the waiting code enters the monitor again
             self._front.rest(_REST_S)
 
-    # What its files find.
+    # The modules for its files.
 
     def _names(self) -> dict[str, Any]:
         core = qt("QtCore")
@@ -205,7 +205,7 @@ def _compiled(file: Path) -> str:
 
 @cache
 def _module(name: str) -> ModuleType | None:
-    """A module of PySide6, if this installation has it."""
+    """A module of PySide6; None if it is not installed."""
     try:
         found: ModuleType = qt(name)
     except ComponentError:

@@ -1,4 +1,4 @@
-"""What `PySide2`, `PyQt5.QtCore`, `PySide.QtGui` and so on are to one component: modules that are made when wanted."""
+"""The modules `PySide2`, `PyQt5.QtCore`, `PySide.QtGui` and so on of one component, made at their first use."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ GUI = "robocomp-py[gui]"
 """What to install."""
 
 ALL = ("QtCore", "QtGui", "QtWidgets")
-"""What `from PySide2 import *` brings."""
+"""The names that `from PySide2 import *` imports."""
 
 OTHERS = (
     "Qt3DAnimation", "Qt3DCore", "Qt3DExtras", "Qt3DInput", "Qt3DLogic", "Qt3DRender", "QtBluetooth",
@@ -61,7 +61,7 @@ class Served(Mapping[str, ModuleType]):
 
 
 class _Root(ModuleType):
-    """`PySide2`: a package, of which only the parts matter."""
+    """The package `PySide2`, with its modules as attributes."""
 
     __all__ = ALL
 
@@ -78,7 +78,7 @@ class _Root(ModuleType):
 
 
 class _Part(ModuleType):
-    """`PySide2.QtCore`: what is in it is looked up when it is wanted."""
+    """A module such as `PySide2.QtCore`, whose names are looked up at their first use."""
 
     def __init__(
         self, root: str, below: str, look_up: Callable[[str, str, str], Any], exported: Callable[[str, str], list[str]]
@@ -101,7 +101,7 @@ class _Part(ModuleType):
 
 
 class Absent:
-    """Stands for what the stand-in has not. It may be imported, since many import what they never use."""
+    """Stands for a name that the stand-in lacks. Importing it is allowed, because many files import unused names."""
 
     def __init__(self, name: str) -> None:
         self._qt_name = name
