@@ -11,7 +11,7 @@
         DecodeError            ... when receiving
       TransportError           the way to the other side
         Unreachable            no server serves this channel, or its server is stopping
-        Timeout                somebody may, but did not answer in time (a `TimeoutError`, too)
+        Timeout                no reply within the deadline (a `TimeoutError`, too)
         Closed                 the link or its transport was closed
         ContractMismatch       both sides use the name, but mean different things by it
         UnsupportedQoS         asked for what this transport does not offer

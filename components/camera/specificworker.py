@@ -25,7 +25,7 @@ class SpecificWorker(GenericWorker):
         self.picture: TImage | None = None
 
     def compute(self) -> None:
-        """Take a picture and show it to everybody."""
+        """Take a picture and publish it."""
         if self.pose:
             self.picture = self.taken(self.pose)
             self.camerasimplepub_proxy.pushImage(self.picture)

@@ -35,7 +35,7 @@ class SpecificWorker(GenericWorker):
         self.step()
 
     def get_ready(self) -> None:
-        """Set out as soon as everybody has told something."""
+        """Set out as soon as every publisher has sent a message."""
         if not self.missing:
             self.gotopoint_proxy.go("anywhere", 0.0, 0.0, 0.0)
             self.log.info("exploring, with %.0f %% of the battery", self.percent)

@@ -13,7 +13,7 @@ from .room import Point, Room
 RADIUS_M = 0.22
 
 COMMAND_LASTS_S = 1.0
-"""After so long without a new command the base stops: whoever drove it may be gone."""
+"""Without a new command, the base stops after this time: its client may be gone."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,7 @@ CHARGER_M = 0.5
 
 
 class SpecificWorker(GenericWorker):
-    """Inside, all is in m; what comes in and goes out is in mm, as RoboComp has it."""
+    """Uses metres inside; messages are in millimetres, as in RoboComp."""
 
     def initialize(self) -> None:
         """Put the robot where the map says."""
@@ -41,7 +41,7 @@ class SpecificWorker(GenericWorker):
         self.story = Story()
 
     def compute(self) -> None:
-        """Let one step happen, and tell what came of it."""
+        """Simulate one step, and publish the result."""
         self.live(self.params.step)
         self.laserpub_proxy.pushLaserData(self.scan())
         self.differentialrobotpub_proxy.pushBaseState(self.base_state())
@@ -78,7 +78,7 @@ class SpecificWorker(GenericWorker):
         beams = zip(self.distances, self.directions, strict=True)
         return [self.base.pose.ahead(distance, aside) for distance, aside in beams]
 
-    # What others are told.
+    # Published data.
 
     def scan(self) -> RoboCompLaser.TLaserData:
         """The last measures."""
@@ -86,7 +86,7 @@ class SpecificWorker(GenericWorker):
         return list(map(RoboCompLaser.TData, angles, distances))
 
     def base_state(self) -> TBaseState:
-        """Where the base believes to be."""
+        """The pose by odometry, and the corrected one."""
         raw, best = self.base.odometer, self.base.best
         return TBaseState(
             x=raw.x * 1000,
@@ -115,7 +115,7 @@ class SpecificWorker(GenericWorker):
             consumptionPerHour=max(0.0, -self.battery.power),
         )
 
-    # What others ask for.
+    # Handlers.
 
     def DifferentialRobot_setSpeedBase(self, adv: float, rot: float) -> None:
         """Drive with these speeds for at most a second of the world's time."""

@@ -2,7 +2,7 @@
 
 A `ParameterSet` comes from a PDSL file and is carried by generated code as a literal. `check`
 turns the values of a configuration file into the generated, read-only classes, or says what is
-wrong with each; it knows keys, not files, so that whoever read the file can add the line.
+wrong with each. It knows keys, not files: the reader of the file adds the line.
 """
 
 from __future__ import annotations

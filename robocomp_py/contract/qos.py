@@ -16,7 +16,7 @@ class Reliability(StrEnum):
 
 
 class Durability(StrEnum):
-    """`TRANSIENT_LOCAL`: who subscribes late still gets the last `depth` messages ("latched")."""
+    """`TRANSIENT_LOCAL`: a late subscriber still gets the last `depth` messages ("latched")."""
 
     VOLATILE = "volatile"
     TRANSIENT_LOCAL = "transient_local"
@@ -30,7 +30,7 @@ class History(StrEnum):
 
 
 class Liveliness(StrEnum):
-    """Who publishes is alive while its process is (`AUTOMATIC`), or while it sends something every `lease` seconds."""
+    """A publisher is alive while its process is (`AUTOMATIC`), or while it sends a message every `lease` seconds."""
 
     AUTOMATIC = "automatic"
     MANUAL_BY_TOPIC = "manual_by_topic"
@@ -41,7 +41,7 @@ class QoS:
     """What a topic promises. Times are in seconds; None means without limit.
 
     `deadline`: the longest time from one message to the next. `lifespan`: older messages are not
-    delivered. `lease`: who has shown no sign of life for so long counts as lost.
+    delivered. `lease`: a publisher without a sign of life for this time counts as lost.
     """
 
     reliability: Reliability = Reliability.BEST_EFFORT
@@ -104,7 +104,7 @@ class Shortfall:
 
 
 def shortfalls(asked: QoS, offered: QoS) -> list[Shortfall]:
-    """What a subscriber misses of a publisher, by DDS's rules: nobody may be promised more than is kept.
+    """The QoS that a publisher fails to offer to a subscriber, by the rules of DDS.
 
     A lifespan is no promise: the shorter one holds. Nor is history: each side keeps its own.
     """

@@ -1,4 +1,4 @@
-"""What is wrong with a text, where, and what would be right."""
+"""Diagnostics: what is wrong with a text, where, and how to correct it."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def did_you_mean(name: str, known: Iterable[str], *, prefix: str = "") -> str:
 
 @dataclass
 class Proposals:
-    """`did_you_mean` for as many names as anybody reads about: every one is compared with all that are known."""
+    """`did_you_mean` for a limited number of names, because each is compared with all known names."""
 
     left: int = 20
 

@@ -1,4 +1,4 @@
-"""What was made of files the last time, for who reads them again and again, as an editor does."""
+"""Caches the results for files that are read repeatedly, as in an editor."""
 
 from __future__ import annotations
 

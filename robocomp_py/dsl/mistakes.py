@@ -84,7 +84,7 @@ def explain_stray(source: Source, start: int, end: int) -> Diagnostic:
 
 @dataclass(frozen=True)
 class Conflict:
-    """A merge conflict that nobody resolved: where it begins, where its second version does, and where it ends."""
+    """An unresolved merge conflict: its begin, the begin of its second version, and its end."""
 
     begin: int
     middle: int

@@ -482,7 +482,7 @@ class Workspace:
         return replace(model, implied=added)
 
     def _implied(self, model: CdslComponent, roots: Sequence[_Loaded[IdslFile]]) -> list[_Loaded[IdslFile]]:
-        """What nobody imports, but the component uses all the same."""
+        """Interfaces that a component uses without an import."""
         found: list[_Loaded[IdslFile]] = []
         for name in model.implied_imports:
             known = {each.name.text for file in _closure([*roots, *found]) for each in file.file.definitions}
@@ -541,7 +541,7 @@ _MACHINES = (".smdsl", ".scxml")
 
 @contextmanager
 def _no_collection() -> Iterator[None]:
-    """While entered, nobody looks for garbage: models hold no cycles, and looking takes longer the more there is."""
+    """While entered, garbage collection is off: models hold no cycles, and collecting slows down as they grow."""
     enabled = gc.isenabled()
     gc.disable()
     try:

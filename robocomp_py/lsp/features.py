@@ -181,7 +181,7 @@ def _formatting(server: Server, params: lsp.DocumentFormattingParams) -> list[ls
 
 
 Feature = tuple[str, Callable[..., Any], Any]
-"""The name of a message, who answers it, and what the editor is told of that."""
+"""A request of the protocol: its name, its handler, and the capability that the editor is told."""
 
 FEATURES: tuple[Feature, ...] = (
     (lsp.TEXT_DOCUMENT_HOVER, _hover, None),

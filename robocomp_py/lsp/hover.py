@@ -1,4 +1,4 @@
-"""What is said of a word when somebody points at it: what it is, its declaration, its documentation, who uses it."""
+"""Hover texts: the kind of a word, its declaration, its documentation, and its uses."""
 
 from __future__ import annotations
 
@@ -107,21 +107,21 @@ def _of_word(word: str, ending: str) -> str:
 
 _NETWORK_WORDS = {
     "never": "it is not started again",
-    "on_failure": "it is started again when it has failed",
-    "always": "it is started again whenever it has ended by itself",
+    "on_failure": "it is restarted if it fails",
+    "always": "it is restarted whenever it ends by itself",
     "intensity": "how many restarts within a `period` are too many, 5 unless it is said",
     "period": "the seconds within which restarts are counted, 60 unless it is said",
     "delay": "the seconds before the first restart, 0.2 unless it is said; twice as many before each further one",
     "max_delay": "the most seconds before a restart, 30 unless it is said",
-    "one_for_one": "who has failed is started again, and nobody else",
-    "rest_for_one": "with who has failed, those that start after it are started again",
-    "one_for_all": "with who has failed, all of its system, or of the network, are started again",
+    "one_for_one": "only the failed instance is restarted",
+    "rest_for_one": "the failed instance is restarted, and those that start after it",
+    "one_for_all": "all instances of the system, or of the network, are restarted",
     "local": "only this user on this machine takes part: loopback, sockets and shared memory of one folder",
-    "lan": "only who has a key takes part, and everything is encrypted: see `rcdeploy keys`",
-    "open": "whoever reaches the network takes part",
+    "lan": "only processes with a key take part, and everything is encrypted: see `rcdeploy keys`",
+    "open": "every process that reaches the network takes part",
     "notifies": "the program tells by sd_notify(3) when it is ready, and others wait for that",
-    "stop": "what runs on the host ends when whoever launched the network is gone",
-    "keep": "what runs on the host goes on when whoever launched the network is gone",
+    "stop": "processes on the host end when the launcher of the network is gone",
+    "keep": "processes on the host go on when the launcher of the network is gone",
 }
 
 

@@ -83,7 +83,7 @@ class Project:
         return {key: each.version for key, each in self._buffers.items()}
 
     def forget_disk(self) -> None:
-        """Files came, went or changed, which nobody opened."""
+        """Note files that were created, removed or changed outside the editor."""
         self._scanned = None
         real.cache_clear()
 
@@ -188,7 +188,7 @@ def _checked(path: Path, workspace: Workspace) -> Report:
 
 def _check_network(path: Path, workspace: Workspace) -> Report:
     from ..deploy.hosts.addresses import is_own
-    from ..deploy.planner import make_plan  # takes a while, and not everybody deploys
+    from ..deploy.planner import make_plan  # imported late: slow, and only needed for DDSL
 
     make_plan(path, workspace, is_here=is_own)
     check_network(path, workspace)

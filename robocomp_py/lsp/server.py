@@ -76,7 +76,7 @@ class Server(LanguageServer):
     def configure(self, settings: Any) -> None:
         """Take over what the user set: `include`, folders that begin at the first one of the project.
 
-        Settings that do not speak of it are another server's: some editors send all they have to everybody.
+        Other settings are ignored: some editors send all their settings to every server.
         """
         given = settings.get("robocomp", settings) if isinstance(settings, dict) else {}
         include = given.get("include") if isinstance(given, dict) else None

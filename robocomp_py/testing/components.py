@@ -328,7 +328,7 @@ class _FacedCaller:
                 return
             try:
                 answer.set_result(_outcome(done.result()))
-            except BaseException as exc:  # it is told to whoever waits
+            except BaseException as exc:  # passed to the waiting caller
                 answer.set_exception(exc)
 
         asked.add_done_callback(ended)

@@ -20,7 +20,7 @@ in a module that can be imported, since its other processes open a transport in 
     leftovers           of a killed process are gone after the next one that opened and closed
     two users           may serve and publish the same, and do not hear each other
 
-Like `conformance`, nothing here judges speed. The rate of the floods is printed, for who wants to see it (`-rP`).
+Like `conformance`, nothing here judges speed. The rate of the floods is printed with `-rP`.
 """
 
 from __future__ import annotations
@@ -287,7 +287,7 @@ class TransportFaults(TransportSuite):
         _everything(transport, name)
         transport.close()
 
-    # Others who have nothing to do with us.
+    # Neighbours that do not take part in the call.
 
     def test_two_users_serve_and_publish_the_same_and_do_not_meet(
         self, here: Transport, there: Transport, name: str, start: Start
@@ -441,7 +441,7 @@ def _live(suite: type[TransportFaults], name: str, act: Act, control: Control, f
 
 
 def _until_told(control: Control) -> None:
-    """Or until who started us has gone."""
+    """Or until the process that started this one is gone."""
     with contextlib.suppress(EOFError):
         if control.poll(SOON * 10):
             control.recv()

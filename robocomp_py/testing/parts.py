@@ -1,4 +1,4 @@
-"""What the suites for transports are made of: channels, payloads, inboxes, and somebody who can be killed."""
+"""Parts of the suites for transports: channels, payloads, inboxes, and a peer that can be killed."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ class Suite(Protocol):
 
 
 class Victim:
-    """Somebody who can be killed: another process, where the transport reaches one.
+    """A peer that can be killed: another process, where the transport reaches one.
 
     By default a server that gets stuck in a call.
     """

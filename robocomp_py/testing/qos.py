@@ -41,7 +41,7 @@ _LIFESPAN = 0.15 * SCALE
 _AUTOMATIC = QoS(lease=1.0 * SCALE)
 _MANUAL = QoS(lease=0.3 * SCALE, liveliness=Liveliness.MANUAL_BY_TOPIC)
 _MOST = 200_000
-"""So many messages nobody has to keep."""
+"""More messages than any transport has to keep."""
 
 
 class QoSConformance(TransportSuite):

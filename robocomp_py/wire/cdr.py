@@ -70,7 +70,7 @@ class Cdr:
         return _EncodeProgram(message, self._room).compile()
 
     def pieces(self, message: Struct) -> Encoder:
-        """Like `encoder`, but for who puts payloads together himself: a list of their parts, arrays as such."""
+        """Like `encoder`, but returns a list of the parts of a payload, with arrays as they are."""
         return _EncodeProgram(message, self._room).compile(join=False)
 
     def decoder(self, message: Struct, *, prefix: bool = False) -> Decoder:

@@ -40,7 +40,7 @@ class Codec(Protocol):
         """A function from the message's fields to a payload. It raises EncodeError, naming the field.
 
         Without `snapshot`, a payload may share memory with large arrays among the values: for what
-        is sent before anybody can change them.
+        is sent before they can change.
         """
         ...
 

@@ -181,7 +181,7 @@ def clock() -> str:
     try:
         return f"t{int(Path('/proc/sys/kernel/random/boot_id').read_text()[:8], 16)}"
     except (OSError, ValueError):
-        return f"t{secrets.randbits(32)}"  # nobody else's, then
+        return f"t{secrets.randbits(32)}"  # equal to that of no other host
 
 
 def random_id() -> int:

@@ -460,7 +460,7 @@ class _Slice:
 
 
 def _lineage(payload: Payload) -> tuple[Any, ...]:
-    """The names of an exception's classes, as far as they can be read by who does not know them."""
+    """The names of an exception's classes, as far as a receiver that does not know them can read them."""
     try:
         return (LINEAGE.join(each.name for each in _slices(_opened(payload))),)
     except Exception as exc:

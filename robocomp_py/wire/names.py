@@ -20,7 +20,7 @@ def channel(namespace: str, instance: str, interface: str, operation: str) -> st
 
 
 def resolve(target: str, namespace: str, interface: str) -> tuple[str, str, str]:
-    """Who is meant by the `from` of a port, as (namespace, instance, interface).
+    """The instance that the `from` of a port means, as (namespace, instance, interface).
 
     `world` is an instance of the own namespace, `world/Laser1` one of its ports,
     `/robot2/world/Laser` names everything. "" is any instance.
@@ -40,7 +40,7 @@ def resolve(target: str, namespace: str, interface: str) -> tuple[str, str, str]
 
 
 def target(namespace: str, instance: str, segment: str, own: str, interface: str) -> str:
-    """A `from` that means one instance's `segment`, for who uses `interface` in the namespace `own`: see `resolve`."""
+    """A `from` that means `segment` of an instance, for a client of `interface` in the namespace `own`."""
     if namespace.strip("/") == own.strip("/"):
         return instance if segment == interface else f"{instance}/{segment}"
     return "/" + "/".join(filter(None, (namespace.strip("/"), instance, segment)))

@@ -3,7 +3,7 @@
     struct → list of its fields · sequence → list, or one leaf made by the codec if it is an array
     dictionary → dict · enumerator → int · everything else → itself
 
-Both directions validate, so that a tree is right whoever made it. A float32 is rounded when it is
+Both directions validate, so that a tree is valid in any case. A float32 is rounded when it is
 planted: all those of a struct by one `struct` call.
 """
 

@@ -150,7 +150,7 @@ def _check_convertible(array: _Array, dtype: np.dtype[Any]) -> None:
 
 
 def snapshot(value: Any, dtype: np.dtype[Any]) -> _Array:
-    """`as_array`, read-only, and sharing nothing that anybody could still write to."""
+    """`as_array`, read-only, and sharing no memory that is still writable."""
     array = as_array(value, dtype)
     if array.flags.writeable or not is_frozen(array):  # most can be written to, which is quickly found out
         array = array.copy()
@@ -159,7 +159,7 @@ def snapshot(value: Any, dtype: np.dtype[Any]) -> _Array:
 
 
 def is_frozen(owner: Any) -> bool:
-    """Whether nobody can write to this memory: neither through this object, nor through one it is a view of."""
+    """Whether this memory is read-only: through this object, and through the object it is a view of."""
     while isinstance(owner, np.ndarray | memoryview):
         if isinstance(owner, memoryview):
             writable, owner = not owner.readonly, owner.obj

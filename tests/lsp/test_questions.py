@@ -73,9 +73,9 @@ def fleet(editor: Editor) -> Editor:
         ("Component spare : arm { host on|board", 'host onboard { address "192.168.1.10"; };'),
         ("dependences north/ha|nd", "Component hand : arm"),
         ("dependences nor|th/hand", "system of `fleet`, in fleet.ddsl"),
-        ("restart al|ways", "`always`: it is started again whenever it has ended by itself"),
+        ("restart al|ways", "`always`: it is restarted whenever it ends by itself"),
         ("noti|fies;", "`notifies`: the program tells by sd_notify(3) when it is ready, and others wait for that"),
-        ("escalation one_|for_one", "`one_for_one`: who has failed is started again, and nobody else"),
+        ("escalation one_|for_one", "`one_for_one`: only the failed instance is restarted"),
     ],
 )
 def test_hosts_systems_and_the_words_of_supervision_are_said(fleet: Editor, marked: str, expected: str) -> None:

@@ -73,7 +73,7 @@ def _check_named(model: m.Deployment, report: Report) -> None:
 
 
 def _elsewhere(name: str, known: Iterable[str]) -> str:
-    """How to say whom a name may mean that is one in a system."""
+    """A hint for a name that is missing here but exists in a system."""
     found = [each for each in known if each.endswith(f"/{name.rpartition('/')[2]}")]
     if len(found) == 1:
         return f"write `{found[0]}` instead"
@@ -81,7 +81,7 @@ def _elsewhere(name: str, known: Iterable[str]) -> str:
 
 
 def _check_meaning(instance: m.Instance, name: Name, known: Mapping[str, Name], report: Report) -> None:
-    """Nobody takes a name for another instance than the one that is meant."""
+    """Warn if a name could also be read as another instance than the one it resolves to."""
     meant, *others = meanings(name.span.text, instance.system, known) or [name.text]
     if others:
         message = f"`{name.span.text}` is `{meant}` here, and not `{others[0]}`"

@@ -86,7 +86,7 @@ def is_address(text: str) -> bool:
 
 
 def is_user(text: str) -> bool:
-    """Whether a text may be the name of somebody on a host. None is an option of a command."""
+    """Whether a text may be a user name. No valid name can be mistaken for a command-line option."""
     return bool(_USER.match(text))
 
 

@@ -41,7 +41,7 @@ class Variable:
 
 @dataclass(frozen=True, slots=True)
 class Clause:
-    """That something was said, and where; what it says is in the model."""
+    """The kind and the place of a clause; its content is in the model."""
 
     kind: str
     span: Span
@@ -60,7 +60,7 @@ class Host:
     workdir: Name | None = None
     python: Name | None = None
     lost: Name | None = None
-    """What becomes of what runs there when whoever launched it is gone: `stop` or `keep`."""
+    """Whether its processes `stop` or are kept (`keep`) when their launcher is gone."""
     clauses: tuple[Clause, ...] = ()
 
 
@@ -105,16 +105,16 @@ class Instance:
     args: tuple[Name, ...] = ()
     wirings: tuple[Wiring, ...] = ()
     process: Name | None = None
-    """The one it shares with others that name it, if it has none of its own. It is one of its system."""
+    """The process that it shares with other instances of its system; None if it has its own."""
     qos: tuple[Quality, ...] = ()
     host: Name | None = None
     restart: Restart | None = None
     grace: Amount | None = None
-    """The time it has to end by itself."""
+    """The time that it has to stop."""
     existing: Name | None = None
     """The command line of a program that is not ours."""
     notifies: Clause | None = None
-    """That the program tells when it is ready."""
+    """Set if the program reports that it is ready."""
     clauses: tuple[Clause, ...] = ()
     """All of them, in order."""
 
@@ -129,17 +129,17 @@ class Instance:
 
     @property
     def local(self) -> str:
-        """What it is called in its system."""
+        """Its name in its system."""
         return self.name.text.rpartition("/")[2]
 
     @property
     def program(self) -> Name | None:
-        """What says that it is a program of somebody's own, if it is one."""
+        """The clause that makes it a program instead of a generated component, if there is one."""
         return self.path or self.existing
 
     @property
     def runs_in(self) -> Name:
-        """What its process is called."""
+        """The name of its process."""
         return self.process or self.name
 
 
@@ -157,7 +157,7 @@ class Deployment:
     systems: tuple[System, ...] = ()
     """Also those in others, which come behind the one they are in."""
     restart: Restart | None = None
-    """What holds for all that say nothing themselves."""
+    """The default for instances without a `restart` of their own."""
     escalation: Name | None = None
     security: Name | None = None
     clauses: tuple[Clause, ...] = ()

@@ -98,7 +98,7 @@ class _Builder:
         return instance
 
     def _with(self, instance: m.Instance, clause: Tree[Any]) -> m.Instance:
-        """The instance with what a clause says of it."""
+        """The instance with the content of a clause added."""
         names, span = [self._name(each) for each in clause.children if isinstance(each, Token)], self._span(clause)
         changed: dict[str, Any]
         match str(clause.data):
@@ -121,7 +121,7 @@ class _Builder:
         return replace(instance, **changed)
 
     def _said(self, clause: Tree[Any]) -> dict[str, Any]:
-        """What a clause says that says one thing, by its field."""
+        """The fields that a simple clause sets, by name."""
         names = [self._name(each) for each in clause.children if isinstance(each, Token)]
         match str(clause.data):
             case "middleware":
@@ -138,7 +138,7 @@ class _Builder:
                 return {one: names[0]}
 
     def _resolved(self) -> tuple[m.Instance, ...]:
-        """The instances, with the whole names of those they name. Who is not there keeps the name that is written."""
+        """The instances, with references replaced by whole names. An unknown name stays as it is written."""
         known = {each.name.text for each in self._instances}
 
         def meant(name: Name, instance: m.Instance) -> Name:

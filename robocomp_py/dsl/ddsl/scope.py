@@ -1,4 +1,4 @@
-"""What holds for an instance, and whom it means: its own block first, then the systems around it, then the network."""
+"""Scopes of an instance, for settings and names: its own block, then the systems around it, then the network."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..source import Name
 from . import model as m
 
 HERE = ("localhost", "127.0.0.1", "::1")
-"""How this machine is called."""
+"""The addresses of this machine."""
 
 
 class _Saying(Protocol):
@@ -21,7 +21,7 @@ class _Saying(Protocol):
 
 
 def whole(system: tuple[str, ...], name: str) -> str:
-    """What something in a system is called from everywhere."""
+    """The whole name of an instance or system."""
     return "/".join((*system, name))
 
 
@@ -31,14 +31,14 @@ def around(system: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
 
 
 def meanings(written: str, system: tuple[str, ...], known: Collection[str]) -> list[str]:
-    """The whole names that a name in a system may stand for; the first one is meant."""
+    """The whole names that match a name used in a system. The first is the one it resolves to."""
     if written.startswith("/"):
         return [written[1:]] if written[1:] in known else []
     return [name for each in around(system) if (name := whole(each, written)) in known]
 
 
 def host_of(model: m.Deployment, instance: m.Instance) -> Name | None:
-    """What says on which host an instance runs, which may be an `ip`; None for the one that launches the network."""
+    """The `host` or `ip` of an instance; None for the host that launches the network."""
     return next((said for each in _saying(model, instance) if (said := _host(each))), None)
 
 
@@ -47,7 +47,7 @@ def _host(each: _Saying) -> Name | None:
 
 
 def restart_of(model: m.Deployment, instance: m.Instance) -> m.Restart | None:
-    """What says whether an instance is started again."""
+    """The `restart` clause of an instance, possibly of a scope around it."""
     return next((each.restart for each in _saying(model, instance) if each.restart), model.restart)
 
 

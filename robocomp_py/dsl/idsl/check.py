@@ -28,7 +28,7 @@ BUILTIN: dict[str, Primitive] = {
 """Slice's names, and those that tell their width."""
 
 _FOREIGN = {"char": "byte", "uchar": "byte", "uint": "uint32", "ulong": "uint64", "ushort": "uint16", "str": "string"}
-"""What people write who have other languages in mind."""
+"""Names of types in other languages, for hints."""
 
 _BOOLS = ("true", "false")
 
@@ -239,7 +239,7 @@ class _Checker:
     def _ancestors(self, definition: m.Interface | m.Exception_) -> list[m.Definition]:
         """What it extends, however indirectly, nearest first; itself, too, if that is circular.
 
-        Not much more than it may extend: whoever builds on a list that is longer has an error already.
+        Stops soon after MAX_ANCESTORS, because a longer list is an error in any case.
         """
         found: dict[str, m.Definition] = {}
         waiting = [(self.module, definition)]
