@@ -772,7 +772,7 @@ def test_who_was_rung_while_not_waiting_finds_all_of_it_at_once(tmp_path: Path) 
     wakeup.close()
 
 
-def test_of_a_bell_that_was_rung_too_often_all_numbers_count_as_rung(tmp_path: Path) -> None:
+def test_after_too_many_wake_ups_all_numbers_count_as_received(tmp_path: Path) -> None:
     wakeup = Wakeup(tmp_path / "wakeup")
     waker = Waker(tmp_path / "wakeup")
     for _ in range(10_000):
@@ -797,7 +797,7 @@ def test_what_is_only_announced_wakes_and_is_not_taken_for_a_message(tmp_path: P
     wakeup.close()
 
 
-def test_there_is_nobody_to_hear_a_bell_that_was_closed(tmp_path: Path) -> None:
+def test_a_closed_wake_up_pipe_has_no_reader(tmp_path: Path) -> None:
     wakeup = Wakeup(tmp_path / "wakeup")
     waker = Waker(tmp_path / "wakeup")
     wakeup.close()
@@ -808,7 +808,7 @@ def test_there_is_nobody_to_hear_a_bell_that_was_closed(tmp_path: Path) -> None:
         Waker(tmp_path / "wakeup")
 
 
-def test_who_waits_at_a_bell_is_told_as_well_that_the_folder_has_changed(tmp_path: Path) -> None:
+def test_a_wake_up_pipe_also_reports_that_the_folder_has_changed(tmp_path: Path) -> None:
     (tmp_path / "watched").mkdir()
     watch = Watch(tmp_path)
     watch.add(str(tmp_path / "watched"))

@@ -1,12 +1,12 @@
-"""How much memory and how many descriptors the connections of other hosts may take. Pure.
+"""Bounds for the memory and descriptors of connections from other hosts. Pure.
 
 ZeroMQ bounds a frame (`MAXMSGSIZE`) and a handshake (`HANDSHAKE_IVL`). It bounds neither the frames of a message, which
-it holds until the last one is there, nor the subscriptions of a connection, nor the number of connections. So we count
-what each connection has sent and how much of it was delivered to us, and close the connections that exceed a bound.
+it holds until the last one is there, nor the subscriptions of a connection, nor the number of connections. So this
+package counts what each connection has sent and how much of it was delivered, and closes those that exceed a bound.
 
-    message        what a connection has sent and we have not received, or all connections together
-    subscription   what a subscriber has sent to a publisher, which ZeroMQ stores at twenty to fifty times the size
-    connections    of one address; and of all, while the process keeps some descriptors for itself
+    message        octets sent but not delivered yet, of one connection and of all together
+    subscription   octets from a subscriber, which ZeroMQ stores at twenty to fifty times the size
+    connections    of one address, and of all; the process keeps some descriptors for itself
 """
 
 from __future__ import annotations
@@ -25,16 +25,17 @@ SUBSCRIBED, SUBSCRIBED_IN_ALL = 16 * 1024, 1024 * 1024
 """Octets that a connection may send to a publisher, and all connections together."""
 
 HEARTBEATS = 256
-"""Octets per second that are not counted: programs of others may send heartbeats, which are never delivered to us."""
+"""Octets per second that are not counted, for heartbeats of other programs, which are never delivered."""
 
 HEAD = 64
-"""Octets that a frame may have besides its content; CURVE adds the most."""
+"""Maximum octets that a frame has in addition to its content; CURVE adds the most."""
 
 STILL = 2
-"""Looks in a row during which a connection over its bound delivers nothing until it is closed."""
+"""Looks in a row without a delivery after which a connection over its bound is closed."""
 
 PROBATION, ON_PROBATION = 10.0, 1024 * 1024
-"""For so many seconds after a connection of an address was closed for its size, others of it may hold so much."""
+"""After a connection was closed for its size: seconds for which others of its address have a lower bound, and
+that bound in octets."""
 
 _GREETING, _SMALL = 64, 64 * 1024
 _LEAST_RESERVE, _MOST_OF_ADDRESS, _MOST_SILENT = 64, 1000, 128
@@ -56,19 +57,19 @@ class Connection:
     port: int
     since: float
     accepted: bool = True
-    """Whether the other side connected to us; otherwise we did."""
+    """Whether the other side has connected, not this one."""
     received: int = 0
     """Octets that have arrived, as the kernel counts them."""
     delivered: int = 0
-    """Octets of whole messages that we took from the socket. Written by the thread that receives, and by no other."""
+    """Octets of whole messages taken from the socket. Only the receiving thread writes it."""
     queued: int = 0
-    """Octets of whole messages that may wait in the socket because we do not take them."""
+    """Octets of whole messages that may wait in the socket."""
     uncounted: int = 0
-    """Octets that are part of no message."""
+    """Octets outside of messages."""
     still: int = 0
-    """Looks in a row at which it had delivered nothing since the last one."""
+    """Looks in a row without a delivery since the look before."""
     looked_at: tuple[float, int] = field(default=(0.0, -1))
-    """When it was last looked at, and what it had delivered then."""
+    """The time of the last look, and the octets delivered by then."""
 
     @property
     def unfinished(self) -> int:
@@ -76,16 +77,16 @@ class Connection:
 
     @property
     def silent(self) -> bool:
-        """Whether it has not even said what a handshake begins with."""
+        """Whether it has not even begun the handshake."""
         return self.received <= _GREETING
 
     @property
     def urgent(self) -> bool:
-        """Whether it is to be looked at soon, though nothing more may arrive."""
+        """Whether it needs another look soon, even if nothing more arrives."""
         return self.still < STILL and self.unfinished > _SMALL
 
     def look(self, received: int, now: float) -> None:
-        """Note what has arrived by now."""
+        """Note the octets that have arrived by now."""
         when, before = self.looked_at
         delivered = self.delivered
         self.received = received
@@ -98,28 +99,28 @@ class Connection:
 
 @dataclass(frozen=True, slots=True)
 class Descriptors:
-    """How many descriptors the process may have, and so how many connections."""
+    """The limits on descriptors, and so on connections."""
 
     limit: int
 
     @property
     def reserve(self) -> int:
-        """Descriptors that no connection of others takes."""
+        """Descriptors that connections from other hosts must leave free."""
         return max(_LEAST_RESERVE, self.limit // 8)
 
     @property
     def of_address(self) -> int:
-        """Connections that one address may have."""
+        """Maximum number of connections of one address."""
         return min(_MOST_OF_ADDRESS, self.limit // 4)
 
     @property
     def silent(self) -> int:
-        """Connections of one address that have not said anything yet."""
+        """Maximum number of silent connections of one address."""
         return min(_MOST_SILENT, self.of_address // 2)
 
     @property
     def for_others(self) -> int:
-        """Connections of all addresses."""
+        """Maximum number of connections of all addresses."""
         return self.limit // 2
 
 
@@ -158,8 +159,8 @@ def too_large(connections: Iterable[Connection], on_probation: frozenset[str]) -
 def too_many(connections: Iterable[Connection], descriptors: Descriptors, highest: int) -> list[tuple[Connection, str]]:
     """The connections to close because there are too many, and why. `highest` is the highest descriptor in use.
 
-    Silent connections go first, the oldest of them before the others: those are not about to speak. Of the others the
-    newest goes first: what has begun may go on.
+    Silent connections go first, the oldest before the others, since it will hardly speak. Of the others the newest
+    goes first, so that established ones go on.
     """
     accepted = [each for each in connections if each.accepted]
     accepted.sort(key=lambda each: (not each.silent, each.since if each.silent else -each.since))

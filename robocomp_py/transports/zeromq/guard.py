@@ -1,12 +1,11 @@
 """Watches the TCP connections of ZeroMQ's sockets, and closes those that exceed a bound; see `bounds`.
 
-A monitor of each socket tells which connections come and go, with their descriptors. The kernel tells how much each has
-received (`TCP_INFO`), and by an edge-triggered `epoll` when there is more: so a quiet connection costs nothing. ZeroMQ
-learns by `shutdown` that a connection has ended, and gives its memory back.
+A monitor of each socket reports connections that come and go, with their descriptors. The kernel reports how much each
+has received (`TCP_INFO`). An edge-triggered `epoll` reports when there is more, so a quiet connection costs nothing.
+`shutdown` tells ZeroMQ that a connection has ended, and ZeroMQ frees its memory.
 
-By the time we use a descriptor, it may belong to another file. So we use a copy of our own, and check first that its
-peer is the one that we know. The copy always has the same number, which was taken beforehand, so it needs no free
-descriptor.
+When the guard uses a descriptor, it may already belong to another file. So the guard uses a copy and first checks its
+peer. The copy always has the same number, reserved beforehand, so it needs no free descriptor.
 """
 
 from __future__ import annotations
@@ -49,19 +48,19 @@ _TCP_INFO, _RECEIVED = 136, struct.Struct("=Q")
 """Octets of the kernel's record up to `tcpi_bytes_received`, which is the last of these."""
 
 _TAKEN, _TAKES = 256 * 1024, 64
-"""Octets discarded by one call, and how often that is called: the kernel holds a few megabytes at most."""
+"""Octets that one call discards, and the number of calls: the kernel holds a few megabytes at most."""
 
 _RESET = struct.pack("ii", 1, 0)
-"""Closing tells the other side at once, also one that waits until we take more."""
+"""Closing tells the other side at once, even if it waits for room."""
 
 _DATA = select.EPOLLIN | select.EPOLLET
 
 Told = Callable[[list[bytes]], object]
-"""Takes an event that is not about connections that come or go."""
+"""Takes an event other than those for connections that come or go."""
 
 
 class Watched:
-    """A socket of which the guard knows."""
+    """A socket that the guard watches."""
 
     def __init__(
         self, raw: zmq.Socket[Any], kind: Kind, queue: int, told: Told | None, events: zmq.Socket[Any]
@@ -70,13 +69,13 @@ class Watched:
         self.connections: dict[int, Connection] = {}
         """By descriptor."""
         self.newest: Connection | None = None
-        """The only one of a socket that connects."""
+        """The newest connection; the only one of a socket that connects itself."""
         self._queue, self._largest = queue, 0
 
     def took(self, frames: Frames, last: zmq.Frame | None = None) -> None:
         """Note that a message was received; `last` is one of its frames if the socket has several connections."""
         if self.kind is Kind.SUBSCRIPTIONS:
-            return  # these stay in the socket
+            return  # subscriptions stay in the socket
         size = sum(map(len, frames)) + HEAD * len(frames)
         if last is not None:
             try:
@@ -97,7 +96,7 @@ class Watched:
 
 
 class Guard:
-    """One thread that watches all sockets of a transport which other hosts can reach, or which reach them."""
+    """One thread that watches all sockets of a transport with connections to other hosts."""
 
     def __init__(self, context: zmq.Context[Any], owner: str) -> None:
         self._context, self._owner = context, owner
@@ -105,7 +104,7 @@ class Guard:
         self._lock = threading.Lock()
         """Held while a socket comes or goes, and during a look."""
         self._probation: dict[str, float] = {}
-        """By address: until when."""
+        """By address: until when it has a lower bound."""
         self._told, self._failing = Repeats(), Sparing()
         self._closing = threading.Event()
         with contextlib.ExitStack() as undo:
@@ -129,13 +128,13 @@ class Guard:
     ) -> Watched:
         """Watch a socket that is not bound or connected yet; `also` are further events, for `told`.
 
-        `queue` is the number of whole messages that may wait in the socket because we do not take them.
+        `queue` is the maximum number of whole messages that wait in the socket.
         """
         address = f"inproc://guard of {id(raw)} since {time.monotonic_ns()}"
         events: zmq.Socket[Any] = self._context.socket(zmq.PAIR)
         try:
             events.setsockopt(zmq.LINGER, 0)
-            events.setsockopt(zmq.RCVHWM, 0)  # or ZeroMQ's thread waits when we are slow, and nothing is received
+            events.setsockopt(zmq.RCVHWM, 0)  # otherwise a slow guard would stop ZeroMQ's thread
             raw.monitor(address, _EVENTS | also)
             events.connect(address)
         except zmq.ZMQError as exc:
@@ -148,11 +147,11 @@ class Guard:
                 raise TransportError("zeromq: the transport is closed")
             self._watched.append(watched)
             self._epoll.register(int(events.FD), select.EPOLLIN)
-        self._wake()  # an operation on a socket may swallow the event that there is input
+        self._wake()  # an operation on a socket may consume the report of input
         return watched
 
     def forget(self, watched: Watched) -> None:
-        """Watch its socket no more; whether that is closed before or after does not matter. Idempotent."""
+        """Stop watching its socket, which may be closed before or after this. Idempotent."""
         with self._lock:
             if watched in self._watched:
                 self._watched.remove(watched)
@@ -162,7 +161,7 @@ class Guard:
                 watched.events.close()
 
     def close(self) -> None:
-        with self._lock:  # from now on no socket comes
+        with self._lock:  # no sockets are added from now on
             self._closing.set()
         self._wake()
         self._thread.join()
@@ -176,7 +175,7 @@ class Guard:
 
     def _run(self) -> None:
         again = False
-        while not self._closing.wait(PERIOD):  # also between two looks: what happens meanwhile is seen at once
+        while not self._closing.wait(PERIOD):  # a pause, so that several events are handled together
             try:
                 ready = {descriptor for descriptor, _ in self._epoll.poll(PERIOD if again else None)}
                 with contextlib.suppress(BlockingIOError):
@@ -190,7 +189,7 @@ class Guard:
     # With the lock.
 
     def _look(self, ready: set[int], now: float) -> bool:
-        """See what has come, gone and arrived, and close what exceeds a bound; whether to look again soon."""
+        """Note new, closed and busy connections, and close those over a bound; whether to look again soon."""
         highest = max((self._take_events(watched, now) for watched in self._watched), default=0)
         again = False
         for watched in self._watched:
@@ -214,7 +213,7 @@ class Guard:
         return again
 
     def _take_events(self, watched: Watched, now: float) -> int:
-        """Note which connections have come and gone; the highest descriptor of those that have come."""
+        """Note connections that came and went; returns the highest descriptor of new ones."""
         highest = 0
         while True:
             try:
@@ -231,21 +230,21 @@ class Guard:
                 watched.tell(event)
 
     def _meet(self, watched: Watched, descriptor: int, endpoint: bytes, accepted: bool, now: float) -> None:
-        """Note a new connection; `endpoint` is where we listen, or what we connected to."""
+        """Note a new connection; `endpoint` is the address of the socket, or of the peer it connected to."""
         with self._held(descriptor) as there:
             if there:
                 ours, theirs = self._probe.getsockname(), self._probe.getpeername()
                 if (ours if accepted else theirs)[1] == int(endpoint.rpartition(b":")[2]):
                     try:
                         self._epoll.register(descriptor, _DATA)
-                    except FileExistsError:  # another event of it was that of one before it, which had this number
+                    except FileExistsError:  # an earlier connection had the same descriptor
                         self._epoll.modify(descriptor, _DATA)
                     address, port = theirs[:2]
                     watched.newest = Connection(watched.kind, address, port, now, accepted)
                     watched.connections[descriptor] = watched.newest
 
     def _received(self, descriptor: int, connection: Connection) -> int | None:
-        """How many octets have arrived by a connection; None if it is gone."""
+        """The octets received by a connection; None if it is gone."""
         with self._held(descriptor) as there:
             if there and self._probe.getpeername()[:2] == (connection.address, connection.port):
                 info = self._probe.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, _TCP_INFO)
@@ -264,11 +263,11 @@ class Guard:
                             self._discard()
         untold = self._told.untold((connection.address, why))
         if untold is not None:
-            more = f" ({untold} more like it since this was last told)" if untold else ""
+            more = f" ({untold} more like it since the last such message)" if untold else ""
             log.warning("%s: closed a connection of %s: %s%s", self._owner or "zeromq", connection.address, why, more)
 
     def _discard(self) -> None:
-        """Take from the kernel what it holds of a connection that was shut down: else ZeroMQ would still read it."""
+        """Discard what the kernel holds of a connection that was shut down, so that ZeroMQ does not read it."""
         room = bytearray(_TAKEN)
         for _ in range(_TAKES):
             if not self._probe.recv_into(room, _TAKEN, socket.MSG_DONTWAIT | socket.MSG_TRUNC):
@@ -276,7 +275,7 @@ class Guard:
 
     @contextlib.contextmanager
     def _held(self, descriptor: int) -> Iterator[bool]:
-        """Let `_probe` be the connection of that descriptor, if it has one, so that it stays the same meanwhile."""
+        """Make `_probe` a copy of that descriptor for a while, so that the file stays the same meanwhile."""
         try:
             os.dup2(descriptor, self._probe.fileno(), inheritable=False)
         except OSError:
