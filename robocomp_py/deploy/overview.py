@@ -78,7 +78,7 @@ def _helpers(plan: Plan) -> list[Line]:
 
 def _rows(plan: Plan) -> list[list[list[Span]]]:
     """By row and column, the lines of a cell; columns in which nothing stands are left out."""
-    orders = orders_of(plan.processes)
+    orders, uses = orders_of(plan.processes), _uses(plan)
     shared = any(process.members for process in plan.processes)
     titles = ["order", "instance", "component", "process", "host", "starts after", "restart", "address", "uses"]
     rows = []
@@ -94,7 +94,7 @@ def _rows(plan: Plan) -> list[list[list[Span]]]:
                     [(", ".join(dict.fromkeys((*process.after, *process.ready_after))), "")],
                     [(_restart(process.restart), "")],
                     [(text, "") for text in _addresses(process)],
-                    [(text, "") for text in _uses(plan, member.name)],
+                    [(text, "") for text in uses.get(member.name, ())],
                 ]
             )
     kept = [n for n in range(len(titles)) if any(text for row in rows for text, _ in row[n])]
@@ -134,18 +134,17 @@ def _addresses(process: Process) -> list[str]:
     return [said for said in found.values() if said]
 
 
-def _uses(plan: Plan, instance: str) -> list[str]:
-    return [f"{each.interface} of {each.provider}{_over(plan, each)}" for each in plan.links if each.client == instance]
-
-
-def _over(plan: Plan, link: Link) -> str:
-    ways = [
-        way.middleware + (f" ({way.origin})" if way.origin else "")
-        for way in plan.ways
-        if (way.client, way.provider, way.verb) == (link.client, link.provider, link.verb)
-        and way.interface.rpartition(".")[2] == link.interface
-    ]
-    return f" over {', '.join(dict.fromkeys(ways))}" if ways else ""
+def _uses(plan: Plan) -> dict[str, list[str]]:
+    """By client, what it uses and over what."""
+    ways: dict[Link, dict[str, None]] = {}
+    for way in plan.ways:
+        link = Link(way.interface.rpartition(".")[2], way.provider, way.client, way.verb)
+        ways.setdefault(link, {})[way.middleware + (f" ({way.origin})" if way.origin else "")] = None
+    found: dict[str, list[str]] = {}
+    for each in plan.links:
+        over = f" over {', '.join(ways[each])}" if each in ways else ""
+        found.setdefault(each.client, []).append(f"{each.interface} of {each.provider}{over}")
+    return found
 
 
 def _columns(rows: Sequence[Sequence[Sequence[Span]]]) -> list[Line]:

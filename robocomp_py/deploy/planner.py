@@ -34,6 +34,7 @@ from ..runtime.notify import BETWEEN
 from ..spelling import unknown
 from ..transports.deployment import deployments
 from ..transports.network import LOOPBACK, Fault, Network, Site
+from ..transports.network import Way as Carried
 from . import placing, security
 from .auto import Choice, Usable, choose, installed_here, unsupported_by_others
 from .configuration import check_text, span_of
@@ -165,6 +166,7 @@ class _Planner:
         self._check_security(nodes)
         self._tell_blamed()
         processes = [self._process(name, together) for name, together in ordered.items()]
+        folders = {node.name: node.linked.path.parent for node in nodes}
         named = self._overrides.middleware or (self._model.middleware.text if self._model.middleware else "")
         return Plan(
             self._model.name.text,
@@ -178,16 +180,15 @@ class _Planner:
             placing.escalations(self._model),
             placing.security(self._model),
             (*self._wiring.helpers, *self._placement.helpers),
-            {each.name: self._ours(each, nodes) for each in self._configured},
+            {each.name: self._ours(each, folders[each.name]) for each in self._configured},
         )
 
-    def _ours(self, each: Configured, nodes: Sequence[Node]) -> Ours:
-        folder = next(node.linked.path.parent.resolve() for node in nodes if node.name == each.name)
+    def _ours(self, each: Configured, folder: Path) -> Ours:
         over = {
             f"{name} {each.settings.transports.get(name, {}).get('domain', '')}".strip()
             for name in (each.middlewares() | self._choice.carriers.get(each.name, frozenset())) - {""}
         }
-        return Ours(folder, each.component.fingerprints(), each.channels, tuple(sorted(over)))
+        return Ours(folder.resolve(), each.component.fingerprints(), each.channels, tuple(sorted(over)))
 
     # The network as a whole.
 
@@ -346,8 +347,11 @@ class _Planner:
                 edges[edge] += _operations(client, link.interface)
         fixed = {name: [other.text for other in self._dependences[name] if other.text in inside] for name in inside}
         self._between = ordered(inside, fixed, between)
+        together: dict[str, list[Node]] = {}
+        for node in nodes:
+            together.setdefault(node.instance.runs_in.text, []).append(node)
         for name, needs in inside.items():
-            members = {node.name: node.instance.dependences for node in nodes if node.instance.runs_in.text == name}
+            members = {node.name: node.instance.dependences for node in together[name]}
             own = {each: [other.text for other in others if other.text in members] for each, others in members.items()}
             self._inside[name] = ordered(members, own, needs)
 
@@ -629,6 +633,9 @@ class _Planner:
         named = {node.name: node for together in ordered.values() for node in together}
         over = [name for name, each in deployments().items() if each.ports_of_interfaces]
         ways = self._choice.ways
+        provided: dict[str, list[Carried]] = {}
+        for way in ways:
+            provided.setdefault(way.provider, []).append(way)
         sites = [
             Site(
                 each.name,
@@ -637,7 +644,7 @@ class _Planner:
                 placing.port(named[each.name].instance),
                 each.is_program,
                 each.settings.transports,
-                {name: each.interfaces_over(name, ways) for name in over},
+                {name: each.interfaces_over(name, provided.get(each.name, ())) for name in over},
                 frozenset(filter(each.has_topics_over, over)),
                 each.document.peers,
             )
