@@ -125,7 +125,7 @@ def test_a_folder_with_several_models_is_named_like_the_one_that_is_meant(
     assert rcgen([str(arm)]) == 0
     (arm / "arm.cdsl").rename(arm / "third.cdsl")
     assert rcgen([str(arm)]) == 1
-    assert "should hold one .cdsl, and holds other.cdsl, third.cdsl" in capsys.readouterr().err
+    assert "should hold one .cdsl, but holds other.cdsl, third.cdsl" in capsys.readouterr().err
 
 
 # What is said.

@@ -1,17 +1,21 @@
 """Converts the source text of components from Python 2 to Python 3.
 
-Components made before 2019 are written in Python 2. The converter `lib2to3` (part of Python up to 3.12) converts their
-text in memory; their files remain unchanged. It keeps line numbers, so tracebacks stay correct.
+Components made before 2019 are written in Python 2. A converter (`lib2to3`, or `fissix`) converts their text in memory;
+their files remain unchanged. It keeps line numbers, so tracebacks stay correct.
 """
 
 from __future__ import annotations
 
 import ast
+import importlib
 import re
 import sys
 import warnings
 from functools import cache, lru_cache
 from typing import Any
+
+_CONVERTERS = ("lib2to3", "fissix")
+"""The first is part of Python up to 3.12; the second is its successor, for later ones."""
 
 
 class NotConverted(SyntaxError):
@@ -23,9 +27,9 @@ class NotConverted(SyntaxError):
         if _tool() is not None:
             return f"this is neither Python 3 nor something that 2to3 can make it from: {self.msg}"
         return (
-            f"this is no Python 3 ({self.msg}); if it is Python 2, it cannot be converted here, for this Python "
-            f"({sys.version_info.major}.{sys.version_info.minor}) has no lib2to3: that is part of Python up to 3.12 "
-            "(Debian: apt-get install python3-lib2to3), whose `2to3 -w FILE` makes it Python 3 once and for all"
+            f"this is no Python 3 ({self.msg}); if it is Python 2, this Python "
+            f"({sys.version_info.major}.{sys.version_info.minor}) has no converter for it: pip install fissix "
+            "(Debian, up to Python 3.12: apt-get install python3-lib2to3)"
         )
 
 
@@ -73,13 +77,15 @@ def _by_2to3(text: str) -> str | None:
 
 @cache
 def _tool() -> Any:
-    """The converter; None if this Python does not have it."""
+    """The converter, if there is one."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # its deprecation
-        try:
-            from lib2to3 import refactor
-        except ImportError:
-            return None
-        tool = refactor.RefactoringTool(refactor.get_fixers_from_package("lib2to3.fixes"))
-    tool.logger.disabled = True  # it logs skipped fixers
-    return tool
+        warnings.simplefilter("ignore")  # Python 3.11 and 3.12 warn that lib2to3 will be removed
+        for package in _CONVERTERS:
+            try:
+                refactor = importlib.import_module(f"{package}.refactor")
+            except ImportError:
+                continue
+            tool = refactor.RefactoringTool(refactor.get_fixers_from_package(f"{package}.fixes"))
+            tool.logger.disabled = True  # users need not know which fixers it left out
+            return tool
+    return None

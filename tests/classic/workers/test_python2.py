@@ -51,12 +51,13 @@ def test_what_is_neither_says_where() -> None:
 
 
 def test_a_python_without_the_converter_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "lib2to3", None)  # as from Python 3.13 on
+    for package in ("lib2to3", "fissix"):
+        monkeypatch.setitem(sys.modules, f"{package}.refactor", None)
     _tool.cache_clear()
     try:
         with pytest.raises(NotConverted) as caught:
             as_python3("print 'without'\n", "their.py")
-        assert "no lib2to3: that is part of Python up to 3.12" in caught.value.why
+        assert "has no converter for it: pip install fissix" in caught.value.why
     finally:
         _tool.cache_clear()
 

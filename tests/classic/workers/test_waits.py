@@ -387,7 +387,7 @@ def test_calls_that_wait_in_a_pool_are_made_before_the_end(house: House) -> None
     assert house.begun.end(pools, 0, 0) == ([each.name for each in pool._threads], 2)
     for _ in range(3):
         may.release()
-    assert house.begun.end(pools, 0, 10 * SOON) == ([], 0)
+    assert house.begun.end(pools, SOON, 10 * SOON) == ([], 0)
     assert made == [0, 1, 2]
 
 
