@@ -145,7 +145,7 @@ _PHRASES: dict[str, Callable[[Diagnostic, re.Match[str], Index], Carried]] = {
     r"^import its \.cdsl$": _import_component,
     r"^remove it$": _remove,
     r"^(remove the line$|leave it out)": _remove,
-    r"; remove what follows it$": _remove_rest,
+    r"; remove the text after it$": _remove_rest,
     r"^add `([^`]+)` here$": _add_mark,
     r"^add `\};` above it": _close_block,
     r"^close it by `\*/`$": _close_comment,

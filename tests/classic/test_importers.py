@@ -339,7 +339,7 @@ def test_it_is_written_once_and_never_over_a_file(tmp_path: Path, capsys: Said) 
     assert rcdeploy(command) == 0
     (tmp_path / "net.ddsl").write_text("mine")
     assert rcdeploy(command) == 1
-    assert "exists, and stays as it is" in capsys.readouterr().err
+    assert "exists and was not changed" in capsys.readouterr().err
     assert (tmp_path / "net.ddsl").read_text() == "mine"
 
 

@@ -137,7 +137,7 @@ def test_an_interface_is_renamed(robot: Path) -> None:
             ["Vault.idsl", "Vault.size", "count"],
             "nothing was changed: cannot ask, since stdin is not a terminal; use --yes",
         ),
-        (["--yes", "Vault.idsl", "Vault.size", "class"], "`class` is a word of Python; nothing was changed"),
+        (["--yes", "Vault.idsl", "Vault.size", "class"], "`class` is a keyword of Python; nothing was changed"),
         (["--yes", "Vault.idsl", "Vault.sise", "x"], "unknown name `Vault.sise`; did you mean `Vault.size`?"),
         (["--yes", "Vault.idsl", "Vault.size", "store"], "`size` cannot be called `store`"),
         (["--yes", "Vault.idsl", "Vault.size", "taken"], "vault/specificworker.py has the name `Vault_taken` already"),

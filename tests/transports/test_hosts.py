@@ -96,7 +96,7 @@ def test_what_is_published_behind_one_zenoh_router_is_heard_behind_the_other(eve
 def test_a_zenoh_router_of_a_name_is_run_once(everything: contextlib.ExitStack):
     run_routers(everything)
     config = TransportConfig({"connect": "here/robot", "router": {}}, "rcdeploy")
-    with pytest.raises(TransportError, match="`robot` is run by"):
+    with pytest.raises(TransportError, match="`robot` is already run by"):
         everything.enter_context(hosting("zenoh", config))
 
 

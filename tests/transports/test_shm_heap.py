@@ -257,16 +257,16 @@ def test_an_answer_can_be_read_when_its_server_has_closed_meanwhile(
     peer, number = here.peer(member), packed(member.id)
     assert peer
     line = peer.take(NAME)
-    rung = line.rung
+    woken = line.woken
 
-    def rung_while_the_server_closes(seconds: float) -> bool:
-        found = rung(seconds)
-        if found and len(asked) == 2:  # else it was rung late for the first answer
+    def woken_while_the_server_closes(seconds: float) -> bool:
+        found = woken(seconds)
+        if found and len(asked) == 2:  # else it was woken late for the first answer
             server.close()
             here.node.heaps.forget_left()
         return found
 
-    monkeypatch.setattr(line, "rung", rung_while_the_server_closes)
+    monkeypatch.setattr(line, "woken", woken_while_the_server_closes)
     peer.give(line)
     assert len(unblob(here, caller.ask(blob(here, b""), SOON).payload)) == MB
     assert number in here.node.heaps.known()

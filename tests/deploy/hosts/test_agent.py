@@ -105,7 +105,7 @@ def test_who_comes_while_a_killed_controller_says_nothing_takes_its_place(own_ru
 def test_who_comes_while_another_controller_is_in_touch_is_refused(own_runtime_folder: Path):
     async def act(first: Controller, second: Controller) -> None:
         first.tell(do="alive")
-        assert "somebody else" in (await second.is_told("opened", "refused"))["why"]
+        assert "another controller" in (await second.is_told("opened", "refused"))["why"]
         await second.leave()
         await first.leave()
 
