@@ -41,15 +41,15 @@ from robocomp_py.testing.parts import (
     unblob,
 )
 from robocomp_py.testing.patience import SOON, wait_until
-from robocomp_py.transports.base import Reply, Status, Transport, TransportConfig, gathering
-from robocomp_py.transports.directory import runtime_dir
+from robocomp_py.transports.base import Reply, Status, Transport, TransportConfig, gathering, wait_connected
+from robocomp_py.transports.directory import Found, runtime_dir
 from robocomp_py.transports.inotify import Watch
 from robocomp_py.transports.shm import dispatcher, node, room, samples
 from robocomp_py.transports.shm.haste import Haste
 from robocomp_py.transports.shm.loop import Loop
 from robocomp_py.transports.shm.mail import AHEAD, LINGER, Post, packed, unpacked
 from robocomp_py.transports.shm.receipts import SLOTS, Credit, Reader, Receipts
-from robocomp_py.transports.shm.topics import LOANS, SHARE
+from robocomp_py.transports.shm.topics import LOANS, SHARE, Publisher
 from robocomp_py.transports.shm.transport import ShmTransport
 from robocomp_py.transports.shm.wakeup import MAIL, NEWS, NUDGE, WAKEUPS, Waker, Wakeup
 
@@ -735,6 +735,29 @@ def test_names_in_shared_memory_cannot_be_taken_beforehand(own_runtime_folder: P
     finally:
         for path in taken:
             path.rmdir()
+
+
+def test_while_a_publisher_looks_for_readers_a_thread_that_sends_looks_too(
+    here: ShmTransport, there: ShmTransport, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Otherwise that thread would take the publisher for up to date, and drop the first message to a new reader."""
+    outlet = here.outlet(topic(NAME))
+    assert isinstance(outlet, Publisher)
+    looks: list[str] = []
+    counterparts = outlet.counterparts
+
+    def while_looking(*, strict: bool = False) -> list[Found]:
+        with monkeypatch.context() as sending:
+            sending.setattr(outlet, "look", lambda: looks.append("sender"))
+            assert outlet.heard in (True, False)  # what each `send` asks, too
+        return counterparts(strict=strict)
+
+    monkeypatch.setattr(outlet, "counterparts", while_looking)
+    inbox = subscribe(there, topic(NAME))
+    assert wait_connected(outlet, SOON)
+    outlet.send(blob(here, b"word"))
+    assert inbox.get(timeout=SOON) == b"word"
+    assert looks
 
 
 def test_a_file_in_the_way_is_told_with_its_owner_and_a_remedy(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -131,10 +131,8 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsHeard, SupportsLoan):
         with self._looking:
             if self._writer is None or self.closed.is_set():
                 return True
-            self._looked_at = self.transport.directory.version()
-            self._seen = self._present()
+            version, present = self.transport.directory.version(), self._present()
             there = {(member.id, entry.address): (member, entry) for member, entry in self.counterparts()}
-            self._missing = self._seen != len(there)
             for gone in self._readers.keys() - there.keys():
                 del self._readers[gone]
             for key in there.keys() - self._readers.keys():
@@ -149,6 +147,8 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsHeard, SupportsLoan):
             self._credit.meet([each.receiver for each in known if each.receiver])
             self._wakers = [(each.waker, each.wakeup) for each in known]
             self._writer.greet()  # new readers get the history now
+            # last: a thread that is sending compares these to know whether it needs to look, too
+            self._looked_at, self._missing, self._seen = version, present != len(there), present
         for waker, number in self._wakers:
             waker.wake(number)
         return all(key in self._readers for key in there)
