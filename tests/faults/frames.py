@@ -35,7 +35,7 @@ def _fuzzed(run: Run) -> Result:
         Figure("frames", count),
         Figure("counted as malformed", malformed),
         Figure("log lines", logged),
-        Figure("of these each second, after the first 20", max(0, logged - 20) / max(1.0, seconds), "", 1),
+        Figure("log lines a second, after the first 20", max(0, logged - 20) / max(1.0, seconds), "", 1),
         Figure("memory grew", (after["memory"] - before["memory"]) / 1e6, "MB", 100),
         Figure("more threads", after["threads"] - before["threads"], "", 8),
     ]

@@ -45,8 +45,8 @@ def _of_all_sizes(run: Run) -> Result:
         Figure("failed", done["failed"], "", 0),
         Figure("in use at most", max(each[1] for each in used) / 1e6, "MB"),
         Figure("shared memory at most", max(each[2] for each in used) / 1e6, "MB"),
-        Figure("more than 1.5 × what is in use, and 8 MB, by", max(each[3] for each in used) / 1e6, "MB", 0),
-        Figure("no more than 8 MB after", back, "s", 3, timed=True),
+        Figure("more than 1.5 × the memory in use + 8 MB, by", max(each[3] for each in used) / 1e6, "MB", 0),
+        Figure("at most 8 MB after", back, "s", 3, timed=True),
     ]
     return Result(figures, run.check(history))
 
@@ -96,8 +96,8 @@ def _shared(laboratory: Laboratory) -> int:
 ROWS = [
     Row(
         "memory",
-        "queries, commands and publications of 0 B to 8 MB at random for ten minutes, some of them kept",
-        "0 failures; shared memory ≤ 1.5 × what is in use at once + 4 MB a connection; it goes back in 3 s",
+        "queries, commands and publications of 0 B to 8 MB at random for ten minutes; receivers keep some",
+        "0 failures; shared memory ≤ 1.5 × the messages in use + 4 MB a connection; returned in 3 s",
         ("shm",),
         610,
         _of_all_sizes,

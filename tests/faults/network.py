@@ -119,7 +119,7 @@ def _cut(run: Run) -> Result:
     return Result(
         [
             *_counts(history),
-            Figure("known after", (known or healed) - cut, "s", 2.5, timed=True),
+            Figure("loss noticed after", (known or healed) - cut, "s", 2.5, timed=True),
             Figure("healed after", back - healed, "s", 3, timed=True),
             Figure("executed late at most", _latest(history), "s"),
         ],
@@ -163,7 +163,7 @@ def _half_open(run: Run) -> Result:
     ]
     return Result(
         [
-            Figure("known after", known - cut, "s", 2.5, timed=True),
+            Figure("loss noticed after", known - cut, "s", 2.5, timed=True),
             Figure("calls that timed out", len(late)),
             Figure("beyond their deadline", max(late, default=0.0) * 1000, "ms", 50, timed=True),
         ],
@@ -210,8 +210,8 @@ ROWS = [
     Row(
         "partition",
         "partition of 10 s between two hosts",
-        "healed ≤ 3 s; of 10,000 commands whose call returned normally each was executed once or is counted as lost, "
-        "none twice; queries: no false ok; gaps counted exactly",
+        "healed ≤ 3 s; each of 10,000 accepted commands is executed once or counted as lost, none twice; "
+        "no false ok of a query; gaps counted exactly",
         _NETWORKED,
         45,
         _cut,
@@ -220,8 +220,7 @@ ROWS = [
     Row(
         "loss",
         "5 % loss between two hosts",
-        "of 10,000 commands whose call returned normally each was executed once or is counted as lost, none twice; "
-        "queries: no false ok; gaps counted exactly",
+        "commands, queries and gaps as for partition",
         _NETWORKED,
         35,
         _lossy,
@@ -229,8 +228,8 @@ ROWS = [
     ),
     Row(
         "half-open",
-        "half-open TCP: the far end is cut off, and gone",
-        "lost ≤ 2.5 s; calls end at their deadline ± 50 ms",
+        "half-open TCP: the far end is cut off",
+        "loss noticed ≤ 2.5 s; calls end at their deadline ± 50 ms",
         _NETWORKED,
         4,
         _half_open,

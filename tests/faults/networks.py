@@ -275,7 +275,7 @@ def _leapt(run: Run) -> Result:
         [
             Figure("leaps", leaps),
             Figure("`compute` ran", len(at)),
-            Figure("left out", max(0.0, 1 - len(at) / (seconds / period)) * 100, "%", 5, timed=True),
+            Figure("calls of `compute` left out", max(0.0, 1 - len(at) / (seconds / period)) * 100, "%", 5, timed=True),
             Figure("longest pause", max(late - early for early, late in itertools.pairwise(at)), "s", 0.5, timed=True),
         ],
         violations,
@@ -307,8 +307,8 @@ def _stormy(run: Run) -> Result:
     return Result(
         [
             Figure("neighbours' p99 before", calm * 1000, "ms"),
-            Figure("meanwhile", storm * 1000, "ms", max(1.2 * calm, calm + 0.002) * 1000, timed=True),
-            Figure("rcdeploy", used * 100, "% of a core", 5, timed=True),
+            Figure("neighbours' p99 meanwhile", storm * 1000, "ms", max(1.2 * calm, calm + 0.002) * 1000, timed=True),
+            Figure("CPU of rcdeploy", used * 100, "% of a core", 5, timed=True),
         ],
         [Violation("nobody left", f"{pid} {what}") for pid, what in left.items()],
     )
@@ -506,7 +506,7 @@ def _cpu(network: _Network, deployer: int) -> float:
 ROWS = [
     Row(
         "storm",
-        "restart storm: a component that fails at once, and is started again",
+        "restart storm: a component fails at each start",
         "neighbours' p99 + ≤ 20 % (or 2 ms), rcdeploy ≤ 5 % CPU",
         ("zeromq",),
         70,
@@ -515,7 +515,7 @@ ROWS = [
     Row(
         "timers",
         "clock jump ± 1 h of rcdeploy and its components",
-        "no timer misfires: `compute` runs in its period, nobody is taken for stuck, ended or started again",
+        "no timer misfires: `compute` keeps its period; no component is taken for stuck or restarted",
         ("zeromq",),
         14,
         _leapt,
@@ -523,8 +523,8 @@ ROWS = [
     ),
     Row(
         "control",
-        "a program that keeps connecting to the control socket of a network",
-        "`rcdeploy status` and `down` work; neither says that the network has ended",
+        "a program keeps connecting to the control socket",
+        "`rcdeploy status` and `down` work",
         ("zeromq",),
         60,
         _controlled,

@@ -54,9 +54,14 @@ class Figure:
     def kept(self) -> bool:
         return self.limit is None or self.value <= self.limit
 
+    @property
+    def found(self) -> str:
+        """Its value and its limit."""
+        within = "" if self.limit is None else f" (≤ {self.limit:.3g})"
+        return f"{_rounded(self.value)}{' ' + self.unit if self.unit else ''}{within}"
+
     def __str__(self) -> str:
-        within = "" if self.limit is None else f" (≤ {self.limit:g})"
-        return f"{self.name} {_rounded(self.value)}{' ' + self.unit if self.unit else ''}{within}"
+        return f"{self.name} {self.found}"
 
 
 @dataclass

@@ -151,12 +151,12 @@ def _all_answered(asking: list[Remote]) -> bool:
     )
 
 
-_MUST = "typed outcomes while it lasts; all calls are answered and all topics heard afterwards"
+_MUST = "typed outcomes while it lasts; all calls and topics work afterwards"
 
 ROWS = [
     Row(
         "threads",
-        "no thread to be had (RLIMIT_NPROC) while calls run, again and again",
+        "no thread available (RLIMIT_NPROC) while calls run, repeatedly",
         _MUST,
         HERE,
         35,
@@ -165,7 +165,7 @@ ROWS = [
     ),
     Row(
         "descriptors",
-        "no file or socket to be had (RLIMIT_NOFILE) while calls run, again and again",
+        "no descriptor available (RLIMIT_NOFILE) while calls run, repeatedly",
         _MUST,
         HERE,
         35,

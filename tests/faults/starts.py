@@ -157,7 +157,7 @@ ROWS = [
     Row(
         "first",
         "200 starts of a publisher, a subscriber or both, beside two busy processes a core",
-        "what is published once both are ready, or in answer to a command or call of the subscriber, is heard",
+        "publications after both are ready, or in reply to the subscriber, are heard",
         ("inproc", *HERE, "ice"),
         180,
         _first,

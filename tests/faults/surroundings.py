@@ -142,11 +142,11 @@ ROWS = [
     Row(
         "clock",
         "clock jump ± 1 h",
-        "nothing lost; who talks goes on",
+        "nothing lost; connected peers go on",
         HERE,
         12,
         _leaping,
         root=True,
     ),
-    Row("disk", "disk full", "nothing lost; component runs on; who comes later works", HERE, 11, _full, root=True),
+    Row("disk", "disk full", "nothing lost; the component runs on; later ones work", HERE, 11, _full, root=True),
 ]
