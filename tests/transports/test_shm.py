@@ -1019,11 +1019,7 @@ def test_sending_raises_when_there_is_no_more_and_goes_on_when_there_is(
     inbox, outlet = subscribe(there, topic(NAME)), here.outlet(topic(NAME))
     greet(here, outlet, inbox)
 
-    def no_more(address: int, size: int, what: int) -> int:
-        ctypes.set_errno(errno.EFAULT)
-        return -1
-
-    monkeypatch.setattr(room, "_madvise", no_more)
+    monkeypatch.setattr(room, "populate", lambda *_: errno.EFAULT)
     with pytest.raises(TransportError, match="shared memory are needed"):
         outlet.send(blob(here, bytes(LARGE)))
     with pytest.raises(TransportError, match="shared memory are needed"):
@@ -1073,7 +1069,7 @@ def test_errors_that_somebody_keeps_keep_no_memory(here: ShmTransport, monkeypat
     writer = samples.Writer(port, here.node.heap, LOANS)
     kept: list[pytest.ExceptionInfo[TransportError]] = []
     with monkeypatch.context() as little:
-        little.setattr(room, "_populated", lambda *_: False)
+        little.setattr(room, "populate", lambda *_: errno.EFAULT)
         for _ in range(50):
             with pytest.raises(TransportError, match="bytes of shared memory are needed") as failure:
                 writer.lend(LARGE)
@@ -1088,11 +1084,7 @@ def test_an_answer_for_which_there_is_no_memory_fails_its_call(
     caller = there.caller(query(NAME))
     assert caller.wait_peer(SOON)
 
-    def little(address: int, size: int, what: int) -> int:
-        ctypes.set_errno(errno.EFAULT)
-        return 0 if size < LARGE else -1
-
-    monkeypatch.setattr(room, "_madvise", little)
+    monkeypatch.setattr(room, "populate", lambda address, size, page: 0 if size < LARGE else errno.EFAULT)
     assert caller.ask(blob(there, b""), SOON).status is Status.FAILED
     assert "shared memory are needed" in caplog.text
 

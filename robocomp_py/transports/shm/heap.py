@@ -210,6 +210,12 @@ class Heaps:
         self._found.clear()
 
 
+class ReadOnly(mmap.mmap):
+    """Memory that only its sender writes to."""
+
+    frozen = True  # see `wire.values.is_frozen`
+
+
 class Mapped:
     """The heap of another transport, for reading."""
 
@@ -220,15 +226,14 @@ class Mapped:
             self._file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
             self._map()
 
-    def at(self, offset: int, size: int) -> tuple[int, object]:
-        """The address of these bytes, and what has to be kept to read them. Raises ValueError if there are none."""
+    def at(self, offset: int, size: int) -> ReadOnly:
+        """Memory that has these bytes there. Raises ValueError if there are none."""
         if offset + size > self._size:
             with _as_transport_error(self._path):
                 self._map()  # it has grown
             if offset + size > self._size:
                 raise ValueError(f"{offset} + {size} of {self._size} bytes")
-        address, owner = self._mapped
-        return address + offset, owner
+        return self._memory
 
     def is_left(self) -> bool:
         """Whether the owner was first seen to have left `LINGERING` seconds ago: what it sent has been read by then."""
@@ -239,8 +244,7 @@ class Mapped:
 
     def _map(self) -> None:
         size = os.fstat(self._file).st_size
-        mapped = mmap.mmap(self._file, size, prot=mmap.PROT_READ)
-        self._mapped = np.frombuffer(mapped, np.uint8).ctypes.data, mapped
+        self._memory = ReadOnly(self._file, size, prot=mmap.PROT_READ)
         self._size = size
 
     def __del__(self) -> None:

@@ -13,7 +13,6 @@ next node.
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import fcntl
 import hashlib
 import os
@@ -30,6 +29,7 @@ import iceoryx2
 from ...errors import ConfigurationError, TransportError
 from .heap import Heap, Heaps, remove_dead
 from .room import OPENING, SHARED_MEMORY, check_room, hindrance, what_is_short
+from .unsafe import OCTETS
 
 PORTS = 512
 """Maximum number of writers of one queue: other transports of this host, and their threads."""
@@ -234,7 +234,7 @@ class Node:
 
 
 def _bytes(service: Any) -> Any:
-    return service.publish_subscribe(iceoryx2.Slice[ctypes.c_uint8])
+    return service.publish_subscribe(OCTETS)
 
 
 def _writer(service: Any, slots: int) -> Any:

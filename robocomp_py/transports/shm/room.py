@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import errno
 import mmap
 import os
@@ -12,6 +11,7 @@ import stat
 from pathlib import Path
 
 from ...errors import TransportError
+from .unsafe import populate
 
 SHARED_MEMORY = "/dev/shm"
 
@@ -23,21 +23,11 @@ CONNECTION = 4 * 1024 * 1024
 
 PAGE = mmap.PAGESIZE
 
-_POPULATE_WRITE = 23
-"""Allocate memory now, and get an error if there is none, instead of being killed at the first write."""
-
-_INVALID, _NOT_MAPPED = 22, 12
-"""Errors: the kernel lacks this request (before Linux 5.14); the addresses are not mapped."""
-
 _LONG = 256 * 1024
 """From this size on, check first: a request that fails takes the remaining memory before it does."""
 
 FILES = 32
 """Files that an operation may open at once, before it fails for lack of descriptors and closes them again."""
-
-_library = ctypes.CDLL(None, use_errno=True)
-_madvise = _library.madvise
-_madvise.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int)
 
 
 class Full(TransportError):
@@ -84,20 +74,18 @@ def own(address: int, size: int, missing: int) -> None:
     """Allocate memory at these addresses, of which `missing` bytes have none yet. Raises `Full`."""
     if missing >= _LONG:
         check_room(missing)
-    if not _populated(address, size):
+    if error := populate(address, size, PAGE):
         left = free()
-        if ctypes.get_errno() != _INVALID or left < missing:
+        if error != errno.EINVAL or left < missing:
             raise full(missing, left)
 
 
 def is_owned(address: int, size: int) -> bool:
     """The same; False if nothing is mapped there. Raises `Full` if there is too little memory."""
-    if not _populated(address, size):
-        error = ctypes.get_errno()
-        if error not in (_INVALID, _NOT_MAPPED):
-            raise full(PAGE, free())
-        return False
-    return True
+    error = populate(address, size, PAGE)
+    if error not in (0, errno.EINVAL, errno.ENOMEM):
+        raise full(PAGE, free())
+    return error == 0
 
 
 def full(size: int, left: int) -> Full:
@@ -105,12 +93,6 @@ def full(size: int, left: int) -> Full:
         f"shm: {size} bytes of shared memory are needed, and {left} are left in {SHARED_MEMORY}; make it larger "
         f"(mount -o remount,size=2G {SHARED_MEMORY}; for a container, --shm-size=2g), or choose another middleware"
     )
-
-
-def _populated(address: int, size: int) -> bool:
-    start = address - address % PAGE
-    done: int = _madvise(start, address + size - start, _POPULATE_WRITE)
-    return done == 0
 
 
 def spare_files(most: int) -> int:

@@ -14,15 +14,12 @@ exists. A reader that keeps too many samples is given copies. Short messages are
 
 from __future__ import annotations
 
-import ctypes
-import gc
 import logging
-import operator
 import struct
 import threading
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import iceoryx2
 import numpy as np
@@ -32,7 +29,8 @@ from ...wire.codec import MAX_BYTES, Payload
 from .codec import Parts
 from .heap import Heap, Heaps
 from .node import SLOT_BYTES, as_transport_error
-from .room import PAGE, is_owned, own
+from .room import PAGE, check_room, is_owned, own
+from .unsafe import SLOT_HEAD, copy, heads_after, initialized, length, loaner, octets_at
 
 log = logging.getLogger("robocomp.transport.shm")
 
@@ -62,19 +60,8 @@ _SHORT = 16 * 1024
 _LONG = 256 * 1024
 """From this many octets on, other threads may run while a payload is copied."""
 
-_SLOT_HEAD = 48
-"""Octets of iceoryx2's in front of each slot. It writes there when it gives us one, which is before we can ask for
-that memory."""
-
-_STEP = SLOT_BYTES + _SLOT_HEAD
-"""From one slot to the next."""
-
 _AHEAD = 16
 """So many threads may be given slots at once; the heads of the next ones have memory before they are."""
-
-_copy = ctypes.PyDLL(None).memmove  # keeps other threads from running meanwhile: for what takes no time
-_copy.argtypes = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t)
-_copy.restype = None
 
 
 class Message(NamedTuple):
@@ -96,8 +83,9 @@ class Writer:
         self._port, self._heap, self._loans = port, heap, loans
         self.lent: list[None] = []
         """One entry for each loan."""
-        # Without the checks of the public methods, which take as long as all the rest; with them, should these go away.
-        self._loan = getattr(port, "__loan_slice_uninit", port.loan_slice_uninit)
+        self._loan = loaner(port)
+        self._first = 0
+        """The address of the first slot."""
         self._owned: dict[int, int] = {}
         """Octets of each slot that have memory, by its address."""
         self._bound: dict[int, tuple[int, int]] = {}
@@ -116,7 +104,7 @@ class Writer:
             if self._bound:
                 self._unbind(address)
             whole = b"".join((HEAD.pack(_BEFORE, size, member, line, to), header, _FREE[len(header)], payload))
-            _copy(address, whole, len(whole))
+            copy(address, whole, len(whole))
             return _send(sample)
         sample, address = self._slot(_APART_BYTES)
         if sample is None:
@@ -214,12 +202,28 @@ class Writer:
         if owned < whole:
             try:
                 own(address + owned, whole - owned, whole - owned)
-                _own_heads(address, 1 if not self._owned else _AHEAD)
+                self._own_heads(address)
             except TransportError:
                 del sample  # as in `send`
                 raise
             self._owned[address] = whole
         return sample, address
+
+    def _own_heads(self, address: int) -> None:
+        """Have memory for the heads of the slots after this one: of the next ones at first, then of one more each time.
+
+        Slots are given out in the order of their addresses, unless one was given back. So those that were never given
+        out, and have no memory yet, are met here before it is their turn.
+        """
+        self._first = self._first or address
+        ahead = range(_AHEAD if self._owned else 1, _AHEAD + 1)
+        heads = heads_after(address, self._first, SLOT_BYTES, ahead)
+        if heads is None:
+            check_room(PAGE * _AHEAD)
+            return
+        for head in heads:
+            if not is_owned(head, SLOT_HEAD):
+                return  # that was the last one
 
     def _try_again(self, whole: int, why: iceoryx2.LoanError) -> Any:
         """Another thread may hold all free slots, to find out which are free."""
@@ -255,7 +259,7 @@ class Writer:
         """Write into a slot where in the heap its payload lies."""
         apart = _APART.pack(self._heap.number, offset)
         whole = b"".join((HEAD.pack(0, size, member, line, to), header, _FREE[len(header)], apart))
-        _copy(address, whole, len(whole))
+        copy(address, whole, len(whole))
 
 
 class Loaned:
@@ -275,9 +279,6 @@ class Loaned:
         return _send(sample)
 
 
-_ready = operator.methodcaller("__assume_init" if hasattr(iceoryx2.SampleMutUninit, "__assume_init") else "assume_init")
-_length = operator.attrgetter("__slice_len" if hasattr(iceoryx2.Sample, "__slice_len") else "header.number_of_elements")
-
 _ALL_IN_USE = ("OutOfMemory", "ExceedsMaxLoanedSamples", "ExceedsMaxLoans")
 
 # What happens with every message is caught where it happens: entering a context takes longer than sending a message.
@@ -285,7 +286,7 @@ _ALL_IN_USE = ("OutOfMemory", "ExceedsMaxLoanedSamples", "ExceedsMaxLoans")
 
 def _send(sample: Any) -> int:
     try:
-        taken: int = _ready(sample).send()
+        taken: int = initialized(sample).send()
     except iceoryx2.SendError as exc:
         raise TransportError(f"shm: sending: {exc}") from exc
     return taken
@@ -298,17 +299,6 @@ def _closed(size: int) -> Any:
 def size_of(payload: Payload) -> int:
     """Octets of what a codec made."""
     return payload.size if type(payload) is Parts else len(payload)
-
-
-def _own_heads(address: int, first: int) -> None:
-    """Have memory for the heads of slots after this one, from the `first` of them on.
-
-    Slots are given out in the order of their addresses, unless one was given back. So those that were never given
-    out, and have no memory yet, are met here before it is their turn.
-    """
-    for number in range(first, _AHEAD + 1):
-        if not is_owned(address + number * _STEP - _SLOT_HEAD, _SLOT_HEAD):
-            return  # that was the last one
 
 
 class Reader:
@@ -331,8 +321,8 @@ class Reader:
                 raise TransportError(f"shm: receiving: {exc}") from exc
             if sample is None:
                 return None
-            address, whole = sample.payload_ptr, _length(sample)
-            octets = ctypes.string_at(address, whole)
+            address, whole = sample.payload_ptr, length(sample)
+            octets = octets_at(address, whole)
             if whole < _BEFORE:
                 continue
             begin, size, member, line, to = HEAD.unpack_from(octets)
@@ -350,7 +340,7 @@ class Reader:
         """A payload that lies in a heap; None if it does not."""
         try:
             number, offset = _APART.unpack_from(octets, _BEFORE)
-            address, owner = self._heaps.of(number).at(offset, size)
+            memory = self._heaps.of(number).at(offset, size)
         except (struct.error, ValueError):
             return None  # it is no message of ours
         except TransportError as exc:
@@ -358,11 +348,11 @@ class Reader:
             return None
         if size < _SHORT or len(self._out) >= self.share:
             before = offset % 8  # so that what was aligned stays so
-            return memoryview(ctypes.string_at(address - before, before + size))[before:]
+            return memoryview(memory[offset - before : offset + size])[before:]
         self._out.append(None)
-        lent = _Lent.from_address(address)
-        lent.sample, lent.out, lent.owner = sample, self._out, owner
-        return memoryview(lent).cast("B")[:size].toreadonly()
+        lent = _Lent(size, np.uint8, memory, offset)
+        lent.kept[id(lent)], lent.out = sample, self._out
+        return memoryview(lent)  # type: ignore[arg-type]  # an array is one, by its stub from Python 3.12 on
 
     def has_more(self) -> bool:
         """Whether there are messages to read."""
@@ -387,16 +377,15 @@ def _no_sample() -> None: ...
 _message: Callable[[tuple[int, int, int, bytes, Payload]], Message] = partial(tuple.__new__, Message)
 
 
-class _Lent(ctypes.c_uint8 * MAX_BYTES):  # type: ignore[misc]  # a class that ctypes makes
-    """Where a payload lies. Its end is known to the views of it alone; it keeps the sample as long as there are any."""
+class _Lent(np.ndarray[tuple[int], np.dtype[np.uint8]]):
+    """A payload in shared memory. Its sample is kept as long as there are views of it."""
 
-    frozen = True  # read-only: see `wire.values.snapshot`
-    sample: Any
+    kept: ClassVar[dict[int, Any]] = {}
+    """The samples of all payloads that are in use, by `id`. Changing it is atomic."""
     out: list[None]
-    owner: object
 
     def __del__(self) -> None:
-        self.sample = None
+        self.kept.pop(id(self), None)
         self.out.pop()
 
 
@@ -405,5 +394,4 @@ def let_go() -> None:
 
     The memory stays as long as anything (a daemon thread, a finaliser) uses it: its mapping is ours.
     """
-    for lent in [each for each in gc.get_objects() if type(each) is _Lent]:
-        lent.sample = None
+    _Lent.kept.clear()
