@@ -20,7 +20,8 @@ demanded:
                 deadlines hold, and a late answer is nobody else's · cancelled calls leave nothing · a service may call
                 others, and be called back · the callback of a call may take long, and call again · one server at most
     contract    another contract under the same name is named on both sides, and nothing passes
-    lifetime    close releases waiters, by Closed, is final, and leaves no thread · peers restart, move, or are killed
+    lifetime    close releases waiters, by Closed, and those that open links or send; is final, and leaves no thread ·
+                peers restart, move, or are killed
     typed       every IDSL type there and back · every outcome of a call · several clients · serial workers
 
 Limits on time are generous, and scaled by $ROBOCOMP_PATIENCE; none judges speed.
@@ -96,6 +97,9 @@ _STARTS = 10
 
 _AT_ONCE = 25
 """Pairs of ends that a test opens at the same time."""
+
+_CLOSINGS = 8
+"""Transports that a test closes while threads use them."""
 
 _MANY = QoS(depth=5000)
 _RELIABLE = QoS(Reliability.RELIABLE, depth=8)
@@ -970,6 +974,39 @@ class TransportConformance(QoSConformance):
                 assert answered.acquire(timeout=SOON)
             transport.close()
             assert [type(each.exception(SOON)) for each in asking] == [Closed] * len(asking)
+
+    def test_a_transport_that_closes_ends_what_uses_it_as_closed(
+        self, here: Transport, name: str, pool: ThreadPoolExecutor
+    ) -> None:
+        """Threads that open links or publish at that moment get Closed, whatever the middleware raises."""
+
+        def repeat(use: Callable[[], object], begun: threading.Event) -> None:
+            while True:
+                use()
+                begun.set()
+
+        def open_and_close(open_it: Callable[[], Link]) -> None:
+            open_it().close()
+
+        def drop(payload: Payload) -> None: ...
+
+        for _ in range(_CLOSINGS):
+            transport = self.open_transport()
+            outlet, payload = transport.outlet(topic(name)), blob(transport, b"x")
+            inlet = here.inlet(topic(name), drop)
+            assert outlet.wait_peer(SOON)
+            openings: list[Callable[[], Link]] = [
+                partial(transport.outlet, topic(name)),
+                partial(transport.inlet, topic(name), drop),
+                partial(transport.caller, query(name)),
+            ]
+            uses = [partial(outlet.send, payload), *(partial(open_and_close, each) for each in openings)]
+            begun = [threading.Event() for _ in uses]
+            using = [pool.submit(repeat, use, each) for use, each in zip(uses, begun, strict=True)]
+            assert all(each.wait(SOON) for each in begun)
+            transport.close()
+            inlet.close()
+            assert [repr(each.exception(SOON)) for each in using if type(each.exception()) is not Closed] == []
 
     def test_close_is_final_and_may_be_repeated(self, here: Transport, name: str) -> None:
         outlet, caller = here.outlet(topic(name)), here.caller(query(name))

@@ -36,9 +36,8 @@ class FindingLink(DirectoryLink[T], ABC, Generic[T, P, W]):
     def __init__(self, transport: T, channel: Channel) -> None:
         super().__init__(transport, channel)
         self.client, self._sequence = random_id(), itertools.count(1)
-        self._found: tuple[P, W] | None = None
-        self._found_at = -1
-        """The version of the directory in which it was found."""
+        self._found: tuple[P, W, int] | None = None
+        """The peer, what requests bear, and the version of the directory in which it was found."""
 
     @abstractmethod
     def reach(self, member: Member, entry: Entry) -> P | None:
@@ -65,21 +64,21 @@ class FindingLink(DirectoryLink[T], ABC, Generic[T, P, W]):
         It may have stopped doing so since the directory was looked into, unless `fresh`.
         """
         found = self._found
-        if found and not found[0].closed and not (fresh and self.transport.directory.version() != self._found_at):
-            return found
+        if found and not found[0].closed and not (fresh and self.transport.directory.version() != found[2]):
+            return found[:2]
         self.check_open()  # a closed link finds nothing, so the fast path above need not check
         version = self.transport.directory.version()
         self._found = None
         for member, entry in self.counterparts(strict=True):
             peer = self.reach(member, entry) if self.transport.directory.alive(member.id) else None
             if peer is not None:
-                found = peer, self.where(entry)
+                found = peer, self.where(entry), version
                 self.met(peer)
-                self._found, self._found_at = found, version
+                self._found = found
                 if self.closed.is_set():  # meanwhile
                     self._found = None
                 self.check_open()
-                return found
+                return found[:2]
         raise Unreachable(f"{self.channel.name}: no server")
 
     def look(self) -> bool:
@@ -92,7 +91,8 @@ class FindingLink(DirectoryLink[T], ABC, Generic[T, P, W]):
     def lost(self, peer: P) -> bool:
         """Whether a process has stopped serving this channel."""
         self.look()
-        return not (self._found and self._found[0] is peer)
+        found = self._found  # once: another thread may replace it
+        return not (found and found[0] is peer)
 
     def still(self, peer: P) -> None:
         """Raise if the peer is gone or this link is closed, so that waiting is useless."""
@@ -121,6 +121,9 @@ class CommandingLink(FindingLink[T, P, W], ABC):
             self.check_open()
             peer, where = self.server(fresh=True)  # a command has no reply that would report an outdated server
             self.command(peer, where, payload, end, deadline)
+        except TransportError:
+            self.check_open()  # an error after closing is reported as Closed
+            raise
         finally:
             self._order.release()
 
@@ -193,8 +196,10 @@ class CallingLink(FindingLink[T, P, W], SupportsQuestion, ABC):
         future = self._pending.add(key, deadline)
         try:
             sent = self.post(peer, where, payload, number, end, deadline)
-        except BaseException:
+        except BaseException as exc:
             future.cancel()
+            if isinstance(exc, TransportError):
+                self.check_open()  # an error after closing is reported as Closed
             raise
         if not sent:
             self._pending.fail(key, self.late_to_ask(peer, deadline))
@@ -228,7 +233,8 @@ class CallingLink(FindingLink[T, P, W], SupportsQuestion, ABC):
                 self.transport.drop(peer)
                 self._pending.fail_all(self._left(), only=partial(_is_to, peer.key), do=self.transport.do)
         for peer in [peer for peer in list(self._met.values()) if peer.closed]:
-            del self._met[peer.key]
+            if self._met.get(peer.key) is peer:  # a new one may have the same key
+                del self._met[peer.key]
         return wait
 
     def release(self) -> None:

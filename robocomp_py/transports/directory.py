@@ -324,9 +324,9 @@ class Directory:
 
     def _look_into(self, place: _Place) -> None:
         """Read the members of a place, if they may have changed."""
-        now = time.monotonic()
         told = self._watch is not None and _watched(self._watch, place.folder)
         stamp = _stamp_of_folder(place.folder)
+        now = time.monotonic()  # after the stamp: this thread may have been stopped before
         if stamp != place.stamp:
             place.changed_at, place.settled = now, False
         elif place.settled:
@@ -417,7 +417,9 @@ def _stamp_of_folder(folder: str) -> tuple[int, int]:
 
 
 def _stamp(info: os.stat_result) -> tuple[int, int, int]:
-    return info.st_ino, info.st_size, info.st_mtime_ns  # the time alone is too coarse
+    """Differs between any two writes of a file: the clock of a file system is too coarse, and it uses the number of a
+    removed file again, so the writer sets the time."""
+    return info.st_ino, info.st_size, info.st_mtime_ns
 
 
 def _content(path: str | Path) -> bytes:
@@ -443,6 +445,8 @@ class Membership:
         """By place: the entries announced there."""
         self._gathering = 0
         self._unwritten = False
+        self._written = 0
+        """The time stamp of the file, in ns; no two writes have the same."""
         self._lock = threading.Lock()
         with _as_transport_error(folder):
             self._held = os.open(self._lock_file, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600)
@@ -521,6 +525,8 @@ class Membership:
         with _as_transport_error(self._file.parent):
             self._lock_file.stat()  # without the lock file, peers take this process for dead
             draft.write_text(json.dumps(record))
+            self._written = max(self._written + 1, time.time_ns())
+            os.utime(draft, ns=(self._written, self._written))  # see `_stamp`
             draft.replace(self._file)
             self._show()
 

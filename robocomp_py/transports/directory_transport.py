@@ -98,7 +98,8 @@ class DirectoryTransport(BaseTransport[Found], SupportsGathering):
     def drop(self, peer: Reached) -> None:
         """The process is dead and will send no reply: forget it."""
         with self._lock:
-            self._peers.pop(peer.key, None)
+            if self._peers.get(peer.key) is peer:  # a new one may have the same key
+                del self._peers[peer.key]
         peer.close()
 
     def close_peers(self) -> None:
@@ -136,12 +137,15 @@ class DirectoryTransport(BaseTransport[Found], SupportsGathering):
         link = super()._open(make)
         if not self._guarded(link.look, False):  # a peer that came meanwhile may have been missed
             self._known = -1
+            self.look_soon()
         return link
 
     def _look_after(self, version: int) -> list[float]:
         """Have links look into the directory, if its version is new, and tick; seconds until the next time."""
-        if version != self._known and self.look_at_peers():
-            self._known = version
+        if version != self._known:
+            self._known = version  # before the look: another thread that wants a further one sets it to -1 meanwhile
+            if not self.look_at_peers():
+                self._known = -1
         return self.tick_links()
 
 

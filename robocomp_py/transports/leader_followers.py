@@ -222,7 +222,7 @@ class LeaderFollowers:
                 if busy and self._begun == begun:  # in this order: then it is the same job
                     self._hand_over(running)
                 running = None
-                quiet = quiet + pause if self._begun == begun else 0.0
+                quiet = quiet + pause if self._begun == begun and not busy else 0.0
             self._traffic.clear()
             self._watched = False  # in this order: a job begun in between is seen by its count
             if self._begun != begun or self._closing.is_set():
@@ -449,7 +449,8 @@ class Lane:
 
     def close(self) -> None:
         """Discard what waits. The sink is not called any more once this returns."""
-        with self._lock:
+        with self._lock:  # closed at once: nothing that is put meanwhile stays, and no thread waits for room
+            self._gate.closed = True
             self._waiting.clear()
             self._changed.notify_all()
         self._gate.close()

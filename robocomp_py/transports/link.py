@@ -175,16 +175,22 @@ class BaseTransport(ABC, Generic[P]):
 
     def _open(self, make: Callable[[], L]) -> L:
         self.check_open()
-        link = make()
+        link: L | None = None
         try:
+            link = make()
             with self.opening(link):
                 link.open()
                 with self._lock:
                     self._links.append(link)  # only now: the receiving thread uses the links in the list
                 link.opened()
             self.check_open()
-        except BaseException:
-            link.close()
+        except BaseException as exc:
+            try:
+                if link:
+                    link.close()
+            finally:
+                if isinstance(exc, TransportError):
+                    self.check_open()  # an error after closing is reported as Closed
             raise
         return link
 

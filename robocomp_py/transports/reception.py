@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import logging
 import math
+import threading
 import time
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
@@ -72,6 +73,8 @@ class Reception:
         self._lifespans: dict[str, float] = {}
         """By channel: the shorter lifespan of subscriber and publisher."""
         self._told: set[tuple[str, QoS]] = set()
+        self._meeting = threading.Lock()
+        """Held by `meet`: the receiving thread and one that waits for a connection may look at the same time."""
         self._ageing = False
         self.on = self._on_receive is not None
         if channel.qos.lifespan is not None and channel.pattern is Pattern.PUBLISH:
@@ -79,17 +82,18 @@ class Reception:
 
     def meet(self, sources: Iterable[Source]) -> None:
         """These are the publishers now. To be called when they change, not for every message."""
-        for name, offered in sources:
-            if offered.lifespan is None:
-                self._lifespans.pop(name, None)
-            elif len(self._lifespans) < _MOST:
-                self._lifespans[name] = min(offered.lifespan, self._channel.qos.lifespan or offered.lifespan)
-                self._start_ageing()
-            if (name, offered) not in self._told and len(self._told) < _MOST:
-                self._told.add((name, offered))
-                missing = shortfalls(self._channel.qos, offered)
-                if missing:
-                    log.warning("%s", _unkept(self._channel.name, name, missing))
+        with self._meeting:
+            for name, offered in sources:
+                if offered.lifespan is None:
+                    self._lifespans.pop(name, None)
+                elif len(self._lifespans) < _MOST:
+                    self._lifespans[name] = min(offered.lifespan, self._channel.qos.lifespan or offered.lifespan)
+                    self._start_ageing()
+                if (name, offered) not in self._told and len(self._told) < _MOST:
+                    self._told.add((name, offered))
+                    missing = shortfalls(self._channel.qos, offered)
+                    if missing:
+                        log.warning("%s", _unkept(self._channel.name, name, missing))
 
     def admit(self, name: str, stamp: int, payload: Payload) -> Payload:
         """A new message of a channel, sent at `stamp` (ns since the Unix epoch; 0 if that is not known).

@@ -10,9 +10,11 @@ import signal
 import stat
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -193,6 +195,44 @@ def test_a_change_is_seen_even_if_the_clock_of_the_file_system_stood_still(direc
     member.add(LASER)
     os.utime(place, ns=(before, before))
     wait_until(lambda: directory.find("serves", LASER.channel))
+    member.close()
+
+
+def test_a_change_is_seen_even_if_a_thread_was_stopped_before_it_read_the_clock_of_the_file_system(
+    directory: Directory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = 0.0
+    stamp_of = directory_module._stamp_of_folder
+
+    def stopped_before(folder: str) -> tuple[int, int]:
+        nonlocal now
+        now += 10.0
+        monkeypatch.setattr(directory_module, "_stamp_of_folder", stamp_of)
+        return stamp_of(folder)
+
+    monkeypatch.setattr(directory_module, "time", SimpleNamespace(monotonic=lambda: now, time_ns=time.time_ns))
+    member = directory.join("world")
+    member.add(replace(LASER, role="calls"))
+    place = directory._folder / "by" / "robot.world.Laser"
+    before = place.stat().st_mtime_ns
+    monkeypatch.setattr(directory_module, "_stamp_of_folder", stopped_before)
+    assert not directory.find("serves", LASER.channel)
+    assert not directory.find("serves", LASER.channel)
+    member.add(LASER)
+    os.utime(place, ns=(before, before))
+    assert directory.find("serves", LASER.channel)
+    member.close()
+
+
+def test_no_two_versions_of_a_file_have_the_same_time(directory: Directory) -> None:
+    member = directory.join("world")
+    file = directory._folder / f"{member.id}.json"
+    times = []
+    for _ in range(20):
+        member.add(LASER)
+        times.append(file.stat().st_mtime_ns)
+        member.remove(LASER)
+    assert len(set(times)) == len(times)
     member.close()
 
 

@@ -166,7 +166,7 @@ class ClientLink(Link):
 
     def release(self) -> None:
         self._server = None
-        for connection in self._connections.values():
+        for connection in tuple(self._connections.values()):
             self._disconnect(connection)
 
     def _connect(self, name: str) -> None:
@@ -322,7 +322,7 @@ class Caller(ClientLink, SupportsQuestion):
         return self._pending.expire(self.bus.loop.do)
 
     def server_left(self) -> None:
-        for connection in self._connections.values():
+        for connection in tuple(self._connections.values()):
             self._take(connection)  # replies that it sent before it left
         self._pending.fail_all(Unreachable(self._reason(Unreachable)), do=self.bus.loop.do)
         self._release_calls(Unreachable)
@@ -420,7 +420,7 @@ class Caller(ClientLink, SupportsQuestion):
             if self._loop_receives or self.closed.is_set():
                 return
             self._loop_receives = True
-            for connection in self._connections.values():
+            for connection in tuple(self._connections.values()):
                 assert connection.replies
                 self.bus.loop.attach(connection.replies.condition, partial(self._on_reply, connection))
 
@@ -429,7 +429,7 @@ class Caller(ClientLink, SupportsQuestion):
             if not self._loop_receives:
                 return
             self._loop_receives = False
-            for connection in self._connections.values():
+            for connection in tuple(self._connections.values()):
                 assert connection.replies
                 self.bus.loop.detach(connection.replies.condition)
 

@@ -198,7 +198,7 @@ class Publisher(Link, SupportsHeard):
                 self._limits[reader] = self._sent + INITIAL_CREDIT
                 if reader in self._early:
                     self._grant(self._early[reader])
-            self._early.clear()
+                    del self._early[reader]  # of the others, discovery may report some later
             self._limits_changed()
 
     def release(self) -> None:
@@ -256,8 +256,10 @@ class Publisher(Link, SupportsHeard):
             with self._room:
                 if credit.reader in self._limits:
                     self._grant(credit)
-                elif len(self._early) < BATCH:
+                else:
                     self._early[credit.reader] = credit  # discovery will report the reader soon
+                    if len(self._early) > BATCH:
+                        del self._early[next(iter(self._early))]
         return []
 
     def _grant(self, credit: Credit) -> None:

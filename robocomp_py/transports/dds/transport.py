@@ -134,12 +134,16 @@ class DDSTransport(BaseTransport[Endpoint], SupportsGathering):
     @contextlib.contextmanager
     def gathering(self) -> Iterator[None]:
         """See `base.SupportsGathering`."""
-        with contextlib.ExitStack() as self._gathering:
-            self._gathering.enter_context(self.announcing.gathering())
+        with contextlib.ExitStack() as gathering:
+            gathering.enter_context(self.announcing.gathering())
             if self._member:
-                self._gathering.enter_context(self._member.gathered())
-            yield
-        self._gathering = None
+                gathering.enter_context(self._member.gathered())
+            self._gathering = gathering
+            try:
+                yield
+            finally:
+                with self._lock:  # before it ends: another thread must not add to it afterwards
+                    self._gathering = None
 
     @property
     def has_discovered(self) -> bool:
@@ -154,6 +158,7 @@ class DDSTransport(BaseTransport[Endpoint], SupportsGathering):
         if not self.local:
             return None
         with self._lock:
+            self.check_open()  # otherwise the member would be left open
             if self._directory is None or self._member is None:
                 self._directory = Directory(self.folder.parent)
                 self._member = self._directory.join(self.owner)

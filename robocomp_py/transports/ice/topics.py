@@ -216,6 +216,7 @@ class Subscriber(SubscribingLink["IceTransport"]):
         self.id = random_id()
         self.operation = names.operation(channel.name)
         self._latched = channel.qos.latched
+        self._looking = threading.Lock()
         self._taking = threading.RLock()
         self._publishers: dict[int, _PublisherEntry] = {}
         """Publishers by id."""
@@ -258,6 +259,11 @@ class Subscriber(SubscribingLink["IceTransport"]):
             self.announce()
 
     def look(self) -> bool:
+        with self._looking:  # an interrupted thread must not overwrite a newer result
+            self._look()
+        return True
+
+    def _look(self) -> None:
         found = self.counterparts()
         there = {told.id: told for _, entry in found if (told := _publisher(entry.channel, entry.address))}
         self.meet(found)
@@ -271,7 +277,6 @@ class Subscriber(SubscribingLink["IceTransport"]):
             jobs = self._catch_up(there) if self._latched else []
         for job in jobs:
             self.transport.do(job)
-        return True
 
     def visible(self) -> bool:
         if self._hearing is None or self._hearing.topic.publisher is None:

@@ -81,11 +81,8 @@ class Peer:
             self.give(line)
 
     def give(self, line: Line) -> None:
-        if line.number <= self._stale:
-            line.close()
-            return
         self._idle.append(line)
-        if self.closed:
+        if self.closed or line.number <= self._stale:  # checked last: `close` and `renew` set these first
             self._close_idle()
 
     def renew(self, lines: int) -> None:

@@ -108,7 +108,8 @@ class Loop:
             elif number == NEWS:
                 self._next_tick = min(self._next_tick, time.monotonic() + MOMENT)
             else:
-                self._ready.extend(link for link in self._attending[number] if link not in self._ready)
+                links = tuple(self._attending[number])  # a copy, since links may be removed at any time
+                self._ready.extend(link for link in links if link not in self._ready)
         if self._mail and not self._ready and not self._jobs and (job := self._letter()):
             return (job,)
         for _ in range(len(self._ready)):

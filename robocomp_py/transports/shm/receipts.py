@@ -122,13 +122,15 @@ class Credit:
 
     def __init__(self) -> None:
         self._called = threading.Event()
+        self._lock = threading.Lock()
         self._readers: list[Reader] = []
         self.slowest = sys.maxsize
         """The last message that all readers had taken at the last look."""
 
     def meet(self, readers: list[Reader]) -> None:
         """These are the readers from now on."""
-        self._readers = readers
+        with self._lock:
+            self._readers = readers
         self._slowest()
 
     def wait(self, sent: int, ahead: int, end: float, still: Callable[[], object]) -> bool:
@@ -156,8 +158,9 @@ class Credit:
         self._called.set()
 
     def _slowest(self) -> int:
-        self.slowest = min((reader.taken() for reader in self._readers), default=sys.maxsize)
-        return self.slowest
+        with self._lock:  # else a thread that waits could overwrite the result of `meet` with that of earlier readers
+            self.slowest = slowest = min((reader.taken() for reader in self._readers), default=sys.maxsize)
+        return slowest
 
 
 @contextlib.contextmanager

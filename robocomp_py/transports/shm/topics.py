@@ -104,6 +104,9 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsHeard, SupportsLoan):
                         break
                 else:
                     self._was_sent()
+        except TransportError:
+            self.check_open()  # an error after closing is reported as Closed
+            raise
         finally:
             self._order.release()
 
@@ -115,6 +118,9 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsHeard, SupportsLoan):
             if loaned is None:  # no wait here: the caller can send without a loan, and waits then
                 raise TransportError(f"{self.channel.name}: all memory for messages is in use")
             return _Loan(self, loaned)
+        except TransportError:
+            self.check_open()
+            raise
         finally:
             self._order.release()
 
@@ -124,6 +130,9 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsHeard, SupportsLoan):
             if self._is_to_be_written(end - begin, until, deadline):
                 loaned.send(self._header(), begin, end)
                 self._was_sent()
+        except TransportError:
+            self.check_open()
+            raise
         finally:
             self._order.release()
 

@@ -13,7 +13,7 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 from typing import Any
 
@@ -169,7 +169,11 @@ class Reader:
     def _sweep(self) -> None:
         """Read all messages that arrived while the sink ran, or shortly before."""
         self._swept = time.monotonic()
-        self.feed(lambda: islice(iter(self._receive_now, None), self._holds))
+        self.feed(self._unread)
+
+    def _unread(self) -> Iterator[Any]:
+        with contextlib.suppress(zenoh.ZError):  # the subscription has ended
+            yield from islice(iter(self._receive_now, None), self._holds)
 
     def _continue(self, payload: Any) -> None:
         if payload is not None:

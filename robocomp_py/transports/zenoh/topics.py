@@ -219,12 +219,12 @@ class Subscriber(Link, SupportsSources):
     def _look(self) -> None:
         tokens = self.counterparts()
         there = {token.link for token in tokens}
-        self._channels = {token.link: token.channel for token in tokens}
-        self._ahead = {token.link: token.ahead for token in tokens}
         reliable = [token.link for token in tokens if "w" in token.traits] if self._lossless else []
-        self._lost = {link: self._lost.get(link, 0) for link in reliable}
         self._reception.meet(self.sources())
-        with self._reader.lock:
+        with self._reader.lock:  # which `_admit` holds
+            self._channels = {token.link: token.channel for token in tokens}
+            self._ahead = {token.link: token.ahead for token in tokens}
+            self._lost = {link: self._lost.get(link, 0) for link in reliable}
             self._unacknowledged = {
                 source: unacknowledged for source, unacknowledged in self._unacknowledged.items() if source in there
             }

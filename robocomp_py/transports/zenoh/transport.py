@@ -287,7 +287,7 @@ class ZenohTransport(BaseTransport[Token], SupportsHost):
             try:
                 wait = self._tick()
             finally:
-                self._next_tick = time.monotonic() + wait
+                self._next_tick = min(self._next_tick, time.monotonic() + wait)
         try:
             return (self._work.get(timeout=wait),)
         except queue.Empty:

@@ -85,6 +85,7 @@ class Publisher(Link, SupportsHeard):
         self._pause = _AT_FIRST
         """Seconds until the next look for expected subscribers."""
         self._order = threading.Lock()
+        self._looking = threading.RLock()
         self._lossy = not qos.reliable
         options = {"SNDHWM": depth, "XPUB_VERBOSE": 1, "XPUB_NODROP": 1}
         # Its descriptor also reports sent messages, which costs time. Only a latched topic must notice a subscription
@@ -118,13 +119,15 @@ class Publisher(Link, SupportsHeard):
                     self.check_open()
                     raise Timeout(f"{self.channel.name}: a subscriber did not keep up for {deadline:g} s")
         except zmq.ZMQError as exc:
+            self.check_open()  # an error after closing is reported as Closed
             raise TransportError(f"zeromq: publishing {self.channel.name}: {exc}") from exc
         finally:
             self._order.release()
 
     def look(self) -> bool:
-        self._expected = {named for _, entry in self.counterparts() if (named := welcome_topic(entry.address))}
-        self._pause = _AT_FIRST
+        with self._looking:  # an interrupted thread must not overwrite a newer result
+            self._expected = {named for _, entry in self.counterparts() if (named := welcome_topic(entry.address))}
+            self._pause = _AT_FIRST
         return True
 
     def tick(self) -> float | None:
@@ -143,7 +146,8 @@ class Publisher(Link, SupportsHeard):
         if self._far and not self.transport.may_be_known:
             return False
         self._count()
-        return self.look() and self._expected <= self._welcomed
+        with self._looking:
+            return self.look() and self._expected <= self._welcomed
 
     @property
     def heard(self) -> bool:
@@ -351,8 +355,8 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
 
     def _pause(self, feed: Subscription) -> bool:
         """Stop to receive until there is room; False if there is room by now."""
+        self.transport.mute(feed)  # first: `_drain` may resume it as soon as it is in `_muted`
         self._muted.append(feed)
-        self.transport.mute(feed)
         if self._lane.full:  # checked again: `_drain` resumes the feeds that it finds in `_muted`
             return True
         self._hear_all()

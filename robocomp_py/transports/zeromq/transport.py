@@ -240,6 +240,7 @@ class ZeroMQTransport(DirectoryTransport):
     def routers(self) -> list[Router]:
         """The one for this host, and one for others."""
         with self._lock:
+            self.check_open()  # otherwise its sockets would be left open, and the context could not be closed
             if not self._routers:
                 here = f"ipc://{self.member.address('router')}"
                 if self._bind:
