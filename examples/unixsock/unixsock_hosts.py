@@ -143,7 +143,8 @@ class _Relay:
             async with _closing(writer):
                 if not self._admits(writer):
                     return
-                asked = json.loads(await asyncio.wait_for(reader.readuntil(), PATIENCE))
+                async with asyncio.timeout(PATIENCE):
+                    asked = json.loads(await reader.readuntil())
                 if path := asked.get("path"):
                     if any(path == _path(entry) for each in self._members() for entry in each.entries):
                         await _join((reader, writer), await asyncio.open_unix_connection(path))
@@ -156,7 +157,8 @@ class _Relay:
             text = json.dumps([_told(each) for each in self._members()])
             if text != told or waited >= ALIVE:
                 writer.write(f"{text}\n".encode())
-                await asyncio.wait_for(writer.drain(), PATIENCE)
+                async with asyncio.timeout(PATIENCE):
+                    await writer.drain()
                 told, waited = text, 0.0
             await asyncio.sleep(TICK)
             waited += TICK
@@ -182,7 +184,8 @@ class _Relay:
                 async with _closing(writer):
                     writer.write(b"{}\n")
                     while True:
-                        told = json.loads(await asyncio.wait_for(reader.readuntil(), PATIENCE))
+                        async with asyncio.timeout(PATIENCE):
+                            told = json.loads(await reader.readuntil())
                         await self._copy(peer, {each["id"]: member_of(each, each["id"]) for each in told})
             except (OSError, ValueError, TypeError, KeyError, TimeoutError, asyncio.IncompleteReadError) as exc:
                 log.debug("the relay at %s: %r", peer, exc)
@@ -226,8 +229,11 @@ class _Relay:
 
     async def _connect(self, peer: str) -> Streams:
         host, port = _address(peer)
-        opening = asyncio.open_connection(host, port, ssl=self._tls(ssl.Purpose.SERVER_AUTH), limit=LONGEST)
-        reader, writer = await asyncio.wait_for(opening, PATIENCE)
+        tls = self._tls(ssl.Purpose.SERVER_AUTH)
+        async with asyncio.timeout(
+            PATIENCE
+        ):  # not `wait_for`: in Python 3.11 it can swallow the cancellation at the end
+            reader, writer = await asyncio.open_connection(host, port, ssl=tls, limit=LONGEST)
         if not self._admits(writer):
             writer.close()
             raise ConnectionRefusedError(f"{peer} is no relay of this network")

@@ -392,6 +392,39 @@ def test_what_was_answered_counts_also_when_the_process_that_forks_is_gone(
     assert isinstance(third, forking.Unavailable)
 
 
+def test_a_start_that_is_cancelled_while_its_answer_arrives_ends_and_leaves_no_process(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class Forking:
+        pid, returncode = 0, 0
+
+        def __init__(self, command: tuple[str, ...], pass_fds: tuple[int, ...], **_: object) -> None:
+            self.channel = socket.socket(fileno=os.dup(pass_fds[0]))
+
+        def kill(self) -> None: ...
+
+    async def cancelled(pid: int) -> None:
+        asking = forking.Zygote([], 0, {})
+        channel: socket.socket = asking._running.channel  # type: ignore[attr-defined]
+        start = asyncio.create_task(asking.start(program("", "one"), {}, 1, Birth(os.getpid(), -1)))
+        await asyncio.sleep(0)
+        channel.send(json.dumps({"id": json.loads(channel.recv(65536))["id"], "pid": pid}).encode())
+        asking._answered()
+        start.cancel()
+        await asyncio.wait((start,))
+        asking.close()
+        channel.close()
+        assert start.cancelled()
+
+    with subprocess.Popen([sys.executable, "-c", FOREVER]) as born:
+        monkeypatch.setattr(forking.subprocess, "Popen", Forking)
+        try:
+            asyncio.run(cancelled(born.pid))
+            assert born.wait(SOON) == -signal.SIGKILL
+        finally:
+            born.kill()
+
+
 def test_one_of_which_nobody_can_be_told_is_ended(request: pytest.FixtureRequest) -> None:
     adopt_orphans(True)  # or it would end for want of a parent
     request.addfinalizer(lambda: adopt_orphans(False))

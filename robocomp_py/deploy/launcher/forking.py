@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import json
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -79,11 +80,17 @@ class Zygote:
             "cgroup": birth.cgroup,
             "files": birth.files,
         }
-        answer = asyncio.get_running_loop().create_future()
+        answer: asyncio.Future[int] = asyncio.get_running_loop().create_future()
         self._asked[number] = process.name, answer
         try:
             await self._send(json.dumps(request).encode(), output)
-            return await asyncio.wait_for(answer, _ANSWER)
+            if not (await asyncio.wait((answer,), timeout=_ANSWER))[0]:  # `wait_for` may swallow a cancellation
+                raise TimeoutError
+            return answer.result()
+        except asyncio.CancelledError:
+            if answer.done() and not answer.exception():
+                os.kill(answer.result(), signal.SIGKILL)  # it has started, but the caller will not learn its id
+            raise
         except TimeoutError as exc:
             self.close()  # a late answer would mean an unknown process
             raise Unavailable(f"the fork server has not answered for {_ANSWER:g} s") from exc

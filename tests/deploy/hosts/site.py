@@ -43,7 +43,7 @@ class Site:
         """Environment variables of those who log in at hosts."""
         self.hosts: dict[str, Host] = {}
         self.servers: dict[str, SshServer] = {}
-        self._runs: list[Rcdeploy] = []
+        self.runs: list[Rcdeploy] = []
         own = folder / "me" / ".ssh"
         own.mkdir(parents=True)
         self._key = own / "id_ed25519"
@@ -77,12 +77,12 @@ class Site:
         return path
 
     def run(self, *arguments: object) -> Rcdeploy:
-        self._runs.append(Rcdeploy(self._environment, self.folder, *map(str, arguments)))
-        return self._runs[-1]
+        self.runs.append(Rcdeploy(self._environment, self.folder, *map(str, arguments)))
+        return self.runs[-1]
 
     def close(self) -> None:
         """End what a test that failed has left."""
-        for run in self._runs:
+        for run in self.runs:
             run.kill()
 
     def done(self, *arguments: object) -> Rcdeploy:
@@ -180,4 +180,11 @@ class Rcdeploy:
 
 
 def gone(site: Site, *names: str) -> None:
-    wait_until(lambda: not any(site.left(name) for name in names), LONG, f"{[site.left(name) for name in names]}")
+    def left() -> list[str]:
+        return [words for name in names for words in site.left(name)]
+
+    try:
+        wait_until(lambda: not left(), LONG)
+    except AssertionError:
+        said = "\n".join(run.text for run in site.runs)
+        raise AssertionError(f"left after {LONG:g} s: {left()}\n{said}") from None
