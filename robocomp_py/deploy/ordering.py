@@ -38,14 +38,14 @@ def ordered(nodes: Iterable[str], fixed: Mapping[str, Collection[str]], needs: M
     graph = {name: [*fixed.get(name, ())] for name in names}
     for client, provider in needs:
         graph[client].append(provider)
-    circles = [circle for circle in _together(graph) if len(circle) > 1]
+    circles = [tuple(name for name in names if name in circle) for circle in _together(graph) if len(circle) > 1]
     circle_of = {name: number for number, circle in enumerate(circles) for name in circle}
     inside = [edge for edge in needs if edge[0] in circle_of and circle_of[edge[0]] == circle_of.get(edge[1])]
     broken = _broken({name: graph[name] for name in circle_of}, {edge: needs[edge] for edge in inside})
     return Order(
         _by_client(edge for edge in needs if edge not in inside),
         _by_client(edge for edge in needs if edge not in broken),
-        tuple(tuple(name for name in names if name in circle) for circle in circles),
+        tuple(circles),
         tuple(broken),
     )
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -23,6 +27,16 @@ def test_a_circle_starts_together_and_is_broken_where_the_fewest_operations_lose
     assert found.ready_after == {"d": ("a",)}
     assert found.broken == (("b", "c"),)
     assert found.stops_before == {"a": ("b",), "c": ("a",), "d": ("a",)}
+
+
+def test_equal_circles_are_broken_the_same_way_in_every_run() -> None:
+    code = (
+        "from robocomp_py.deploy.ordering import ordered\n"
+        "names = ['north', 'east', 'south', 'west']\n"
+        "print(ordered(names, {}, {(a, b): 1 for a in names for b in names if a != b}).broken)"
+    )
+    seeds = [{**os.environ, "PYTHONHASHSEED": str(seed)} for seed in range(4)]
+    assert len({subprocess.check_output([sys.executable, "-c", code], env=seed) for seed in seeds}) == 1
 
 
 def test_what_the_network_says_is_never_broken() -> None:

@@ -169,7 +169,7 @@ def write_export(export: Export, folder: Path) -> None:
         path = folder / name
         if path.is_dir() or (path.exists() and not _is_ours(path)):
             raise DeploymentError(f"{path} was not made by rcdeploy; move it away, or give another folder by -o")
-    apps = {folder / path.parent for path in export.copies}
+    apps = dict.fromkeys(folder / path.parent for path in export.copies)
     for app in apps:
         if app.exists() and not (app / _OWNER).is_file():
             raise DeploymentError(f"{app} was not made by rcdeploy; move it away, or give another folder by -o")
