@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
+import errno
 import logging
 import os
 import threading
 import time
 from pathlib import Path
+
+from .unsafe import add_watch, watch
 
 log = logging.getLogger("robocomp.transport")
 
@@ -36,17 +38,16 @@ class Watch:
         self._watched: set[str] = set()
         self._folders: dict[int, str] = {}
         self._changed: set[str] = set()
-        with contextlib.suppress(AttributeError):  # another system than Linux
-            self._library = ctypes.CDLL(None, use_errno=True)
-            self.fileno = self._library.inotify_init1(os.O_NONBLOCK | os.O_CLOEXEC)
-            if self.fileno < 0:
-                why = os.strerror(ctypes.get_errno())  # usually, all processes of a user share 128 instances
+        try:
+            self.fileno = watch()
+        except OSError as exc:
+            if exc.errno != errno.ENOSYS:  # another system than Linux
                 log.log(
                     logging.WARNING if _is_first(folder) else logging.DEBUG,
                     "%s is looked at from time to time instead of being watched: %s; "
                     "allow for more (sysctl fs.inotify.max_user_instances)",
                     folder,
-                    why,
+                    exc.strerror,  # usually, all processes of a user share 128 instances
                 )
 
     @property
@@ -59,10 +60,9 @@ class Watch:
         mask = _TOUCHED | _MOVED_TO | _CREATED | _DELETED
         with self._lock:
             if self.fileno >= 0:
-                number = self._library.inotify_add_watch(self.fileno, os.fsencode(folder), mask)
-                if number >= 0:
+                with contextlib.suppress(OSError):
+                    self._folders[add_watch(self.fileno, folder, mask)] = folder
                     self._watched.add(folder)
-                    self._folders[number] = folder
 
     def watches(self, folder: str) -> bool:
         return folder in self._watched

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import fcntl
 import logging
 import os
@@ -27,9 +26,6 @@ from ..memory import keep_memory
 from .library import creating, forget
 
 log = logging.getLogger("robocomp.transport.dds")
-
-_libc = ctypes.CDLL(None, use_errno=True)
-"""Sets options of the library's sockets. A Python socket object would also change their blocking mode."""
 
 
 def settings(
@@ -273,12 +269,21 @@ def _keep_to_loopback(sockets: Mapping[int, str]) -> None:
     if not senders or not all(address.startswith("127.") for address in senders):
         return  # another interface is in use, perhaps by CYCLONEDDS_URI
     for number in everywhere:
-        if _libc.setsockopt(number, socket.SOL_SOCKET, socket.SO_BINDTODEVICE, b"lo", len(b"lo")):
-            why = os.strerror(ctypes.get_errno())
+        try:
+            _bind_to_loopback(number)
+        except OSError as exc:
             log.warning(
-                "DDS: other hosts can reach ports of this component, which is meant for this host only: %s", why
+                "DDS: other hosts can reach ports of this component, which is meant for this host only: %s",
+                exc.strerror,
             )
             return
+
+
+def _bind_to_loopback(number: int) -> None:
+    is_blocking = os.get_blocking(number)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM, fileno=os.dup(number)) as shared:
+        os.set_blocking(number, is_blocking)  # Python changes it if the program has set a default timeout
+        shared.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, b"lo")
 
 
 def _udp_sockets() -> dict[int, str]:

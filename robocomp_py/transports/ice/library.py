@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import logging
 import os
 import threading
@@ -12,6 +11,7 @@ from typing import Any
 
 from ...errors import Closed, ConfigurationError, TransportError, Unreachable
 from ..iceoptions import FIXED, IceOptions
+from ..unsafe import keep_thread_state, release_thread_state
 
 try:
     import Ice
@@ -109,20 +109,13 @@ class _Logger(Ice.Logger):  # type: ignore[misc]  # Ice has no types
 
 
 class _ThreadHook(Ice.ThreadNotification):  # type: ignore[misc]  # Ice has no types
-    """Keeps the Python state of Ice's threads, which Python would otherwise create and destroy at each callback.
-
-    One PyGILState_Ensure at the start of a thread keeps its state until the release at its end.
-    """
+    """Keeps the Python state of Ice's threads, which Python would otherwise create and destroy at each callback."""
 
     def start(self) -> None:
-        ctypes.pythonapi.PyGILState_Ensure()
+        keep_thread_state()
 
     def stop(self) -> None:
-        ctypes.pythonapi.PyGILState_Release(_HELD)
-
-
-_HELD = 0
-"""PyGILState_LOCKED: the calling thread already holds the lock, and keeps it."""
+        release_thread_state()
 
 
 def gone(sending: Any) -> bool:

@@ -11,7 +11,6 @@ The kernel ends it together with the thread that started it.
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import logging
 import os
 import re
@@ -20,7 +19,6 @@ import signal
 import socket
 import struct
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -32,6 +30,7 @@ from ...wire.codec import MAX_BYTES
 from ..directory import runtime_dir
 from ..exclusive import Claim, holder, sweep, try_claim
 from ..iceoptions import HOST, IceOptions, parse_proxy
+from ..unsafe import end_with_parent
 
 log = logging.getLogger("robocomp.transport.ice")
 
@@ -57,9 +56,6 @@ HUNG_MS = 5000
 """IceStorm drops a subscriber that accepts nothing for this time, with its messages; it subscribes again."""
 
 INSTALL = "Debian and Ubuntu have it: apt-get install zeroc-icebox libzeroc-icestorm3.7"
-
-_PR_SET_PDEATHSIG = 1
-_prctl = ctypes.PyDLL(None).prctl if sys.platform.startswith("linux") else lambda *arguments: -1
 
 
 @contextlib.contextmanager
@@ -319,7 +315,7 @@ def _version(program: str) -> str:
 
 def _die_with(parent: int) -> None:
     """In the child: have the kernel end it with its parent, or end now if the parent has ended."""
-    _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    end_with_parent()
     if os.getppid() != parent:
         os._exit(1)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import zenoh
 
 from ...wire.codec import Payload
+from ..unsafe import keep_thread_state
 
 if TYPE_CHECKING:
     from .transport import ZenohTransport
@@ -29,15 +29,16 @@ def direct(callback: Callable[[Any], object], over: Callable[[], object] | None 
 
     def call(message: Any) -> None:
         if not hasattr(_thread_state, "kept"):
-            _thread_state.kept = ctypes.pythonapi.PyGILState_Ensure()
+            keep_thread_state()
+            _thread_state.kept = True
         callback(message)
 
     return zenoh.handlers.Callback(call, over, indirect=False)
 
 
 _thread_state = threading.local()
-"""Keeps the Python state of Zenoh's threads. Python would otherwise create and destroy it, with its memory, at each
-callback (25 µs). One unpaired PyGILState_Ensure makes a thread keep its state."""
+"""Whether a thread of Zenoh's keeps its Python state. Python would otherwise create and destroy it, with its memory, at
+each callback (25 µs)."""
 
 
 class Message(NamedTuple):

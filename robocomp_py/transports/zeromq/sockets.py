@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import logging
 import os
 import select
@@ -21,6 +20,7 @@ from ...errors import (
 )
 from ...wire.codec import MAX_BYTES
 from ..leader_followers import Job
+from ..unsafe import keep
 from .curve import Secure
 from .frames import Frames
 from .zmtp import Feed, Gone
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("robocomp.transport.zeromq")
 
-ctypes.pythonapi.Py_IncRef(ctypes.py_object(garbage.gc))
+keep(garbage.gc)
 """pyzmq ends this object's thread at the end of the program. Its destructor tries again while the interpreter deletes
 its modules, and fails (`NameError: getpid`). This reference keeps the destructor from running; it has nothing to do."""
 
