@@ -120,7 +120,7 @@ PLACES: dict[str, Callable[[Primitive], bool]] = {
     "wire/ice.py": travels(Ice()),
     "wire/messagepack.py, packing.py and plain.py": travels(MessagePack()),
     "wire/identity.py": travels(Identity()),
-    "wire/values.py": is_refused,
+    "wire/values.py and explain.py": is_refused,
     "runtime/api.py": is_at_the_front_door,
     "dsl/idsl/literals.py": has_a_literal,
     "codegen/expressions.py": is_generated,

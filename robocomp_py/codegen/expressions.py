@@ -51,6 +51,8 @@ def hint(kind: t.Type, here: str) -> str:
 def expanded(kind: t.Sequence | t.Dictionary, here: str) -> str:
     """The annotation of a sequence or dictionary, without its own name."""
     match kind:
+        case t.Sequence(records=True):
+            return "NDArray[np.void]"
         case t.Sequence(item):
             return f"NDArray[{_dtype(kind)}]" if is_array(kind) else f"list[{hint(item, here)}]"
         case t.Dictionary(key, value):
@@ -58,7 +60,9 @@ def expanded(kind: t.Sequence | t.Dictionary, here: str) -> str:
 
 
 def accepted(kind: t.Type, here: str) -> str:
-    """The annotation of an argument: any array-like value is accepted for an array."""
+    """The annotation of an argument: any array-like value is accepted for an array, and a list for records."""
+    if isinstance(kind, t.Sequence) and kind.records:
+        return f"{hint(kind, here)} | list[{hint(kind.item, here)}]"
     return "ArrayLike" if is_array(kind) else hint(kind, here)
 
 
@@ -95,6 +99,8 @@ def zero(kind: t.Type, here: str, default: Any = None) -> str:
             return f"{reference(name, here)}.{member_name(default or members[0][0])}"
         case t.Struct(name=name):
             return f"{reference(name, here)}()"
+        case t.Sequence(item, records=True):
+            return f"np.empty(0, dtype_of({hint(item, here)}))"
         case t.Sequence():
             return f"np.empty(0, {_dtype(kind)})" if is_array(kind) else "[]"
         case t.Dictionary():
@@ -296,7 +302,7 @@ def contract(kind: t.Type | t.ExceptionType, here: str) -> str:
         case t.Struct(name=name) | t.Enumeration(name=name) | t.ExceptionType(name=name):
             return f"{reference(name, here)}.__contract__"
         case t.Sequence(item):
-            return f"Sequence({contract(item, here)})"
+            return f"Sequence({contract(item, here)}{', records=True' if kind.records else ''})"
         case t.Dictionary(key, value, name):
             named = f', "{name}"' if name else ""  # DDS shows it
             return f"Dictionary({contract(key, here)}, {contract(value, here)}{named})"

@@ -24,7 +24,7 @@ NUMPY = {"numpy.typing": ("ArrayLike", "NDArray")}
 TYPES = (
     *(kind.name for kind in Primitive),
     *("DeclaredError", "Dictionary", "Enumeration", "ExceptionType", "Field", "Future", "Interface", "Operation"),
-    *("Pattern", "Proxy", "Sequence", "Struct"),
+    *("Pattern", "Proxy", "Sequence", "Struct", "dtype_of"),
 )
 """Names of `runtime.api` that modules of types use."""
 

@@ -107,6 +107,15 @@ class Struct:
     python: type[Any] | None = field(default=None, repr=False)
     doc: str = field(default="", compare=False, repr=False)
 
+    @cached_property
+    def dtype(self) -> np.dtype[np.void] | None:
+        """The packed little-endian numpy dtype of its records, with the names of its attributes; None if not flat.
+
+        A flat struct has fields, and all of them are numbers, bools or enumerators. Enumerators are int32.
+        """
+        parts = [(each.attribute, kind) for each in self.fields if (kind := _scalar_dtype(each.type)) is not None]
+        return np.dtype(parts) if parts and len(parts) == len(self.fields) else None
+
 
 @dataclass(frozen=True)
 class Response(Struct):
@@ -128,14 +137,22 @@ class Sequence:
     """Any number of items; of numbers and bools, a numpy array of one dimension.
 
     `name` is what the IDSL calls it, `RoboCompLaser::TLaserData`; it means nothing to the wire.
+    With `records`, a sequence of a flat struct is a numpy array of records, too.
     """
 
     item: Type
     name: str = field(default="", compare=False, repr=False)
+    records: bool = False
+
+    def __post_init__(self) -> None:
+        if self.records and self.dtype is None:
+            raise ValueError(f"{spell(self.item)} is not a flat struct, so it has no records")
 
     @property
     def dtype(self) -> np.dtype[Any] | None:
         """The array's dtype, or None where the sequence is a Python list."""
+        if self.records:
+            return self.item.dtype if isinstance(self.item, Struct) else None
         return DTYPES.get(self.item) if isinstance(self.item, Primitive) else None
 
 
@@ -197,6 +214,12 @@ def is_key(kind: Type) -> bool:
     return isinstance(kind, Enumeration) or kind in KEY_TYPES
 
 
+def _scalar_dtype(kind: Type) -> np.dtype[Any] | None:
+    if isinstance(kind, Enumeration):
+        return DTYPES[INT32]
+    return DTYPES.get(kind) if isinstance(kind, Primitive) else None
+
+
 def python_name(name: str) -> str:
     """How an IDSL name is spelt in Python: keywords get an underscore behind."""
     return f"{name}_" if keyword.iskeyword(name) or name == "self" else name
@@ -252,6 +275,8 @@ def spell(kind: Type) -> str:
             return kind.value
         case Struct(name=name) | Enumeration(name=name):
             return name
+        case Sequence(item, records=True):
+            return f"records<{spell(item)}>"
         case Sequence(item):
             return f"sequence<{spell(item)}>"
         case Dictionary(key, value):

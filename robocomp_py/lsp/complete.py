@@ -62,6 +62,9 @@ class _Block:
     words: list[str] = field(default_factory=list)
 
 
+_RECORDS = ["[", "records", "]"]
+
+
 @dataclass
 class _Place:
     index: Index
@@ -76,8 +79,10 @@ class _Place:
 
     @property
     def words(self) -> list[str]:
-        """Of the statement, in front of the one that is being written."""
-        return self.blocks[-1].words
+        """Of the statement, in front of the one that is being written; without `[records]`."""
+        words = self.blocks[-1].words
+        at = next((place for place in range(len(words)) if words[place : place + 3] == _RECORDS), None)
+        return words if at is None else words[:at] + words[at + 3 :]
 
     @property
     def first(self) -> str:

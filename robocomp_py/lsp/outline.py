@@ -154,8 +154,8 @@ def _definition(definition: idsl.Definition, module: str) -> Symbol:
         case idsl.Enum(members=members):
             kind = Kind.ENUM
             children = tuple(Symbol(Kind.ENUMERATOR, each.name, inside, each.span) for each in members)
-        case idsl.Sequence(item=item):
-            kind, detail = Kind.SEQUENCE, f"sequence<{type_text(item)}>"
+        case idsl.Sequence(item=item, records=records):
+            kind, detail = Kind.SEQUENCE, f"{_RECORDS if records else ''}sequence<{type_text(item)}>"
         case idsl.Dictionary(key=key, value=value):
             kind, detail = Kind.DICTIONARY, f"dictionary<{type_text(key)}, {type_text(value)}>"
         case idsl.Const(type=kind_of, value=value):
@@ -187,7 +187,12 @@ def _operation(operation: idsl.Operation, inside: str) -> Symbol:
 
 
 def type_text(kind: idsl.TypeName) -> str:
-    return kind.text if isinstance(kind, Name) else f"sequence<{type_text(kind.item)}>"
+    if isinstance(kind, Name):
+        return kind.text
+    return f"{_RECORDS if kind.records else ''}sequence<{type_text(kind.item)}>"
+
+
+_RECORDS = "[records] "
 
 
 def _uses_in(definition: idsl.Definition, module: str) -> Iterator[Use]:

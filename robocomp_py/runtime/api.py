@@ -31,6 +31,7 @@ from ..contract.types import (
     Struct,
 )
 from ..errors import DeclaredError
+from ..wire.records import dtype_of, objects_of
 from .ports import Proxy
 from .statemachine import Machine, Trigger
 from .worker import Worker
@@ -80,4 +81,6 @@ __all__ = [
     "Trigger",
     "Verb",
     "Worker",
+    "dtype_of",
+    "objects_of",
 ]

@@ -3,7 +3,7 @@
     payload     00 01 00 00, then the fields; primitives are aligned to their size (at most 8), counted behind
                 those four octets
     string      uint32 length with the NUL, UTF-8, NUL
-    sequence    uint32 count, items
+    sequence    uint32 count, items; those of records, too
     dictionary  a sequence of entries {key, value}
     enum        int32 · time: int32 seconds, uint32 nanoseconds · an empty struct: one octet
 
@@ -31,7 +31,9 @@ from ..contract.types import (
 )
 from .codec import MAX_BYTES, Decoder, Encoder, check_size, refused, unreadable
 from .items import Left
+from .layouts import CdrRecords
 from .program import Leaf, leaves_of
+from .records import flat_records, records
 from .rows import Columns, unpacked
 from .serial import NUMBERS, Reading, Writing, check_count
 from .values import as_array, as_dict, as_list, as_str, view_of
@@ -166,6 +168,12 @@ class _EncodeProgram(Writing):
                 p.line(f"add({text}); add(b'\\0'); n += len({text}) + 1")
             case Struct():
                 self._call(kind, x)
+            case Sequence(Struct() as item, records=True):
+                array = p.fresh()
+                p.line(f"{array} = {p.name(records(item).taken)}({x})")
+                self._run("I", f"{array}.size")
+                self._end_run()
+                p.line(f"n = {p.name(CdrRecords(item).write)}({array}, n, add)")
             case Sequence() if kind.dtype is not None:
                 array = p.fresh()
                 p.line(f"{array} = {p.name(as_array)}({x}, {p.name(kind.dtype)})")
@@ -175,11 +183,18 @@ class _EncodeProgram(Writing):
                     p.line(f"if {array}.size: add({p.name(_PADDING)}[n & 7]); n += -n & 7")
                 p.line(f"add({array}); n += {array}.nbytes")
             case Sequence(item):
-                items = p.fresh()
-                p.line(f"{items} = {x}.copy() if type({x}) is list else {p.name(as_list)}({x})")
+                items, flat = p.fresh(), flat_records(item)
+                taken = p.name(flat.items if flat else as_list)
+                p.line(f"{items} = {x}.copy() if type({x}) is list else {taken}({x})")
                 self._run("I", f"len({items})")
                 self._end_run()
-                self._items(item, items)
+                if flat is None:
+                    self._items(item, items)
+                    return
+                with p.block(f"if type({items}) is list"):
+                    self._items(item, items)
+                with p.block("else"):
+                    p.line(f"n = {p.name(CdrRecords(flat.kind).write)}({items}, n, add)")
             case Dictionary(key, item):
                 entries, k, v = p.fresh(), p.fresh(), p.fresh()
                 p.line(f"{entries} = {p.name(as_dict)}({x})")
@@ -268,6 +283,10 @@ class _DecodeProgram(Reading):
                 (length,) = self._run("I")
                 self._end_run()
                 p.line(f"{result} = {p.name(_text)}(data, n, {length}); n += {length}")
+            case Sequence(Struct() as item, records=True):
+                (count,) = self._run("I")
+                self._end_run()
+                p.line(f"{result}, n = {p.name(CdrRecords(item, _ORIGIN).read)}(data, n, {count})")
             case Sequence() if kind.dtype is not None:
                 (count,) = self._run("I")
                 self._end_run()

@@ -15,8 +15,8 @@ from typing import Any, Protocol
 
 from ..contract.types import Struct
 from ..errors import DecodeError, EncodeError
+from .explain import explain
 from .items import TooManyItems
-from .values import explain
 
 Payload = Any
 """What a codec makes of a message: buffers on every wire, the value itself in-process."""

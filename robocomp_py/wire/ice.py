@@ -42,7 +42,9 @@ from ..contract.types import (
 )
 from .codec import MAX_BYTES, Decoder, Encoder, Payload, check_size, refused, unreadable
 from .items import MAX_ITEMS, Left, take_items
+from .layouts import IceRecords
 from .program import Leaf, leaves_of
+from .records import flat_records, records
 from .rows import FEW, Columns, packed, unpacked
 from .serial import NUMBERS, Reading, Writing
 from .values import RANGES, as_array, as_dict, as_int, as_list, as_str, view_of
@@ -178,6 +180,18 @@ class _EncodeProgram(Writing):
                 p.line(f"{size} = {number}({size}); add({size}); n += len({size})")
             case Struct():
                 self._call(kind, x)
+            case Sequence(Struct() as item, records=True) if _leaves(item) is not None:
+                array = p.fresh()
+                p.line(f"{array} = {p.name(records(item).taken)}({x}); {size} = {array}.size")
+                p.line(f"{array} = {p.name(IceRecords(item).octets)}({array})")
+                self._end_run(size, f"{array}.nbytes")
+                p.line(f"add({array})")
+            case Sequence(Struct() as item, records=True):  # enumerators differ in size
+                items = p.fresh()
+                known = p.name(records(item))
+                p.line(f"{items} = {known}.objects({known}.taken({x})); {size} = len({items})")
+                self._end_run(size)
+                self._items(item, items, size)
             case Sequence() if kind.dtype is not None:
                 array = p.fresh()
                 p.line(f"{array} = {p.name(as_array)}({x}, {p.name(kind.dtype)}); {size} = {array}.size")
@@ -186,10 +200,19 @@ class _EncodeProgram(Writing):
                 self._end_run(size, f"{array}.nbytes")
                 p.line(f"add({array})")
             case Sequence(item):
-                items = p.fresh()
-                p.line(f"{items} = {x}.copy() if type({x}) is list else {p.name(as_list)}({x}); {size} = len({items})")
+                items, flat = p.fresh(), flat_records(item)
+                in_place = flat is not None and _leaves(item) is not None
+                taken = p.name((flat.items if in_place else flat.listed) if flat else as_list)
+                p.line(f"{items} = {x}.copy() if type({x}) is list else {taken}({x}); {size} = len({items})")
                 self._end_run(size)
-                self._items(item, items, size)
+                if flat is None or not in_place:
+                    self._items(item, items, size)
+                    return
+                with p.block(f"if type({items}) is list"):
+                    self._items(item, items, size)
+                with p.block("else"):
+                    p.line(f"{items} = {p.name(IceRecords(flat.kind).octets)}({items})")
+                    p.line(f"add({items}); n += {items}.nbytes")
             case Dictionary(key, item):
                 entries, k, v = p.fresh(), p.fresh(), p.fresh()
                 p.line(f"{entries} = {p.name(as_dict)}({x}); {size} = len({entries})")
@@ -303,6 +326,14 @@ class _DecodeProgram(Reading):
             case Enumeration():
                 number = self._size(_long_number)
                 p.line(f"{result} = {p.enumerator(kind, number)}")
+            case Sequence(Struct() as item, records=True) if _leaves(item) is not None:
+                size = self._size(_long_size)
+                p.line(f"{result}, n = {p.name(IceRecords(item).read)}(data, n, {size})")
+            case Sequence(Struct() as item, records=True):
+                size = self._size(_long_size)
+                p.line(f"{result} = []; left = left or [{MAX_ITEMS}]")
+                self._repeat(size, (item,), f"{result}.append({{}})", result)
+                p.line(f"{result} = {p.name(records(item).received)}({result})")
             case Sequence() if kind.dtype is not None:
                 size = self._size(_long_size)
                 wire = _WIDER.get(kind.dtype, kind.dtype)

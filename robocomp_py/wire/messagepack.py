@@ -5,9 +5,11 @@ A payload is a list of buffers: the packed message (see `packing`), then the arr
     sequence of bytes         bin
     other arrays              ext 1: one letter for the dtype, then the little-endian data
     arrays of 64 KiB or more  ext 2: the letter, then uint32 the index of the buffer (from 1) with the data
+    records                   like a sequence of bytes: packed, one behind the other, each with its fields in order,
+                              little-endian, without padding; bool one byte, enumerator int32
 
 The letters are those of Python's `struct`: ? b B h H i I q Q f d. Instead of any of these, an
-array of plain MessagePack numbers is accepted.
+array of plain MessagePack numbers is accepted, except for records.
 """
 
 from __future__ import annotations
@@ -81,6 +83,8 @@ class MessagePack:
 
 def _array_packer(dtype: np.dtype[Any], keep: Callable[[Any, np.dtype[Any]], np.ndarray[Any, Any]]) -> PackArray:
     """What packs arrays of this dtype; of large ones, what `keep` makes of them is sent."""
+    if dtype.names:
+        return _record_packer(keep)
     octets, letter = dtype == _OCTETS, ord(_LETTERS[dtype])
 
     def pack(value: Any, add: Callable[[Any], object], frames: Frames) -> None:
@@ -105,8 +109,20 @@ def _array_packer(dtype: np.dtype[Any], keep: Callable[[Any, np.dtype[Any]], np.
     return pack
 
 
+def _record_packer(keep: Callable[[Any, np.dtype[Any]], np.ndarray[Any, Any]]) -> PackArray:
+    """What packs records as octets."""
+    pack_octets = _array_packer(_OCTETS, keep)
+
+    def pack(array: Any, add: Callable[[Any], object], frames: Frames) -> None:
+        pack_octets(array.view(_OCTETS), add, frames)
+
+    return pack
+
+
 def _array_reader(dtype: np.dtype[Any]) -> ReadArray:
     """What reads such arrays; it raises something if there is another one, or none, or one that others packed."""
+    if dtype.names:
+        return _record_reader(dtype)
     octets, letter, item = dtype == _OCTETS, ord(_LETTERS[dtype]), dtype.itemsize
     checked = dtype.kind == "b"
 
@@ -141,7 +157,19 @@ def _array_reader(dtype: np.dtype[Any]) -> ReadArray:
     return read
 
 
+def _record_reader(dtype: np.dtype[Any]) -> ReadArray:
+    read_octets = _array_reader(_OCTETS)
+
+    def read(data: Any, n: int, payload: Frames) -> tuple[np.ndarray[Any, Any], int]:
+        array, end = read_octets(data, n, payload)
+        return array.view(dtype), end
+
+    return read
+
+
 def _read_array(value: Any, dtype: np.dtype[Any], payload: Frames) -> np.ndarray[Any, Any]:
+    if dtype.names:
+        return _read_records(value, dtype, payload)
     if type(value) is bytes:
         return view_of(value, dtype, len(value), 0) if dtype == _OCTETS else _view(value, _OCTET, dtype)
     if type(value) is msgpack.ExtType:
@@ -155,6 +183,15 @@ def _read_array(value: Any, dtype: np.dtype[Any], payload: Frames) -> np.ndarray
     if type(value) is list and set(map(type, value)) <= NUMBERS:
         return read_only(as_array(value, dtype))
     raise ValueError(f"expected an array of {dtype.name}, found {type(value).__name__}")
+
+
+def _read_records(value: Any, dtype: np.dtype[Any], payload: Frames) -> np.ndarray[Any, Any]:
+    if type(value) is list:
+        raise ValueError("expected records in one block, found list")
+    octets = _read_array(value, _OCTETS, payload)
+    if octets.nbytes % dtype.itemsize:
+        raise ValueError(f"{octets.nbytes} bytes are no multiple of {dtype.itemsize}, the size of a record")
+    return octets.view(dtype)
 
 
 def _view(data: Any, letter: int, dtype: np.dtype[Any]) -> np.ndarray[Any, Any]:

@@ -37,6 +37,7 @@ from .codec import Decoder, Encoder, check_size, refused
 from .items import MAX_ITEMS, check_items, counter, take_items
 from .plain import Frames, compile_planter
 from .program import Program, is_fixed, is_loop
+from .records import flat_records, records
 from .rows import FEW, Columns, packed, unpacked
 from .values import RANGES, as_bool, as_dict, as_int, as_list, as_str
 
@@ -232,6 +233,10 @@ class _Writer:
                 self._fields(fields, p.take_apart(kind, x))
             case Struct():
                 self._call(kind, x)
+            case Sequence(Struct() as item, records=True) if kind.dtype is not None:
+                self._end_run()
+                taken = f"{p.name(records(item).taken)}({x})"
+                p.line(f"{p.name(self._array(kind.dtype), 'array')}({taken}, add, frames)")
             case Sequence() if kind.dtype is not None:
                 self._end_run()
                 p.line(f"{p.name(self._array(kind.dtype), 'array')}({x}, add, frames)")
@@ -239,8 +244,9 @@ class _Writer:
                 self._by_library([(Field("value", kind), x)])
             case Sequence(item):
                 self._end_run()
-                items, each = p.fresh(), p.fresh()
-                p.line(f"{items} = {x}.copy() if type({x}) is list else {p.name(as_list)}({x})")
+                items, each, flat = p.fresh(), p.fresh(), flat_records(item)
+                taken = p.name(flat.listed if flat else as_list)
+                p.line(f"{items} = {x}.copy() if type({x}) is list else {taken}({x})")
                 self._head(items, _ARRAY_HEADS, _array_head)
                 if isinstance(item, Struct) and is_fixed(item):
                     self._rows(item, items)
@@ -458,6 +464,8 @@ class _Reader:
                 p.line(f"{result}, n = {p.function_for(kind)}(data, n, payload, left)")
             case Sequence() if kind.dtype is not None:
                 p.line(f"{result}, n = {p.name(self._array(kind.dtype), 'array')}(data, n, payload)")
+                if kind.records and isinstance(kind.item, Struct):
+                    p.line(f"{result} = {p.name(records(kind.item).checked)}({result})")
             case Sequence(item):
                 assert isinstance(item, Struct)
                 self._rows(item, result)

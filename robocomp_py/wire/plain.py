@@ -2,6 +2,7 @@
 
     struct → list of its fields · sequence → list, or one leaf made by the codec if it is an array
     dictionary → dict · enumerator → int · everything else → itself
+    records → one array, like numbers
 
 Both directions validate, so that a tree is valid in any case. A float32 is rounded when it is
 planted: all those of a struct by one `struct` call.
@@ -29,6 +30,7 @@ from ..contract.types import (
     Type,
 )
 from .program import Program, is_loop
+from .records import flat_records, records
 from .values import RANGES, as_bool, as_dict, as_float, as_float32, as_int, as_list, as_member, as_str
 
 Frames = list[Any]
@@ -115,10 +117,15 @@ class _Planter:
         match kind:
             case Struct():
                 return f"{p.function_for(kind)}({x}, frames)"
+            case Sequence(Struct() as item, records=True):
+                taken = f"{p.name(records(item).taken)}({x})"
+                return f"{self._array}({taken}, {p.name(kind.dtype, 'dtype')}, frames)"
             case Sequence(item) if kind.dtype is not None:
                 return f"{self._array}({x}, {p.name(kind.dtype, 'dtype')}, frames)"
             case Sequence(item):
-                return self._list(item, f"({x} if type({x}) is list else {p.name(as_list)}({x}))")
+                flat = flat_records(item)
+                taken = p.name(flat.listed if flat else as_list)
+                return self._list(item, f"({x} if type({x}) is list else {taken}({x}))")
             case Dictionary(key, item):
                 k, v = p.fresh(), p.fresh()
                 items = f"({x} if type({x}) is dict else {p.name(as_dict)}({x})).items()"
@@ -226,6 +233,9 @@ class _Reader:
         match kind:
             case Struct():
                 return f"{p.function_for(kind)}({x}, frames)"
+            case Sequence(Struct() as item, records=True):
+                array = f"{self._array}({x}, {p.name(kind.dtype, 'dtype')}, frames)"
+                return f"{p.name(records(item).checked)}({array})"
             case Sequence(item) if kind.dtype is not None:
                 return f"{self._array}({x}, {p.name(kind.dtype, 'dtype')}, frames)"
             case Sequence(item):

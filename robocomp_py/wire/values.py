@@ -7,38 +7,24 @@
     time          as int64, within ROS 2's range
     enumeration   an integer that is one of its members
     struct        any object with its attributes; one without a Python class: a tuple
-    sequence      of numbers and bools: see `as_array`; others: list, tuple, anything with a length and an order
+    sequence      of numbers and bools: see `as_array`; with `records`, and of other flat structs, what `Records.taken`
+                  takes; others: list, tuple, anything with a length and an order
     dictionary    any mapping
 
 Compiled encoders test for the plainest type first and call these functions for the rest; what
-they raise is explained by `explain`, which calls them again, field by field.
+they raise is explained by `explain.explain`, which calls them again, field by field.
 """
 
 from __future__ import annotations
 
 import operator
-import reprlib
 import struct
-from collections.abc import Callable, Mapping, Set
-from functools import partial
+from collections.abc import Mapping, Set
 from typing import Any
 
 import numpy as np
 
-from ..contract.types import (
-    BOOL,
-    FLOAT32,
-    FLOAT64,
-    STRING,
-    TIME,
-    Dictionary,
-    Enumeration,
-    Primitive,
-    Sequence,
-    Struct,
-    Type,
-    integer_range,
-)
+from ..contract.types import Primitive, integer_range
 
 RANGES = {kind: integer_range(kind) for kind in Primitive if kind.python is int}
 """Smallest and largest value of what is an int in Python."""
@@ -153,7 +139,8 @@ def snapshot(value: Any, dtype: np.dtype[Any]) -> _Array:
     """`as_array`, read-only, and sharing no memory that is still writable."""
     array = as_array(value, dtype)
     if array.flags.writeable or not is_frozen(array):  # most can be written to, which is quickly found out
-        array = array.copy()
+        # numpy copies structured arrays item by item, so these are copied as octets
+        array = array.view(np.uint8).copy().view(dtype) if dtype.names else array.copy()
         array.flags.writeable = False
     return array
 
@@ -187,93 +174,3 @@ def view_of(data: Any, dtype: np.dtype[Any], count: int, offset: int) -> _Array:
 def read_only(array: _Array) -> _Array:
     array.flags.writeable = False
     return array
-
-
-def explain(message: Struct, values: Any) -> str | None:
-    """The first field whose value does not fit its type, in words; None if all do."""
-    if not isinstance(values, tuple) or len(values) != len(message.fields):
-        return f"{message.name}: expected {len(message.fields)} values, got {_show(values)}"
-    for field, value in zip(message.fields, values, strict=True):
-        wrong = _explain(field.type, value, field.name)
-        if wrong:
-            return f"{message.name}: {wrong}"
-    return None
-
-
-def _explain(kind: Type, value: Any, at: str) -> str | None:
-    match kind:
-        case Primitive():
-            return _misfit(partial(_FITS[kind], value), f"{at} must be {_WORDS[kind]}, not {_show(value)}")
-        case Enumeration(name=name, members=members):
-            table = {number: number for _, number in members}
-            return _misfit(partial(as_member, value, table), f"{at} must be a {_short(name)}, not {_show(value)}")
-        case Struct(name=name, fields=fields, python=python):
-            inside = _parts(kind, value)
-            if inside is None:
-                what = f"a {python.__name__}" if python else f"a tuple of {len(fields)}, the fields of {_short(name)}"
-                return f"{at} must be {what}, not {_show(value)}"
-            parts = ((f.type, part, f"{at}.{f.name}") for f, part in zip(fields, inside, strict=True))
-        case Sequence(item):
-            if kind.dtype is not None:
-                return _misfit(
-                    partial(as_array, value, kind.dtype), f"{at} must be an array of {kind.dtype.name}", value
-                )
-            wrong = _misfit(partial(as_list, value), f"{at} must be a list, not {_show(value)}")
-            if wrong:
-                return wrong
-            parts = ((item, part, f"{at}[{number}]") for number, part in enumerate(value))
-        case Dictionary(key, item):
-            if not isinstance(value, Mapping):
-                return f"{at} must be a dict, not {_show(value)}"
-            parts = (
-                each
-                for k, v in value.items()
-                for each in ((key, k, f"key {_REPR.repr(k)} of {at}"), (item, v, f"{at}[{_REPR.repr(k)}]"))
-            )
-    return next(filter(None, (_explain(*part) for part in parts)), None)
-
-
-def _misfit(fit: Callable[[], Any], otherwise: str, array: Any = None) -> str | None:
-    try:
-        fit()
-    except Exception as exc:  # whatever a foreign object raises when it is looked at
-        return otherwise if array is None else f"{otherwise}, not {_show(array)}: {exc}"
-    return None
-
-
-def _parts(kind: Struct, value: Any) -> tuple[Any, ...] | None:
-    """The values of a struct's fields, or None if this is no such struct."""
-    try:
-        if kind.python is None:
-            return as_tuple(value, len(kind.fields))
-        return tuple(getattr(value, f.attribute) for f in kind.fields)
-    except Exception:  # whatever a foreign object raises when it is looked at
-        return None
-
-
-def _short(name: str) -> str:
-    return name.rpartition("::")[2]
-
-
-def _show(value: Any) -> str:
-    return f"{type(value).__name__} {_REPR.repr(value)}"
-
-
-_REPR = reprlib.Repr()
-_REPR.maxstring = _REPR.maxother = 60
-
-_FITS: dict[Primitive, Callable[[Any], Any]] = {
-    BOOL: as_bool,
-    STRING: as_str,
-    FLOAT32: as_float32,
-    FLOAT64: as_float,
-    **{kind: partial(as_int, low=low, high=high) for kind, (low, high) in RANGES.items()},
-}
-_WORDS = {
-    BOOL: "a bool",
-    STRING: "a str that encodes to UTF-8",
-    FLOAT32: "a float (float32)",
-    FLOAT64: "a float (float64)",
-    **{kind: f"an int from {low} to {high}" for kind, (low, high) in RANGES.items()},
-    TIME: "an int, nanoseconds since 1970, from {} to {}".format(*RANGES[TIME]),
-}

@@ -171,8 +171,8 @@ arm.idsl:3:19: error[syntax]: expected `;` before `float`
         "arm.idsl",
         "module Arm {\n    strut Joint { };\n};",
         """\
-arm.idsl:2:5: error[syntax]: unexpected `strut`; expected `const`, `dictionary`, `enum`, `exception`, `interface`, \
-`sequence`, `struct` or `}`
+arm.idsl:2:5: error[syntax]: unexpected `strut`; expected `[`, `const`, `dictionary`, `enum`, `exception`, \
+`interface`, `sequence`, `struct` or …
         strut Joint { };
         ^^^^^
     did you mean `struct`?""",
@@ -190,8 +190,8 @@ arm.idsl:4:5: error[syntax]: unexpected `struct` in a block
         "arm.idsl",
         "module Arm\n{\n    struct Joint { };\n",
         """\
-arm.idsl:3:21: error[syntax]: the file ends too early; expected `const`, `dictionary`, `enum`, `exception`, \
-`interface`, `sequence`, `struct` or `}`
+arm.idsl:3:21: error[syntax]: the file ends too early; expected `[`, `const`, `dictionary`, `enum`, `exception`, \
+`interface`, `sequence`, `struct` or …
         struct Joint { };
                         ^
   arm.idsl:2:1: this `{` is not closed

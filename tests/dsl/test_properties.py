@@ -57,7 +57,7 @@ COMMON += [
 COMMON += ["9" * 30, "9" * 50, "1.5", "ms"]
 WORDS = {
     ".idsl": "module struct enum exception extends dictionary sequence const interface idempotent out throws query"
-    " command publish int float string bool byte void time Laser TData",
+    " records command publish int float string bool byte void time Laser TData",
     ".cdsl": "Component Communications requires implements publishes subscribesTo Laser LaserPub qos depth keep_last"
     " deadline reliable language python gui Qt options statemachine params period s worker concurrent",
     ".pdsl": "ComponentParams List int float double string bool true enum mandatory T",

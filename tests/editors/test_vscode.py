@@ -44,6 +44,7 @@ AROUND = {
         "Enum": IN_MODULE,
         "Exception": IN_MODULE,
         "Sequence": IN_MODULE,
+        "Records": IN_MODULE % "struct TPoint { float x; }; %s",
         "Dictionary": IN_MODULE,
         "Constant": IN_MODULE,
     },

@@ -41,6 +41,8 @@ JOINTS = 'import "Joints.idsl";\nmodule RoboCompHand { struct Finger { float wid
         "interface Hand { void take(| ); };",
         "interface Hand { void take(int a, out | ); };",
         "interface Hand { void take(sequence<| ); };",
+        "[records] sequence<|",
+        "interface Hand { void take([records] sequence<| ); };",
         "const |",
     ],
 )
@@ -84,7 +86,9 @@ def test_enumerators_are_proposed_as_values(editor: Editor) -> None:
 
 def test_keywords_are_proposed_where_they_can_stand(editor: Editor) -> None:
     assert {"struct", "enum", "interface", "sequence"} <= set(items(editor, "Hand.idsl", JOINTS % "|"))
-    assert {"query", "command", "publish"} == set(items(editor, "Hand.idsl", JOINTS % "interface Hand { [| };"))
+    assert {"query", "command", "publish", "records"} == set(
+        items(editor, "Hand.idsl", JOINTS % "interface Hand { [| };")
+    )
     assert "throws" in items(editor, "Hand.idsl", JOINTS % "interface Hand { void take() | };")
 
 

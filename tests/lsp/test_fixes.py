@@ -96,6 +96,7 @@ NOT_FIXABLE = {
     "no-address",
     "no-initial-state",
     "no-states",
+    "not-flat",
     "no-provider",
     "no-publisher",
     "not-a-program",

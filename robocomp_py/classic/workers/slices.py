@@ -23,6 +23,7 @@ from ...contract import types as t
 from ...contract.component import Component, Port
 from ...contract.interface import Interface, Operation
 from ...errors import DeclaredError
+from ...wire.records import records
 from .spellings import slice_name
 
 Convert = Callable[[Any], Any]
@@ -272,6 +273,8 @@ def received(kind: t.Type) -> Convert | None:
     match kind:
         case t.Sequence(t.Primitive.UINT8):
             return _octets
+        case t.Sequence(t.Struct() as item, records=True):
+            return records(item).objects
         case t.Sequence() if kind.dtype is not None:
             return _numbers
         case t.Sequence(item):

@@ -79,8 +79,10 @@ class _Checker:
                 case m.Exception_(fields=fields):
                     self._check_fields(fields)
                     self._check_exception(definition)
-                case m.Sequence(item=item):
+                case m.Sequence(item=item, records=records):
                     self._check_type(item)
+                    if records:
+                        self._check_records(item)
                 case m.Dictionary(key=key, value=value):
                     self._check_type(key)
                     self._check_key(key)
@@ -308,12 +310,49 @@ class _Checker:
     def _check_type(self, kind: m.TypeName) -> None:
         if isinstance(kind, m.SequenceOf):
             self._check_type(kind.item)
+            if kind.records:
+                self._check_records(kind.item)
         elif kind.text == "void":
             self._error("void-type", "nothing can have the type `void`; only operations return it", kind.span)
         elif kind.text not in BUILTIN:
             found = self._find(kind, "unknown-type", "type", m.Struct, m.Sequence, m.Dictionary, m.Enum)
             if isinstance(found, m.Interface | m.Exception_ | m.Const):
                 self._error("not-a-value-type", f"`{kind}` is not a type of values", kind.span)
+
+    def _check_records(self, item: m.TypeName) -> None:
+        """The items of `[records]` are flat structs. Types that are not known are reported elsewhere."""
+        if isinstance(item, m.SequenceOf):
+            self._error("not-flat", "the items of [records] are structs", item.span, "remove `[records]`")
+            return
+        name = qualified(item.text, self.module)
+        found = self.scope.get(name)
+        if isinstance(found, m.Struct):
+            self._check_flat(item, found, module_of(name))
+        elif item.text in BUILTIN or found is not None:
+            hint = "remove `[records]`"
+            if item.text in BUILTIN and BUILTIN[item.text].in_arrays:
+                hint += ": sequences of numbers are arrays"
+            self._error("not-flat", f"the items of [records] are structs, not `{item}`", item.span, hint)
+
+    def _check_flat(self, item: Name, struct: m.Struct, module: str) -> None:
+        if not struct.fields:
+            self._error("not-flat", f"`{item}` has no fields, so it has no records", item.span, "remove `[records]`")
+        for field in struct.fields:
+            if self._is_scalar(field.type, module):
+                continue
+            message = f"`{field.name}` of `{item}` is not a number, bool or enumerator, so `{item}` has no records"
+            is_time = isinstance(field.type, Name) and field.type.text == Primitive.TIME
+            hint = "make it a `long` of nanoseconds, or remove `[records]`" if is_time else "remove `[records]`"
+            self._error("not-flat", message, item.span, hint, ("declared here", field.name.span))
+            return
+
+    def _is_scalar(self, kind: m.TypeName, module: str) -> bool:
+        """Whether values of a type, named in that module, have a numpy dtype. Unknown types are reported elsewhere."""
+        if isinstance(kind, m.SequenceOf):
+            return False
+        if kind.text in BUILTIN:
+            return BUILTIN[kind.text].in_arrays
+        return isinstance(self.scope.get(qualified(kind.text, module)), m.Enum | None)
 
     def _check_key(self, key: m.TypeName) -> None:
         found = None if isinstance(key, m.SequenceOf) else self.scope.get(qualified(key.text, self.module))

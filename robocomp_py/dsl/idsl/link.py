@@ -54,8 +54,8 @@ class _Linker:
             case m.Exception_(bases=bases, fields=fields, doc=doc):
                 base = self._exception(bases[0]) if bases else None
                 return t.ExceptionType(name, self._fields(fields), base, doc=doc)
-            case m.Sequence(item=item):
-                return t.Sequence(self._type(item), name)
+            case m.Sequence(item=item, records=records):
+                return t.Sequence(self._type(item), name, records)
             case m.Dictionary(key=key, value=value):
                 return t.Dictionary(self._type(key), self._type(value), name)
             case m.Const(type=kind, value=value, doc=doc):
@@ -71,7 +71,7 @@ class _Linker:
 
     def _type(self, kind: m.TypeName) -> t.Type:
         if isinstance(kind, m.SequenceOf):
-            return t.Sequence(self._type(kind.item))
+            return t.Sequence(self._type(kind.item), records=kind.records)
         if kind.text in BUILTIN:
             return BUILTIN[kind.text]
         found = self._definition(qualified(kind.text, self._module))

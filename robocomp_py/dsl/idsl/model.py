@@ -13,6 +13,7 @@ class SequenceOf:
 
     item: TypeName
     span: Span
+    records: bool = False
 
 
 TypeName = Name | SequenceOf
@@ -74,6 +75,7 @@ class Sequence:
     item: TypeName
     span: Span
     doc: str = ""
+    records: bool = False
 
 
 @dataclass(frozen=True, slots=True)

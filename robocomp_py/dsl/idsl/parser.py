@@ -74,8 +74,9 @@ class _Builder:
         return m.Dictionary(self._name(name), self._type(key), self._type(value), self._span(tree), self._doc(tree))
 
     def _sequence(self, tree: Tree[Token]) -> m.Sequence:
-        item, name = tree.children
-        return m.Sequence(self._name(name), self._type(item), self._span(tree), self._doc(tree))
+        *records, item, name = tree.children
+        made = self._type(item)
+        return m.Sequence(self._name(name), made, self._span(tree), self._doc(tree), bool(records))
 
     def _const(self, tree: Tree[Token]) -> m.Const:
         kind, name, value = tree.children
@@ -129,7 +130,8 @@ class _Builder:
 
     def _type(self, tree: Any) -> m.TypeName:
         if tree.data == "sequence_of":
-            return m.SequenceOf(self._type(tree.children[0]), self._span(tree))
+            *records, item = tree.children
+            return m.SequenceOf(self._type(item), self._span(tree), bool(records))
         return self._qualified(tree)
 
     def _qualified(self, tree: Any) -> Name:

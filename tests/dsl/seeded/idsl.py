@@ -104,6 +104,7 @@ SEEDS = [
     Seed("a command with an output", "one-way-gives-back", _ARM, {"float speed)": "«out float speed»)"}),
     Seed("an operation overloaded", "overload", _ARM, {"void followPath(": "void «moveTo»("}),
     Seed("a struct as a key", "bad-key", _ARM, {"dictionary<string, Joint>": "dictionary<«Joint», string>"}),
+    Seed("records of structs with texts", "not-flat", _ARM, {"sequence<Joint>": "[records] sequence<«Joint»>"}),
     Seed("a type that contains itself", "recursive-type", _ARM, {"float angle;": "«Joint» angle;"}),
     Seed("an interface as a type", "not-a-value-type", _ARM, {"out bool arrived": "out «Arm» arrived"}),
     Seed(
