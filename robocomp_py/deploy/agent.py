@@ -418,10 +418,10 @@ class Agent(Listener):
             self._tell("exited", name=name, code=code)
 
     def lost(self, host: str, why: str) -> None:
-        raise AssertionError("this machine is not lost to itself")
+        raise AssertionError("the agent of a host reports no lost hosts")
 
     def back(self, host: str) -> None:
-        raise AssertionError("this machine is not lost to itself")
+        raise AssertionError("the agent of a host reports no lost hosts")
 
     def _tell(self, what: str, **more: Any) -> None:
         if self._session:

@@ -102,14 +102,14 @@ class Agent(Protocol):
     def stop(self, name: str) -> None:
         """Ask it, and all that it started, to end (SIGTERM). Nothing happens if it does not run.
 
-        One that is just being started is not, or ends as soon as it is there; another host hears of it after the start.
+        A start in progress is abandoned, or the process ends once it runs; on another host it ends after its start.
         """
 
     def kill(self, name: str) -> None:
-        """End it, and all that it started, now (SIGKILL); else as `stop`."""
+        """End it, and all that it started, now (SIGKILL); otherwise as `stop`."""
 
     def usage(self) -> Mapping[str, Usage]:
         """The usage of the running processes by name, as last measured; costs nothing."""
 
     async def close(self) -> None:
-        """Afterwards none of its processes is left, and no file of theirs; may be called twice."""
+        """End all processes and remove their files; may be called twice."""

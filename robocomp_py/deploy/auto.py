@@ -44,11 +44,11 @@ class Choice:
     settings: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """By instance, `key=value`."""
     notes: tuple[str, ...] = ()
-    """Which better ways could not be taken, and why: a line each."""
+    """The better ways that could not be used, with the reasons, a line each."""
 
     @cached_property
     def carriers(self) -> Mapping[str, frozenset[str]]:
-        """What carries the messages of each instance that has any ways."""
+        """The middlewares of each instance that has links."""
         found: dict[str, set[str]] = {}
         for way in self.ways:
             for end in (way.client, way.provider):
@@ -57,7 +57,7 @@ class Choice:
 
 
 def installed_here(middleware: str, connections: int = 0) -> str:
-    """Whether a middleware can be used, as far as can be told without opening it."""
+    """Whether a middleware can be used, judged without opening it."""
     fault = unfit(middleware)
     return fault.message if fault else ""
 
@@ -120,12 +120,12 @@ def unsupported_by_others(configured: Sequence[Configured]) -> Iterator[Fault]:
 
 
 def _links(configured: Sequence[Configured]) -> Iterator[_Link]:
-    """What instances use of others."""
+    """What each instance uses of the others."""
     by_channel = ByChannel(configured)
     for client in configured:
         for port, operation, pattern in client.patterns(providing=False):
             for aim, server, theirs in met(client, port, operation, by_channel):
-                if not (client.is_program and server.is_program):  # what those do is theirs to know
+                if not (client.is_program and server.is_program):  # their use is unknown here
                     yield _Link(client, port, aim, operation, pattern, server, theirs)
 
 

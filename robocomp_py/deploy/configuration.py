@@ -113,13 +113,13 @@ def _unknown_middlewares(checked: Settings) -> Iterator[Complaint]:
 
 
 def _may_be_left_out(complaint: Complaint, mended: Mended) -> bool:
-    """Whether something only seems to be missing, because it is no TOML as it stands."""
+    """Whether something only seems to be missing, because its line is invalid TOML."""
     missing = complaint.code in ("config-missing", "config-item-count")
     return missing and any(mended.removed_name(part) for part in complaint.key)
 
 
 def _not_toml(source: Source, error: NotToml) -> Diagnostic:
-    """A text that is no TOML, told at the word or the mark where it stops being one, or at its last character."""
+    """Invalid TOML, reported at the first invalid word or character, or at the last character."""
     start = max(0, min(error.offset, len(source.text) - 1))
     word = _WORD.match(source.text, start)
     span = source.span(start, word.end() if word else start + 1)

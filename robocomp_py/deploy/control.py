@@ -55,7 +55,7 @@ TURN_S = 0.05
 """Seconds for which a connection may be silent before it makes room for another one."""
 
 _SCARCE_S = 0.5
-"""Seconds between attempts to accept a connection while that fails: there is no file descriptor, mostly."""
+"""Seconds between attempts to accept a connection while that fails: usually for lack of file descriptors."""
 
 SLOW_S = 5.0
 """Seconds after which a client that does not read its answer is disconnected."""

@@ -13,7 +13,7 @@
         ca.pem  certificate.pem  key.pem
 
 A process has one identity, since its instances share what they open. Made again is what is missing, has expired or soon
-will; the permissions always follow the graph, and what is no part of it any more is removed.
+will; the permissions always follow the graph, and the keys of removed instances are deleted.
 """
 
 from __future__ import annotations
@@ -177,7 +177,7 @@ class _Maker:
         self._check_folder()
         _folder(self._folder)
         if not (self._folder / ".gitignore").exists():
-            _write(self._folder / ".gitignore", b"*\n")  # secrets are no part of what is published
+            _write(self._folder / ".gitignore", b"*\n")  # keys must not be published
         self._check_names()
         authority, made = self._authority()
         yield made
@@ -271,7 +271,7 @@ class _Maker:
         return {each.name: _public_key(self._folder / each.folder) for each in self._graph.principals}
 
     def _remove_others(self) -> Iterator[Made]:
-        """What belonged to processes that are no part of the network any more."""
+        """Remove the folders of processes that the network no longer has."""
         wanted = {"ca", *(each.folder for each in self._graph.principals), *map(router_name, self._graph.routers)}
         for folder in sorted(self._folder.iterdir()):
             is_ours = (folder / "certificate.pem").is_file() and (folder / "key.pem").is_file()

@@ -18,13 +18,13 @@ CANNOT_BE_STARTED = 127
 """The exit code for a process that could not be started, as in shells."""
 
 ABREAST = 8
-"""How many are being started at a time on this machine: they share what a start takes (`launcher.zygote`). An agent of
-another host does one thing after the other, and what it has been asked for cannot be taken back.
+"""Maximum number of simultaneous starts on this machine, where the fork server makes them cheap (`launcher.zygote`). An
+agent of another host carries out one command at a time, and a command that was sent cannot be taken back.
 """
 
 
 class Lane:
-    """`run` does what the others ask for."""
+    """The commands for one agent; `run` carries out the starts."""
 
     def __init__(self, agent: Agent, listener: Listener) -> None:
         self.agent, self._listener = agent, listener
@@ -42,7 +42,7 @@ class Lane:
         self._end(name, self.agent.kill)
 
     def forget(self) -> None:
-        """Start nothing of what waits for it: the host is out of reach."""
+        """Drop the starts that wait: the host is out of reach."""
         self._starts.clear()
 
     async def run(self) -> None:

@@ -57,7 +57,7 @@ class _File:
 
 
 class Logs:
-    """Not for several threads. Nothing here raises once it is made: logs are no reason to end anything."""
+    """Not thread-safe. Its methods never raise: a failing log must not stop the network."""
 
     def __init__(
         self,

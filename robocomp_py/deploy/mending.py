@@ -1,4 +1,4 @@
-"""Texts that are no TOML, read without the statements that are none, so that one pass tells of all mistakes."""
+"""Reads invalid TOML without its invalid statements, so that one pass reports all mistakes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _LONG = 10
 
 @dataclass(frozen=True)
 class Mended:
-    """A text with spaces for what is no TOML (nothing moves), and what was wrong there."""
+    """A text with spaces in place of invalid TOML, so that nothing moves, and the mistakes."""
 
     text: str
     errors: tuple[NotToml, ...] = ()

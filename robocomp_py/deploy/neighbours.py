@@ -12,7 +12,7 @@ from .plan import Plan
 
 
 def warnings(plan: Plan) -> list[str]:
-    """What is to be told of them before this one starts. Raises DeploymentError if there is no run-time folder."""
+    """A note about them for the start of this network. Raises DeploymentError if there is no run-time folder."""
     mine = _ports(plan.to_json())
     if not mine:
         return []

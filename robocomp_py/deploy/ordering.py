@@ -58,7 +58,7 @@ def _by_client(edges: Iterable[Edge]) -> dict[str, tuple[str, ...]]:
 
 
 def _broken(graph: _Graph, needs: Mapping[Edge, int]) -> list[Edge]:
-    """The needs without which there is no circle: of each circle that is found, the one for the fewest operations."""
+    """The needs to drop so that no circle is left: in each circle, the one for the fewest operations."""
     broken: list[Edge] = []
     while circle := _circle(graph):
         edges = [edge for edge in zip(circle, (*circle[1:], circle[0]), strict=True) if edge in needs]
@@ -71,7 +71,7 @@ def _broken(graph: _Graph, needs: Mapping[Edge, int]) -> list[Edge]:
 
 
 def _circle(graph: _Graph) -> list[str]:
-    """Some circle; nothing if there is none."""
+    """A circle, or nothing."""
     finished: set[str] = set()
     for first in graph:
         path = {} if first in finished else {first: iter(graph[first])}

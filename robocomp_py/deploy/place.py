@@ -215,10 +215,10 @@ class Place:
 
     def _taken(self) -> str:
         runner = self.runner()
-        who = f"process {runner.pid}" if runner and runner.pid else "another process"
+        runs = f"process {runner.pid}" if runner and runner.pid else "another process"
         how = f" ({runner.command})" if runner and runner.command else ""
         end = f"rcdeploy down {self.network}" + (f", or kill {runner.pid}" if runner and runner.pid else "")
-        return f"{self.network} is already running: {who}{how}; to end it: {end}"
+        return f"{self.network} is already running: {runs}{how}; to end it: {end}"
 
 
 def running(deployments: Path, look: Callable[[Mapping[str, Any]], M]) -> Iterator[tuple[str, M]]:

@@ -128,5 +128,5 @@ class Overrides:
 
     def named(self, instance: str, assignment: str) -> str:
         """An assignment as it was given, with the instance that it is for."""
-        whom = instance if (instance, assignment) in self.settings else "*"
-        return f"{whom}.{assignment}"
+        subject = instance if (instance, assignment) in self.settings else "*"
+        return f"{subject}.{assignment}"

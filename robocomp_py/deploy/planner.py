@@ -59,10 +59,10 @@ from .wiring import Placement, Wiring, place
 from .wiring import wire as wire_hosts
 
 _MOST_CIRCLES = 3
-"""Circles of requirements that are told one by one."""
+"""Maximum number of circles of requirements that are listed."""
 
 Addresses = Callable[[Mapping[str, str]], Mapping[str, str]]
-"""Of hosts and their addresses as they are written, the number at which the others reach each; "" is this host."""
+"""Maps each host and its written address to the number at which the others reach it; "" is this host."""
 
 
 def as_written(hosts: Mapping[str, str]) -> Mapping[str, str]:
@@ -79,7 +79,7 @@ T = TypeVar("T")
 
 
 class Watch(Protocol):
-    """Passes items on one by one, and may show how many of them are done."""
+    """Yields the items, and may show how many are done."""
 
     def __call__(self, items: Sequence[T], doing: str, /) -> Iterable[T]: ...
 
@@ -99,8 +99,8 @@ def make_plan(
 ) -> Plan | None:
     """The plan of a DDSL file; None if anything is wrong, which the workspace's report then says.
 
-    `usable` tells which middlewares may be chosen where the network leaves that open; `addresses`, which may raise
-    OSError, where hosts are; `is_here`, whether an `ip` is this machine's.
+    `usable` says which middlewares may be chosen where the network leaves that open. `addresses` finds the numbers of
+    hosts, and may raise OSError. `is_here` says whether an `ip` is this machine's.
     """
     written = workspace.deployment(path)
     if written is None:
@@ -132,16 +132,16 @@ class _Planner:
         self._together, self._dependences = processes_of(model), process_dependences(model)
         self._links: list[Link] = []
         self._imported: list[Component] = []
-        """Those of which it may have instances."""
+        """The components that it may have instances of."""
         self._configured: list[Configured] = []
         self._programs: list[Configured] = []
         self._choice, self._wiring, self._placement = Choice(), Wiring(), Placement()
         self._between = ordered((), {}, {})
         self._inside: dict[str, Order] = {}
         self._blamed: dict[tuple[str, str, str, str], list[str]] = {}
-        """By what is wrong outside of all files (its name, a code, message and hint), the instances concerned."""
+        """The instances that an error outside of all files concerns, by name, code, message and hint."""
         self._unfit: set[str] = set()
-        """Middlewares that were complained about where the network names them."""
+        """Middlewares that have been reported where the network names them."""
 
     def plan(self) -> Plan:
         self._check_network()
@@ -241,7 +241,7 @@ class _Planner:
             self._error("missing-file", message, command, "install it, or write its path")
 
     def _is_elsewhere(self, instance: Instance) -> bool:
-        """Whether its program is one that its host has, and not a file beside the network."""
+        """Whether its program is installed on its host, rather than a file beside the network."""
         return bool(instance.path and Path(instance.path.text).is_absolute()) and bool(
             placing.host_name(self._model, instance)
         )
@@ -301,13 +301,13 @@ class _Planner:
         try:
             document = self._document(node, self._config(node))
         except ConfigurationError:
-            return False  # which is told when it is configured
+            return False  # reported when it is configured
         checked, complaints = settings.examine(node.component, document, node.instance.local)
         each = Configured(node.name, node.component, checked, document, generated_for(node.linked.path.parent))
         names = [operation.name for operation, _ in port.interface.under(port.verb)]
         return not complaints and all(each.outside(port, name, aim) for name in names for aim in each.aims(port, name))
 
-    # In which order, and how.
+    # Order and processes.
 
     def _in_order(self, nodes: Sequence[Node]) -> dict[str, list[Node]]:
         """Processes and their instances: those that others depend on or require come first; otherwise as written."""
@@ -388,7 +388,7 @@ class _Planner:
         )
 
     def _files(self, node: Node) -> Iterator[Path]:
-        """What the command of an instance names of the files here."""
+        """The local files that the command of an instance names."""
         if node.instance.path and not self._is_elsewhere(node.instance):
             yield (self._folder / node.instance.path.text).resolve()
         if node.instance.program:
@@ -430,7 +430,7 @@ class _Planner:
         return [*command, *(part for each in assignments for part in ("--set", each)), *arguments]
 
     def _existing(self, node: Node) -> list[str]:
-        """The command of a program that is there already: one that is named by its place is one of this folder."""
+        """The command of an existing program; a relative path starts at the network's folder."""
         words = placing.existing_command(node.instance.existing.text) if node.instance.existing else []
         if words and not node.host and "/" in words[0] and (found := self._program(words[0], node.instance)):
             return [str(found), *words[1:]]
@@ -533,7 +533,7 @@ class _Planner:
         )
 
     def _blames(self, origin: str, code: str, message: str, hint: str, node: Node) -> bool:
-        """Whether an environment variable or an option is to blame; that is reported once for all instances."""
+        """Whether an environment variable or an option is the cause, which is reported once for all instances."""
         variable = origin.removeprefix(settings.VARIABLE)
         is_variable = variable != origin and variable not in self._variables(node)
         if is_variable or origin.startswith("--"):
@@ -589,7 +589,7 @@ class _Planner:
                 self._error(fault.code, fault.message, node.place(fault.port), fault.hint, *blame)
 
     def _host_addresses(self, ordered: Mapping[str, Sequence[Node]]) -> Mapping[str, str]:
-        """At which number each host is reached, "" being this one; nothing if that is not known."""
+        """The number at which each host is reached; "" is this host. Empty if one is unknown."""
         hosts = placing.hosts_of(self._model, self._model.instances)
         if not hosts:
             return {"": LOOPBACK} if all(not node.host for each in ordered.values() for node in each) else {}
@@ -602,7 +602,7 @@ class _Planner:
             return {}
 
     def _wire_hosts(self, ordered: Mapping[str, Sequence[Node]], addresses: Mapping[str, str]) -> None:
-        """How instances reach each other, beside what their interfaces have ports of their own for."""
+        """How instances reach each other, except through ports of single interfaces."""
         named = {node.name: node for together in ordered.values() for node in together}
         configured = {each.name: each.settings.transports for each in self._configured}
         sites = [
@@ -661,7 +661,7 @@ class _Planner:
         self._placement = dataclasses.replace(found, settings={**found.settings, **moved})
 
     def _port(self, node: Node) -> int:
-        """The one it has for other transports: behind those of its interfaces."""
+        """Its port for other transports, which follows those of its interfaces."""
         first = placing.port(node.instance)
         return first + self._placement.taken.get(node.name, 0) if first else 0
 
@@ -675,7 +675,7 @@ class _Planner:
         return all(node.host in known for together in ordered.values() for node in together)
 
     def _check_security(self, nodes: Sequence[Node]) -> None:
-        """Whether nothing is reached in ways that the network does not allow."""
+        """Whether the security of the network allows everything that instances open."""
         allowed = placing.security(self._model)
         ways, wired = self._choice.ways, self._wiring
         openings = list(security.openings_of(self._configured, self._choice.carriers, wired.settings))
@@ -715,7 +715,7 @@ class _Planner:
 
 
 def _with_instance(part: str, rest: str, nodes: Sequence[Node]) -> str:
-    """The key that is meant by one without an instance, for one that has such a parameter; "" if it is no key."""
+    """The full key for a key without an instance, if an instance has such a parameter; "" if none has."""
     if part not in settings.KEYS:
         return ""
     name = re.split(r"[.\[]", rest)[0]
@@ -737,14 +737,14 @@ def _operations(client: Node, interface: str) -> int:
 
 
 def _at_port(port: int, provider: Configured | None = None) -> Iterator[str]:
-    """What a port that its network gives to an instance means; if the provider is known, for what it provides."""
+    """The meaning of the port that the network gives to an instance; if the provider is known, for what it provides."""
     for name, each in deployments().items():
         wanted = port if provider is None or _provides_over(name, provider) else 0
         yield from (f"transports.{name}.{key}={toml(value)}" for key, value in each.at_port(wanted).items())
 
 
 def _provides_over(middleware: str, each: Configured) -> bool:
-    """Whether anything that it provides goes over a middleware."""
+    """Whether a middleware carries anything that it provides."""
     provided = each.operations(providing=True)
     return any(middleware in each.settings.middlewares(*at, each.generated_for) for at in provided)
 
@@ -763,6 +763,6 @@ _RUN = (sys.executable, "-m", "robocomp_py.cli.rc", "run")
 
 
 def _joined(commands: Sequence[Sequence[str]]) -> list[str]:
-    """One command for several instances, from those that would run each of them alone."""
+    """One command for several instances, made of their single commands."""
     first, *others = commands
     return [*first, *(part for command in others for part in (BETWEEN, *command[len(_RUN) :]))]

@@ -1,7 +1,7 @@
 """The middlewares and peers that the operations of configured instances really use.
 
 The middleware of an operation may be chosen in many places, from the generated code to the command
-line, and so may the instance a port uses. What counts is what comes out of all of them together.
+line, and so may the instance a port uses. This module finds the result of all of them together.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Aim:
     source: str
     """`from`; "" is any instance."""
     middleware: str
-    """Over which it is to go; "" if that is left open."""
+    """The middleware for it; "" if that is left open."""
     said: str
     """The key of the port that says so."""
     is_link: bool = False
@@ -74,11 +74,11 @@ class Configured:
         return "/".join(filter(None, (self.settings.namespace, self.instance)))
 
     def middleware(self, port: Port, operation: str) -> str:
-        """What carries an operation, unless a better way is found for it."""
+        """The middleware of an operation, unless `auto` finds a better one."""
         return carrier(self.settings.port(port, operation).middleware, self.generated_for)
 
     def named(self, port: Port, operation: str) -> str:
-        """What is to carry an operation, and nothing else; "" if that is left open."""
+        """The middleware that is required for an operation; "" if that is left open."""
         return _named(self.settings.port(port, operation).middleware or self.generated_for)
 
     def aims(self, port: Port, operation: str) -> list[Aim]:
@@ -89,7 +89,7 @@ class Configured:
         return [own, *(_further(own, way) for way in chosen.also or ())]
 
     def middlewares(self) -> set[str]:
-        """All that it will open, also for its own `CommonBehavior`."""
+        """All middlewares that it will open, including that of its own `CommonBehavior`."""
         operations = (*self.operations(providing=True), *self.operations(providing=False))
         ways = {way for at in operations for way in self.settings.middlewares(*at, self.generated_for)}
         return (ways | {carrier(self.settings.middleware, self.generated_for)}) - {""}
@@ -249,7 +249,7 @@ def check_routes(configured: Sequence[Configured], instances: Collection[str], t
 
 
 def worth_telling(faults: Iterable[Fault]) -> list[Fault]:
-    """Of those with one subject, the first."""
+    """The first fault of each subject."""
     once: dict[tuple[str, ...], Fault] = {}
     for fault in faults:
         once.setdefault((fault.code, *(fault.subject or (fault.message,))), fault)
@@ -349,7 +349,7 @@ def _check_ends(
     if not here:
         return
     if any(name and _is_unfit(end, name) for end, name in ((client, mine), (server, other))):
-        return  # which has been told
+        return  # reported already
     what = f"`{port.interface.short}.{operation}`"
     subject = (client.name, port.name, server.name)
     if not _suits(aim, server, theirs, operation):

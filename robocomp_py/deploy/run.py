@@ -60,10 +60,10 @@ REMIND = 5.0
 """Seconds until the waiting instances are reported; then twice as long each time, while nothing changes."""
 
 MEASURE = 1.0
-"""Seconds between two looks at what the processes use."""
+"""Seconds between two measurements of the processes' usage."""
 
 CLOSING = 30.0
-"""Seconds that the agents have to clean up."""
+"""Seconds within which the agents must clean up."""
 
 REQUESTS = 1000
 """Events that may wait; a user who asks for more is refused."""
@@ -87,10 +87,10 @@ class Options:
 
 
 Service = Callable[[Network], AbstractAsyncContextManager[object]]
-"""What is open while a network runs, for others to look at it."""
+"""A service that is open while a network runs, such as its control socket."""
 
 Agents = Callable[[Plan, Listener, Callable[[str], None]], Mapping[str, Agent]]
-"""Those of a plan, by host; what is called last is told what takes long. May raise DeploymentError."""
+"""Makes the agents of a plan, by host. The last argument is called with progress. May raise DeploymentError."""
 
 
 def agents_of(plan: Plan, listener: Listener, note: Callable[[str], None]) -> dict[str, Agent]:
@@ -163,7 +163,7 @@ class _Run(Listener, Network):
         finally:
             for number, handler in before.items():
                 loop.remove_signal_handler(number)
-                signal.signal(number, handler or signal.SIG_DFL)  # of which asyncio does not think
+                signal.signal(number, handler or signal.SIG_DFL)  # asyncio does not restore it
 
     async def _with_agents(self, services: Sequence[Service]) -> int:
         try:
@@ -186,7 +186,7 @@ class _Run(Listener, Network):
             await self._close()
 
     async def _open(self) -> int | None:
-        """Get hosts ready. Returns the exit code if that is the end already."""
+        """Open all agents. Returns the exit code if one of them failed or a stop was requested."""
         opening = asyncio.gather(*(lane.agent.open() for lane in self._lanes.values()), return_exceptions=True)
         asked = asyncio.create_task(self._stop_asked.wait())
         try:
@@ -218,7 +218,7 @@ class _Run(Listener, Network):
         return code
 
     async def _close(self) -> None:
-        """Leave nothing, at no host, whatever happens at another one."""
+        """Close the agents of all hosts, even if one of them fails."""
         closing = [asyncio.create_task(lane.agent.close()) for lane in self._lanes.values()]
         done, late = await asyncio.wait(closing, timeout=CLOSING) if closing else (set(), set())
         for task in late:
@@ -271,15 +271,15 @@ class _Run(Listener, Network):
             case Kill(name):
                 self._lane(name).kill(name)
             case Retry() | GaveUp() | Along() | Stuck():
-                pass  # told already
+                pass  # reported already
             case Finish():
-                raise AssertionError("the end is no deed")
+                raise AssertionError("`Finish` is handled by the loop")
 
     def _lane(self, name: str) -> Lane:
         return self._lanes[self._processes[name].host]
 
     def _handle(self, event: Event) -> list[Action]:
-        """Have the policy decide, and people be told."""
+        """Let the policy decide, and report its decision."""
         supervisor = self._supervisor
         before, was_stopping = supervisor.states, supervisor.stopping
         actions = supervisor.handle(event, self._clock(), self._chance())

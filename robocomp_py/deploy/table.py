@@ -1,4 +1,4 @@
-"""How a network is, as a table for people: a snapshot in, lines of styled text out. Quick: no library lays it out.
+"""The state of a network as a table: a snapshot in, lines of styled text out. No library, so that it is fast.
 
 A line for each process, and below it, if it has several instances, one for each of them.
 """
@@ -36,11 +36,11 @@ USUAL = "compute"
 _UNUSUAL = "bold red"
 
 HERE = "here"
-"""What the machine of the controller is called in the column of hosts."""
+"""The name of the controller's machine in the column of hosts."""
 
 _GAP = "  "
 _LEAST_NOTE = 24
-"""Characters that are left for what is said of a process, or it is not said."""
+"""Minimum width of the column of notes, in characters; with less room it is left out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ class _Column:
     value: Callable[[ProcessStatus], str]
     to_the_right: bool = True
     leaves: int = 0
-    """When it goes if the lines are too long: the greatest number first; 0 stays."""
+    """The order in which columns are left out of long lines: the greatest number first; 0 always stays."""
 
 
 def summary(snapshot: Snapshot) -> Line:
@@ -82,9 +82,9 @@ def table(
     height: int | None = None,
     colours: Mapping[str, str] | None = None,
 ) -> list[Line]:
-    """All processes, or as many as fit into so many lines: those go first that are well. How many those are is said.
+    """All processes, or those that fit into `height` lines; healthy ones are left out first, and counted.
 
-    Columns that tell least are left out where lines would be longer than `width`.
+    The least important columns are left out if lines would be longer than `width`.
     """
     processes, others = _worth_a_line(snapshot.processes, height)
     columns = [each for each in _COLUMNS if each.title in ("instance", "state") or any(map(each.value, processes))]
@@ -241,10 +241,10 @@ _COLUMNS = (
 def _worth_a_line(
     processes: Sequence[ProcessStatus], height: int | None
 ) -> tuple[Sequence[ProcessStatus], Sequence[ProcessStatus]]:
-    """Those that there is room for, in their order, and the others."""
+    """The processes that there is room for, in their order, and the others."""
     if height is None or 1 + sum(map(_height, processes)) <= height:
         return processes, ()
-    room = height - 2  # for the heads, and for how many more there are
+    room = height - 2  # for the heads, and the line that counts the rest
     shown: set[str] = set()
     for each in sorted(processes, key=_urgency):
         if _height(each) <= room:
@@ -274,7 +274,7 @@ def _is_shared(process: ProcessStatus) -> bool:
 
 
 def _leave_out(columns: list[_Column], widths: dict[_Column, int], note: _Column | None, width: int) -> None:
-    """Make lines short enough, by the notes first as far as they stay readable, then by whole columns."""
+    """Shorten lines: first the notes, as far as they stay readable, then whole columns."""
 
     def room() -> int:
         return width - sum(widths[each] + len(_GAP) for each in columns if each is not note) + len(_GAP)

@@ -1,4 +1,4 @@
-"""What people are told of a network that runs, in sentences: what happened, and what comes of it."""
+"""Reports the events of a running network in sentences: what happened, and what follows."""
 
 from __future__ import annotations
 
@@ -31,28 +31,28 @@ from .policy import (
 
 
 class Display(Protocol):
-    """Where people look."""
+    """Where events are shown."""
 
     def line(self, name: str, text: str) -> None:
         """A line of a component's output."""
 
     def states(self, states: dict[str, State]) -> None:
-        """How all are, after a change."""
+        """The states of all processes, after a change."""
 
     def up(self) -> None:
         """Everything is ready."""
 
-    def waiting(self, whom: list[str]) -> None:
+    def waiting(self, names: list[str]) -> None:
         """Some processes are not ready yet: their names, with the reason if known."""
 
     def ended(self, name: str, how: str) -> None:
-        """A component is gone, which is worth a word, but nothing is wrong with it."""
+        """A component has ended without an error."""
 
     def failed(self, name: str, how: str) -> None:
-        """A component failed; say what follows from that. `line` has shown what it printed itself."""
+        """A component failed; `how` says what follows. `line` has shown its own output."""
 
     def tell(self, text: str) -> None:
-        """What happens to the network otherwise."""
+        """Any other event of the network."""
 
     def stopping(self, why: str) -> None: ...
 
@@ -66,17 +66,17 @@ class Teller:
         self._killed: dict[str, str] = {}
         """The processes that rcdeploy killed, with the words to report it."""
         self.statuses: dict[str, str] = {}
-        """What each says about itself."""
+        """The status that each process has reported."""
         self.left: dict[str, list[str]] = {name: [] for name in self._processes}
-        """Those in a process that have ended while it goes on."""
+        """The instances that have ended while their process goes on."""
         self.how: dict[str, str] = {}
-        """How each ended last."""
+        """How each process ended last."""
 
     def line(self, name: str, text: str) -> None:
         self._display.line(name, text)
 
     def tell(self, event: Event, before: Mapping[str, State], was_stopping: bool, actions: Sequence[Action]) -> None:
-        """What an event has come to, of which the supervisor has been told."""
+        """Report an event that the supervisor has handled."""
         self._tell_event(event, before, was_stopping, actions)
         if self._supervisor.stopping and not was_stopping:
             self._display.stopping(self._supervisor.why)
@@ -145,7 +145,7 @@ class Teller:
         hung = "did not answer its watchdog; " if was is State.HUNG else ""
         how = f"{hung}{killed or _how(code)}{''.join(map(self._given_up, actions))}"
         state = self._supervisor.states[name]
-        if not (state is State.ENDED and self._supervisor.progress[name].is_dropped):  # why it did is known better
+        if not (state is State.ENDED and self._supervisor.progress[name].is_dropped):  # a better reason is known
             self.how[name] = how
         how += "".join(map(_retried, actions))
         is_mission = self._until in (name, *self._processes[name].instances)

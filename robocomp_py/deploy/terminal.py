@@ -201,8 +201,8 @@ class Terminal(Display):
             self._shown = False
             self._leave(self._place.complaints)
 
-    def waiting(self, whom: list[str]) -> None:
-        self._say(f"not ready yet: {', '.join(whom)}", "yellow")
+    def waiting(self, names: list[str]) -> None:
+        self._say(f"not ready yet: {', '.join(names)}", "yellow")
 
     def ended(self, name: str, how: str) -> None:
         self._say(f"{self._called.get(name, name)} {how}", "yellow")

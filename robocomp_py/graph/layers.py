@@ -14,20 +14,20 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 _BESIDE, _BETWEEN = 26.0, 20.0
-"""From one box to the next in a layer; from one layer to the next."""
+"""Pixels between boxes of a layer, and between layers."""
 
 _SWEEPS, _SHIFTS = 24, 80
-"""How often layers are sorted, and moved."""
+"""Number of times that layers are sorted, and moved."""
 
 _STRAIGHT = 8.0
-"""How much more an arrow wants to be straight where it passes layers than where it leaves or comes to a box."""
+"""The weight of straight arrows between layers, relative to arrows at a box."""
 
 Point = tuple[float, float]
 
 
 @dataclass(frozen=True)
 class Box:
-    """Its size, and what stands out at its right: arrows come to the middle of the box alone."""
+    """Its size, and the width of what stands out at its right; arrows come to the middle of the box itself."""
 
     width: float
     height: float
@@ -242,9 +242,9 @@ def _closing(names: list[str], arrows: Sequence[Arrow]) -> set[int]:
 
 
 def _push_apart(layer: list[_Cell], wanted: list[tuple[float, float]]) -> None:
-    """Put cells as near to where they are wanted as they come without touching: groups that would are moved as one.
+    """Put cells as near to their wanted places as possible without overlap; cells that would overlap move together.
 
-    What all this makes smaller is the sum of the squares of what arrows go to the side, so it comes to rest.
+    This reduces the sum of the squares of sideways distances, so it converges.
     """
     offsets, offset = list[float](), 0.0
     for before, cell in zip([None, *layer], layer, strict=False):

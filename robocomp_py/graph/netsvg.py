@@ -11,12 +11,12 @@ from .network import Around, Edge, Graph, Group, Node
 from .svg import curve, document, escaped, marker, moved
 
 _LETTER, _SMALL, _LINE = 8.2, 6.3, 13.0
-"""Pixels that a letter of a name, and of a label, takes at most on the average; and a line of a label, in height."""
+"""The average width of a letter of a name and of a label, at most, and the height of a label's line, in pixels."""
 
 _MARGIN, _PADDING, _TITLE, _BOX = 16.0, 16.0, 26.0, 46.0
 _LEGEND = 34.0
 _MOST = 5
-"""Interfaces that stand at an arrow; how many more there are is said."""
+"""Maximum number of interfaces at an arrow; the rest is counted."""
 
 _UNKNOWN = "#51657b"
 
@@ -46,7 +46,7 @@ def draw(graph: Graph) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Exit:
-    """Where one end of an arrow leaves the group that it is in, or comes into it."""
+    """Where one end of an arrow crosses the border of a group."""
 
     edge: Edge
     end: int
@@ -56,14 +56,14 @@ class _Exit:
 
 @dataclass(eq=False)
 class _Area:
-    """A group or an instance: how much room it takes, and where it and all in it stands."""
+    """The size and the position of a group or an instance, with all that it contains."""
 
     what: Group | Node
     size: Point = (0.0, 0.0)
     inner: dict[str, _Area] = field(default_factory=dict)
     places: Mapping[str, Point] = field(default_factory=dict)
     routes: dict[Edge, Route] = field(default_factory=dict)
-    """Of arrows that stay within it, but not within one of those in it."""
+    """The ends of arrows that stay within it, but not within one of its parts."""
     exits: dict[tuple[Edge, int], tuple[Route, Point]] = field(default_factory=dict)
     """What arrows pass between one of those in it and its border, and where that is."""
     corner: Point = (0.0, 0.0)
@@ -105,7 +105,7 @@ class _Drawing:
     # Sizes and places.
 
     def _arrange(self, area: _Area, path: tuple[str, ...], leaving: Sequence[_Exit]) -> None:
-        """Give everything in it a place. `leaving` are the ends of arrows that have to come to its border."""
+        """Place everything in it. `leaving` are the ends of arrows that must reach its border."""
         if isinstance(area.what, Node):
             texts = len(area.what.short) * _LETTER, len(area.what.component) * _SMALL
             area.size = (max(84.0, max(texts) + 24), _BOX)
@@ -138,7 +138,7 @@ class _Drawing:
         least = len(_heading(area.what)) * _LETTER + 24 if isinstance(area.what, Group) and framed else 0.0
         wide = max(layout.size[0], least - 2 * padding)
         left = padding + (wide - layout.size[0]) / 2
-        down = title + (0.0 if any(each.top for each in leaving) else padding)  # room enough: nothing else is up there
+        down = title + (0.0 if any(each.top for each in leaving) else padding)  # nothing else is up there
         below = 0.0 if any(not each.top for each in leaving) else padding
         area.places = {key: (x + left, y + down) for key, (x, y) in layout.corners.items()}
         area.size = (wide + 2 * padding, layout.size[1] + down + below)
@@ -203,7 +203,7 @@ class _Drawing:
         colour = _colour(edge.middleware)
         return (
             f'<path{kind} d="{curve(points)}" stroke="{colour}" marker-end="url(#{_tip(colour)})">'
-            f"<title>{escaped(_said(edge))}</title></path>"
+            f"<title>{escaped(_tooltip(edge))}</title></path>"
         )
 
     def _leg(self, edge: Edge, end: int) -> tuple[list[Point], _Area]:
@@ -297,7 +297,7 @@ def _label_size(edge: Edge) -> Point:
     return max(map(len, lines)) * _SMALL, _LINE * len(lines) + 2
 
 
-def _said(edge: Edge) -> str:
+def _tooltip(edge: Edge) -> str:
     verb = "publishes to" if edge.topic else "calls"
     over = f", over {edge.middleware}" if edge.middleware else ""
     return f"{edge.source} {verb} {edge.target}: {', '.join(edge.interfaces)}{over}"

@@ -1,4 +1,4 @@
-"""Networks as text that other programs draw: Graphviz's DOT, and Mermaid."""
+"""Networks as text for other programs: Graphviz's DOT, and Mermaid."""
 
 from __future__ import annotations
 

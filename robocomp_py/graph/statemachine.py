@@ -10,11 +10,11 @@ from .layers import Arrow, Box, Layout, Point, Route, layered
 from .svg import curve, document, escaped, moved
 
 _LETTER, _SMALL = 8.2, 6.3
-"""Pixels that a letter of a name, and of a label, takes at most on the average."""
+"""The average width of a letter of a name and of a label, at most, in pixels."""
 
 _MARGIN, _PADDING, _TITLE, _BOX = 16.0, 16.0, 28.0, 34.0
 _LOOP = 26.0
-"""How far the arrow of a state to itself stands out."""
+"""Width of the arrow from a state to itself, in pixels."""
 _LANE = 20.0
 """The height of what an arrow between two regions needs below them."""
 _BEGIN = "*"
@@ -43,7 +43,7 @@ def draw(machine: StateMachine) -> str:
 
 @dataclass
 class _Area:
-    """A state and what is in it: how much room it takes, and where all in it stands."""
+    """The size of a state, and the positions of all that it contains."""
 
     state: State
     size: Point = (0.0, 0.0)
@@ -273,7 +273,7 @@ def _ends(transition: Transition) -> tuple[str, str]:
 
 
 def _label(transition: Transition) -> str:
-    """What has it taken: its events, or else what fires it."""
+    """The label of a transition: its events, or else what fires it."""
     return ", ".join(transition.events) or transition.trigger
 
 

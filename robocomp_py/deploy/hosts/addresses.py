@@ -48,7 +48,7 @@ def resolve(address: str) -> str:
 
 
 def towards(address: str) -> str:
-    """Our own number on the way to that one; nothing is sent. Raises OSError if there is no way."""
+    """This machine's number on the route to that one; nothing is sent. Raises OSError without a route."""
     family = socket.AF_INET6 if ":" in address else socket.AF_INET
     try:
         with socket.socket(family, socket.SOCK_DGRAM) as asking:

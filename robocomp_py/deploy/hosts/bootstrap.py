@@ -31,7 +31,7 @@ def refuse(why: str) -> "NoReturn":
 
 
 def exactly(size: int) -> bytes:
-    """So many octets of standard input, none of what comes behind them."""
+    """Exactly `size` octets of standard input."""
     parts = []
     while size:
         part = os.read(0, min(size, 1 << 16))

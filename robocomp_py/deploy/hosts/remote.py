@@ -47,31 +47,31 @@ ANSWER_TIMEOUT = 60.0
 """Seconds for a host to get ready, and to start one process."""
 
 CLOSING = 25.0
-"""Seconds for it to end everything."""
+"""Seconds within which it ends everything."""
 
 FIRST_PAUSE, LONGEST_PAUSE = 0.5, 10.0
 """Seconds between two attempts to reach it again."""
 
 WORTH_TELLING = 1_000_000
-"""Octets from which on sending is told about."""
+"""Bytes from which on sending reports its progress."""
 
 _CHUNK = 256 * 1024
 
 
 @dataclass(frozen=True)
 class Share:
-    """What of a network is one host's business."""
+    """The part of a network that runs on one host."""
 
     network: str
     processes: tuple[Process, ...]
     hosted: tuple[tuple[str, Mapping[str, Any]], ...] = ()
     """Middlewares whose shared part the agent runs there, with their options."""
     needs: Mapping[str, str] = field(default_factory=dict)
-    """Modules that must be there, and the packages that have them."""
+    """Required modules, and the packages that provide them."""
     keys: Mapping[Path, str] = field(default_factory=dict)
     """Files that only this host gets, and their places below `keys`."""
     keys_folder: Path | None = None
-    """What their folder is called in commands; it is another one there."""
+    """Their folder as commands name it; the host has another one."""
 
 
 class RemoteAgent(Agent):
@@ -83,7 +83,7 @@ class RemoteAgent(Agent):
         note: Callable[[str], None] = log.info,
         **options: Any,
     ) -> None:
-        """`note` is told what takes long; `options` are further ones of asyncssh's."""
+        """`note` is called with progress; `options` are passed to asyncssh."""
         self._host, self._share, self._listener = host, share, listener
         self._note, self._options = note, options
         self._names = {process.name for process in share.processes}
@@ -92,17 +92,17 @@ class RemoteAgent(Agent):
         self._places: Mapping[Path, str] = places(share.processes, FILES)
         self._channel: ssh.Channel | None = None
         self.kept: list[str] = []
-        """What ran there when we came."""
+        """What ran there when the connection was made."""
         self._root = self._python = self._folder = ""
         self._starting: dict[str, asyncio.Future[None]] = {}
         self._usage: dict[str, Usage] = {}
         self._heard_at = 0.0
         self._closed = asyncio.Event()
-        """Set when the other side has said that nothing is left."""
+        """Set when the agent has reported that nothing is left."""
         self._closing = False
         self._tasks: set[asyncio.Task[None]] = set()
 
-    # What run.py asks.
+    # Commands of run.py.
 
     async def open(self) -> None:
         """Raises HostUnreachable; DeploymentError if the network runs there already, or cannot."""
@@ -149,13 +149,13 @@ class RemoteAgent(Agent):
         if channel:
             await channel.close()
 
-    # Getting there.
+    # Connecting.
 
     def _pack(self) -> Bundle:
         return pack(collect(self._places, self._share.keys))
 
     async def _reach(self) -> None:
-        """Have the agent there, and be heard by it. Raises DeploymentError."""
+        """Connect to the agent, starting it if needed. Raises DeploymentError."""
         assert self._bundle
         asked = {
             "bundle": self._bundle.name,
@@ -191,11 +191,11 @@ class RemoteAgent(Agent):
 
     @property
     def _called(self) -> str:
-        """What the network is called there: another host of it may be the same machine."""
+        """The network's name there: two of its hosts may be the same machine."""
         return f"{self._share.network}.{self._host.name}"
 
     async def _told(self, lines: _Told, channel: ssh.Channel, what: str) -> Message:
-        """What comes next, which is to be this. Raises DeploymentError, for people."""
+        """The next message of the kind `what`. Raises DeploymentError."""
         while (message := await lines.next(noise=what == "boot")) is not None:
             if message.get("tell") == what:
                 return message
@@ -243,7 +243,7 @@ class RemoteAgent(Agent):
         return tuple(map(self._with_keys, relocate(process, there, self._python)))
 
     def _with_keys(self, what: Any) -> Any:
-        """The same, with the folder of the keys called what it is there."""
+        """The same, with the host's own folder of keys."""
         if isinstance(what, Mapping):
             return {key: self._with_keys(value) for key, value in what.items()}
         if isinstance(what, list | tuple):
@@ -252,7 +252,7 @@ class RemoteAgent(Agent):
             return what.replace(str(self._share.keys_folder), f"{self._root}/{KEYS}")
         return what
 
-    # Being there.
+    # Connected.
 
     async def _listen(self, channel: ssh.Channel, lines: _Told) -> None:
         why = "the connection was closed"
@@ -284,7 +284,7 @@ class RemoteAgent(Agent):
     def _take(self, message: Message) -> None:
         name = message.get("name", "")
         if "name" in message and not (isinstance(name, str) and name in self._names):
-            return  # what an earlier controller left there, and is being ended
+            return  # left by an earlier controller, and being ended
         match message["tell"]:
             case "output":
                 self._listener.output(name, message["line"][:LINE].replace("\n", " "))
@@ -329,7 +329,7 @@ class RemoteAgent(Agent):
             with contextlib.suppress(OSError, asyncssh.Error):  # the agent notices the closed connection
                 self._channel.writer.write(packed(message))
 
-    # Losing it, and finding it again.
+    # Lost and found.
 
     def _lose(self, channel: ssh.Channel, why: str) -> None:
         if self._channel is not channel:

@@ -1,4 +1,4 @@
-"""One connection and one channel to a host, and what goes wrong with that, for people.
+"""One connection and one channel to a host, with errors for users.
 
 The user's own configuration of SSH applies (`~/.ssh/config`, keys, agent). There are no questions for a password, since
 a network may be restarted while no user is present. No terminal, no forwarding of any kind.
@@ -20,15 +20,15 @@ from .lines import shown
 from .trusting import Presented, host_of, known_keys
 
 CONNECT_TIMEOUT = 15.0
-"""Seconds for a host to let us in."""
+"""Seconds for a login."""
 
 
 ENDING = 5.0
-"""Seconds for a program that has done what it was to do to end."""
+"""Seconds for a finished program to end."""
 
 
 class Channel:
-    """A program on a host: what it reads and writes."""
+    """A program on a host, with its input and output."""
 
     def __init__(self, connection: asyncssh.SSHClientConnection, process: asyncssh.SSHClientProcess[bytes]) -> None:
         self._connection, self._process = connection, process
@@ -39,7 +39,7 @@ class Channel:
         return self._process.returncode
 
     async def said(self) -> str:
-        """What the program, or the shell that was to start it, said about what went wrong; and how it ended."""
+        """The errors that the program or its shell printed, and how it ended."""
         try:
             async with asyncio.timeout(CONNECT_TIMEOUT):
                 text = shown((await self._process.stderr.read(4000)).decode(errors="replace")).strip()
@@ -51,7 +51,7 @@ class Channel:
         return text or "the connection was closed"
 
     async def close(self) -> None:
-        """Once the program has ended, or does not. Idempotent."""
+        """Wait briefly for the program to end, then close. Idempotent."""
         with contextlib.suppress(TimeoutError, OSError, asyncssh.Error):
             async with asyncio.timeout(ENDING):
                 await self._process.wait_closed()
@@ -64,7 +64,7 @@ class Channel:
             self._connection.abort()
 
     def abort(self) -> None:
-        """Let go of it without a word."""
+        """Drop the connection at once."""
         self._connection.abort()
 
 
@@ -81,7 +81,7 @@ async def run(host: Host, command: Sequence[str], **options: Any) -> Channel:
 
 
 async def connect(host: Host, **options: Any) -> asyncssh.SSHClientConnection:
-    """Be let in. Raises HostUnreachable, with what to try."""
+    """Log in. Raises HostUnreachable, with a hint."""
     asked: dict[str, Any] = {
         "known_hosts": known_keys,
         "agent_forwarding": False,
@@ -137,12 +137,12 @@ async def key_of(host: Host, **options: Any) -> Presented:
 
 
 def called(host: Host) -> str:
-    """A host, for people."""
+    """A host's name and address, for messages."""
     return host.name if host.name == host.address else f"{host.name} ({host.address})"
 
 
 class _KeyWatch(asyncssh.SSHClient):
-    """Takes note of a key that is not known."""
+    """Remembers a key that is not known."""
 
     presented: Presented | None = None
 
@@ -171,7 +171,7 @@ def _distrusted(host: Host, presented: Presented | None, why: str) -> str:
 
 
 def _target(host: Host, *, for_us: bool = False) -> str:
-    """As it is written for ssh, or for `rcdeploy trust`."""
+    """The host as an argument of ssh or `rcdeploy trust`."""
     named = f"{host.user}@{host.address}" if host.user else host.address
     if not host.port:
         return named

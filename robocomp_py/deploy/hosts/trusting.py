@@ -39,7 +39,7 @@ def host_of(target: str) -> Host:
     found = re.fullmatch(r"\[([^\]]+)\](?::(\d+))?|([^:\s]+):(\d+)|([^\[\]\s]+)", rest)
     port = int((found[2] or found[4] or 0) if found else 0)
     if not found or rest.startswith("-") or port > 65535:
-        raise DeploymentError(f"`{target}` is no host; write [USER@]ADDRESS[:PORT]")
+        raise DeploymentError(f"`{target}` is not a host; write [USER@]ADDRESS[:PORT]")
     address = found[1] or found[3] or found[5]
     return Host(address, address, user, port)
 

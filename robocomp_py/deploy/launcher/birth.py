@@ -19,7 +19,7 @@ PADDING = "-" * 4096
 
 @dataclass(frozen=True, slots=True)
 class Birth:
-    """How a process is to start. It ends with its process `parent`."""
+    """The settings of a new process, which ends with the process `parent`."""
 
     parent: int
     lifeline: int
@@ -29,7 +29,7 @@ class Birth:
     """The limits of open files as they were before the launcher raised its own."""
 
     def prepare(self) -> None:
-        """Called in the new process: give it a session and a group, and have it end with its launcher."""
+        """Called in the new process: give it a session and a group, and let it end with its launcher."""
         os.setsid()
         unsafe.prctl(unsafe.PR_SET_PDEATHSIG, signal.SIGTERM)
         if os.getppid() != self.parent:  # it has ended already
@@ -44,9 +44,9 @@ class Birth:
                 resource.setrlimit(resource.RLIMIT_NOFILE, self.files)
 
     def _die_with_lifeline(self) -> None:
-        """Have the kernel end our group when the last of the other ends is closed.
+        """Let the kernel end this process group when the last of the other ends is closed.
 
-        Nothing is written there, so all that can happen to the pipe is that; and no code of ours has to run.
+        Nothing is written to the pipe, so closing is its only event; and no code of ours has to run.
         """
         with contextlib.suppress(OSError):
             os.set_inheritable(self.lifeline, True)

@@ -1,6 +1,6 @@
 """Control groups (version 2): a process cannot leave its group, so ending the group ends all that a process started.
 
-Where there are none, or none that we may make, everything goes on without. Standard library only.
+If the system has none, or allows none to be made, the launcher works without. Standard library only.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pathlib import Path
 
 
 def make(name: str) -> Path | None:
-    """A group of our own, below the one that this process is in; None if there can be none."""
+    """Make a group below that of this process; None if that is impossible."""
     own = _own()
     if own is None:
         return None
@@ -29,7 +29,7 @@ def make(name: str) -> Path | None:
 
 
 def child(group: Path, name: str) -> Path | None:
-    """A group inside of one for a process; None if it cannot be made."""
+    """Make a group for a process inside another one; None if that fails."""
     made = group / name
     try:
         made.mkdir(exist_ok=True)
@@ -39,13 +39,13 @@ def child(group: Path, name: str) -> Path | None:
 
 
 def enter(group: str) -> None:
-    """Have the calling process be in it, and all that it starts from now on. Raises OSError."""
+    """Move the calling process into it, with all that it starts from now on. Raises OSError."""
     with open(f"{group}/cgroup.procs", "w") as members:
         members.write("0")
 
 
 def populated(group: Path) -> bool:
-    """Whether processes live in it or below it; True if that cannot be found out."""
+    """Whether processes live in it or below it; True if that is unknown."""
     try:
         return "populated 1" in (group / "cgroup.events").read_text()
     except (FileNotFoundError, NotADirectoryError):
@@ -61,7 +61,7 @@ def kill(group: Path) -> None:
 
 
 def members(group: Path) -> list[int]:
-    """The processes in it and below it, as far as they can be found out."""
+    """The known processes in it and below it."""
     files = [group / "cgroup.procs"]
     with contextlib.suppress(OSError):  # no descriptor is left
         files += group.glob("*/**/cgroup.procs")
@@ -87,7 +87,7 @@ def remove(group: Path) -> bool:
 
 
 def end(group: Path, within: float = 2.0) -> bool:
-    """Kill what is in it and remove it; blocks for so many seconds at most. Whether it is gone."""
+    """Kill what is in it and remove it; blocks for at most `within` seconds. Returns whether it is gone."""
     give_up = time.monotonic() + within
     kill(group)
     while not remove(group) and time.monotonic() < give_up:

@@ -21,14 +21,14 @@ from .birth import PADDING, Birth
 _COMMAND = (sys.executable, "-m", "robocomp_py.cli.rc")
 
 _EARLY = ("PYTHON", "LD_", "OMP_", "OPENBLAS_", "MKL_", "BLIS_", "NUMEXPR_", "MALLOC_", "GLIBC_", "NPY_")
-"""How variables begin that are read before our code runs, or when what is imported already was."""
+"""Prefixes of variables that are read before our code runs, or while its modules are imported."""
 
 _ANSWER = 30.0
 """Seconds within which the zygote answers, its own start included."""
 
 
 class Unavailable(DeploymentError):
-    """There is no zygote, or it does not answer, or not with a process."""
+    """The zygote does not run, does not answer, or cannot start the process."""
 
 
 def forkable(process: Process) -> bool:
@@ -39,7 +39,7 @@ def forkable(process: Process) -> bool:
 
 
 class Zygote:
-    """The process that imports once. Its end is no matter to those it has started."""
+    """The process that imports the modules once and forks. Its end does not affect the processes that it started."""
 
     def __init__(self, middlewares: Iterable[str], lifeline: int, environment: Mapping[str, str]) -> None:
         """Raises OSError if it cannot be started."""
@@ -55,7 +55,7 @@ class Zygote:
                 start_new_session=True,
             )
         self._asked: dict[int, tuple[str, asyncio.Future[int]]] = {}
-        """By the number of the request: the name of the process, and its id."""
+        """The name and the id of the process, by the number of the request."""
         self._number = 0
         self.ended = False
         asyncio.get_running_loop().add_reader(self._channel, self._answered)
@@ -112,7 +112,7 @@ class Zygote:
             asyncio.get_running_loop().remove_reader(self._channel)
             with contextlib.suppress(OSError):
                 self._channel.shutdown(socket.SHUT_RDWR)  # a fork server that cannot answer ends what it starts
-            while message := self._read():  # what was told before runs, and would be started again
+            while message := self._read():  # these processes run, and would be started again
                 self._settle(message)
             self._channel.close()
             self._running.kill()
@@ -128,7 +128,7 @@ class Zygote:
             try:
                 socket.send_fds(self._channel, [request], [output])
                 return
-            except BlockingIOError:  # it has so many already
+            except BlockingIOError:  # its queue is full
                 if asyncio.get_running_loop().time() > end:
                     raise TimeoutError from None
                 await asyncio.sleep(0.005)
@@ -141,13 +141,13 @@ class Zygote:
             self.close()
 
     def _read(self) -> bytes | None:
-        """The next answer; None if there is none yet, empty if there is to be none any more."""
+        """The next answer; None if there is none yet, empty if no more will come."""
         while True:
             try:
                 return self._channel.recv(65536)
             except BlockingIOError:
                 return None
-            except ConnectionResetError:  # told once, and before what was answered before it
+            except ConnectionResetError:  # reported once, ahead of the answers that wait
                 continue
             except OSError:
                 return b""

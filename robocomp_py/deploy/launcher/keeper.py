@@ -1,4 +1,4 @@
-"""Cleans up behind a launcher that was killed. Run as a program: `… keeper NETWORK FOLDER LIFELINE`.
+"""Cleans up after a launcher that was killed. Run as a program: `… keeper NETWORK FOLDER LIFELINE`.
 
 It reads lines from its launcher: first the launch, `=MARK BOOT CGROUP`; then `+PID STARTED` for a process that was
 started, `-PID` for one that has ended. When the pipe closes, whatever is left of them and of what they started gets
@@ -37,7 +37,7 @@ def main() -> None:
 
 
 def take(left: Leftovers, line: str) -> None:
-    """What the launcher says."""
+    """The lines of the launcher."""
     kind, rest = line[:1], line[1:]
     if kind == "=":
         left.launch, left.boot, left.cgroup = rest.split(" ", 2)

@@ -23,7 +23,7 @@ GRACE = 3.0
 """Seconds that leftovers have to end by themselves."""
 
 _COMPACT = 1 << 20
-"""Bytes after which what has ended is left out."""
+"""Bytes from which on the file is written anew, without processes that have ended."""
 
 
 @dataclass
@@ -68,7 +68,7 @@ class Leftovers:
 
 
 class Record:
-    """The file, as long as we launch."""
+    """The file of a running launch."""
 
     def __init__(self, path: Path, launch: str, cgroup: Path | None) -> None:
         """Raises OSError."""
@@ -85,7 +85,7 @@ class Record:
                 self._compact()
 
     def remove(self, pid: int) -> None:
-        """It has ended. The file need not say so: its start time tells."""
+        """It has ended. The file may keep its line: the start time shows that the id is stale."""
         self.content.processes.pop(pid, None)
 
     def close(self) -> None:
@@ -109,7 +109,7 @@ def _head(content: Leftovers) -> dict[str, object]:
 
 
 def load(path: Path) -> Leftovers | None:
-    """What a launch left that did not end well; None if none did. Lines that are broken are passed over."""
+    """What a launch left that did not end well; None if there is none. Broken lines are skipped."""
     try:
         lines = path.read_text(errors="replace").splitlines()
     except OSError:

@@ -48,17 +48,17 @@ from .watchdogs import Watchdogs
 log = logging.getLogger("robocomp.deploy")
 
 WATCHDOG = 30.0
-"""Seconds after which a process that fed its watchdog, and does so no more, is taken for stuck; components set theirs
+"""Seconds after which a process that has stopped feeding its watchdog counts as stuck; components set their own limit
 by `component.watchdog`."""
 
 _DRAIN = 1.0
-"""Seconds for which what a process said before it ended is still read."""
+"""Seconds for which the output of a process that has ended is still read."""
 
 TRACES = 5.0
-"""Seconds in which a stuck process says where it is."""
+"""Seconds in which a stuck process prints its stacks."""
 
 _ENDED = 5.0
-"""Seconds within which what was killed is gone."""
+"""Seconds within which killed processes have ended."""
 
 _NOT_HANDED_DOWN = ("NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID", "LISTEN_FDS", "LISTEN_PID", "LISTEN_FDNAMES")
 """Variables between rcdeploy and its own service manager; the processes that it starts do not get them."""
@@ -73,7 +73,7 @@ class _Running:
     output: Output
     notified: Notified
     main: int
-    """The process that counts: another one, if it says so (MAINPID)."""
+    """The main process; a notification (MAINPID) can name another one."""
     handles: dict[int, int] = field(default_factory=dict)
     """Descriptors of the processes we wait for, by id."""
     ready: bool = False
@@ -94,8 +94,7 @@ class _Running:
 
 
 class Launcher(Agent):
-    """The agent of this machine, for one network. It has to be used on the main thread: that one's end is the
-    launcher's, to what it started."""
+    """The agent of this machine, for one network. Use it on the main thread: the processes end with it."""
 
     def __init__(
         self,
@@ -154,7 +153,7 @@ class Launcher(Agent):
             self._group = group
             self._undo.callback(cgroups.end, group)
         try:
-            # What a launch that was killed has left is called the same as ours.
+            # A launch that was killed has left its sockets under the same names.
             shutil.rmtree(self.place.notify, ignore_errors=True)
             self.place.notify.mkdir(mode=0o700, exist_ok=True)
             self._record = Record(self.place.leftovers, self._launch, self._group)
@@ -181,7 +180,7 @@ class Launcher(Agent):
                 log.warning("%s: %d processes were left by a launch that was killed; ended them", self._network, ended)
 
     def _raise_limits(self) -> None:
-        """Each process takes some descriptors of ours. Those that we start have the limits we were started with."""
+        """Each process needs descriptors of the launcher. The processes get the limits with which it was started."""
         soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
         if soft != hard:
             with contextlib.suppress(ValueError, OSError):
@@ -316,7 +315,7 @@ class Launcher(Agent):
                 if os.getpgid(pid) not in groups:
                     os.kill(pid, signal.SIGTERM)
         for pid in groups:
-            _send_group(pid, signal.SIGCONT)  # one that is stopped would not hear of it
+            _send_group(pid, signal.SIGCONT)  # a suspended process does not handle SIGTERM
 
     def kill(self, name: str) -> None:
         running = self._running.get(name)
@@ -328,7 +327,7 @@ class Launcher(Agent):
         self._kill(running)
 
     def _abandon(self, name: str, deed: Callable[[str], None]) -> None:
-        """Have one that is just being started not be there, or else do this with it as soon as it is."""
+        """Abandon a process that is just being started; if it starts nevertheless, apply `deed` to it."""
         if name in self._coming:
             self._coming[name] = deed
             if self._zygote:
@@ -352,7 +351,7 @@ class Launcher(Agent):
         self._loop.add_reader(handle, self._left, running, pid)
 
     def _left(self, running: _Running, pid: int, tries: int = 100) -> None:
-        """One of the processes that we wait for has ended."""
+        """A process that is waited for has ended."""
         handle = running.handles.get(pid)
         if handle is None:
             return
@@ -362,7 +361,9 @@ class Launcher(Agent):
             for group in running.groups():
                 _send_group(group, signal.SIGKILL)  # what it started may outlive it, and hold the pipe
         code = _code(handle)
-        if code is None and tries and _parent(pid) != os.getpid() and traces.look(pid):  # not yet ours to wait for
+        if (
+            code is None and tries and _parent(pid) != os.getpid() and traces.look(pid)
+        ):  # not yet a child of this process
             self._loop.call_later(0.01, self._left, running, pid, tries - 1)
             return
         os.close(running.handles.pop(pid))
@@ -375,7 +376,7 @@ class Launcher(Agent):
         task.add_done_callback(self._tasks.discard)
 
     async def _conclude(self, running: _Running, code: int) -> None:
-        """It has ended: end what it started, read what it said, tell."""
+        """It has ended: end what it started, read the rest of its output, and report."""
         self._watchdogs.forget(running.name)
         await (self._clear_group(running.group) if running.group else self._clear_family(running))
         await running.output.drain(_DRAIN)  # a process that left its group may hold the pipe
@@ -555,7 +556,7 @@ def _parent(pid: int) -> int:
 
 
 def _code(handle: int) -> int | None:
-    """As subprocess tells it; None if it cannot be told, since it is no child of ours."""
+    """The exit code as in subprocess; None if it is unknown, since it is not a child of this process."""
     try:
         found = os.waitid(os.P_PIDFD, handle, os.WEXITED | os.WNOHANG)
     except ChildProcessError:

@@ -53,7 +53,7 @@ class Note:
     stuck: bool = False
     """It says itself that it is (`WATCHDOG=trigger`)."""
     watchdog_s: float | None = None
-    """How long it may be silent from now on; 0 is as long as it likes."""
+    """Seconds that it may be silent from now on; 0 is without limit."""
     main_pid: int | None = None
     access: Literal["", "none", "main", "all"] = ""
     """Whose datagrams count from now on."""

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 
 LINE = 4096
-"""Longer lines are cut into pieces of so many characters."""
+"""Longer lines are cut into pieces of this many characters."""
 
 _CHUNK = 65536
 

@@ -95,7 +95,7 @@ def _marked(module: object) -> weakref.ref[_Mark]:
 def room_of_command(padding: int) -> tuple[int, int]:
     """From where to where the command line lies that others see; the same places if it cannot be written.
 
-    At least so many octets of it have to be padding.
+    At least this many octets of it must be padding.
     """
     with contextlib.suppress(OSError, ValueError, IndexError), open("/proc/self/stat", "rb") as stat:
         words = stat.read().rpartition(b")")[2].split()

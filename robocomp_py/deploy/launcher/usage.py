@@ -22,7 +22,7 @@ _SHARE = 0.01
 """Share of time that measuring may take: with hundreds of processes, or on a busy machine, it is done less often."""
 
 _MEASURED = 20
-"""So many processes have their memory measured at a time, which is dear; of the others the last figure holds."""
+"""Maximum number of processes whose memory is measured at a time, which is slow; the others keep their last figure."""
 
 _TICK = os.sysconf("SC_CLK_TCK")
 _PAGE = os.sysconf("SC_PAGE_SIZE")

@@ -19,7 +19,7 @@ class Watchdogs:
         self._timer: asyncio.TimerHandle | None = None
 
     def limit(self, name: str, seconds: float) -> None:
-        """How long it may be silent from now on; 0 is as long as it likes."""
+        """Seconds that it may be silent from now on; 0 is without limit."""
         self._limits[name] = seconds
         if name in self._due or not seconds:
             self.feed(name, seconds)
