@@ -7,7 +7,6 @@ import contextlib
 import json
 import socket
 import threading
-from collections import deque
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -21,10 +20,11 @@ from robocomp_py.deploy.place import Place
 from robocomp_py.deploy.policy import RestartRequested, State, StopRequested
 from robocomp_py.deploy.ring import Line, Ring
 from robocomp_py.deploy.snapshot import HostStatus
-from robocomp_py.deploy.sockets import connected, listening
+from robocomp_py.deploy.sockets import listening
 from robocomp_py.errors import DeploymentError, HostUnreachable
 from robocomp_py.testing.patience import SOON, wait_until
 
+from ..crowd import crowded
 from .networks import Standing, process, snapshot
 
 NOW = 1_772_366_400.25
@@ -195,37 +195,10 @@ def test_who_says_nothing_keeps_nobody_from_asking(running: Running) -> None:
             each.close()
 
 
-@contextlib.contextmanager
-def crowded(place: Place, says: bytes = b"") -> Iterator[None]:
-    """While other programs of this user connect as fast as they can, and keep more connections than there are."""
-    ending = threading.Event()
-
-    def connect() -> None:
-        kept: deque[socket.socket] = deque()
-        while not ending.is_set():
-            with contextlib.suppress(OSError):
-                kept.append(connected(place.control, SOON))
-                kept[-1].sendall(says)
-            if len(kept) > 3 * CLIENTS:
-                kept.popleft().close()
-        for each in kept:
-            each.close()
-
-    loops = [threading.Thread(target=connect) for _ in range(2)]
-    for each in loops:
-        each.start()
-    try:
-        yield
-    finally:
-        ending.set()
-        for each in loops:
-            each.join()
-
-
 @pytest.mark.parametrize("says", [b"", b'{"do": "status"}\n'], ids=["silent", "asking"])
 def test_a_loop_that_keeps_connecting_hides_no_network_that_runs(running: Running, says: bytes) -> None:
     running.write("laser", "one")
-    with crowded(running.place, says):
+    with crowded(running.place.control, 3 * CLIENTS, says, SOON):
         for _ in range(10):
             with Connection("home") as connection:
                 assert connection.status() == running.network.now

@@ -10,16 +10,14 @@ import random
 import re
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
-import threading
 import time
-from collections import Counter, deque
-from collections.abc import Iterator
+from collections import Counter
 from pathlib import Path
 
+from ..crowd import crowded
 from .checker import Violation
 from .laboratory import PATIENCE, until
 from .nemesis import deeds
@@ -321,7 +319,8 @@ def _controlled(run: Run) -> Result:
     with _Network(4, run.transport) as network:
         deployer = network.start("")
         until(network.ready, 60.0, "the network is ready")
-        with _knocking(network.run_folder):
+        (control,) = network.run_folder.glob("**/control*")
+        with crowded(control, _KNOCKS):
             for number in range(looks):
                 begun = time.monotonic()
                 done = _told(network, "status", str(network.model))
@@ -347,35 +346,6 @@ def _told(network: _Network, *words: str) -> subprocess.CompletedProcess[str]:
         text=True,
         timeout=PATIENCE,
     )
-
-
-@contextlib.contextmanager
-def _knocking(folder: Path) -> Iterator[None]:
-    """While two loops connect to the control socket as fast as they can, and keep more connections than there are."""
-    (control,) = folder.glob("**/control*")
-    ending = threading.Event()
-
-    def connect() -> None:
-        kept = deque[socket.socket]()
-        while not ending.is_set():
-            with contextlib.suppress(OSError):
-                kept.append(socket.socket(socket.AF_UNIX))
-                kept[-1].settimeout(1.0)
-                kept[-1].connect(str(control))
-            if len(kept) > _KNOCKS:
-                kept.popleft().close()
-        for each in kept:
-            each.close()
-
-    loops = [threading.Thread(target=connect) for _ in range(2)]
-    for each in loops:
-        each.start()
-    try:
-        yield
-    finally:
-        ending.set()
-        for each in loops:
-            each.join()
 
 
 _DEEDS = ("Ctrl-C", "Ctrl-C twice", "SIGTERM", "SIGHUP", "kill -9")
