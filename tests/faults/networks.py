@@ -527,7 +527,7 @@ ROWS = [
     Row(
         "together",
         "the same, ten to a process (`process NAME;`)",
-        "ready ≤ 10 s, stopped ≤ 5 s, ≤ 1.5 GB (PSS), `status` answers in 0.5 s",
+        "as for many",
         tuple(_MANY),
         8,
         _together,
