@@ -44,7 +44,7 @@ static RoboCompSonar_SonarScanResponse *ask(float *angles, uint32_t count) {
             if (reply->header.client == client && reply->header.sequence == number) return reply;
         }
     }
-    fprintf(stderr, "nobody answers\n");
+    fprintf(stderr, "no server answers\n");
     exit(1);
 }
 

@@ -107,7 +107,7 @@ def ask(angles):
         for reply in replies.take_iter(timeout=duration(seconds=1)):
             if (reply.header.client, reply.header.sequence) == (CLIENT, number):
                 return reply
-    raise SystemExit("nobody answers")
+    raise SystemExit("no server answers")
 
 
 news = DataReader(participant, topic("rc/sonar/SonarPub/nearest", Nearest), QOS)

@@ -26,7 +26,7 @@ def ask(session, channel, number, payload):
         if reply.ok:
             _, status, _, _, _ = struct.unpack("<BBQQQ", reply.ok.attachment.to_bytes())
             return status, reply.ok.payload.to_bytes()
-    raise SystemExit(f"nobody answers {channel}")
+    raise SystemExit(f"no server of {channel}")
 
 
 with zenoh.open(config) as session:

@@ -21,7 +21,7 @@ def address(role, channel):
         for entry in json.loads(file.read_text())["entries"]:
             if (entry["role"], entry["channel"]) == (role, channel):
                 return entry["address"]
-    raise SystemExit(f"nobody {role} {channel}")
+    raise SystemExit(f"no component {role} {channel}")
 
 
 def ask(socket, channel, number, *arguments):

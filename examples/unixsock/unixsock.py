@@ -63,7 +63,7 @@ class Wire:
                 raise
 
     def receive(self) -> tuple[int, bytes, bytes]:
-        """Raises OSError when the other side has gone, or what comes is no message."""
+        """Raises OSError if the peer is gone or sends an invalid message."""
         to, *lengths = _FRAME.unpack(self._exactly(_FRAME.size))
         if max(lengths) > MAX_BYTES:
             raise ConnectionAbortedError(f"a message of {max(lengths)} bytes")
@@ -117,7 +117,7 @@ class Peer:
 
     def _ended(self) -> None:
         self._transport.drop(self)
-        self._transport.look_soon()  # those who wait for answers from there
+        self._transport.look_soon()  # callers that wait for replies of that peer
 
 
 class _Connecting(FindingLink["UnixSocketTransport", Peer, int]):

@@ -236,7 +236,7 @@ class _Relay:
             reader, writer = await asyncio.open_connection(host, port, ssl=tls, limit=LONGEST)
         if not self._admits(writer):
             writer.close()
-            raise ConnectionRefusedError(f"{peer} is no relay of this network")
+            raise ConnectionRefusedError(f"{peer} is not a relay of this network")
         return reader, writer
 
     def _tls(self, purpose: ssl.Purpose) -> ssl.SSLContext | None:

@@ -62,7 +62,7 @@ def command(main: Callable[[Sequence[str] | None], int]) -> Main:
 
 
 def _explained(exc: Exception) -> int | None:
-    """The exit code for what is no fault of the command, once it is said; None for everything else."""
+    """Report an error that is not the command's fault and return its exit code; None for any other error."""
     match exc:
         case FileNotFoundError() if not _is_somewhere():
             return complain("the working directory no longer exists; change to another one")

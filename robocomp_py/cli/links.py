@@ -31,7 +31,7 @@ exit status: 0 fine, 1 the network is wrong, 2 usage
 
 
 _UNBROKEN = 1000
-"""Characters of a line that is no person's to read, and so is not broken."""
+"""Length of a line that only programs read, so it is never wrapped."""
 
 
 def add_arguments(to: argparse.ArgumentParser) -> None:

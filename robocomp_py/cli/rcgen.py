@@ -507,7 +507,7 @@ def _new(name: str, root: Path, middleware: str | None) -> int:
     from ..dsl.workspace import Workspace, read_file
 
     if not _NAME.match(name):
-        return complain(f"rcgen: {name!r} is no name for a component: letters, digits and single `_`, a letter first")
+        return complain(f"rcgen: {name!r} is not a component name: letters, digits and single `_`, a letter first")
     if keyword.iskeyword(name.lower()):
         return complain(f"rcgen: {name.lower()!r} is a Python keyword; choose another name")
     library = _library(root)

@@ -189,7 +189,7 @@ class Ways:
     removed: bool = False
     """Whether what follows begins a statement without it."""
     keywords: Collection[str] = ()
-    """The words of the language that are no names."""
+    """The words of the language that cannot be names."""
 
 
 def explain_token(source: Source, text: str, span: Span, expected: list[str], ways: Ways) -> Mistake:

@@ -16,7 +16,7 @@ class Source:
     path: Path
     text: str = field(repr=False)
     has_places: bool = True
-    """Not of a file that could not be read, nor of what is no file: then `path` alone says where something is wrong."""
+    """False for a file that could not be read, or is not a file: diagnostics name only its path."""
 
     def position(self, offset: int) -> tuple[int, int]:
         line = bisect.bisect_right(self._starts, offset)

@@ -102,7 +102,7 @@ def _check_name(new: str, symbol: Symbol) -> None:
         return
     if not _IDENTIFIER.fullmatch(new):
         raise CannotRename(
-            f"`{new}` is no name: names are made of the letters a to z, digits and `_`, a digit not first"
+            f"`{new}` is not a name: names are made of the letters a to z, digits and `_`, a digit not first"
         )
     if keyword.iskeyword(new) or new == "self":
         raise CannotRename(f"`{new}` is a keyword of Python")

@@ -172,7 +172,7 @@ def has_sections(text: str) -> bool:
 
 
 def put(data: dict[str, Any], key: Key, value: Any) -> None:
-    """Set a key, creating missing tables. Does nothing if a value that is no table is in the way."""
+    """Set a key, creating missing tables. Does nothing if a part of its path is not a table."""
     table: Any = data
     for part, _ in pairwise(key):
         table = table.setdefault(part, {}) if isinstance(table, dict) else None

@@ -4,21 +4,20 @@
         def open_transport(self) -> Transport:
             return MyTransport(TransportConfig({...}))
 
-Two transports that it opens one after the other must reach each other, and nobody else's. What is
-demanded:
+Two transports that it opens one after the other must reach each other, and no others. Requirements:
 
     topics      every subscriber gets every message, in order, whichever side came first · what is published once both
                 sides are connected is heard, be it the first message, or the answer to one, also if both came at once ·
                 channels do not leak into each other · 0 B to 64 MB · nothing after close · a sink that raises or is
-                slow hurts nobody · a sink may publish · latched is kept or refused · of what waits for a slow sink,
-                the newest `depth` stay · reliable loses nothing, and every sender gives up at its own deadline · what
-                is lost is counted, and a flood is bounded · `*` hears all instances but its own
-    commands    in order, once, from many senders; to nobody: Unreachable
+                slow does not affect others · a sink may publish · latched is kept or refused · for a slow sink the
+                newest `depth` messages stay · reliable loses nothing, and every sender gives up at its own deadline ·
+                losses are counted, and a flood is bounded · `*` hears all instances but its own
+    commands    in order, once, from many senders; no receiver: Unreachable
     qos         what is missed, lost, or older than its lifespan, is told, counted, not delivered: see `testing.qos`
     queries     answers find their callers, 64 out of order · clients get equal shares, and none waits for another's
-                flood · every status arrives · no server: Unreachable ·
-                deadlines hold, and a late answer is nobody else's · cancelled calls leave nothing · a service may call
-                others, and be called back · the callback of a call may take long, and call again · one server at most
+                flood · every status arrives · no server: Unreachable · deadlines hold, and a late answer reaches no
+                other call · cancelled calls leave nothing · a service may call others,
+                and be called back · the callback of a call may take long, and call again · one server at most
     contract    another contract under the same name is named on both sides, and nothing passes
     lifetime    close releases waiters, by Closed, and those that open links or send; is final, and leaves no thread ·
                 peers restart, move, or are killed

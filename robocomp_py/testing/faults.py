@@ -4,19 +4,19 @@
         def open_transport(self) -> Transport:
             return MyTransport(TransportConfig({...}))
 
-in a module that can be imported, since its other processes open a transport in the same way. What is demanded:
+in a module that can be imported, since its other processes open a transport in the same way. Requirements:
 
-    server killed       in the middle of a large reply: who asked gets all of it, or Unreachable or Timeout within its
+    server killed       in the middle of a large reply: its client gets all of it, or Unreachable or Timeout within its
                         deadline; the next server answers
     client killed       while the server writes: others are answered; what was acknowledged was executed, nothing twice
     publisher killed    in the middle of a message: no part of one is delivered; the next publisher is heard
     subscriber hangs    a best-effort publisher and its other subscribers notice nothing; a reliable one gives up at
                         its deadline, and goes on once the subscriber was killed; memory is bounded
-    who slept wakes     what was taken for a reliable subscriber reaches it; messages and commands in order, once
+    sleeper wakes       what was taken for a reliable subscriber reaches it; messages and commands in order, once
     flood               from another process, as fast as that goes: in order, nothing twice, every message accounted
                         for, memory bounded; reliable: every message
-    the clock leaps     calls, their deadlines and topics do not notice (of the QoS of topics: `testing.qos`)
-    many who ask        get equal shares of a server; a flood of one holds up no other
+    clock jumps         calls, their deadlines and topics do not notice (of the QoS of topics: `testing.qos`)
+    many clients        get equal shares of a server; a flood of one holds up no other
     leftovers           of a killed process are gone after the next one that opened and closed
     two users           may serve and publish the same, and do not hear each other
 

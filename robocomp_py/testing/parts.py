@@ -89,7 +89,7 @@ def unblob(transport: Transport, payload: Payload) -> bytes:
 
 
 def in_time(reply: Reply) -> Reply:
-    """A reply; but a Timeout if it says that the call had expired: whoever asked was as late as its server."""
+    """The reply. Raises Timeout if it says that the call has expired."""
     if reply.status is Status.EXPIRED:
         raise Timeout("its server found that it had expired")
     return reply

@@ -1,13 +1,13 @@
 """What every transport must do about the QoS of topics, beside what `conformance` says of it, as tests.
 
-Part of `TransportConformance`. A policy that a transport does not declare has to be refused, by
-name, when somebody asks for it; then nothing else is demanded. Else:
+Part of `TransportConformance`. A transport must refuse, by name, a policy that it does not declare.
+Of a policy that it declares, the tests require:
 
     deadline      a missed one is told, and counted; none is while messages come
     lifespan      older messages are not delivered, whichever end says how old: not to a slow sink, nor to latecomers
     liveliness    a publisher whose process is killed, or hangs, is lost, and so is one that has to send something and
-                  does not; who comes back may be lost again
-    the clock     leaps, and nothing is missed, and nobody lost
+                  does not; a publisher that came back can be lost again
+    the clock     jumps: no deadline is missed, no publisher lost
     offered less  than asked for: that is told, naming both, and what there is passes
     slow readers  a healthy one beside one that hangs gets everything · no more wait than `depth`, and the statistics
                   account for the others · `keep_all` is bounded

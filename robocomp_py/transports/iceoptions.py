@@ -134,7 +134,7 @@ def _endpoint(part: str, text: str) -> IceEndpoint:
     said = _check_options(text, options, _OF_ENDPOINTS)
     port = said.get("-p", "0")
     if not port.isascii() or not port.isdigit() or int(port) > 65535:
-        raise ValueError(f"`{text}`: `-p {port}` is no port; there are those from 1 to 65535")
+        raise ValueError(f"`{text}`: `-p {port}` is not a port; ports are 1 to 65535")
     return IceEndpoint(protocol.lower(), said.get("-h", ""), int(port))
 
 
@@ -251,7 +251,7 @@ def examine(options: Mapping[str, Any]) -> Iterator[Complaint]:
         elif not isinstance(value, str):
             yield Complaint((name,), f"`{name}` is a string, not {value!r}", "config-wrong-type")
         elif name == "host" and not re.fullmatch(r"[^\s\"'/]+", value):
-            yield Complaint((name,), f"{value!r} is no address; {HOST} is this machine alone", "config-bad-address")
+            yield Complaint((name,), f"{value!r} is not an address; {HOST} is this machine alone", "config-bad-address")
         elif name == "storm" and value:
             yield from _examine_address((name,), value)
 
@@ -272,7 +272,7 @@ def _examine_table(name: str, table: Any) -> Iterator[Complaint]:
             yield Complaint(at, f"`{key}` is a string, not {value!r}", "config-wrong-type")
         elif name == "topics":
             if not all(value.split("/")):
-                yield Complaint(at, f"{value!r} is no name of a topic: parts with `/` between them", "config-bad-name")
+                yield Complaint(at, f"{value!r} is not a topic name: parts with `/` between them", "config-bad-name")
         else:
             yield from _examine_address(at, value)
 
@@ -293,7 +293,7 @@ def _examine_property(at: Key, key: str, value: Any) -> Iterator[Complaint]:
             whole += f".{name}"
         yield Complaint(at, f'the name of a property is one key: write "{whole}" in quotes', "config-wrong-type")
     elif not key.startswith(("Ice.", "IceSSL.")):
-        yield Complaint(at, f"`{key}` is no property of Ice; their names begin with `Ice.`", "config-unknown-key")
+        yield Complaint(at, f"`{key}` is not a property of Ice; their names begin with `Ice.`", "config-unknown-key")
     elif why := why_not_set(key, value):
         yield Complaint(at, why, "config-unknown-key")
     elif isinstance(value, list):

@@ -24,7 +24,7 @@ FIRST_PORT, BLOCK, BLOCKS = 20000, 100, 100
 """Each network has a block of ports, below those that systems give away: for helpers, then one for each instance."""
 
 FURTHER_PORT, FURTHER, FURTHER_BLOCKS = 12000, 1000, 8
-"""From the 100th instance on, ports are in a larger block, which is no part of any other network's first one."""
+"""From the 100th instance on, ports are in a larger block, which never overlaps another network's first block."""
 
 PORTS = BLOCK + FURTHER
 """A network has no more ports than these."""

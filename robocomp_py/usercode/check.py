@@ -167,7 +167,7 @@ class _Checker:
         for clause in dict.fromkeys(each.clause for each in missing):
             yield self._lacks(clause, [each for each in missing if each.clause == clause], uncalled)
         for method in uncalled:
-            yield self._nobody_calls(method, [each.name for each in missing])
+            yield self._report_uncalled(method, [each.name for each in missing])
 
     def _wrong(self) -> Iterator[Diagnostic]:
         """Methods that cannot be called with what they are given."""
@@ -212,7 +212,7 @@ class _Checker:
         return name not in HOOKS and not name.startswith("__") and name not in {each.name for each in self._wanted}
 
     def _uncalled(self) -> list[Method]:
-        """Methods with names of handlers that no model asks for and no code mentions."""
+        """Methods with names of handlers that no model needs and no code mentions."""
         interfaces = {
             each.short for module in self._linked.modules for each in module.definitions if isinstance(each, Interface)
         }
@@ -226,7 +226,7 @@ class _Checker:
         words = words_of(self._folder, self._read) if candidates else None
         return [each for each in candidates if words is not None and each.name not in words]
 
-    def _nobody_calls(self, method: Method, missing: Collection[str]) -> Diagnostic:
+    def _report_uncalled(self, method: Method, missing: Collection[str]) -> Diagnostic:
         """An old handler; `missing` are those that one of its kind may have been renamed to."""
         kind = method.name.partition("_")[0]
         kin = [name for name in missing if name.partition("_")[0] == kind]

@@ -141,7 +141,7 @@ def _at(source: Source, node: ast.alias | ast.stmt) -> Span:
 def words_of(folder: Path, read: Read) -> set[str] | None:
     """Every name and text that code of a component mentions; None if that cannot be told.
 
-    The name in the definition of a function is no mention.
+    The name in a function's definition does not count.
     """
     try:
         paths = list(python_files(folder))

@@ -274,7 +274,7 @@ def _constant(node: cst.BaseExpression) -> str:
 
 
 def _attribute(node: cst.BaseExpression) -> str:
-    """The last name of `self.vault_proxy`; nothing of what is no attribute."""
+    """The last name of `self.vault_proxy`; None if it is not an attribute."""
     return node.attr.value if isinstance(node, cst.Attribute) else ""
 
 

@@ -430,8 +430,8 @@ def _end_of_rows(layout: struct.Struct, data: Any, n: int, count: int, left: Lef
     return end
 
 
-# Exceptions, a slice for each class. One that who asked does not know can be left out if it says how long it is: that
-# is how those with a base are written (Ice's sliced format), and others as Ice itself does (its compact format).
+# An exception has a slice for each class. A client can skip the slice of a class that it does not know if the slice has
+# a size. So exceptions with a base use Ice's sliced format; others use the compact format, as Ice itself does.
 
 _ENCAPSULATION = struct.Struct("<" + _HEAD)
 _HAS_OPTIONALS, _HAS_REFERENCES, _HAS_SIZE, _IS_LAST = 0x04, 0x08, 0x10, 0x20

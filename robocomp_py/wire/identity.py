@@ -1,8 +1,8 @@
 """Codec `identity`: values stay values, for threads of one process.
 
 What travels is a snapshot (a plain tree and read-only arrays), so that sender and receivers, which
-may have been generated separately, share nothing that either could change. An array that somebody
-can write to is copied when it is sent; one that nobody can (a received one, or one frozen by
+may have been generated separately, share nothing that either could change. An array that is
+writable is copied when it is sent; a read-only one (a received one, or one frozen by
 `array.flags.writeable = False`) is shared.
 """
 

@@ -2,9 +2,9 @@
 
     <namespace>/<instance>/<Interface>/<operation>      robot1/world/Laser/getLaserData
 
-The namespace may be empty or have several segments. Whoever provides an operation gives the
-channel its instance; a client that was not told whom to use writes `*` for the instance, and
-any other instance of its namespace will do (a subscriber hears all of them).
+The namespace may be empty or have several segments. The channel has the
+instance that provides the operation. A client without a configured instance writes `*`: it uses any
+other instance of its namespace, and a subscriber hears all of them.
 """
 
 from __future__ import annotations

@@ -118,7 +118,7 @@ def as_array(value: Any, dtype: np.dtype[Any]) -> _Array:
 
 def _gathered(value: Any) -> _Array:
     if isinstance(value, str | Mapping | Set) or not (hasattr(value, "__len__") or hasattr(value, "__array__")):
-        raise TypeError(f"{type(value).__name__} is no array")
+        raise TypeError(f"{type(value).__name__} is not an array")
     array = np.asarray(value)
     if array.ndim == 0 or (array.ndim > 1 and not hasattr(value, "ndim")):
         raise TypeError(f"{array.ndim} dimensions")

@@ -210,9 +210,9 @@ def test_paths_of_another_machine_are_found_below_the_folder_the_file_is_in(robo
         ('<dependence alias="ghost"/>', "it depends on `ghost`, which is not there"),
         ('<dependence alias="eyes"/>', "it depends on `eyes`, which depends on it: left out"),
         ("<speed/>", "<speed> is not understood"),
-        (up("rcremote -oProxyCommand=x t /x bin/laser"), "-oProxyCommand=x is no address of a host"),
-        (up("rcremote a;b@10.0.0.7 t /x bin/laser"), "a;b@10.0.0.7 is no address of a host"),
-        (up("rcremote a/b@10.0.0.7 t /x bin/laser"), "a/b@10.0.0.7 is no address of a host"),
+        (up("rcremote -oProxyCommand=x t /x bin/laser"), "-oProxyCommand=x is not the address of a host"),
+        (up("rcremote a;b@10.0.0.7 t /x bin/laser"), "a;b@10.0.0.7 is not the address of a host"),
+        (up("rcremote a/b@10.0.0.7 t /x bin/laser"), "a/b@10.0.0.7 is not the address of a host"),
     ],
 )
 def test_what_cannot_be_carried_over_is_said_with_its_line(given: str, said: str, tmp_path: Path) -> None:

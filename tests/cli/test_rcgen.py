@@ -519,7 +519,7 @@ def test_a_new_component_needs_a_name(inside: Path, capsys: Said, name: str) -> 
             rcgen(["--new", name])
         return
     assert rcgen(["--new", name]) == 1
-    assert "is no name for a component" in capsys.readouterr().err
+    assert "is not a component name" in capsys.readouterr().err
     assert snapshot(inside) == {}
 
 

@@ -111,8 +111,8 @@ class Told(Display):
     def up(self) -> None:
         self._say("up")
 
-    def waiting(self, whom: list[str]) -> None:
-        self._say(f"not ready: {', '.join(whom)}")
+    def waiting(self, missing: list[str]) -> None:
+        self._say(f"not ready: {', '.join(missing)}")
 
     def ended(self, name: str, how: str) -> None:
         self._say(f"{name} {how}")

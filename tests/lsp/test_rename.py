@@ -207,9 +207,9 @@ def test_python_is_left_as_it_is(editor: Editor) -> None:
 @pytest.mark.parametrize(
     ("name", "marked", "new", "why"),
     [
-        ("Joints.idsl", "struct Jo|int", "2nd", "`2nd` is no name"),
-        ("Joints.idsl", "struct Jo|int", "", "`` is no name"),
-        ("Joints.idsl", "struct Jo|int", "größe", "`größe` is no name"),
+        ("Joints.idsl", "struct Jo|int", "2nd", "`2nd` is not a name"),
+        ("Joints.idsl", "struct Jo|int", "", "`` is not a name"),
+        ("Joints.idsl", "struct Jo|int", "größe", "`größe` is not a name"),
         ("Joints.idsl", "struct Jo|int", "class", "`class` is a keyword of Python"),
         ("Joints.idsl", "struct Jo|int", "__all__", "two underscores are reserved by Python"),
         ("Joints.idsl", "struct Jo|int", "float", "`float` is a word of IDSL"),

@@ -244,7 +244,7 @@ def _upper(transport: Transport) -> Callable[[Any, float], Reply]:
     ("options", "why"),
     [
         ({"proxies": {"server": "conformance"}}, "says no place"),
-        ({"proxies": {"server": "conformance:tcp -h localhost -p x"}}, "is no port"),
+        ({"proxies": {"server": "conformance:tcp -h localhost -p x"}}, "is not a port"),
         ({"endpoints": {"Conformance": "top -p 1"}}, "protocol"),
         ({"message_size_max": -1}, "message_size_max"),
         ({"messages": 1}, "messages"),

@@ -45,8 +45,8 @@ def test_a_proxy_is_an_object_and_where_it_is(text: str, identity: str, endpoint
         ("laser:tcp -p", "`-p` lacks its value"),
         ("laser:tcp -h localhost", "says no port"),
         ("laser:tcp -h localhost -p 0", "says no port"),
-        ("laser:tcp -p 70000", "`-p 70000` is no port"),
-        ("laser:tcp -p ten", "`-p ten` is no port"),
+        ("laser:tcp -p 70000", "`-p 70000` is not a port"),
+        ("laser:tcp -p ten", "`-p ten` is not a port"),
     ],
 )
 def test_what_is_no_proxy_is_refused_with_the_reason(text: str, why: str) -> None:

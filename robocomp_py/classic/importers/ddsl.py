@@ -122,7 +122,7 @@ class _Writer:
         if not there or there in HERE or is_own(there):
             return ""
         if not is_address(there) or (at and not is_user(user)):
-            program.notes.append(Said(f"{said} is no address of a host", program.line))
+            program.notes.append(Said(f"{said} is not the address of a host", program.line))
             return ""
         name = _identifier(there)
         return self._hosts.setdefault(said, name if name[0] != "_" else f"host{name}")

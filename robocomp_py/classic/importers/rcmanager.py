@@ -20,7 +20,7 @@ _ENDS_TOO_EARLY = expat.errors.codes[expat.errors.XML_ERROR_NO_ELEMENTS]
 
 
 def read_rcmanager(source: Source, report: Report) -> Listing | None:
-    """The programs of a file; None if it is no rcmanager XML, which is reported."""
+    """The programs of a file; None if it is not rcmanager XML, which is reported."""
     reader = _Reader(source)
     try:
         return reader.read()

@@ -3,7 +3,7 @@
 context of a request   rc       our header (`wire.header`), in hexadecimal digits
                        rc-max   maximum size in bytes of the reply's payload, if it is not the default
 answer                 a payload, or an exception that the operation declares, as it is; of all other outcomes
-                       those who sent `rc` get the exception `::robocomp::Refusal`, others get Ice's own
+                       clients that sent `rc` get the exception `::robocomp::Refusal`, others get Ice's own
 
     module robocomp
     {

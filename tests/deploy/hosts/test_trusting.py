@@ -90,5 +90,5 @@ def test_a_host_is_named_as_for_ssh(target: str, found: tuple[str, str, int]):
 
 @pytest.mark.parametrize("target", ["", "me@", "-oProxyCommand=x", "a b", "robot:99999", "[fd00::1"])
 def test_what_is_no_host_is_refused(target: str):
-    with pytest.raises(DeploymentError, match="is no host"):
+    with pytest.raises(DeploymentError, match="is not a host"):
         host_of(target)

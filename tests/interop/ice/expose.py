@@ -27,7 +27,7 @@ def main(arguments: list[str]) -> str | None:
         return "usage: expose.py VIRTUAL_ENVIRONMENT"
     environment = Path(arguments[0]).absolute()
     if not (environment / "pyvenv.cfg").is_file():
-        return f"{environment} is no virtual environment; make one: python3 -m venv {environment}"
+        return f"{environment} is not a virtual environment; make one: python3 -m venv {environment}"
     mine = ask(environment / "bin" / "python", OF_THE_ENVIRONMENT)
     if mine is None:
         return f"{environment}/bin/python does not run; make the environment again"

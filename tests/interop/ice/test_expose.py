@@ -34,7 +34,7 @@ def test_ice_can_be_imported_and_nothing_else_and_a_second_time_changes_nothing(
 
 def test_what_is_no_environment_is_told(tmp_path: Path) -> None:
     done = run(sys.executable, EXPOSE, tmp_path)
-    assert (done.returncode, "is no virtual environment; make one" in done.stderr) == (1, True)
+    assert (done.returncode, "is not a virtual environment; make one" in done.stderr) == (1, True)
 
 
 def test_an_environment_with_an_ice_of_its_own_is_left_alone(tmp_path: Path) -> None:

@@ -457,7 +457,7 @@ def _application(screen: bool, name: str) -> Any:
         return core.QCoreApplication([name])
     if not any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM"))):
         raise ComponentError(
-            f"{name} has a window, and here is no screen to show it on (neither DISPLAY nor WAYLAND_DISPLAY is set); "
+            f"{name} has a window, and there is no screen to show it on (neither DISPLAY nor WAYLAND_DISPLAY is set); "
             "to run it without being seen: QT_QPA_PLATFORM=offscreen"
         )
     return qt("QtWidgets").QApplication([name])

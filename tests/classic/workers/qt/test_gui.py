@@ -527,7 +527,7 @@ def test_a_broken_form_is_named(component: Callable[..., Path], form: str, told:
 def test_without_a_screen_it_says_so(component: Callable[..., Path]) -> None:
     with running(component(BODY), QT_QPA_PLATFORM="", DISPLAY="", WAYLAND_DISPLAY="") as program:
         assert program.ended() == 1
-    assert "view has a window, and here is no screen to show it on" in program.printed[0]
+    assert "view has a window, and there is no screen to show it on" in program.printed[0]
     assert "(it needs Qt: its .cdsl says `gui` (QWidget))" in program.printed[1]
 
 
