@@ -9,21 +9,16 @@ global lock, except for a small sample to a full writer, which may take `BLOCKIN
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import logging
 import os
 import time
 import weakref
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from math import inf
 from time import monotonic
 from typing import Any
 
-from cyclonedds._clayer import (  # type: ignore[import-not-found]  # compiled, without types
-    ddspy_take,
-    ddspy_write,
-)
 from cyclonedds.core import DDSException, Entity, Policy, Qos
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter, Publisher
@@ -34,36 +29,20 @@ from ...errors import TransportError
 from ..leader_followers import Job
 from .domain import any_open, close_domain, open_domain
 from .endpoints import Endpoints
-from .library import (
-    ANY,
-    FOREVER,
-    LARGE,
-    POLICIES,
-    TIMEOUT,
-    Container,
-    IncompatibleQos,
-    LivelinessChanged,
-    as_transport_error,
-    checked,
-    creating,
-    dds_create_guardcondition,
-    dds_create_readcondition,
-    dds_create_waitset,
-    dds_delete,
-    dds_dispose,
-    dds_get_liveliness_changed_status,
-    dds_get_matched_publications,
-    dds_get_matched_subscriptions,
-    dds_get_offered_incompatible_qos_status,
-    dds_get_requested_incompatible_qos_status,
-    dds_set_guardcondition,
-    dds_waitset_attach,
-    dds_waitset_detach,
-    dds_waitset_wait,
-    dds_write,
-    forget,
-)
+from .library import ANY, LARGE, POLICIES, TIMEOUT, as_transport_error, creating, forget
 from .types import DdsType
+from .unsafe import (
+    Waiting,
+    delete,
+    disown_all,
+    dispose,
+    matched_publications,
+    matched_subscriptions,
+    read_condition,
+    take,
+    write,
+    write_unlocked,
+)
 
 log = logging.getLogger("robocomp.transport.dds")
 
@@ -123,30 +102,23 @@ def _partition(name: str) -> Qos:
 class _End:
     """A reader or writer."""
 
-    _matched: Callable[..., int]
-    _incompatible: Callable[..., int]
-
-    def __init__(self, entity: Entity, parent: Entity | None, topic: Topic[Any]) -> None:
+    def __init__(self, entity: Any, parent: Entity | None, topic: Topic[Any]) -> None:
         self._entity, self._parent, self._topic = entity, parent, topic
-        self._status = IncompatibleQos()
         self.ref = entity._ref
-
-    def matched(self) -> set[int]:
-        """The handles of the endpoints that DDS has connected with this one."""
-        room = 16
-        while True:
-            found = (ctypes.c_uint64 * room)()
-            count = type(self)._matched(self.ref, found, room)
-            if count <= room:
-                return set(found[: max(count, 0)])
-            room = count * 2
 
     def incompatible_policy(self) -> str:
         """The QoS policy because of which DDS does not connect some endpoint; "" if there is none."""
-        status = self._status
-        if type(self)._incompatible(self.ref, ctypes.byref(status)) or status.change <= 0:
+        try:
+            status = self._incompatible()
+        except DDSException:
             return ""
-        return POLICIES.get(status.policy, f"QoS policy {status.policy}")
+        if status.total_count_change <= 0:
+            return ""
+        return POLICIES.get(status.last_policy_id, f"QoS policy {status.last_policy_id}")
+
+    def _incompatible(self) -> Any:
+        """The library's status of endpoints with incompatible QoS. Raises DDSException if we are closed."""
+        raise NotImplementedError
 
     def close(self) -> None:
         forget(self._entity)
@@ -158,17 +130,21 @@ class _End:
 class Writer(_End):
     """Sends samples. Small ones are written under Python's global lock: that is faster than to release it."""
 
-    _matched = staticmethod(dds_get_matched_subscriptions)
-    _incompatible = staticmethod(dds_get_offered_incompatible_qos_status)
+    def matched(self) -> set[int]:
+        """The handles of the readers that DDS has connected with this one."""
+        return matched_subscriptions(self.ref)
+
+    def _incompatible(self) -> Any:
+        return self._entity.get_offered_incompatible_qos_status()
 
     def write(self, sample: bytearray | bytes | memoryview) -> bool:
         """Write; False if there is no room now. Safe to use from any thread."""
-        code = ddspy_write(self.ref, sample) if len(sample) < LARGE else self._write_unlocked(sample)
+        code = write(self.ref, sample) if len(sample) < LARGE else write_unlocked(self.ref, sample)
         return not code or self._written(code)
 
     def write_within(self, sample: bytearray | bytes | memoryview, end: float, pause: Callable[[], None]) -> bool:
         """Retry writing until `end`; calls `pause` before each retry, which may raise."""
-        while not self._written(self._write_unlocked(sample)):
+        while not self._written(write_unlocked(self.ref, sample)):
             pause()
             if time.monotonic() >= end:
                 return False
@@ -180,107 +156,44 @@ class Writer(_End):
 
         The content of `sample` does not matter.
         """
-        held = ctypes.c_char_p(sample)
-        container = Container(ctypes.cast(held, ctypes.c_void_p), len(sample))
-        return self._written(dds_dispose(self.ref, ctypes.byref(container)))
+        return self._written(dispose(self.ref, sample))
 
     def _written(self, code: int) -> bool:
         if code and code != TIMEOUT:
             raise TransportError(f"dds: writing: {DDSException(code)}")
         return not code
 
-    def _write_unlocked(self, sample: bytearray | bytes | memoryview) -> int:
-        """Write without Python's global lock, so that other threads run meanwhile."""
-        size = len(sample)
-        if memoryview(sample).readonly:
-            held: Any = ctypes.c_char_p(bytes(sample))
-            container = Container(ctypes.cast(held, ctypes.c_void_p), size)
-        else:
-            held = (ctypes.c_char * size).from_buffer(sample)
-            container = Container(ctypes.addressof(held), size)
-        code = dds_write(self.ref, ctypes.byref(container))
-        del held
-        return code
-
 
 class Reader(_End):
-    _matched = staticmethod(dds_get_matched_publications)
-    _incompatible = staticmethod(dds_get_requested_incompatible_qos_status)
+    def matched(self) -> set[int]:
+        """The handles of the writers that DDS has connected with this one."""
+        return matched_publications(self.ref)
 
-    def __init__(self, entity: Entity, parent: Entity | None, topic: Topic[Any]) -> None:
+    def _incompatible(self) -> Any:
+        return self._entity.get_requested_incompatible_qos_status()
+
+    def __init__(self, entity: Any, parent: Entity | None, topic: Topic[Any]) -> None:
         super().__init__(entity, parent, topic)
-        self.condition = checked(dds_create_readcondition(self.ref, ANY), "waiting for samples")
-        self._liveliness = LivelinessChanged()
+        self.condition = read_condition(self.ref, "waiting for samples")
 
     def alive(self) -> bool:
         """Whether a connected writer has kept its lease."""
-        status = self._liveliness
-        return dds_get_liveliness_changed_status(self.ref, ctypes.byref(status)) == 0 and status.alive > 0
+        try:
+            return bool(self._entity.get_liveliness_changed_status().alive_count > 0)
+        except DDSException:  # it is closed
+            return False
 
     def take(self, most: int) -> list[tuple[bytes, Any]]:
         """Up to `most` samples, each with the library's information about it.
 
         Without `valid_data`, it is not a sample but the news that a writer left, or its greeting.
         """
-        taken: list[tuple[bytes, Any]] | int = ddspy_take(self.ref, ANY, most)
+        taken = take(self.ref, ANY, most)
         return taken if type(taken) is list else []  # an error code if the reader was closed
 
     def close(self) -> None:
-        dds_delete(self.condition)
+        delete(self.condition)
         super().close()
-
-
-class Waiting:
-    """Waits for conditions; any thread may end the wait by `wake`."""
-
-    MOST = 64
-
-    def __init__(self, participant: int) -> None:
-        self._set = checked(dds_create_waitset(participant), "waiting")
-        self._guard = checked(dds_create_guardcondition(participant), "waiting")
-        checked(dds_waitset_attach(self._set, self._guard, self._guard), "waiting")
-        self._found = (ctypes.c_ssize_t * self.MOST)()
-        self._timeout = ctypes.c_int64()
-        # Converted once: at each call, that would take half of its time.
-        self._arguments = (
-            ctypes.c_int32(self._set),
-            ctypes.c_void_p(ctypes.addressof(self._found)),
-            ctypes.c_size_t(self.MOST),
-            self._timeout,
-        )
-        self.closed = False
-
-    def attach(self, condition: int) -> None:
-        dds_waitset_attach(self._set, condition, condition)
-
-    def detach(self, condition: int) -> None:
-        dds_waitset_detach(self._set, condition)
-
-    def wake(self) -> None:
-        dds_set_guardcondition(self._guard, True)
-
-    def wait(self, timeout: float) -> Sequence[int]:
-        """Wait at most `timeout` seconds; returns the conditions that hold. For one thread at a time."""
-        self._timeout.value = int(timeout * 1e9) if timeout < 1e9 else FOREVER
-        count = dds_waitset_wait(*self._arguments)
-        if count == 1:
-            first = self._found[0]
-            if first != self._guard:
-                return (first,)
-        if count <= 0:
-            if count < 0 and not self.closed:
-                raise TransportError(f"dds: waiting: {DDSException(count)}")
-            return ()
-        found = self._found[: min(count, self.MOST)]
-        if self._guard in found:
-            dds_set_guardcondition(self._guard, False)
-            found.remove(self._guard)
-        return found
-
-    def close(self) -> None:
-        self.closed = True
-        dds_delete(self._set)
-        dds_delete(self._guard)
 
 
 class Loop:
@@ -364,15 +277,9 @@ def _in_forked_process() -> None:
     if not any_open():
         return
     _forked = True
-    for entity in list(Entity._entities.values()):
-        _disown(entity)
+    disown_all()
     for bus in list(_buses):
         bus.lose()
-
-
-def _disown(entity: Entity) -> None:
-    """Detach a Python object from its DDS entity, so that it does not delete the parent's."""
-    Entity._entities.pop(entity._ref, None)
 
 
 os.register_at_fork(after_in_child=_in_forked_process)

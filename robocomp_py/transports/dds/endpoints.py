@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import json
 import threading
 import zlib
@@ -11,9 +10,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from cyclonedds._clayer import (  # type: ignore[import-not-found]  # compiled, without types
-    ddspy_take_endpoint,
-)
 from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription
 from cyclonedds.core import InstanceState, Policy
 from cyclonedds.domain import DomainParticipant
@@ -21,16 +17,8 @@ from cyclonedds.domain import DomainParticipant
 from ...wire.names import ANY as STAR
 from ...wire.names import is_namespace, matches
 from ..leader_followers import Job
-from .library import (
-    ANY,
-    as_transport_error,
-    checked,
-    creating,
-    dds_create_readcondition,
-    dds_qget_partition,
-    dds_qget_userdata,
-    library,
-)
+from .library import as_transport_error, creating
+from .unsafe import read_condition, take_endpoints
 
 if TYPE_CHECKING:
     from .bus import Loop
@@ -114,7 +102,7 @@ class Endpoints:
             with creating, as_transport_error("discovery"):
                 reader = BuiltinDataReader(participant, topic)
             self._readers.append((reader, partial(_endpoint, topic is BuiltinTopicDcpsPublication)))
-            condition = checked(dds_create_readcondition(reader._ref, ANY), "discovery")
+            condition = read_condition(reader._ref, "discovery")
             loop.attach(condition, self._look)
 
     def find(self, role: str, channel: str) -> list[Endpoint]:
@@ -144,8 +132,8 @@ class Endpoints:
         changed: set[str] = set()
         for reader, make in self._readers:
             while True:
-                taken = ddspy_take_endpoint(reader._ref, 64, make, _qos)
-                if type(taken) is int or not taken:
+                taken = take_endpoints(reader._ref, 64, make)
+                if not taken:
                     break
                 with self._lock:
                     for handle, endpoints in taken:
@@ -208,25 +196,7 @@ def concerned(channel: str, changed: Set[str]) -> bool:
     return any(matches(channel, each) or matches(each, channel) for each in either)
 
 
-# Called by the library for each sample of a built-in topic; they must not raise.
-
-
-def _qos(pointer: int) -> tuple[bytes, str]:
-    """User data and partition. The library's own conversion is not thread-safe."""
-    data, size = ctypes.c_void_p(), ctypes.c_size_t()
-    said = b""
-    if dds_qget_userdata(pointer, ctypes.byref(data), ctypes.byref(size)) & 1 and data.value:
-        said = ctypes.string_at(data.value, size.value)
-        library.dds_free(data)
-    count, names = ctypes.c_uint32(), ctypes.POINTER(ctypes.c_void_p)()
-    partition = ""
-    if dds_qget_partition(pointer, ctypes.byref(count), ctypes.byref(names)) & 1 and count.value:
-        for number in range(count.value):
-            if number == 0:
-                partition = ctypes.string_at(names[0]).decode(errors="replace")
-            library.dds_free(names[number])
-        library.dds_free(names)
-    return said, partition
+# Called by the library for each sample of a built-in topic; it must not raise.
 
 
 def _endpoint(
