@@ -48,7 +48,6 @@ from ..wire import names
 from . import ports, settings
 from .commonbehavior import CommonBehavior, port_of
 from .ending import GRACE, STUCK, announced, end_after, grace_of, settle
-from .files import write_out
 from .introspection import Bound, Counts, life, status
 from .lifecycle import Beat, Event, State, after
 from .monitor import Monitor
@@ -59,6 +58,7 @@ from .signals import Signals
 from .statemachine import Machine, Trigger
 from .tally import Tally
 from .trace import user_trace
+from .unsafe import write_out
 from .watch import Lost, Missed
 from .watchdog import Watchdog
 from .watching import Watching

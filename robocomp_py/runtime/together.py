@@ -23,11 +23,11 @@ from ..errors import ComponentError, ConfigurationError
 from ..spelling import unknown
 from ..threads import NO_THREAD, start_thread
 from .ending import STUCK, end_after, grace_of, settle
-from .files import write_out
 from .notify import CONTRACT, ENDED, notify
 from .run import Running, exit_code, parser_of, prepare, tell_notes, tell_where_on_abort
 from .settings import Document, Settings
 from .signals import Signals
+from .unsafe import write_out
 from .watchdog import Watchdog
 from .worker import Worker
 

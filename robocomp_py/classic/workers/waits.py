@@ -11,7 +11,7 @@ handler that waits for a lock, and the code that holds the lock and waits for a 
 
 from __future__ import annotations
 
-import concurrent.futures.thread
+import concurrent.futures
 import queue
 import threading
 import time
@@ -23,6 +23,7 @@ from typing import Any, Protocol, TypeVar
 from weakref import WeakSet
 
 from ...threads import NO_THREAD, start_thread
+from .unsafe import not_awaited
 
 T = TypeVar("T")
 
@@ -319,8 +320,7 @@ def _futures(loop: Loop, begun: Begun) -> dict[str, Any]:
                 self._work_queue.get_nowait()
                 raise RuntimeError(NO_THREAD)
             for thread in set(self._threads) - known:
-                awaited: Any = concurrent.futures.thread._threads_queues  # those that Python waits for
-                awaited.pop(thread, None)
+                not_awaited(thread)
                 begun.thread(thread)
 
         def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:

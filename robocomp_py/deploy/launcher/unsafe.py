@@ -23,7 +23,7 @@ from collections.abc import Callable, Collection
 from types import ModuleType
 from typing import Any, NoReturn
 
-from ...runtime.files import write_out
+from ...runtime.unsafe import write_out
 
 PR_SET_PDEATHSIG = 1
 PR_SET_NAME = 15

@@ -41,6 +41,7 @@ from ....runtime.ending import STUCK
 from ....runtime.monitor import MAX_SUSPENDED
 from ....runtime.trace import frames_in
 from ....threads import NO_THREAD, Pool, fulfil, start_thread
+from ..unsafe import before_threads, exits_noted
 from .served import GUI
 
 log = logging.getLogger("robocomp.worker")
@@ -361,12 +362,10 @@ class Front:
     @contextlib.contextmanager
     def _exits(self, life: threading.Thread, stop: Callable[[], None]) -> Iterator[None]:
         """PySide ends Python when a slot raises SystemExit; then only threads that Python waits for go on."""
-        before = sys.exit
 
-        def note(status: Any = None, /) -> Any:
+        def note(status: Any) -> None:
             if self.here:
                 self._exit_code = status if isinstance(status, int) else int(status is not None)
-            before(status)
 
         def gone() -> None:
             if self._is_over or not life.is_alive():
@@ -379,12 +378,9 @@ class Front:
             sys.stdout.flush()
             os._exit(self._exit_code)
 
-        sys.exit = note
-        threading._register_atexit(gone)  # type: ignore[attr-defined]  # `atexit` is called after all threads have ended
-        try:
+        before_threads(gone)
+        with exits_noted(note):
             yield
-        finally:
-            sys.exit = before
 
     # On any other thread.
 

@@ -1,0 +1,79 @@
+"""What workers take from CPython beyond its public interface is there; without it, a process still ends."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import Any
+
+import pytest
+
+from robocomp_py.classic.workers import unsafe
+
+PRIVATE = ("_register", "_awaited")
+
+ENDING = """\
+import sys, threading
+from robocomp_py.classic.workers import unsafe
+for name in sys.argv[1:]:
+    setattr(unsafe, name, None)
+ended = threading.Event()
+def run():
+    ended.wait(SECONDS)
+    print("thread", flush=True)
+def called():
+    print("called", flush=True)
+    ended.set()
+threading.Thread(target=run).start()
+unsafe.before_threads(called)
+"""
+
+POOL = """\
+import concurrent.futures, sys, threading
+from robocomp_py.classic.workers import unsafe
+for name in sys.argv[1:]:
+    setattr(unsafe, name, None)
+begun = threading.Event()
+def run(seconds):
+    begun.set()
+    threading.Event().wait(seconds)
+    print("waited for", flush=True)
+pool = concurrent.futures.ThreadPoolExecutor(1)
+def begin():
+    pool.submit(run, SECONDS)
+thread = threading.Thread(target=begin, daemon=True)
+thread.start()
+thread.join()
+begun.wait()
+[each] = [each for each in threading.enumerate() if each not in (threading.main_thread(), thread)]
+unsafe.not_awaited(each)
+"""
+
+
+def printed(code: str, seconds: float, *missing: str) -> list[str]:
+    call = [sys.executable, "-c", code.replace("SECONDS", str(seconds)), *missing]
+    done = subprocess.run(call, capture_output=True, text=True, timeout=60, check=True)
+    return done.stdout.splitlines()
+
+
+def test_all_of_it_is_there() -> None:
+    assert [name for name in PRIVATE if getattr(unsafe, name) is None] == []
+
+
+def test_a_call_comes_before_the_wait_for_threads_or_else_after_it() -> None:
+    assert printed(ENDING, 60) == ["called", "thread"]
+    assert printed(ENDING, 0.1, "_register") == ["thread", "called"]
+
+
+def test_python_does_not_wait_for_a_thread_of_a_pool_unless_it_has_to() -> None:
+    assert printed(POOL, 50) == []
+    assert printed(POOL, 0.1, "_awaited") == ["waited for"]
+
+
+def test_what_is_given_to_exit_is_noted_and_then_exit_is_as_before() -> None:
+    noted: list[Any] = []
+    before = sys.exit
+    with unsafe.exits_noted(noted.append), pytest.raises(SystemExit) as ended:
+        sys.exit(3)
+    assert (noted, ended.value.code) == ([3], 3)
+    assert sys.exit is before
