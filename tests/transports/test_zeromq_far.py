@@ -27,7 +27,7 @@ from robocomp_py.transports.directory import Entry
 from robocomp_py.transports.keyfiles import Rights, read_public
 from robocomp_py.transports.zeromq import remote
 from robocomp_py.transports.zeromq.curve import Curve, key_pair
-from robocomp_py.transports.zeromq.remote import DIRECTORY, host_of, read_record, record
+from robocomp_py.transports.zeromq.remote import DIRECTORY, host_of, mechanism_at, read_record, record
 from robocomp_py.transports.zeromq.sockets import new_socket
 from robocomp_py.transports.zeromq.transport import ZeroMQTransport
 from robocomp_py.wire import header as head
@@ -371,6 +371,14 @@ def test_a_client_without_keys_is_told_that_it_needs_some(hosts: Hosts, caplog: 
     told = f"viewer: this process has no keys, and needs some (start it with --keys FOLDER) at {hosts.address} (camera)"
     wait_until(lambda: told in caplog.text)
     assert not caller.wait_peer(0)
+
+
+@pytest.mark.parametrize(("with_keys", "mechanism"), [(True, b"CURVE"), (False, b"NULL")])
+def test_what_a_server_demands_is_known_before_it_closes_the_connection(
+    hosts: Hosts, with_keys: bool, mechanism: bytes
+) -> None:
+    divide(hosts.camera(with_keys=with_keys))
+    assert mechanism_at(hosts.address) == mechanism
 
 
 def test_without_a_key_of_a_server_nothing_is_opened(hosts: Hosts) -> None:

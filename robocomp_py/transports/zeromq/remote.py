@@ -16,6 +16,7 @@ import contextlib
 import json
 import logging
 import re
+import socket
 import struct
 import threading
 import time
@@ -53,6 +54,18 @@ _EAGER, _USUAL = 0.1, 0.5
 
 _UNANSWERED = 3.0
 """Seconds without a reply after which that is logged."""
+
+_NO_REPLY, _NO_MORE = "no reply", "no reply any more"
+_NEEDS_KEYS = "this process has no keys, and needs some (start it with --keys FOLDER)"
+
+_HALF_A_GREETING = b"\xff\0\0\0\0\0\0\0\1\x7f\3"
+"""Signature and version of ZMTP 3."""
+
+_GREETING, _MECHANISM = 64, slice(12, 32)
+"""Octets of a whole greeting, and where it names the mechanism."""
+
+_PROBING = 1.0
+"""Seconds for each step of reading a greeting."""
 
 ACQUAINTED = 0.5
 """Seconds within which two transports find each other at an address: they try to connect every 0.2 s or more often."""
@@ -260,9 +273,10 @@ class Inquirer:
         self.secure, self._rights = transport.secure_for(name)
         self._client, self._sequence = random_id(), 0
         self._asked = self._answered = time.monotonic() - _USUAL
-        self._told = False
+        self._told = ""
+        """The reason that was logged since the last reply."""
         self._id = ""
-        self._why = "no reply"
+        self._why = _NO_REPLY
         options = to_far(address) | {"SNDHWM": 4, "RCVHWM": 16, "RECONNECT_IVL_MAX": 0}
         self._socket = transport.socket(zmq.DEALER, self._on_answer, self.secure, **options)
         transport.watch(self._socket, told=self._on_event)
@@ -281,10 +295,21 @@ class Inquirer:
         if wait <= 0:
             self._ask()
             wait = _EAGER
-        if not self._told and now - self._answered > _UNANSWERED:
-            self._told = True
-            log.warning("%s: %s at %s (%s)", self._transport.owner or "zeromq", self._why, self.address, self.name)
+        why = self._why  # once: the guard's thread sets it
+        untold = self._told in ("", _NO_REPLY, _NO_MORE) and why != self._told  # it may become known later
+        if untold and now - self._answered > _UNANSWERED:
+            self._told = why
+            self._transport.do(self._tell)  # on another thread, since it may take a while
         return wait
+
+    def _tell(self) -> None:
+        """Log why there is no reply."""
+        if not self._told:
+            return  # there is one by now
+        if self.secure is None and self._why in (_NO_REPLY, _NO_MORE) and mechanism_at(self.address) == b"CURVE":
+            self._why = _NEEDS_KEYS
+        self._told = why = self._why
+        log.warning("%s: %s at %s (%s)", self._transport.owner or "zeromq", why, self.address, self.name)
 
     def ask_now(self) -> None:
         """Send a request at the next tick, since our record has changed."""
@@ -309,7 +334,7 @@ class Inquirer:
             self._answered = time.monotonic()
             if self._told:
                 log.info("%s: %s answers again", self._transport.owner or "zeromq", self.name)
-            self._told, self._why = False, "no reply any more"
+            self._told, self._why = "", _NO_MORE
             if self._id != member.id:  # it was started again
                 self._transport.directory.lose(partial(_is, self._id))
                 self._id = member.id
@@ -322,11 +347,27 @@ class Inquirer:
         if number == zmq.EVENT_HANDSHAKE_FAILED_AUTH:
             self._why = "our key is not admitted"
         elif number == zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL and self.secure is None:
-            self._why = "this process has no keys, and needs some (start it with --keys FOLDER)"
+            self._why = _NEEDS_KEYS
         elif number == zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL:
             self._why = "the server does not have the key that we know"
         elif self.secure is not None:
             self._why = "the server does not use CURVE"
+
+
+def mechanism_at(address: str) -> bytes:
+    """The security mechanism of the ZeroMQ socket at an address; empty if it does not answer.
+
+    A server with keys closes a connection without keys at once, often before ZeroMQ has read why. To the first half of
+    a greeting it answers with all of its own.
+    """
+    host, _, port = address.removeprefix("tcp://").rpartition(":")
+    with contextlib.suppress(OSError), socket.create_connection((host.strip("[]"), int(port)), _PROBING) as connection:
+        connection.sendall(_HALF_A_GREETING)
+        greeting = b""
+        while len(greeting) < _GREETING and (part := connection.recv(_GREETING - len(greeting))):
+            greeting += part
+        return greeting[_MECHANISM].rstrip(b"\0")
+    return b""
 
 
 def _is(member_id: str, member: Member) -> bool:
