@@ -12,8 +12,8 @@
       router@HOST/                for each host with a helper (`router@` on the machine that launches)
         ca.pem  certificate.pem  key.pem
 
-A process has one identity, since its instances share what they open. Made again is what is missing, has expired or soon
-will; the permissions always follow the graph, and the keys of removed instances are deleted.
+A process has one identity, since its instances share what they open. Missing, expired and soon expiring files are made
+again; the permissions always follow the graph, and the keys of removed instances are deleted.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ if TYPE_CHECKING:
     from .plan import Plan
 
 DAYS = 365.0
-"""For which certificates are valid, unless told otherwise."""
+"""Default validity of certificates, in days."""
 
 EXPIRES_SOON = datetime.timedelta(days=30)
-"""Before the end: from then on certificates are made again; those with a shorter life, in its last third."""
+"""Time before the end from which on certificates are made again; those with a shorter life, in its last third."""
 
 _OF_EACH = "ca.pem", "certificate.pem", "key.pem"
 _OF_PROCESS = *_OF_EACH, "curve.key", "curve.key_secret", "identity.json"
@@ -53,7 +53,7 @@ _NUMBERS = 0x10000
 
 @dataclass(frozen=True)
 class Made:
-    """Something that was made, or is there: what, whether it is new, and until when it holds (None: for ever)."""
+    """A file or folder: what it is, whether it is new, and until when it is valid (None: for ever)."""
 
     what: str
     is_new: bool
@@ -89,7 +89,7 @@ def graph_of(plan: Plan) -> Graph:
 def make_keys(
     plan: Plan, folder: Path, now: datetime.datetime, *, days: float = DAYS, renew: bool = False
 ) -> tuple[Made, ...]:
-    """Make what is missing, has expired or soon will; all of it with `renew`, but for the authority.
+    """Make what is missing, expired or soon to expire; with `renew`, everything except the authority.
 
     Raises DeploymentError.
     """
@@ -103,7 +103,7 @@ def make_keys(
 def troubles(
     plan: Plan, folder: Path, now: datetime.datetime, network: str = "NET.ddsl"
 ) -> tuple[list[str], list[str]]:
-    """Why a network cannot be started with the keys in a folder, and what is to be told all the same.
+    """The errors that keep a network from starting with the keys in a folder, and warnings.
 
     `network` is the file as the command line names it, with all options that change what is planned.
     Raises DeploymentError.
@@ -150,7 +150,7 @@ def files_of(plan: Plan, host: str, folder: Path) -> tuple[Path, ...]:
 
 
 def contents(graph: Graph) -> dict[str, tuple[str, ...]]:
-    """What there is in the folder of each process and router once their keys are made, as paths in it, by its name."""
+    """The files of each process and router once their keys are made, as paths in its folder, by name."""
     unnumbered = {each.name: b"" for each in graph.principals}
     found: dict[str, tuple[str, ...]] = {router_name(host): _OF_EACH for host in graph.routers}
     found |= {each.folder: _OF_PROCESS for each in graph.principals}
@@ -340,7 +340,7 @@ def _folder(path: Path) -> Path:
 
 
 def _write(path: Path, data: bytes) -> None:
-    """As a whole, and never readable for others, not even for a moment."""
+    """Write the whole file at once, and never readable for others."""
     draft = path.with_name(f".{path.name}.draft")
     with contextlib.suppress(FileNotFoundError):
         draft.unlink()

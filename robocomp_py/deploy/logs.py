@@ -1,10 +1,10 @@
-"""What the processes of a network print, in files: one for each, replaced by a new one when it is long.
+"""The output of a network's processes in files: one for each, rotated when it is long.
 
     logs/laser.log  laser.log.1  laser.log.2        the newest first
     2026-03-01T12:00:00.123456+00:00 WARNING: too close      as text
     {"time": "…", "name": "laser", "level": "warning", "text": "too close"}    as JSON, a line each
 
-A full disk stops no network. It is reported once, the lines that are lost are counted, and their number is written when
+A full disk does not stop the network. It is reported once, lost lines are counted, and their number is written when
 there is room again.
 """
 
@@ -34,7 +34,7 @@ KEPT = 2
 """Files of each that are kept beside the newest."""
 
 _ALTOGETHER = 256 << 20
-"""Bytes of all files of a network, about; each has its share."""
+"""Approximate bytes of all files of a network; each has its share."""
 
 _SMALLEST, _LARGEST = 64 << 10, 8 << 20
 """Bytes of a file."""
@@ -102,7 +102,7 @@ class Logs:
 
     @property
     def lost(self) -> dict[str, int]:
-        """Of those that could not be written until now: how many lines."""
+        """Number of lines that could not be written so far."""
         return {name: file.lost for name, file in self._files.items() if file.lost}
 
     def close(self) -> None:

@@ -17,12 +17,12 @@ _GAP = "  "
 
 
 def overview(plan: Plan) -> list[Line]:
-    """What would run."""
+    """The overview of a plan."""
     return [_title(plan), *map(_host, plan.hosts), *_helpers(plan), [], *_columns(_rows(plan))]
 
 
 def difference(changes: Sequence[Change]) -> list[Line]:
-    """What is different from what runs; nothing, if nothing is."""
+    """The differences from the running network; empty if there are none."""
     lines: list[Line] = []
     for each in changes:
         match each.kind:
@@ -40,7 +40,7 @@ def difference(changes: Sequence[Change]) -> list[Line]:
 def command_line(process: Process, folder: Path) -> str:
     """A shell command that starts a process by hand, from `folder`, as the network starts it: with its environment.
 
-    Of a process on another host it shows the paths of this one.
+    For a process on another host it shows the paths of this host.
     """
     words = list(process.command)
     if process.env:
@@ -77,7 +77,7 @@ def _helpers(plan: Plan) -> list[Line]:
 
 
 def _rows(plan: Plan) -> list[list[list[Span]]]:
-    """By row and column, the lines of a cell; columns in which nothing stands are left out."""
+    """The lines of each cell, by row and column; empty columns are left out."""
     orders, uses = orders_of(plan.processes), _uses(plan)
     shared = any(process.members for process in plan.processes)
     titles = ["order", "instance", "component", "process", "host", "starts after", "restart", "address", "uses"]
@@ -119,7 +119,7 @@ def _restart(restart: Restart) -> str:
 
 
 def _addresses(process: Process) -> list[str]:
-    """Where its instances listen, if that is beyond this machine's own folder."""
+    """The addresses at which its instances listen outside the run-time folder."""
     found: dict[tuple[int, str], str] = {}
     instance = 0
     for word in process.command:
@@ -135,7 +135,7 @@ def _addresses(process: Process) -> list[str]:
 
 
 def _uses(plan: Plan) -> dict[str, list[str]]:
-    """By client, what it uses and over what."""
+    """The links of each client, with their middlewares."""
     ways: dict[Link, dict[str, None]] = {}
     for way in plan.ways:
         link = Link(way.interface.rpartition(".")[2], way.provider, way.client, way.verb)

@@ -32,11 +32,11 @@ from .launcher import traces
 M = TypeVar("M")
 
 _TRIES, _PAUSE = 10, 0.03
-"""How often the lock is tried while the network's runner lives: it may be just ending."""
+"""Number of attempts to lock while the network's runner lives, since it may be ending."""
 
 _TRIES_WITHOUT_RUNNER = 170
-"""How often otherwise, for five seconds: a command that looks for the runner holds the lock for a moment, and so does a
-cleanup after a killed one; either may be held up."""
+"""Number of attempts otherwise, for five seconds: a command that looks for the runner holds the lock for a moment, and
+so does a cleanup after a killed runner; either may be held up."""
 
 
 class AlreadyRuns(DeploymentError):
@@ -69,12 +69,12 @@ class Run:
 
 
 def file_name(instance: str) -> str:
-    """By what the files of an instance begin: `left.arm` for `left/arm`. Never a path, whatever it is called."""
+    """The beginning of an instance's file names: `left.arm` for `left/arm`. Never a path, whatever its name."""
     return re.sub(r"[^A-Za-z0-9_.-]", "_", instance.replace("/", ".")).lstrip(".") or "_"
 
 
 def made_in(folder: Path, make: Callable[[], M], tries: int = 10) -> M:
-    """What is made in a folder, which is made if there is none. Raises OSError.
+    """Makes something in a folder, and the folder if it is missing. Raises OSError.
 
     A process that is just ending may remove the folder while it is empty; a file in it keeps the folder.
     """
@@ -88,7 +88,7 @@ def made_in(folder: Path, make: Callable[[], M], tries: int = 10) -> M:
 
 
 class Place:
-    """The folder of one network. Nothing is made before `take`."""
+    """The folder of one network; `take` creates it."""
 
     def __init__(self, network: str, folder: Path | None = None) -> None:
         """Raises DeploymentError if there can be no run-time folder."""
@@ -125,7 +125,7 @@ class Place:
         return self.folder / "rcdeploy.err"
 
     def take(self, command: str = "") -> None:
-        """Be the one that runs this network, until `release` or the end of this process.
+        """Become the runner of this network, until `release` or the end of this process.
 
         Raises AlreadyRuns, or DeploymentError if nothing can be written there.
         """
@@ -155,7 +155,7 @@ class Place:
             os.close(probe)
 
     def leave_plan(self, text: str) -> None:
-        """Have others read what runs; they see all of it, or nothing. Raises OSError."""
+        """Write the plan for other commands; they see all of it, or nothing. Raises OSError."""
         _replace(self.plan, text)
 
     def leave_run(self, run: Run) -> None:
@@ -172,13 +172,13 @@ class Place:
             return None
 
     def release(self) -> None:
-        """Let others run it. What is of no use any more is removed; logs and complaints stay. May be called twice."""
+        """Let others run it. Removes all but logs and errors. May be called twice."""
         if self._held < 0:
             return
         for each in (self.control, self.plan, self.leftovers):
             with contextlib.suppress(OSError):
                 each.unlink()
-        with contextlib.suppress(OSError):  # there is none, mostly
+        with contextlib.suppress(OSError):  # usually there is none
             if not self.complaints.stat().st_size:
                 self.complaints.unlink()
         shutil.rmtree(self.notify, ignore_errors=True)
@@ -230,7 +230,7 @@ def running(deployments: Path, look: Callable[[Mapping[str, Any]], M]) -> Iterat
             if Place(name, deployments).runner():
                 yield name, found
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
-            continue  # it ends just now, or is of another version
+            continue  # it is ending, or is of another version
 
 
 def _replace(path: Path, text: str) -> None:
@@ -264,7 +264,7 @@ def _deployment(name: str) -> Path:
 
 
 def _read(told: bytes) -> Runner:
-    """What stands in the lock; written by another version, perhaps, or not at all."""
+    """The content of the lock, which another version may have written; it may be empty."""
     try:
         found = json.loads(told)
         return Runner(int(found["pid"]), float(found["since"]), str(found["command"]))

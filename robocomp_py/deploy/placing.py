@@ -1,6 +1,6 @@
-"""Where the instances of a network run, and what becomes of them when they end: what its file says, as values.
+"""Where the instances of a network run, and how they are restarted: the clauses of the file as values.
 
-That what it says makes sense has been checked: see `robocomp_py.dsl.ddsl.check`.
+`robocomp_py.dsl.ddsl.check` has checked them before.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from .policy import Escalation, Restart, When
 
 
 def host_name(model: Deployment, instance: Instance) -> str:
-    """The host it runs on, "" for this one. One that has an address only is called like it."""
+    """The host that it runs on, "" for this one. A host without a name is called by its address."""
     said = host_of(model, instance)
     if said is None or said.text in HERE:
         return ""
@@ -54,7 +54,7 @@ def _is_at(host: Block, address: str) -> bool:
 
 
 def hosts_of(model: Deployment, instances: Sequence[Instance]) -> tuple[Host, ...]:
-    """Those that are used, in the order of the file. One that is not there, or has no address, is none."""
+    """The hosts that are used, in the order of the file, if they exist and have an address."""
     hosts = {host.name.text: _host(host) for host in model.hosts if host.address}
     used = {host_name(model, each): host_of(model, each) is each.ip for each in instances}
     hosts |= {name: Host(name, name) for name, unnamed in used.items() if name and unnamed and name not in hosts}
@@ -74,12 +74,12 @@ def _host(block: Block) -> Host:
 
 
 def clauses(model: Deployment, together: Sequence[Instance]) -> dict[str, Any]:
-    """What the clauses of the instances in a process say of it, by the fields of `Process`."""
+    """The fields of `Process` that the clauses of its instances set."""
     return {name: read(model, together) for name, read in _CLAUSES.items()}
 
 
 def _restart(model: Deployment, together: Sequence[Instance]) -> Restart:
-    """Whether and how often it is started again: the same is said for all in it."""
+    """Whether and how often it is started again; all its instances say the same."""
     said = restart_of(model, together[-1])
     if said is None:
         return Restart()
@@ -95,7 +95,7 @@ def _restart(model: Deployment, together: Sequence[Instance]) -> Restart:
 
 
 def escalations(model: Deployment) -> dict[tuple[str, ...], Escalation]:
-    """By system; that of the whole network by the empty one."""
+    """By system; "" is the whole network."""
     said = {tuple(each.name.text.split("/")): each.escalation for each in model.systems if each.escalation}
     if model.escalation:
         said[()] = model.escalation
@@ -103,14 +103,14 @@ def escalations(model: Deployment) -> dict[tuple[str, ...], Escalation]:
 
 
 def _grace(model: Deployment, together: Sequence[Instance]) -> float | None:
-    """Seconds that it has to end: for each in it the longest that one of them is given; None if none is."""
+    """Seconds that it has to end: the longest grace of an instance, times their number; None if none has one."""
     said = [each.grace.seconds if each.grace.unit else each.grace.number for each in together if each.grace]
     known = [seconds for seconds in said if seconds is not None]
     return max(known) * len(together) if known else None
 
 
 def _notifies(model: Deployment, together: Sequence[Instance]) -> bool:
-    """Whether it says when it is ready, as all components do."""
+    """Whether it reports that it is ready, as all components do."""
     return together[-1].program is None or together[-1].notifies is not None
 
 
@@ -136,7 +136,7 @@ def security(model: Deployment) -> Security:
 
 
 def port(instance: Instance) -> int:
-    """Of TCP, at which it can be called from outside; 0 if nothing says so."""
+    """The TCP port at which it can be called from outside; 0 without one."""
     return whole(instance.port.text) if instance.port else 0
 
 
@@ -151,7 +151,7 @@ def channels(model: Deployment, instance: Instance) -> str:
 
 
 def existing_command(command: str) -> list[str]:
-    """The words of an `existing`, split as a shell would, though none sees them; none if it cannot be split."""
+    """The words of an `existing`, split as in a shell, but without one; empty if it cannot be split."""
     try:
         return shlex.split(command)
     except ValueError:
@@ -159,7 +159,7 @@ def existing_command(command: str) -> list[str]:
 
 
 def find_program(word: str, folder: Path, env: Mapping[str, str]) -> Path | None:
-    """The program that a word means in a folder on this host; None if there is none."""
+    """The program that a word names in a folder on this host; None if it does not exist."""
     if "/" in word:
         path = folder / word
         return path.absolute() if path.is_file() and os.access(path, os.X_OK) else None

@@ -24,7 +24,7 @@ from enum import StrEnum
 
 
 class When(StrEnum):
-    """After which end a process is started again, unless it was told to end."""
+    """The exits after which a process is started again, unless it was told to end."""
 
     NEVER = "never"
     ON_FAILURE = "on_failure"
@@ -43,8 +43,8 @@ class Escalation(StrEnum):
 class Restart:
     """Whether and how often a process is started again.
 
-    The first time after `delay` seconds, then after twice as many each time, up to `max_delay`, each a little more or
-    less so that not all come at once. After `intensity` restarts within `period` seconds it is given up.
+    The first restart comes after `delay` seconds. The delay doubles each time, up to `max_delay`, and varies a little
+    so that not all come at once. After `intensity` restarts within `period` seconds the process is given up.
     """
 
     when: When = When.NEVER
@@ -56,7 +56,7 @@ class Restart:
 
 @dataclass(frozen=True, slots=True)
 class Child:
-    """One process, as far as its supervisor is concerned."""
+    """One process, as its supervisor sees it."""
 
     name: str
     after: tuple[str, ...] = ()
@@ -68,18 +68,18 @@ class Child:
     """The systems around it, the outermost first."""
     host: str = ""
     instances: tuple[str, ...] = ()
-    """Those in it, if it has not just one of its own name."""
+    """Its instances, unless it has just one of its own name."""
     needs: frozenset[str] = frozenset()
     """The instances of others without which it does not become ready."""
     is_kept: bool = False
     """Whether it goes on while its host is out of reach, and is found there again."""
     ready_after: tuple[str, ...] = ()
-    """Those that it requires something of: it is started when they are ready, or gone for good."""
+    """The providers that it requires: it is started when they are ready, or gone for good."""
     stops_before: tuple[str, ...] = ()
-    """Those that it requires something of, and that are stopped after it."""
+    """The providers that it requires, and that are stopped after it."""
 
 
-# What happens.
+# Events.
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +149,7 @@ class Tick:
 Event = Ready | Hung | Exited | Left | StopRequested | RestartRequested | Lost | Back | Tick
 
 
-# What is to be done.
+# Actions.
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +174,7 @@ class Finish:
 
 @dataclass(frozen=True, slots=True)
 class Retry:
-    """To be told: this one will be started again so many seconds later."""
+    """To be reported: this process will be started again after `seconds`."""
 
     name: str
     seconds: float
@@ -182,7 +182,7 @@ class Retry:
 
 @dataclass(frozen=True, slots=True)
 class GaveUp:
-    """To be told: this one has used up its restarts."""
+    """To be reported: this process has used up its restarts."""
 
     name: str
     restarts: int
@@ -190,7 +190,7 @@ class GaveUp:
 
 @dataclass(frozen=True, slots=True)
 class Along:
-    """To be told: these are stopped for the sake of another one, and started `again`, or not."""
+    """To be reported: these are stopped for the sake of another one, and started `again`, or not."""
 
     names: tuple[str, ...]
     sake: str
@@ -199,7 +199,7 @@ class Along:
 
 @dataclass(frozen=True, slots=True)
 class Stuck:
-    """To be told: this one has been killed, and is still there."""
+    """To be reported: this process was killed, but has not ended."""
 
     name: str
 
@@ -222,7 +222,7 @@ class State(StrEnum):
 
     @property
     def gone(self) -> bool:
-        """Whether no process is there."""
+        """Whether the process does not exist."""
         return self not in _THERE
 
 
@@ -245,7 +245,7 @@ _STOPPED_BY_US = frozenset({0, -signal.SIGTERM, -signal.SIGINT, 128 + signal.SIG
 
 @dataclass(slots=True, eq=False)
 class Progress:
-    """How far a process has come. For others than the supervisor to read only."""
+    """The progress of a process. Only the supervisor may change it."""
 
     child: Child
     position: int
@@ -265,9 +265,9 @@ class Progress:
     barred: set[str] = field(default_factory=set)
     """Those that must be gone before it is started."""
     planned: list[float] = field(default_factory=list)
-    """When it was to be started again after its own ends, as far as that still counts."""
+    """The times of its recent restarts, as far as they still count."""
     streak: int = 0
-    """Its ends since it last was ready for long."""
+    """Number of its ends since it was last ready for long."""
     ready_at: float | None = None
     is_done: bool = False
     """Whether it was ready, and then ended well: its dependents may start."""
@@ -277,9 +277,9 @@ class Progress:
     """Whether it, or the one for whose sake it was stopped, has been given up."""
     is_killed: bool = False
     is_put_off: bool = False
-    """Whether it was given its time once more, to stop, or to be gone after it was killed."""
+    """Whether it was given its time to stop, or to end after SIGKILL, once more."""
     is_stuck: bool = False
-    """Whether it is still there although it was killed; for the others it is gone."""
+    """Whether it has not ended although it was killed; the others treat it as gone."""
 
     @property
     def instances(self) -> tuple[str, ...]:
@@ -303,9 +303,9 @@ class Supervisor:
         self.progress = {child.name: Progress(child, number) for number, child in enumerate(children)}
         self._states = {name: each.state for name, each in self.progress.items()}
         self._count = Counter(self._states.values())
-        """How many are in each state: with many, most events need no look at all of them."""
+        """Number of processes in each state, so that most events need no loop over all of them."""
         self.up = False
-        """Whether everything has been ready, or has done its work."""
+        """Whether every process has been ready, or has done its work."""
         self.stopping = False
         self.why = ""
         """Why it stops."""
@@ -330,12 +330,12 @@ class Supervisor:
 
     @property
     def states(self) -> dict[str, State]:
-        """How all are just now, in the order of the network."""
+        """The present states, in the order of the network."""
         return self._states.copy()
 
     @property
     def wake(self) -> float | None:
-        """When something is to be done if nothing happens before: `Tick` then."""
+        """The time at which a `Tick` is needed if no other event comes before."""
         times: list[float] = []
         if self._count[State.STOPPING]:
             times += [each.deadline for each in self.progress.values() if each.state is State.STOPPING]
@@ -403,7 +403,7 @@ class Supervisor:
                 each.is_put_off = True
                 each.deadline = self._now + (UNKILLABLE if each.is_killed else self._grace_of(each))
 
-    # What happened.
+    # Events.
 
     def _ready(self, each: Progress) -> None:
         if each.state is State.STARTING:
@@ -596,7 +596,7 @@ class Supervisor:
                 self._to(each, State.ENDED)
         self._tell_along(dropped, given_up.child.name, again=False)
 
-    # What to do next.
+    # Next steps.
 
     def _next(self) -> list[Action]:
         actions: list[Action] = []
@@ -676,7 +676,7 @@ class Supervisor:
         each.since = self._now
 
     def _wait(self, each: Progress) -> None:
-        """Until it may be started, for the first time or again."""
+        """Let it wait until it may be started, for the first time or again."""
         each.leaving = each.again = each.is_over = False
         self._to(each, State.RESTARTING if each.not_before > self._now else State.WAITING)
 

@@ -1,7 +1,7 @@
 """The links of a network: each port of an instance, and the ports that offer what it uses.
 
-A wiring of the network says it; else those of the same system do, if there are any, or else those of the system
-around it, and so on.
+A wiring of the network decides. Without one, the providers of the same system count; if there are none, those of the
+system around it, and so on.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Node:
     """Where the network speaks of a port, by its name."""
 
     def place(self, port: str = "") -> Name:
-        """Where to tell what is wrong with it, or with one of its ports."""
+        """Where errors of the instance, or of one of its ports, are reported."""
         return self.places.get(port) or self.instance.config or self.instance.name
 
     @property
@@ -161,7 +161,7 @@ class _Wirer:
             node.wires[port.name] = tuple(sources)  # "any instance" would be one of the own system
 
     def _nearest(self, port: Port) -> list[_Offer]:
-        """Those that offer it, and are in the same system, or in the one around it, and so on."""
+        """Its providers in the same system, or else in the one around it, and so on."""
         offers = [offer for offer in self.offers.get(_uses(port), ()) if offer[0] is not self.node]
         for system in around(self.node.instance.system):
             if near := [each for each in offers if each[0].instance.system[: len(system)] == system]:
@@ -222,7 +222,7 @@ def _offers(port: Port) -> tuple[Verb, str]:
 
 
 def _uses(port: Port) -> tuple[Verb, str]:
-    """What a port offers that serves one that uses an interface."""
+    """The verb and the interface of the ports that serve this one."""
     return Verb.IMPLEMENTS if port.verb is Verb.REQUIRES else Verb.PUBLISHES, port.interface.short
 
 

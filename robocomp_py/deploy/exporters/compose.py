@@ -41,7 +41,7 @@ def compose(plan: Plan, network: str) -> Export:
         files[site.folder / "compose.yaml"] = heading("A network", network) + as_yaml(_project(plan, site, project))
         files[site.folder / "Dockerfile"] = heading("The image of a network", network) + dockerfile(plan)
         if site.keys:
-            files[site.folder / ".dockerignore"] = heading("What is none of the image", network) + f"{KEYS}\n"
+            files[site.folder / ".dockerignore"] = heading("Files that stay out of the image", network) + f"{KEYS}\n"
     return Export(files, copies, told_once(_notes(plan)), tuple(_steps(all_sites)))
 
 

@@ -48,7 +48,7 @@ def kubernetes(plan: Plan, network: str) -> Export:
         files[site.folder / f"{_called(plan, site)}.yaml"] = manifest
         files[site.folder / "Dockerfile"] = heading("The image of a network", network) + dockerfile(plan)
         if site.keys:
-            files[site.folder / ".dockerignore"] = heading("What is none of the image", network) + f"{KEYS}\n"
+            files[site.folder / ".dockerignore"] = heading("Files that stay out of the image", network) + f"{KEYS}\n"
     return Export(files, copies, told_once(_notes(plan)), tuple(_steps(plan, all_sites)))
 
 

@@ -33,7 +33,7 @@ class Notified:
         asyncio.get_running_loop().add_reader(self._socket, self.read)
 
     def read(self) -> None:
-        """Heed what has come until now."""
+        """Handle all notifications that have arrived."""
         for _ in range(_AT_ONCE):
             try:
                 # Descriptors that come along (FDSTORE, BARRIER) are closed by the kernel: there is no room for them.

@@ -42,7 +42,7 @@ class Output:
         self._loop.add_reader(pipe, self._turn)
 
     async def drain(self, seconds: float) -> None:
-        """Read what was printed until now, and what comes for so long at most, and close."""
+        """Read what was printed, wait for more for a limited time, and close."""
         self._draining = True
         if self._pause:
             self._pause.cancel()
@@ -74,7 +74,7 @@ class Output:
             self._pause = self._loop.call_later(took * _LATER, self._go_on)
 
     def _read(self) -> int:
-        """How many bytes there were; none if there is nothing just now, or this was the end."""
+        """Returns the number of bytes; 0 if there is nothing now, or at the end."""
         try:
             chunk = os.read(self._pipe, _CHUNK)
         except BlockingIOError:

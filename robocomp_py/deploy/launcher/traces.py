@@ -34,7 +34,7 @@ class Trace:
 
 
 def boot() -> str:
-    """Which start of the machine this is: before it, process ids and start times meant others."""
+    """Identifies the current start of the machine; process ids and start times are valid for one only."""
     with contextlib.suppress(OSError), open("/proc/sys/kernel/random/boot_id") as told:
         return told.read().strip()
     return ""
@@ -49,8 +49,8 @@ def look(pid: int) -> Trace | None:
 
 
 def content(path: str) -> bytes:
-    """Of a short file that the kernel makes when it is read. Raises OSError."""
-    file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)  # half as dear as a file object
+    """The content of a short file of /proc. Raises OSError."""
+    file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)  # half the cost of a file object
     try:
         return os.read(file, 4096)
     finally:
@@ -75,7 +75,7 @@ def all_processes() -> Iterator[Trace]:
 
 
 def environment(pid: int) -> Mapping[str, str]:
-    """With what it was started; empty if that is not for us to know, or it has ended."""
+    """The environment that it was started with; empty if it may not be read, or the process has ended."""
     try:
         with open(f"/proc/{pid}/environ", "rb") as told:
             lines = told.read().split(b"\0")
@@ -124,7 +124,7 @@ def is_still(pid: int, started: int) -> bool:
 
 
 def send(pid: int, started: int, number: signal.Signals) -> bool:
-    """Signal a process and its group, unless its id means another one by now. Whether it lives."""
+    """Signal a process and its group, unless its id was reused. Returns whether it lives."""
     try:
         handle = os.pidfd_open(pid)
     except OSError:

@@ -1,4 +1,4 @@
-"""How much processor time and memory processes use, looked at now and then only, however often it is asked for."""
+"""The processor time and memory of processes, measured at limited intervals, however often they are requested."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from pathlib import Path
 from . import cgroups, traces
 
 _PAUSE = 2.0
-"""Seconds between two looks, at least."""
+"""Minimum number of seconds between two measurements."""
 
 _LONGEST = 30.0
-"""... and at most."""
+"""The maximum."""
 
 _SHARE = 0.01
 """Share of time that measuring may take: with hundreds of processes, or on a busy machine, it is done less often."""
@@ -34,7 +34,7 @@ class Used:
     cpu_s: float
     memory: int
     at: float
-    """When that was looked at, by the clock."""
+    """The time of the measurement."""
 
 
 class Meter:
@@ -57,7 +57,7 @@ class Meter:
         return {name: used for name, used in self._used.items() if there.get(name) == used.pid}
 
     def _measure(self, running: Mapping[str, tuple[int, Path | None]]) -> None:
-        """Those first that never were."""
+        """Processes that were never measured come first."""
         there = {(name, pid): group for name, (pid, group) in running.items()}
         for gone in self._measured.keys() - there.keys():
             del self._measured[gone]
@@ -84,7 +84,7 @@ def _cpu_of_group(group: Path) -> float | None:
 
 
 def _memory(pid: int, group: Path | None) -> int:
-    """PSS; 0 if it is not for us to know."""
+    """PSS; 0 if it may not be read."""
     total = 0
     for each in (cgroups.members(group) if group else None) or [pid]:
         with contextlib.suppress(OSError):

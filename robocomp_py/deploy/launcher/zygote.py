@@ -52,7 +52,7 @@ _MAX = 1 << 18
 """Bytes of a request."""
 
 _BROOD = 8
-"""How many have one process in between; the first of them waits for the last."""
+"""Maximum number of processes forked from one process in between; the first of them waits for the last."""
 
 _WORDS_OF_CHANCE = 624
 """The state of the generator that numpy's functions use."""
@@ -63,7 +63,7 @@ def main() -> None:
     get_ready(sys.argv[3:-1])
     shared = frozenset(sys.modules)
     shown = unsafe.room_of_command(len(PADDING))
-    with installed.asked_once():  # what is installed is looked up here, for all
+    with installed.asked_once():  # installed packages are looked up once, for all
         request = serve(channel, lifeline)
         if request is None:
             return
@@ -77,7 +77,7 @@ def main() -> None:
 
 
 def get_ready(middlewares: Sequence[str]) -> None:
-    """Import all that components need, and have done what each of them would do again."""
+    """Import all that components need, and do once what each of them would repeat."""
     for module in _NEEDED:
         importlib.import_module(module)
     for name in middlewares:
@@ -142,13 +142,13 @@ def serve(channel: socket.socket, lifeline: int) -> Mapping[str, Any] | None:
 
 
 def threads() -> int:
-    return os.stat("/proc/self/task").st_nlink - 2  # as of any folder with so many folders in it
+    return os.stat("/proc/self/task").st_nlink - 2  # the link count of a folder is two more than its subfolders
 
 
 def _bear(channel: socket.socket, lifeline: int, message: bytes, pipes: list[int]) -> Mapping[str, Any]:
     """In the process in between: start a new one, report its id, and leave it to the launcher. Returns in the new one.
 
-    So it is with some others, if they are asked for already: what had to be copied to come here is copied once for all.
+    It also starts others that have been requested: they share the memory pages that this process had to copy.
     """
     middle = os.getpid()
     for more in reversed(range(_BROOD)):
@@ -183,7 +183,7 @@ def _asked_already(channel: socket.socket) -> tuple[bytes, list[int]]:
 
 
 def _born(middle: int, lifeline: int, request: Mapping[str, Any], pipes: list[int]) -> Mapping[str, Any]:
-    """In the new process: live as it is asked to, once the one in between has ended."""
+    """In the new process: run the component, once the process in between has ended."""
     with contextlib.suppress(ProcessLookupError):
         its_end = os.pidfd_open(middle)
         if os.getppid() == middle:
@@ -216,10 +216,10 @@ def _answer(channel: socket.socket, request: Mapping[str, Any], **told: Any) -> 
 
 
 def become(request: Mapping[str, Any], shown: tuple[int, int]) -> int:
-    """Be as a process is that was started with this command: `python -m robocomp_py.cli.rc …`; its exit code.
+    """Behave like a process started with this command: `python -m robocomp_py.cli.rc …`. Returns its exit code.
 
-    `shown` is where the command line lies that others see. What is done here is done once for each of many, and what is
-    called for the first time costs some pages of memory: the short way is taken.
+    `shown` is the address of the visible command line. This runs in each of many processes, and each function that is
+    called for the first time costs some pages of memory, so it calls few.
     """
     _renew_output()
     arguments: list[str] = request["arguments"]
@@ -243,7 +243,7 @@ def become(request: Mapping[str, Any], shown: tuple[int, int]) -> int:
 
 
 def _renew_output() -> None:
-    """Open what was opened when it was something else. Unbuffered, as everything is that we launch."""
+    """Open standard output and error again, unbuffered: their descriptors have been replaced."""
     for number, stream in ((1, "stdout"), (2, "stderr")):
         before: io.TextIOWrapper = getattr(sys, stream)
         raw = io.FileIO(number, "w", closefd=False)
@@ -254,9 +254,9 @@ def _renew_output() -> None:
 
 
 def _begin_anew(numpy: Any) -> None:
-    """Let the functions of numpy.random give other numbers than they would in another process; Python's do already.
+    """Seed numpy.random for this process; Python reseeds its own generator.
 
-    As `seed()` does, which takes twice the time.
+    Like `seed()`, which takes twice the time.
     """
     key = numpy.frombuffer(os.urandom(4 * _WORDS_OF_CHANCE), numpy.uint32)
     numpy.random.set_state(("MT19937", key, _WORDS_OF_CHANCE))
