@@ -42,7 +42,6 @@ FOREIGN = frozenset(
         "--stored",
         "--only",
         "--fast",
-        "--keep",
     ]
 )
 """Options of other programs, of benchmarks and of examples."""
