@@ -688,8 +688,8 @@ def test_a_program_that_keeps_what_it_received_leaves_nothing_and_may_look_at_it
 
 
 def test_who_lives_removes_what_the_dead_have_left(here: ShmTransport) -> None:
-    outlet = here.outlet(topic(NAME))
-    outlet.send(blob(here, b"x"))
+    outlet, inbox = here.outlet(topic(NAME)), subscribe(here, topic(NAME))
+    greet(here, outlet, inbox)
     before = segments()
     process = subprocess.Popen([sys.executable, "-c", KILLED], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     try:

@@ -206,11 +206,19 @@ class Node:
             service = service.history_size(history).create()
             return service, _writer(service, depth + history + borrowed + loans + 1)
 
-    def topic(self, name: str, missed: int) -> tuple[Any, Any]:
-        """Another's service, and the port by which we read from it; `missed` is how much of its history we want."""
+    def topic(self, name: str, missed: int) -> tuple[Any, Any] | None:
+        """Another's service, and the port by which we read from it; None if its publisher has not opened it yet.
+
+        `missed` is how much of its history we want.
+        """
         check_room(OPENING)
         with as_transport_error(f"opening {name}"):
-            service = _bytes(self._service(name)).open()
+            try:
+                service = _bytes(self._service(name)).open()
+            except iceoryx2.PublishSubscribeOpenError as exc:
+                if str(exc) == "DoesNotExist":
+                    return None
+                raise
             history: int = service.static_config.history_size
             return service, service.subscriber_builder().history_request(min(missed, history)).create()
 

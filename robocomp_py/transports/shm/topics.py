@@ -77,29 +77,17 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsHeard, SupportsLoan):
         self._looked_at = -1
         """The version of the directory when we last looked."""
         self._number = self.transport.number()
-        service, port = self.transport.node.new_topic(
-            f"{self.transport.member.id}.{self._number}",
-            self._ahead + SPARE + self._history,
-            self._history,
-            SHARE + 1,
-            SHARE * SHARES + READERS,
-            LOANS,
-        )
-        self._dynamic = service.dynamic_config
-        self._writer = Writer(port, self.transport.node.heap, LOANS)
         self.transport.attend_to(self._number, self)
         self.announce(f"{self._number}/{self._source:016x}")
         self.look()
-        for waker, _ in self._wakers:
-            waker.wake(LOOK)  # they need not wait for their next look into the directory
 
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
         end = self._take_turn(deadline)
         try:
             size = size_of(payload)
             if self._is_to_be_written(size, end, deadline):
-                assert self._writer
-                while self._writer.send(0, 0, 0, self._header(), payload, size) is None:
+                writer = self._writer or self._opened()
+                while writer.send(0, 0, 0, self._header(), payload, size) is None:
                     if not self._await_memory(end, deadline):
                         break
                 else:
@@ -113,8 +101,8 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsHeard, SupportsLoan):
     def loan(self, size: int) -> _Loan:
         self._take_turn(LOANING)
         try:
-            assert self._writer
-            loaned = self._writer.lend(size)
+            writer = self._writer or self._opened()
+            loaned = writer.lend(size)
             if loaned is None:  # no wait here: the caller can send without a loan, and waits then
                 raise TransportError(f"{self.channel.name}: all memory for messages is in use")
             return _Loan(self, loaned)
@@ -138,10 +126,14 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsHeard, SupportsLoan):
 
     def look(self) -> bool:
         with self._looking:
-            if self._writer is None or self.closed.is_set():
+            if self.closed.is_set():
                 return True
-            version, present = self.transport.directory.version(), self._present()
+            version = self.transport.directory.version()
             there = {(member.id, entry.address): (member, entry) for member, entry in self.counterparts()}
+            is_new = bool(there) and self._writer is None
+            if is_new:
+                self._open_topic()
+            present = self._present()
             for gone in self._readers.keys() - there.keys():
                 del self._readers[gone]
             for key in there.keys() - self._readers.keys():
@@ -155,12 +147,33 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsHeard, SupportsLoan):
             known = list(self._readers.values())
             self._credit.meet([each.receiver for each in known if each.receiver])
             self._wakers = [(each.waker, each.wakeup) for each in known]
-            self._writer.greet()  # new readers get the history now
+            if self._writer:
+                self._writer.greet()  # new readers get the history now
             # last: a thread that is sending compares these to know whether it needs to look, too
             self._looked_at, self._missing, self._seen = version, present != len(there), present
         for waker, number in self._wakers:
-            waker.wake(number)
+            waker.wake(LOOK if is_new else number)
         return all(key in self._readers for key in there)
+
+    def _opened(self) -> Writer:
+        """The writer, for a message that is kept for later subscribers, or that is filled before one has come."""
+        with self._looking:
+            self.check_open()
+            return self._writer or self._open_topic()
+
+    def _open_topic(self) -> Writer:
+        """Make what a topic needs. A publisher without subscribers does without: it takes memory and descriptors."""
+        service, port = self.transport.node.new_topic(
+            f"{self.transport.member.id}.{self._number}",
+            self._ahead + SPARE + self._history,
+            self._history,
+            SHARE + 1,
+            SHARE * SHARES + READERS,
+            LOANS,
+        )
+        self._dynamic = service.dynamic_config
+        self._writer = writer = Writer(port, self.transport.node.heap, LOANS)
+        return writer
 
     def on_input(self, *, one: bool = False) -> tuple[Job, ...]:
         """A subscriber has woken us: it begins to read, or it has read as much as we waited for."""
@@ -401,16 +414,21 @@ class Subscriber(SubscribingLink["ShmTransport"]):
         if waker is None:
             return
         missed = self.channel.qos.depth if self.channel.qos.latched else 0
-        if self._receipts:
-            self._receipts.begin(int(source, 16))
-        try:
-            service, port = self.transport.node.topic(f"{member.id}.{number}", missed)
-        except TransportError as exc:
+        with contextlib.ExitStack() as undo:
             if self._receipts:
-                self._receipts.end(int(source, 16))
-            if self.transport.directory.alive(member.id):
-                raise TransportError(f"{channel}: {exc}") from exc
-            return
+                self._receipts.begin(int(source, 16))
+                undo.callback(self._receipts.end, int(source, 16))
+            try:
+                topic = self.transport.node.topic(f"{member.id}.{number}", missed)
+            except TransportError as exc:
+                if self.transport.directory.alive(member.id):
+                    raise TransportError(f"{channel}: {exc}") from exc
+                return
+            if topic is None:  # its publisher opens it once it has seen us, and wakes us then
+                waker.wake(LOOK)
+                return
+            undo.pop_all()
+        service, port = topic
         reader = Reader(port, _share(service), self.transport.node.heaps)
         self.transport.node.heaps.meet(packed(member.id))  # to read its last messages even after it has left
         self._heard[key] = _Heard(
