@@ -737,6 +737,26 @@ def test_names_in_shared_memory_cannot_be_taken_beforehand(own_runtime_folder: P
             path.rmdir()
 
 
+def test_topics_without_subscribers_take_no_descriptors_and_no_shared_memory(here: ShmTransport) -> None:
+    before, descriptors = segments(), len(list(Path("/proc/self/fd").iterdir()))
+    with gathering(here):
+        outlets = [here.outlet(topic(f"shm/Idle{number}/op")) for number in range(256)]
+    for outlet in outlets:
+        outlet.send(blob(here, b"unheard"))
+    assert (segments(), len(list(Path("/proc/self/fd").iterdir()))) == (before, descriptors)
+
+
+def test_a_latched_topic_keeps_what_was_sent_before_its_first_subscriber(
+    here: ShmTransport, there: ShmTransport
+) -> None:
+    outlet = here.outlet(topic(NAME, LATCHED))
+    for word in (b"1", b"2", b"3"):
+        outlet.send(blob(here, word))
+    inbox = Inbox()
+    there.inlet(topic(NAME, LATCHED), put(there, inbox))
+    assert [inbox.get(timeout=SOON) for _ in range(2)] == [b"2", b"3"]
+
+
 def test_while_a_publisher_looks_for_readers_a_thread_that_sends_looks_too(
     here: ShmTransport, there: ShmTransport, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -71,7 +71,7 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsHeard, SupportsLoan):
         self._readers: dict[tuple[str, str], _Known] = {}
         self._wakers: list[tuple[Waker, int]] = []
         self._seen = 0
-        """The number of readers that iceoryx2 knew when we last looked."""
+        """The number of readers that iceoryx2 knew when we last looked; -1 if that is not known any more."""
         self._missing = False
         """Whether that was another number than that of the subscribers in the directory."""
         self._looked_at = -1
@@ -163,6 +163,7 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsHeard, SupportsLoan):
 
     def _open_topic(self) -> Writer:
         """Make what a topic needs. A publisher without subscribers does without: it takes memory and descriptors."""
+        self._seen = -1  # a subscriber may connect before this returns: a thread that is sending looks, too
         service, port = self.transport.node.new_topic(
             f"{self.transport.member.id}.{self._number}",
             self._ahead + SPARE + self._history,
@@ -265,7 +266,7 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsHeard, SupportsLoan):
     def _present(self) -> int:
         """The number of readers known to iceoryx2."""
         present = self._dynamic
-        number: int = present.number_of_subscribers if present is not None else self._seen
+        number: int = present.number_of_subscribers if present is not None else 0
         return number
 
     def _still(self) -> None:
