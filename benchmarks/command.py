@@ -5,6 +5,7 @@
   peers      the same, beside other frameworks, of those that are installed (`make bench-peers`)
   publish    a reliable topic: latency one way, and what gets through
   loans      latency of messages that are filled where they are sent from
+  records    100,000 points as records, beside as many bytes and a list of objects
   cpu        what components compute while nothing much happens
   placement  small messages where both processes have one core, and where each has one of its own
   threads    handlers run by the thread that received their message, and by another one
@@ -47,6 +48,7 @@ from . import (
     placement,
     publish,
     query,
+    records,
     results,
     shared,
     start,
@@ -195,6 +197,11 @@ def _codecs(options: argparse.Namespace, effort: Effort) -> Found:
     return Found(rows, [codecs.table(rows)], codecs.findings(rows))
 
 
+def _records(options: argparse.Namespace, effort: Effort) -> Found:
+    rows, failures = _each(records.run, options.only, effort.halved)
+    return Found(rows, [records.table(rows)], records.findings(rows), failures=failures)
+
+
 def _memory(options: argparse.Namespace, effort: Effort) -> Found:
     rows, failures = _each(memory.run, options.only, effort.halved)
     return Found(rows, [memory.table(rows)], failures=failures)
@@ -221,6 +228,7 @@ MEASUREMENTS: dict[str, Run] = {
     "peers": _peers,
     "publish": _publish,
     "loans": _loans,
+    "records": _records,
     "cpu": _cpu,
     "placement": _placement,
     "threads": _threads,

@@ -25,6 +25,7 @@ GOALS = {
     "latency": Goal("publish → handler, latency, ours ÷ raw", "≤ 1.15 ×"),
     "rate": Goal("publish → handler, messages per second, raw ÷ ours", "≤ 1.15 ×"),
     "loan": Goal("shm, a loaned and filled message → handler, 6 MB ÷ 64 B", "≤ 2 ×"),
+    "records": Goal("query, 100,000 points as records ÷ as many bytes", "≤ 1.5 ×"),
     "xcdr1": Goal("XCDR1, times as quick as the cyclonedds package", "≥ 100, 5, 20, 3 ×"),
     "messagepack": Goal("MessagePack, times as quick as plain `msgpack`", "≥ 1 ×; arrays ≥ 50 ×"),
     "peers": Goal("query on one host, other frameworks ÷ ours, p50", "> 1 × at every size"),

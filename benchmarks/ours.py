@@ -50,7 +50,7 @@ class Far:
         self, middleware: str, place: Place, hear: Hear, through: Callable[[Transport], Transport] | None = None
     ) -> None:
         """`through` puts something between the transport and what is bound to it."""
-        self._transport, self._monitor = _transport(middleware, place), Monitor()
+        self._transport, self._monitor = connected(middleware, place), Monitor()
         if through:
             self._transport = through(self._transport)
         self._links: list[Link] = []
@@ -74,7 +74,7 @@ class Near:
     """Calls from inside the worker, as `compute` does: its other handlers could run while it waits."""
 
     def __init__(self, middleware: str, place: Place) -> None:
-        self._transport, self._monitor = _transport(middleware, place), Monitor()
+        self._transport, self._monitor = connected(middleware, place), Monitor()
         router = route(self._transport, place.depth)
         self._asking, asking = ports.bind_proxy(REQUIRES, router, self._monitor)
         self._publishing, publishing = ports.bind_proxy(PUBLISHES, router, self._monitor)
@@ -115,7 +115,7 @@ def route(transport: Transport, depth: int) -> ports.Router:
     )
 
 
-def _transport(middleware: str, place: Place) -> Transport:
+def connected(middleware: str, place: Place) -> Transport:
     return find_transport(middleware)(TransportConfig(options(middleware, place)))
 
 

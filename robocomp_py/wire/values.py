@@ -140,8 +140,9 @@ def snapshot(value: Any, dtype: np.dtype[Any]) -> _Array:
     array = as_array(value, dtype)
     if array.flags.writeable or not is_frozen(array):  # most can be written to, which is quickly found out
         # numpy copies structured arrays item by item, so these are copied as octets
-        array = array.view(np.uint8).copy().view(dtype) if dtype.names else array.copy()
-        array.flags.writeable = False
+        copied = (array.view(np.uint8) if dtype.names else array).copy()
+        copied.flags.writeable = False
+        array = copied.view(dtype) if dtype.names else copied
     return array
 
 

@@ -12,6 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robocomp_py.classic.workers.slices import received
+from robocomp_py.contract.interface import Operation, differences
 from robocomp_py.contract.types import (
     BOOL,
     DTYPES,
@@ -37,6 +39,7 @@ from robocomp_py.runtime.api import dtype_of, objects_of
 from robocomp_py.wire.cdr import Cdr
 from robocomp_py.wire.codec import Codec
 from robocomp_py.wire.ice import Ice
+from robocomp_py.wire.identity import Identity
 from robocomp_py.wire.messagepack import MessagePack
 
 from .messages import patiently
@@ -125,6 +128,23 @@ def test_an_array_is_sent_as_a_list_where_the_contract_has_one(codec: Codec, cou
 def test_what_is_received_can_be_sent_again(codec: Codec) -> None:
     found = sent(codec, RECORDS, some(50))
     assert lists(sent(codec, RECORDS, found)) == lists(found)
+
+
+def test_received_records_are_passed_on_without_a_copy_within_a_process() -> None:
+    codec = Identity()
+    found = sent(codec, RECORDS, array_of(some(50)))
+    assert np.shares_memory(sent(codec, RECORDS, found), found)
+
+
+@every_codec
+def test_what_happens_to_records_after_they_were_encoded_does_not_show(codec: Codec) -> None:
+    array = array_of(some(10_000))
+    payload = codec.encoder(RECORDS)((array,))
+    array["x"] = 99.0
+    if codec.name == "cdr":
+        payload = bytes(payload)
+    (found,) = codec.decoder(RECORDS)(payload)
+    assert lists(found) == lists(array_of(some(10_000)))
 
 
 @every_codec
@@ -349,3 +369,14 @@ def test_only_flat_structs_have_records() -> None:
 def test_records_differ_from_lists_in_the_text_of_a_contract() -> None:
     assert spell(Sequence(POINT, records=True)) == "records<Test::Point>"
     assert Sequence(POINT, records=True) != Sequence(POINT)
+    ours, theirs = (Operation("Test::Lidar", "scan", message.fields) for message in (RECORDS, LIST))
+    assert ours.fingerprint != theirs.fingerprint
+    assert differences(ours.text, theirs.text) == [
+        "Test::LidarScanRequest.points: records<Test::Point> here, sequence<Test::Point> there"
+    ]
+
+
+def test_a_worker_of_robocomp_gets_a_list() -> None:
+    convert = received(Sequence(POINT, records=True))
+    assert convert is not None
+    assert convert(array_of(some(3))) == some(3)
