@@ -195,7 +195,7 @@ class TransportConformance(QoSConformance):
                 outlet.result(SOON).send(blob(one, b"word"))  # type: ignore[attr-defined]  # it is an outlet
                 assert inbox.get(timeout=SOON) == b"word"
 
-    def test_an_end_that_faces_nobody_is_connected_until_it_is_closed(self, here: Transport, name: str) -> None:
+    def test_an_end_without_peers_is_connected_until_it_is_closed(self, here: Transport, name: str) -> None:
         inlet, outlet = here.inlet(topic(name), lambda payload: None), here.outlet(topic(name + "x"))
         for link in (inlet, outlet):
             assert wait_connected(link, SOON)
@@ -204,7 +204,7 @@ class TransportConformance(QoSConformance):
                 with pytest.raises(Closed):
                     wait_connected(link, SOON)
 
-    def test_publishing_to_nobody_is_fine(self, here: Transport, name: str) -> None:
+    def test_publishing_without_subscribers_is_fine(self, here: Transport, name: str) -> None:
         outlet = here.outlet(topic(name))
         assert not outlet.wait_peer(0.0)
         outlet.send(blob(here, b"x"))
@@ -258,7 +258,7 @@ class TransportConformance(QoSConformance):
         link.close()
         assert left.is_set()
 
-    def test_a_sink_that_raises_hurts_nobody(
+    def test_a_sink_that_raises_does_not_affect_others(
         self, here: Transport, there: Transport, name: str, caplog: pytest.LogCaptureFixture
     ) -> None:
         inbox = Inbox()
@@ -581,7 +581,7 @@ class TransportConformance(QoSConformance):
             outlet.send(blob(there, b"a" * size))
             assert inbox.get(timeout=SOON) == b"a" * size
 
-    def test_a_command_to_nobody_is_unreachable(self, here: Transport, name: str) -> None:
+    def test_a_command_without_a_receiver_is_unreachable(self, here: Transport, name: str) -> None:
         with pytest.raises(Unreachable):
             here.outlet(command(name)).send(blob(here, b"x"))
 
@@ -663,12 +663,12 @@ class TransportConformance(QoSConformance):
         assert "broken service" in caplog.text
 
     @pytest.mark.parametrize("ask", ["ask", "call"])
-    def test_a_question_to_nobody_is_unreachable(self, here: Transport, name: str, ask: str) -> None:
+    def test_a_call_without_a_server_is_unreachable(self, here: Transport, name: str, ask: str) -> None:
         with pytest.raises(Unreachable):
             _asker(here, here.caller(query(name)), ask)(b"")
 
     @pytest.mark.parametrize("ask", ["ask", "call"])
-    def test_the_deadline_holds_and_a_late_answer_is_nobody_elses(
+    def test_the_deadline_holds_and_a_late_answer_reaches_no_other_call(
         self, here: Transport, there: Transport, name: str, ask: str, pool: ThreadPoolExecutor
     ) -> None:
         release = threading.Event()
@@ -713,9 +713,7 @@ class TransportConformance(QoSConformance):
         assert unblob(there, caller.ask(blob(there, b"third"), SOON).payload) == b"3"
         assert executed == [b"first", b"second", b"third"]
 
-    def test_the_answer_to_what_is_asked_again_goes_to_who_asked_last(
-        self, here: Transport, there: Transport, name: str
-    ) -> None:
+    def test_the_answer_to_a_retry_goes_to_the_last_attempt(self, here: Transport, there: Transport, name: str) -> None:
         answers: queue.Queue[Future[Reply]] = queue.Queue()
 
         def service(payload: Payload, expires: float) -> Future[Reply]:
@@ -938,7 +936,7 @@ class TransportConformance(QoSConformance):
 
     # Lifetime.
 
-    def test_close_releases_who_waits(
+    def test_close_releases_waiters(
         self, here: Transport, there: Transport, name: str, pool: ThreadPoolExecutor
     ) -> None:
         here.server(query(name), _stuck_on(here, b"stuck"))
@@ -1102,7 +1100,7 @@ class TransportConformance(QoSConformance):
         assert question(b"by ") == b"by two"
         asking.close()
 
-    def test_so_may_who_takes_commands(self, here: Transport, there: Transport, name: str) -> None:
+    def test_a_receiver_of_commands_may_move_too(self, here: Transport, there: Transport, name: str) -> None:
         asking = self.open_transport()
         outlet, inbox = asking.outlet(command(name)), Inbox()
         inlet = here.inlet(command(name), lambda _: None)
@@ -1354,7 +1352,7 @@ class TransportConformance(QoSConformance):
             list(pool.map(lambda n: proxy.ask(e.work, str(n), deadline=SOON), range(60)))
         assert most == [1]
 
-    def test_who_waits_lets_others_in_so_components_may_call_in_circles(
+    def test_waiting_handlers_let_others_in_so_components_may_call_in_circles(
         self, here: Transport, there: Transport, name: str
     ) -> None:
         ours, theirs = name + "ours", name + "theirs"
@@ -1368,7 +1366,7 @@ class TransportConformance(QoSConformance):
             a.handlers.onward, b.handlers.onward = a_to_b, b_to_a
             assert start.ask(e.work, "go 5", deadline=SOON) == "arrived"
 
-    def test_too_many_who_wait_make_it_busy(
+    def test_too_many_suspended_handlers_make_it_busy(
         self, here: Transport, there: Transport, name: str, pool: ThreadPoolExecutor
     ) -> None:
         waits, release = threading.Semaphore(0), threading.Event()

@@ -145,7 +145,7 @@ class TransportFaults(TransportSuite):
     # Processes that are killed.
 
     @pytest.mark.parametrize("ask", ["ask", "call"])
-    def test_a_server_killed_in_a_large_reply_leaves_nobody_waiting(
+    def test_a_server_killed_in_a_large_reply_leaves_no_caller_waiting(
         self, here: Transport, there: Transport, name: str, ask: str, start: Start, pool: ThreadPoolExecutor
     ) -> None:
         caller = there.caller(query(name))
@@ -208,7 +208,7 @@ class TransportFaults(TransportSuite):
         assert {size for size, _, _ in seen} == {LARGE, 1}
         assert [least for _, least, _ in seen] == [most for _, _, most in seen]
 
-    def test_who_hangs_is_not_waited_for_beyond_what_reliable_demands(
+    def test_a_hanging_subscriber_is_not_waited_for_beyond_what_reliable_demands(
         self, here: Transport, there: Transport, name: str, start: Start
     ) -> None:
         loose, strict = topic(name, QoS(depth=4)), topic(name + "r", QoS(Reliability.RELIABLE, depth=4))
@@ -238,7 +238,7 @@ class TransportFaults(TransportSuite):
             wait_until(lambda outlet=outlet: _taken(outlet, large))  # type: ignore[misc]
 
     @pytest.mark.parametrize("kind", ["topic", "command"])
-    def test_who_slept_gets_in_order_and_once_what_was_taken_for_it(
+    def test_a_stopped_process_gets_accepted_messages_in_order_and_once(
         self, here: Transport, name: str, kind: str, start: Start
     ) -> None:
         reliable = Capability.RELIABLE in here.capabilities

@@ -124,7 +124,7 @@ class QoSConformance(TransportSuite):
             wait_until(lambda: len(subscribed.told) > losses)
             assert subscribed.told == [Lost(_channel(name), 1, total) for total in range(1, losses + 2)]
 
-    def test_who_came_back_may_be_lost_again(self, there: Transport, name: str) -> None:
+    def test_a_publisher_that_came_back_may_be_lost_again(self, there: Transport, name: str) -> None:
         qos = QoS(lease=4 * _SHORT)
         if refuses(there, qos):
             return
@@ -150,7 +150,7 @@ class QoSConformance(TransportSuite):
                 wait_until(lambda n=times: len(subscribed.told) == n)  # type: ignore[misc]
             assert subscribed.told == [Lost(_channel(name), 1, 1), Lost(_channel(name), 1, 2)]
 
-    def test_when_the_clock_leaps_nothing_is_missed_and_nobody_lost(
+    def test_when_the_clock_jumps_no_deadline_is_missed_and_no_publisher_lost(
         self, here: Transport, there: Transport, name: str, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         qos = QoS(deadline=SOON * 3, lease=SOON * 3, liveliness=Liveliness.MANUAL_BY_TOPIC)

@@ -69,7 +69,7 @@ def test_every_size_of_every_middleware_gets_its_row(tmp_path: Path) -> None:
 
 
 @LONG
-def test_what_fails_at_one_size_does_not_keep_the_figures_of_smaller_ones_from_anybody() -> None:
+def test_a_failure_at_one_size_does_not_hide_the_figures_of_smaller_ones() -> None:
     starts: list[int] = []
 
     def measure(size: int, pairs: list[Pair], effort: Effort) -> int:
@@ -241,7 +241,7 @@ def test_ratios_are_taken_within_rounds() -> None:
     assert difference([[20.0], [200.0], [2000.0]], quiet_then_busy) == 100e6
 
 
-def test_who_was_last_in_a_round_begins_the_next() -> None:
+def test_the_last_party_of_a_round_begins_the_next() -> None:
     turns: list[str] = []
     by_turns([lambda: turns.append("ours") or [0.0], lambda: turns.append("raw") or [0.0]], rounds=2)
     assert turns == ["ours", "raw", "raw", "ours"]

@@ -140,7 +140,7 @@ def test_an_option_is_blamed_for_a_middleware_that_stays_in_a_process(
     assert "error[unfit-middleware]: --middleware inproc: `inproc` does not reach other" in capsys.readouterr().err
 
 
-def test_who_launches_a_network_is_told_when_it_is_ready_and_when_it_stops(
+def test_the_launcher_of_a_network_is_told_when_it_is_ready_and_when_it_stops(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as told:
@@ -327,7 +327,7 @@ def test_what_a_component_started_ends_with_it(folder: Path) -> None:
     wait_until(lambda: not alive(child))
 
 
-def test_nobody_survives_a_killed_deployer_and_nothing_is_left(
+def test_no_process_survives_a_killed_deployer_and_nothing_is_left(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("TMPDIR", str(tmp_path))

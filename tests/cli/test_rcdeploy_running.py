@@ -169,7 +169,7 @@ def test_who_follows_ends_by_an_interrupt_just_before_the_wait_for_the_next_line
     assert following.returncode == 130
 
 
-def test_who_is_not_there_cannot_be_started_again(house: Running, capsys: Said) -> None:
+def test_an_unknown_process_cannot_be_restarted(house: Running, capsys: Said) -> None:
     assert rcdeploy(["restart", house.path, "quit"]) == 1
     assert capsys.readouterr().err == "rcdeploy: unknown instance `quit`; did you mean `quiet`?\n"
 
@@ -239,7 +239,7 @@ def test_a_network_that_is_stopped_before_it_is_up_does_not_count_as_running(tmp
     assert starting.returncode == 1
 
 
-def test_a_network_of_nobody_does_not_go_on(tmp_path: Path) -> None:
+def test_an_empty_network_does_not_go_on(tmp_path: Path) -> None:
     path = network_of(tmp_path, "deserted")
     assert run("up", path).returncode == 0
     detached = run("up", "--detach", path)

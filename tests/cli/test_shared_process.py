@@ -224,7 +224,7 @@ def test_a_killed_process_is_reported_once_with_all_that_were_in_it(folder: Path
     assert text.count("was ended by") == 1
 
 
-def test_a_plan_shows_who_shares_a_process(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_plan_shows_which_instances_share_a_process(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = network(
         folder, "Component hello { process body; }; Component asking { process body; }; Component brief { };"
     )

@@ -32,7 +32,7 @@ def test_what_is_shipped_can_be_written_in_every_format(path: Path, to: str) -> 
 
 
 @pytest.mark.parametrize("to", FORMATS)
-def test_a_file_is_the_same_whoever_imports_it(to: str) -> None:
+def test_a_file_does_not_depend_on_its_importer(to: str) -> None:
     alone, _ = exported(MODELS / "Shapes.idsl", to)
     together, _ = exported(MODELS / "Everything.idsl", to)
     assert alone.items() <= together.items()

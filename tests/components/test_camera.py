@@ -30,7 +30,7 @@ def test_every_compute_shows_a_picture() -> None:
     assert len(image.image) == 32 * 24 * 3
 
 
-def test_who_asks_gets_the_newest_picture() -> None:
+def test_callers_get_the_newest_picture() -> None:
     with ComponentTest(SpecificWorker, SMALL) as component:
         component.send("DifferentialRobotPub.pushBaseState", POSE)
         component.wait_for(lambda: component.received(IMAGE))

@@ -46,7 +46,7 @@ def test_speeds_are_limited() -> None:
     assert (robot.adv, robot.rot) == (1.0, -2.0)
 
 
-def test_it_stops_when_nobody_has_commanded_it_for_a_while() -> None:
+def test_it_stops_without_commands_for_a_while() -> None:
     robot = base()
     robot.command(0.1, 0.0)
     for _ in range(4):

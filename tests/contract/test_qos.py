@@ -111,7 +111,7 @@ def test_what_is_told_of_a_qos_is_all_that_others_have_to_know_and_fits_into_nam
 
 
 @given(st.text())
-def test_traits_that_nobody_wrote_are_no_error(text: str) -> None:
+def test_unknown_traits_are_not_an_error(text: str) -> None:
     assert isinstance(from_traits(text), QoS)
 
 

@@ -121,7 +121,7 @@ def test_what_does_not_run_cannot_be_asked() -> None:
         Connection("nowhere")
 
 
-def test_who_runs_is_known_by_name(running: Running) -> None:
+def test_running_processes_are_known_by_name(running: Running) -> None:
     assert networks() == ["home"]
 
 
@@ -184,7 +184,7 @@ def test_a_request_may_come_in_pieces(running: Running) -> None:
         assert "status" in json.loads(answers.readline())
 
 
-def test_who_says_nothing_keeps_nobody_from_asking(running: Running) -> None:
+def test_a_silent_client_does_not_keep_others_from_asking(running: Running) -> None:
     silent = [raw(running) for _ in range(CLIENTS + 5)]
     try:
         with Connection("home") as connection:
@@ -261,9 +261,7 @@ def test_a_lost_connection_does_not_mean_that_the_network_ended(
             list(lines(connection, [], 1, follow=True))
 
 
-def test_who_does_not_read_what_was_asked_for_is_disconnected(
-    running: Running, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_client_that_does_not_read_is_disconnected(running: Running, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("robocomp_py.deploy.control.SLOW_S", 0.1)
     running.write("laser", *("x" * 4096 for _ in range(16)))
     with raw(running) as one:
@@ -327,7 +325,7 @@ def test_the_deployer_has_lines_of_its_own(running: Running) -> None:
         assert list(lines(connection, ["rcdeploy"], 10, follow=False)) == [(NOW, "rcdeploy", "all are ready")]
 
 
-def test_who_follows_is_told_what_comes_until_the_network_ends(start: Start) -> None:
+def test_a_following_client_gets_lines_until_the_network_ends(start: Start) -> None:
     brief = start(Standing(process("laser"), process("arm")), "brief")
     brief.write("laser", "before")
     with Connection("brief") as connection:
@@ -340,7 +338,7 @@ def test_who_follows_is_told_what_comes_until_the_network_ends(start: Start) -> 
         assert list(following) == []
 
 
-def test_who_cannot_keep_up_is_told_how_much_was_lost(running: Running) -> None:
+def test_a_slow_client_is_told_how_many_lines_were_lost(running: Running) -> None:
     with Connection("home") as connection:
         running.write("laser", "before")
         following = lines(connection, [], 1, follow=True)
@@ -351,7 +349,7 @@ def test_who_cannot_keep_up_is_told_how_much_was_lost(running: Running) -> None:
     assert told[-1][1:] == ("", "(7 lines were lost: they came faster than they were read)")
 
 
-def test_one_who_prints_much_pushes_out_nobody_elses_lines() -> None:
+def test_a_process_that_prints_much_keeps_the_lines_of_others() -> None:
     ring = Ring()
     ring.write(Line(NOW, "quiet", "once"))
     for number in range(5000):

@@ -285,7 +285,7 @@ def test_a_process_becomes_a_service_of_compose(folder: Path) -> None:
     assert document["services"]["laser"]["restart"] == "no"
 
 
-def test_only_who_says_so_is_waited_for_until_it_is_ready(folder: Path) -> None:
+def test_only_processes_that_report_readiness_are_waited_for(folder: Path) -> None:
     program = Process("lidar", "Lidar", ("urg_node",), folder, notifies=False, is_program=True)
     export = EXPORTERS["compose"](network(program, component(folder, "arm", after=("lidar",))), "n")
     document = compose_file(only(export, "compose.yaml"))

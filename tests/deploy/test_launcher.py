@@ -168,7 +168,7 @@ def test_it_tells_how_it_is_once_ready_and_whatever_its_status(tmp_path: Path) -
     ]
 
 
-def test_nobody_else_may_say_that_it_is_ready(tmp_path: Path) -> None:
+def test_no_other_process_may_report_it_ready(tmp_path: Path) -> None:
     child = "import os, socket; socket.socket(1, 2).sendto(b'READY=1', os.environ['NOTIFY_SOCKET'])"
     heard = ended(f"{NOTIFY}subprocess.run([sys.executable, '-ISc', {child!r}])", tmp_path)
     assert ("ready", "it") not in heard.told
@@ -226,7 +226,7 @@ def test_what_it_uses_and_how_busy_it_is_is_known(tmp_path: Path) -> None:
     launched(tmp_path, story)
 
 
-def test_who_floods_its_log_keeps_nobody_else_waiting(tmp_path: Path) -> None:
+def test_a_process_that_floods_its_log_delays_no_other(tmp_path: Path) -> None:
     async def story(launcher: Launcher, heard: Heard) -> None:
         await launcher.start(program("import os\nwhile True: os.write(1, b'noise\\n' * 10000)", "flood"))
         await heard.until("output", "flood")

@@ -19,7 +19,7 @@ from robocomp_py.deploy.place import AlreadyRuns, Place, Runner, file_name
 from robocomp_py.errors import DeploymentError
 
 
-def test_who_runs_a_network_is_known_until_it_ends(tmp_path: Path) -> None:
+def test_the_runner_of_a_network_is_known_until_it_ends(tmp_path: Path) -> None:
     mine, other = Place("Patrol", tmp_path), Place("Patrol", tmp_path)
     assert other.runner() is None
     mine.take("rcdeploy patrol.ddsl")

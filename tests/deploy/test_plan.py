@@ -89,7 +89,7 @@ def test_a_configuration_of_its_own_is_passed_on(folder: Path) -> None:
     assert f"--config {folder}/far.toml" in command(found, "sensor")
 
 
-def test_with_several_instances_wiring_says_who_uses_whom(folder: Path) -> None:
+def test_with_several_instances_wiring_names_client_and_server(folder: Path) -> None:
     found, _ = plan(
         folder,
         """
@@ -343,7 +343,7 @@ def test_an_override_for_an_instance_that_is_not_there_is_told_as_it_was_given(
     assert found.render() == f"--set {instance}.{assignment}: error[unknown-instance]: {said}"
 
 
-def test_a_subscription_nobody_publishes_is_a_warning(folder: Path) -> None:
+def test_a_subscription_without_publisher_is_a_warning(folder: Path) -> None:
     found, diagnostics = plan(folder, "Component recorder { };")
     assert found is not None
     assert [(each.code, each.severity) for each in diagnostics] == [("no-publisher", "warning")]

@@ -252,7 +252,7 @@ def test_whether_a_process_is_started_again_is_said_by_it_or_by_its_network(fold
     assert [each.grace for each in found.processes] == [None, None, 2.5]
 
 
-def test_nothing_is_started_again_unless_somebody_says_so(folder: Path) -> None:
+def test_nothing_is_restarted_by_default(folder: Path) -> None:
     found = planned(folder, "Component sensor { };")
     assert (found.processes[0].restart, found.escalations) == (Restart(), {})
 

@@ -140,7 +140,7 @@ def test_two_instances_that_are_configured_for_one_port_are_an_error(folder: Pat
 # Programs of one's own.
 
 
-def test_who_uses_a_program_is_told_where_it_is(folder: Path) -> None:
+def test_users_of_a_program_are_told_where_it_is(folder: Path) -> None:
     found = planned(folder, f"Component sensor {{ {PROGRAM} port 10003; }}; Component driver {{ }};")
     assert set(over(found).values()) == {"ice"}
     assert options(found, "driver") == {"proxies": {"sensor/Laser": "laser:tcp -h 127.0.0.1 -p 10003"}}

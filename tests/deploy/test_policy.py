@@ -72,7 +72,7 @@ def test_what_depends_on_others_starts_when_they_are_ready() -> None:
     assert replay(Ready("lidar"), Ready("follow")) == [[Start("lidar")], [Start("follow")], []]
 
 
-def test_what_depends_on_nobody_starts_at_once() -> None:
+def test_instances_without_dependences_start_at_once() -> None:
     assert replay(network=(LIDAR, FOLLOW, SPEECH)) == [[Start("lidar"), Start("speech")]]
 
 
@@ -402,7 +402,7 @@ def test_one_that_hangs_has_failed_whatever_its_exit_code() -> None:
     assert deeds(history)[2:] == [[], [], [Start("lidar")]]
 
 
-def test_nobody_starts_after_one_that_hangs() -> None:
+def test_no_process_starts_after_one_that_hangs() -> None:
     assert replay(Hung("lidar"), Ready("lidar"))[1:] == [[], []]
 
 
@@ -424,7 +424,7 @@ def group(escalation: Escalation, *steps: Step, network: tuple[Child, ...] = ABC
     return replay(*up, *steps, network=network, escalations={(): escalation})[1 + len(up) :]
 
 
-def test_one_for_one_starts_again_who_failed() -> None:
+def test_one_for_one_restarts_the_failed_process() -> None:
     history = group(Escalation.ONE_FOR_ONE, Exited("b", 1), (0.2, Tick()))
     assert history == [[Retry("b", 0.2)], [Start("b")]]
 
@@ -909,7 +909,7 @@ ESCALATIONS = st.fixed_dictionaries(dict.fromkeys(((), ("left",), ("left", "hand
     st.lists(st.tuples(moments, likely), max_size=40),
     st.booleans(),
 )
-def test_whatever_happens_the_rules_are_kept_and_nobody_is_left_running(
+def test_whatever_happens_the_rules_are_kept_and_no_process_is_left_running(
     network: tuple[Child, ...],
     until: str | None,
     escalations: dict[tuple[str, ...], Escalation],

@@ -104,7 +104,7 @@ def test_who_asks_for_more_than_is_offered_is_told_what_with_both_ends(
         ("reliable, keep_all", "depth 3"),
     ],
 )
-def test_who_asks_for_as_much_or_less_is_served(check: Check, offered: str, asked: str) -> None:
+def test_a_request_for_as_much_or_less_is_met(check: Check, offered: str, asked: str) -> None:
     assert check(offered, asked) == []
 
 

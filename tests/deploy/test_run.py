@@ -52,8 +52,8 @@ class Told(Display):
     def up(self) -> None:
         self._say("up")
 
-    def waiting(self, missing: list[str]) -> None:
-        self._say("waiting", *missing)
+    def waiting(self, names: list[str]) -> None:
+        self._say("waiting", *names)
 
     def ended(self, name: str, how: str) -> None:
         self._say("ended", name, how)
@@ -99,9 +99,9 @@ def test_who_is_not_ready_is_told_again_and_again_with_what_is_known() -> None:
     reason = ("waiting", "hello (looking for a map)", "asker (after hello)")
 
     class Patient(Told):
-        def waiting(self, missing: list[str]) -> None:
-            super().waiting(missing)
-            if ("waiting", *missing) == reason:
+        def waiting(self, names: list[str]) -> None:
+            super().waiting(names)
+            if ("waiting", *names) == reason:
                 interrupt()
 
     told = Patient()
@@ -126,9 +126,9 @@ def test_who_depends_on_a_program_that_notifies_starts_when_that_says_that_it_is
     reason = ("waiting", "lidar (warming up)", "map (after lidar)")
 
     class Opening(Told):
-        def waiting(self, missing: list[str]) -> None:
-            super().waiting(missing)
-            if ("waiting", *missing) == reason:
+        def waiting(self, names: list[str]) -> None:
+            super().waiting(names)
+            if ("waiting", *names) == reason:
                 os.write(gate, b".")
 
     told = Opening()

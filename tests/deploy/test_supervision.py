@@ -111,8 +111,8 @@ class Told(Display):
     def up(self) -> None:
         self._say("up")
 
-    def waiting(self, missing: list[str]) -> None:
-        self._say(f"not ready: {', '.join(missing)}")
+    def waiting(self, names: list[str]) -> None:
+        self._say(f"not ready: {', '.join(names)}")
 
     def ended(self, name: str, how: str) -> None:
         self._say(f"{name} {how}")

@@ -222,7 +222,7 @@ def test_a_qos_is_written_with_what_fits(editor: Editor, clause: str, expected: 
     assert not absent & found
 
 
-def test_who_offers_the_interface_comes_first(editor: Editor) -> None:
+def test_providers_of_the_interface_come_first(editor: Editor) -> None:
     found = items(editor, "d.ddsl", NETWORK % "Component chess { requires Arm from |; };")
     assert list(found) == ["left", "chess"]
 

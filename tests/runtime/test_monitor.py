@@ -62,7 +62,7 @@ def test_a_result_is_passed_on_after_leaving(opened: Monitor) -> None:
     assert sorted(seen) == [("concurrent", False), ("result", False)]
 
 
-def test_slow_concurrent_calls_keep_nobody_out(opened: Monitor) -> None:
+def test_slow_concurrent_calls_keep_no_call_out(opened: Monitor) -> None:
     release, ran = threading.Event(), threading.Event()
     assert all(opened.submit_concurrent(lambda: release.wait(SOON)) for _ in range(MAX_CONCURRENT))
     assert opened.submit(ran.set)

@@ -106,7 +106,7 @@ def test_whatever_else_happens_is_not_tried_again(how: str, outcome: Exception) 
     retrying.close()
 
 
-def test_nobody_is_waited_for_beyond_the_deadline(how: str) -> None:
+def test_no_wait_exceeds_the_deadline(how: str) -> None:
     caller = Scripted(GONE, OK, there=False)
     retrying = Retrying(caller)
     with pytest.raises(Unreachable):
@@ -146,7 +146,7 @@ def test_when_all_calls_fail_most_are_not_repeated(how: str) -> None:
     retrying.close()
 
 
-def test_closing_releases_who_waits_for_a_server() -> None:
+def test_closing_releases_waits_for_a_server() -> None:
     caller = Scripted(GONE, there=False)
     retrying = Retrying(caller)
     waiting = retrying.call(b"?", SOON)

@@ -858,7 +858,7 @@ def test_parameters_are_there_before_a_workers_own_init_runs(find: Any) -> None:
         pass
 
 
-def test_a_call_to_nobody_ends_as_unreachable(find: Any) -> None:
+def test_a_call_without_a_server_ends_as_unreachable(find: Any) -> None:
     caught: list[type] = []
 
     class Abandoned(Pupil):

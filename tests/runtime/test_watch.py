@@ -66,7 +66,7 @@ def test_every_deadline_without_a_message_is_one_miss() -> None:
     assert looking.look(0.36) == [Missed(FRONT, 1, 3)]
 
 
-def test_misses_that_nobody_looked_at_are_told_together() -> None:
+def test_unread_misses_are_told_together() -> None:
     looking = Looking(QoS(deadline=0.1), FRONT)
     looking.watch.heard(FRONT, 0.0)
     assert looking.look(0.55) == [Missed(FRONT, 5, 5)]
@@ -109,7 +109,7 @@ def test_who_is_there_is_asked_only_when_something_is_due() -> None:
     assert looking.asked == 0
 
 
-def test_who_was_there_and_is_not_is_lost_once() -> None:
+def test_a_publisher_that_left_is_lost_once() -> None:
     looking = Looking(AUTOMATIC, FRONT)
     assert looking.look(0.0) == []
     looking.names = ()
@@ -117,7 +117,7 @@ def test_who_was_there_and_is_not_is_lost_once() -> None:
     assert looking.look(9.0) == []
 
 
-def test_who_came_back_may_be_lost_again() -> None:
+def test_a_publisher_that_came_back_may_be_lost_again() -> None:
     looking = Looking(AUTOMATIC, FRONT)
     looking.look(0.0)
     looking.names = ()
@@ -128,7 +128,7 @@ def test_who_came_back_may_be_lost_again() -> None:
     assert looking.look(3.0) == [Lost(FRONT, 1, 2)]
 
 
-def test_who_was_never_there_cannot_be_lost() -> None:
+def test_an_unknown_publisher_cannot_be_lost() -> None:
     looking = Looking(AUTOMATIC)
     assert [looking.look(float(now)) for now in range(5)] == [[]] * 5
 
@@ -142,13 +142,13 @@ def test_it_is_looked_several_times_in_a_lease() -> None:
     assert looking.watch.due() <= 1.0
 
 
-def test_who_lives_by_its_process_may_be_silent() -> None:
+def test_an_automatic_publisher_may_be_silent() -> None:
     looking = Looking(AUTOMATIC, FRONT)
     looking.watch.heard(FRONT, 0.0)
     assert [looking.look(float(now)) for now in range(5)] == [[]] * 5
 
 
-def test_who_lives_by_what_it_sends_is_lost_after_its_lease() -> None:
+def test_a_manual_publisher_is_lost_after_its_lease() -> None:
     looking = Looking(MANUAL, FRONT)
     looking.look(0.0)
     looking.watch.heard(FRONT, 0.1)
@@ -161,7 +161,7 @@ def test_who_lives_by_what_it_sends_is_lost_after_its_lease() -> None:
     assert looking.look(7.1) == [Lost(FRONT, 1, 2)]
 
 
-def test_who_lives_by_what_it_sends_is_not_lost_before_it_has_sent_anything() -> None:
+def test_a_manual_publisher_is_not_lost_before_its_first_message() -> None:
     looking = Looking(MANUAL, FRONT)
     assert [looking.look(float(now)) for now in range(5)] == [[]] * 5
 

@@ -19,7 +19,7 @@ def now() -> float:
     return time.monotonic()
 
 
-def test_without_readers_nobody_waits() -> None:
+def test_without_readers_there_is_no_wait() -> None:
     credit = Credit(2, dict)
     assert all(credit.wait(now(), still) for _ in range(100))
     assert credit.sent == 100

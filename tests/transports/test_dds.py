@@ -398,7 +398,7 @@ def _lazy(name: str, **more: Any) -> Channel:
     return replace(query(name), lazy=True, **more)
 
 
-def test_what_is_lazy_has_no_readers_and_writers_until_somebody_asks(
+def test_lazy_links_have_no_readers_and_writers_until_a_request(
     here: DDSTransport, there: DDSTransport, name: str
 ) -> None:
     with here.gathering():
@@ -722,7 +722,7 @@ def test_commands_beyond_the_limit_are_dropped_counted_and_logged_once(
     assert sum("commands wait" in record.message for record in caplog.records) == 1
 
 
-def test_a_second_server_is_told_who_serves(here: DDSTransport, there: DDSTransport, name: str) -> None:
+def test_a_second_server_is_told_which_one_serves(here: DDSTransport, there: DDSTransport, name: str) -> None:
     here.server(query(name), answering(here, bytes.upper))
     with pytest.raises(TransportError, match=rf"already served by tester \(pid {os.getpid()}\)"):
         there.server(query(name), answering(there, bytes.upper))
@@ -757,9 +757,7 @@ def test_threads_that_ask_while_others_wait_get_their_own_answers(
     assert wrong == []
 
 
-def test_closing_the_transport_releases_who_waits_for_credit(
-    here: DDSTransport, there: DDSTransport, name: str
-) -> None:
+def test_closing_the_transport_releases_waits_for_credit(here: DDSTransport, there: DDSTransport, name: str) -> None:
     release = threading.Event()
     there.inlet(topic(name, _RELIABLE), lambda _: release.wait(SOON * 3))
     outlet = here.outlet(topic(name, _RELIABLE))

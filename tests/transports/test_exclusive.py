@@ -26,7 +26,7 @@ def files(folder: Path) -> list[Path]:
     return [path for path in folder.rglob("*") if path.is_file()]
 
 
-def test_a_second_claim_names_who_has_the_first(tmp_path: Path) -> None:
+def test_a_second_claim_names_the_holder_of_the_first(tmp_path: Path) -> None:
     first = claim(tmp_path, NAME, "world")
     with pytest.raises(AlreadyServed, match=rf"{NAME}: already served by world \(pid {os.getpid()}\)"):
         claim(tmp_path, NAME, "impostor")

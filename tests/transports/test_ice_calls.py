@@ -362,7 +362,7 @@ def test_one_that_is_started_again_is_found_where_it_was(
 
 
 @both_ways
-def test_closing_releases_who_waits_for_one_that_hangs(
+def test_closing_releases_waits_for_a_hanging_server(
     asking: Transport, echo: Callable[..., Echo], how: str, pool: ThreadPoolExecutor
 ) -> None:
     echo().signal(signal.SIGSTOP)

@@ -62,7 +62,7 @@ def test_a_late_subscriber_gets_as_much_of_what_is_latched_as_it_has_room_for(tr
     assert drain(inbox) == [b"8", b"9", b"new"]
 
 
-def test_who_subscribes_while_a_message_is_sent_gets_it_once(transport: InprocTransport) -> None:
+def test_a_subscriber_that_joins_while_a_message_is_sent_gets_it_once(transport: InprocTransport) -> None:
     outlet = transport.outlet(topic("a/b/c", latched("x", 1)))
     for number in range(50):
         inbox = Inbox()

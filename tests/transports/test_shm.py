@@ -1084,7 +1084,7 @@ def test_a_large_message_for_which_there_is_no_room_does_not_take_what_is_left(
     assert inbox.get(timeout=SOON) == b"a short one"
 
 
-def test_errors_that_somebody_keeps_keep_no_memory(here: ShmTransport, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kept_errors_keep_no_memory(here: ShmTransport, monkeypatch: pytest.MonkeyPatch) -> None:
     _, port = here.node.new_topic("errors", 8, 0, 8, 8, LOANS)
     writer = samples.Writer(port, here.node.heap, LOANS)
     kept: list[pytest.ExceptionInfo[TransportError]] = []

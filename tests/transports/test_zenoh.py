@@ -249,7 +249,7 @@ def test_garbage_for_an_inlet_is_dropped_counted_and_logged_once(
     assert sum("malformed" in record.message for record in caplog.records) == 1
 
 
-def test_garbage_among_tokens_acknowledgements_and_inquiries_hurts_nobody(
+def test_garbage_among_tokens_acknowledgements_and_inquiries_does_no_harm(
     transport: ZenohTransport, other: ZenohTransport, outsider: Any
 ) -> None:
     heard: list[Any] = []
@@ -738,7 +738,7 @@ def test_who_waits_for_an_answer_that_does_not_come_is_woken(
 # Who serves, and who meets.
 
 
-def test_a_second_server_is_told_who_the_first_is(transport: ZenohTransport, other: ZenohTransport) -> None:
+def test_a_second_server_is_told_which_is_the_first(transport: ZenohTransport, other: ZenohTransport) -> None:
     transport.server(query("a/b/c"), answering(transport, bytes.upper))
     with pytest.raises(TransportError, match=rf"a/b/c: already served by calculator \(pid {os.getpid()}\)"):
         other.server(query("a/b/c"), answering(other, bytes.upper))

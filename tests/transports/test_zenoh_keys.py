@@ -346,7 +346,7 @@ def test_an_expired_certificate_is_refused(world: World) -> None:
     refused(world)
 
 
-def test_who_has_no_certificate_is_refused(world: World) -> None:
+def test_a_peer_without_certificate_is_refused(world: World) -> None:
     settings = {"transport/link/tls/root_ca_certificate": str(world.keys / "viewer" / "ca.pem")}
     with pytest.raises(zenoh.ZError):
         sessions.open_client(world.endpoint, settings)

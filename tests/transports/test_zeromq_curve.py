@@ -85,7 +85,7 @@ def asking(outsider: Outsider, address: str, secure: Secure | None, number: int 
     return socket
 
 
-def test_who_has_an_admitted_key_is_answered(keys: Keys, outsider: Outsider, address: str) -> None:
+def test_a_client_with_an_admitted_key_is_answered(keys: Keys, outsider: Outsider, address: str) -> None:
     assert msgpack.unpackb(reply_of(asking(outsider, address, keys.of(keys.client)))[1]) == [3, 2]
 
 
@@ -109,7 +109,7 @@ def test_others_are_not_and_the_reason_is_logged(
     assert not socket.poll(0)
 
 
-def test_a_key_that_was_removed_admits_nobody_any_more(
+def test_a_removed_key_admits_no_client(
     keys: Keys, outsider: Outsider, address: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     assert reply_of(asking(outsider, address, keys.of(keys.client)))[0].client == 1

@@ -397,7 +397,7 @@ def test_what_a_server_has_no_right_to_offer_is_not_believed(hosts: Hosts) -> No
     assert not viewer.directory.find("serves", gripper.name)
 
 
-def test_who_only_asks_cannot_say_that_it_serves() -> None:
+def test_a_client_cannot_announce_a_server() -> None:
     told = record("7-1", "eve", 7, [Entry(role, DIVIDE.name, 1, "", "tcp://6.6.6.6:1") for role in ("serves", "calls")])
     member = read_record(told, "eve", at="", rights=Rights())
     assert [entry.role for entry in member.entries] == ["calls"]
@@ -524,7 +524,7 @@ def test_four_hundred_who_say_nothing_keep_nobody_out_and_are_sent_away(hosts: H
     "told",
     [b"", b"[", b"{}", b"[1,2]", b'{"id":1,"owner":2,"pid":3,"entries":4}', b"[" * 100_000, b'{"id":"x"}', b"\xff\xfe"],
 )
-def test_garbage_told_to_the_directory_hurts_nobody(hosts: Hosts, told: bytes) -> None:
+def test_garbage_told_to_the_directory_does_no_harm(hosts: Hosts, told: bytes) -> None:
     camera = hosts.camera(with_keys=False)
     divide(camera)
     socket = hosts.outsider.dealer(hosts.address)

@@ -174,7 +174,7 @@ def test_an_expired_request_is_not_executed(transport: ZeroMQTransport, outsider
     assert (link.stats.expired, link.stats.received) == (1, 0)
 
 
-def test_garbage_hurts_nobody(transport: ZeroMQTransport, outsider: Outsider, caplog: pytest.LogCaptureFixture) -> None:
+def test_garbage_does_no_harm(transport: ZeroMQTransport, outsider: Outsider, caplog: pytest.LogCaptureFixture) -> None:
     link = serve_division(transport)
     socket = outsider.dealer(address_of(transport, "serves", DIVIDE))
     good = header.pack_request(0, e.divide.fingerprint, 5, 1, 5.0)

@@ -451,7 +451,7 @@ def _claims(codec: Codec, count: int) -> list[Payload]:
 
 @every_wire
 @pytest.mark.parametrize("count", COUNTS)
-def test_claimed_counts_make_nobody_allocate(codec: Codec, count: int) -> None:
+def test_claimed_counts_cause_no_allocation(codec: Codec, count: int) -> None:
     decoders = [codec.decoder(one(wrap)) for item in ITEMS for wrap in (Sequence(item), Dictionary(INT32, item))]
     decoders.append(codec.decoder(one(STRING)))
     for payload in _claims(codec, count):

@@ -39,7 +39,7 @@ def test_so_are_bytes() -> None:
     assert np.shares_memory(received, np.frombuffer(octets, np.uint8))
 
 
-def test_an_array_that_somebody_can_write_to_is_copied() -> None:
+def test_a_writable_array_is_copied() -> None:
     base = np.arange(5.0)
     view = base[:]
     view.flags.writeable = False

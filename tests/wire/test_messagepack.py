@@ -122,7 +122,7 @@ def test_they_are_received_without_a_copy() -> None:
     assert np.shares_memory(array, np.frombuffer(payload[1], np.uint8))
 
 
-def test_they_are_sent_without_a_copy_if_nobody_can_write_to_them() -> None:
+def test_read_only_arrays_are_sent_without_a_copy() -> None:
     for frozen in (np.arange(float(APART)), np.ones((2, APART))):
         frozen.flags.writeable = False
         payload = CODEC.encoder(one(Sequence(FLOAT64)))((frozen,))

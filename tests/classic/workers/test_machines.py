@@ -124,7 +124,7 @@ def test_what_a_slot_of_a_state_raises_is_told_and_the_machine_goes_on(
     assert [each.splitlines()[0] for each in told] == ["SpecificWorker.fail raised"]
 
 
-def test_a_machine_that_nobody_starts_stays_where_it_is(tmp_path: Path) -> None:
+def test_a_machine_that_is_not_started_stays_where_it_is(tmp_path: Path) -> None:
     states = "\n    def sm_initialize(self):\n        self.seen.append('initialize')\n"
     connect = "        self.timer.timeout.connect(self.compute)\n"
     with component(tmp_path, DEFAULT, connect, states) as arm:

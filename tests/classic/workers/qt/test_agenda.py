@@ -110,7 +110,7 @@ def test_one_that_fails_rings_again(day: Day) -> None:
             day.agenda.do(now)
 
 
-def test_whoever_waits_is_woken(day: Day) -> None:
+def test_a_waiting_thread_is_woken(day: Day) -> None:
     day.agenda.start(day.alarm("tick"), 1.0)
     day.agenda.post(lambda: None)
     assert day.woken == 2

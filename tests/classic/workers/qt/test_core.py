@@ -390,7 +390,7 @@ def test_what_was_posted_is_called_when_it_is_its_turn(component: Component) -> 
 # -- mutexes ---------------------------------------------------------------------------
 
 
-def test_who_waits_for_a_mutex_waits_outside(component: Component, QtCore: Any) -> None:
+def test_a_thread_waits_for_a_mutex_outside(component: Component, QtCore: Any) -> None:
     mutex = QtCore.QMutex()
     mutex.lock()
     got = threading.Event()
@@ -447,7 +447,7 @@ def test_a_recursive_mutex_is_locked_as_often_as_it_is_unlocked(QtCore: Any, kin
     assert free == [False, True]
 
 
-def test_who_would_wait_for_himself_is_told(QtCore: Any) -> None:
+def test_waiting_for_itself_is_an_error(QtCore: Any) -> None:
     mutex = QtCore.QMutex()
     mutex.lock()
     with pytest.raises(RuntimeError, match="has locked this QMutex already"):

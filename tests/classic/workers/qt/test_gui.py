@@ -344,7 +344,7 @@ def test_the_end_does_not_come_inside_of_a_wait(component: Callable[..., Path]) 
     assert "as before main" in program.printed
 
 
-def test_with_a_lock_taken_a_wait_lets_nobody_in(component: Callable[..., Path]) -> None:
+def test_with_a_lock_taken_a_wait_lets_no_handler_in(component: Callable[..., Path]) -> None:
     body = """
     def setParams(self, params):
         self.lock = threading.Semaphore(1)
