@@ -1,4 +1,4 @@
-"""X.509 certificates of a deployment: its own authority, and what that signs. EC keys (P-256), PEM files.
+"""X.509 certificates of a deployment: its authority, and what that signs. EC keys (P-256), PEM files.
 
 `cryptography` is imported only here.
 """
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 CA_DAYS = 3650
 _BACKDATED = datetime.timedelta(minutes=5)
-"""Clocks of hosts may differ by so much."""
+"""Tolerated difference between the clocks of hosts."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def make_authority(name: str, now: datetime.datetime) -> Issued:
 def issue(
     authority: Issued, name: str, addresses: Iterable[str], now: datetime.datetime, days: float, *, serves: bool
 ) -> Issued:
-    """A certificate for `name`. One that `serves` is also believed at those addresses; any may connect."""
+    """A certificate for `name`. It is valid for a client, and with `serves` for a server at these addresses."""
     x509, ec, hashes, serialization = _library()
     from cryptography.x509.oid import ExtendedKeyUsageOID
 
@@ -130,7 +130,7 @@ def _named(name: str) -> Any:
 def _dated(builder: Any, now: datetime.datetime, days: float) -> Any:
     x509, *_ = _library()
     ends = now + datetime.timedelta(days=days)
-    begins = min(now - _BACKDATED, ends - _BACKDATED)  # what has expired is made by tests alone
+    begins = min(now - _BACKDATED, ends - _BACKDATED)  # only tests make expired ones
     return builder.serial_number(x509.random_serial_number()).not_valid_before(begins).not_valid_after(ends)
 
 

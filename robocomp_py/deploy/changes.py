@@ -1,4 +1,4 @@
-"""What is different between two plans of a network, as far as it matters to what runs: JSON in, changes out."""
+"""The differences between two plans of a network that matter to running processes: JSON in, changes out."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ class Change:
     what: str
     """A process; nothing for the network itself."""
     of: str = ""
-    """What of it has changed: its command, its host, how it is restarted."""
+    """The changed parts: its command, its host, its restarts."""
     removed: tuple[str, ...] = ()
     added: tuple[str, ...] = ()
 
 
 def changes(running: Json, wanted: Json, contracts: Contracts | None = None) -> list[Change]:
-    """What would be different after a network was stopped and started again as it is wanted now.
+    """The differences that stopping a network and starting it anew would make.
 
     `contracts` are those that its instances run, which may have been started again since; by default, those of its
-    plan. What a plan of an older version of this package lacks counts as empty.
+    plan. Parts that a plan of an older version lacks count as empty.
     """
     before, after = _by_name(running, "processes"), _by_name(wanted, "processes")
     found = [

@@ -1,4 +1,4 @@
-"""Asks a network that runs how it is, and tells it what to do: what is behind `rcdeploy status|logs|restart|down`.
+"""Queries and controls a running network, for `rcdeploy status|logs|restart|down`.
 
 Blocking, with a deadline on every wait, and quick to import. `control.py` answers.
 """
@@ -25,19 +25,19 @@ from .snapshot import HostStatus, ProcessStatus, Snapshot
 from .sockets import connected
 
 ANSWER_TIMEOUT_S = 5.0
-"""Within which a controller answers; it has nothing else to do that takes long."""
+"""Seconds within which a controller answers; none of its other work takes long."""
 
 LOOK_S = 0.1
-"""Between two looks at how far something has come."""
+"""Seconds between two checks of progress."""
 
 _LATE_S = 60.0
-"""For which nothing may happen when a network stops, beyond the grace of its processes."""
+"""Seconds without progress while a network stops, beyond the grace of its processes."""
 
 _LISTEN_S = 0.5
-"""For which to wait at a time: a signal that comes just before an endless wait begins does not end it."""
+"""Seconds of one wait: a signal just before an endless wait would not end it."""
 
 _COMING_S = 3.0
-"""For which a network that has just been started, or is just ending, may have no socket."""
+"""Seconds for which a starting or ending network may have no socket."""
 
 _WORDS = re.compile(r"//[^\n]*|/\*.*?\*/|\"(?:[^\"\\\n]|\\.)*\"|\bDeployment\s+(\w+)", re.DOTALL)
 
@@ -69,7 +69,7 @@ def network_of(text: str) -> str:
 
 
 def networks() -> list[str]:
-    """The names of those that run on this machine, of this user."""
+    """The names of this user's networks that run on this machine."""
     folder = runtime_dir("deploy")
     return [each.name for each in sorted(folder.glob("*")) if each.is_dir() and Place(each.name).runner()]
 
@@ -111,7 +111,7 @@ class Connection:
         self._socket.close()
 
     def ask(self, do: str, **more: Any) -> dict[str, Any]:
-        """Have something done. Raises DeploymentError, with the reason, if it is refused.
+        """Send a command. Raises DeploymentError, with the reason, if it is refused.
 
         A connection that is lost before the answer is made again: other clients may have taken its place. A request
         that rcdeploy has read is always answered, so none is carried out twice.
@@ -247,15 +247,15 @@ def _another_version() -> DeploymentError:
     return DeploymentError("the network is run by another version of rcdeploy, whose answers cannot be read")
 
 
-# What takes its time.
+# Commands that wait.
 
 
 def restart(
     connection: Connection, names: Collection[str], timeout_s: float, tell: Callable[[list[str]], object]
 ) -> list[ProcessStatus]:
-    """Have processes started again, and wait until they are ready, or have ended. Returns how they are then.
+    """Restart processes, and wait until they are ready, or have ended. Returns their states.
 
-    `tell` is told whenever there are others that are not yet. Raises HostUnreachable, Stuck, or DeploymentError with
+    `tell` is called whenever the waiting ones change. Raises HostUnreachable, Stuck, or DeploymentError with
     the reason if it is refused.
     """
     before = {each.name: each.starts for each in _reachable(connection.status(), names)}
@@ -291,7 +291,7 @@ def _has_come(process: ProcessStatus, starts: int) -> bool:
 def down(connection: Connection, grace_s: float | None, tell: Callable[[int, int], object]) -> None:
     """Stop a network, and wait until nothing of it is left.
 
-    `tell` is told how many of how many processes are still there, whenever that changes. Raises Stuck if it does not
+    `tell` is called with the number of processes left, and of all, whenever that changes. Raises Stuck if it does not
     for longer than a process may take.
     """
     timeout_s = _LATE_S + (_longest_grace(connection.network) if grace_s is None else grace_s)
@@ -322,9 +322,9 @@ def _longest_grace(network: str) -> float:
 
 
 def lines(connection: Connection, names: Collection[str], count: int, *, follow: bool) -> Iterator[Line]:
-    """What processes printed: the newest lines, and then what they print until the network ends.
+    """The newest lines of processes, followed by new ones until the network ends.
 
-    A line without a name says how many were lost on the way.
+    A line without a name says how many were lost.
     """
     end, heard = time.monotonic() + ANSWER_TIMEOUT_S, False
     connection.tell("logs", names=list(names), count=count, follow=follow)

@@ -1,4 +1,4 @@
-"""Which contracts the instances of a network run, compared with each other and with what is generated now.
+"""The contracts that the instances of a network run, compared with each other and with the generated ones.
 
 An interface may be changed, and its components generated again, while the network runs. From then on a component that
 starts has the new contract, and those that went on have the old one: they do not understand each other.
@@ -36,7 +36,7 @@ class Severed:
 
 @dataclass(frozen=True, slots=True)
 class Prospect:
-    """What a network would be like if some of its instances were started again."""
+    """The effect of restarting some instances of a network."""
 
     severed: tuple[Severed, ...]
     """The links that would not work then, and would be new."""
@@ -52,7 +52,7 @@ def generated(folder: Path) -> dict[str, str] | None:
         for file in files:
             channels = json.loads(file.read_text(encoding="utf-8"))["channels"]
             found |= {str(each["operation"]): str(each["fingerprint"]) for each in channels}
-    except (OSError, ValueError, TypeError, KeyError):  # half written, or by another version
+    except (OSError, ValueError, TypeError, KeyError):  # incomplete, or by another version
         return None
     return found or None
 
@@ -83,7 +83,7 @@ def severed(links: Iterable[Mapping[str, Any]], running: Contracts) -> list[Seve
 def prospect(
     links: Sequence[Mapping[str, Any]], running: Contracts, current: Contracts, restarted: Collection[str]
 ) -> Prospect:
-    """What becomes of the links when some instances are started again, as they are generated now."""
+    """The effect on the links of restarting some instances with their generated contracts."""
     before, group = severed(links, running), dict.fromkeys(restarted)
     old = outdated(running, current)
 

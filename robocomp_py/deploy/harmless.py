@@ -1,4 +1,4 @@
-"""Text that components print, as it may be shown on a terminal and kept in files."""
+"""Makes printed text of components safe for terminals and files."""
 
 from __future__ import annotations
 

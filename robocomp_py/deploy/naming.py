@@ -9,7 +9,7 @@ from ..spelling import unknown
 from .snapshot import ProcessStatus
 
 DEPLOYER = "rcdeploy"
-"""The name that the deployer's own messages have among those of the processes."""
+"""The name of rcdeploy's own messages among those of the processes."""
 
 
 def meant(names: Iterable[str], processes: Sequence[ProcessStatus]) -> list[ProcessStatus]:

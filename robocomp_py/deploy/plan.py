@@ -1,4 +1,4 @@
-"""What a deployment comes to: the processes of a network, where each runs, and what carries its messages.
+"""The plan of a network: its processes, their hosts, and the middlewares of its messages.
 
 Values only; `planner.py` makes them out of a DDSL file.
 """
@@ -46,7 +46,7 @@ class Host:
     user: str = ""
     """The user to log in as; "" for the one in SSH's own configuration."""
     port: int = 0
-    """Of its SSH server; 0 for what SSH's own configuration says."""
+    """The port of its SSH server; 0 for the one in SSH's own configuration."""
     workdir: str = ""
     """Where processes run; "" for a folder of its own below the user's home."""
     python: str = "python3"
@@ -60,11 +60,11 @@ class Ours:
 
     folder: Path
     operations: Mapping[str, str]
-    """Those of its interfaces, with their fingerprints."""
+    """The operations of its interfaces, with their fingerprints."""
     channels: str
-    """What the names of its channels begin with."""
+    """The prefix of its channels."""
     over: tuple[str, ...]
-    """The middlewares that it opens, each with its domain if it is told one."""
+    """The middlewares that it opens, each with its domain if one is set."""
 
 
 class Security(StrEnum):
@@ -87,18 +87,18 @@ class Plan:
     processes: tuple[Process, ...]
     links: tuple[Link, ...]
     transports: tuple[OpenedTransport, ...] = ()
-    """What carries its messages, as its components will open it."""
+    """Its middlewares, as its components will open them."""
     ways: tuple[Way, ...] = ()
-    """What carries each operation between each two instances that we know."""
+    """The middleware of each operation between two known instances."""
     notes: tuple[str, ...] = ()
-    """Why something is not carried by what would be fastest."""
+    """Why a link does not use the fastest middleware."""
     hosts: tuple[Host, ...] = ()
     """Those besides the one that launches it."""
     escalations: Mapping[tuple[str, ...], Escalation] = field(default_factory=dict)
-    """By system; that of the whole network by the empty one."""
+    """By system; "" is the whole network."""
     security: Security = Security.LOCAL
     helpers: tuple[Helper, ...] = ()
-    """What its transports need on its hosts besides its processes."""
+    """The helpers that its transports need on its hosts."""
     ours: Mapping[str, Ours] = field(default_factory=dict)
     """Of all instances except foreign programs, by name."""
 
@@ -117,7 +117,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Overrides:
-    """What the command line says about a network: `--middleware`, and `--set INSTANCE.KEY=VALUE`."""
+    """The settings of a network on the command line: `--middleware`, and `--set INSTANCE.KEY=VALUE`."""
 
     middleware: str | None = None
     settings: tuple[tuple[str, str], ...] = ()

@@ -23,31 +23,31 @@ class Process:
 
     name: str
     component: str
-    """Of what it is an instance; several, if it has several members."""
+    """The name of its component, or of several if it has several members."""
     command: tuple[str, ...]
     cwd: Path
     env: Mapping[str, str] = field(default_factory=dict)
     after: tuple[str, ...] = ()
     """Those that must be ready before it is started."""
     notifies: bool = True
-    """Whether it says itself when it is ready; else it counts as ready once it runs."""
+    """Whether it reports that it is ready; otherwise it counts as ready once it runs."""
     is_program: bool = False
     """Whether it is a foreign program rather than generated components."""
     members: tuple[Member, ...] = ()
-    """Those that are in it, in the order in which they start; none if it is that of the instance it is called like."""
+    """Its instances, in the order in which they start; empty if it has just the one of its name."""
     host: str = ""
     """Which of the plan's hosts it runs on; "" for the one that launches the network."""
     restart: Restart = field(default_factory=Restart)
     grace: float | None = None
-    """Seconds it has to end by itself, if the network says so."""
+    """Seconds it has to end by itself, if the network sets them."""
     ready_after: tuple[str, ...] = ()
-    """The processes of which it requires something, and which are to be ready first, unless they are gone for good."""
+    """Its providers that are to be ready first, unless they are gone for good."""
     stops_before: tuple[str, ...] = ()
-    """The processes of which it requires something, and which go on until it has stopped."""
+    """Its providers that go on until it has stopped."""
     system: tuple[str, ...] = ()
     """The systems around it, the outermost first."""
     files: tuple[Path, ...] = ()
-    """What its command names of the files here, whole arguments: folders of components, configurations, a program."""
+    """The arguments of its command that are local files: folders of components, configurations, a program."""
 
     @property
     def instances(self) -> tuple[str, ...]:
@@ -55,5 +55,5 @@ class Process:
         return tuple(member.name for member in self.members) or (self.name,)
 
     def whole(self, local: str) -> str:
-        """What the network calls an instance in it that calls itself so: it does not know the systems around it."""
+        """The network's name for an instance that reports this name: it does not know the systems around it."""
         return "/".join((*self.system, local))

@@ -1,4 +1,4 @@
-"""Where the files that processes name are, once they are somewhere else than here."""
+"""The places of the files that processes name, on another host."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from pathlib import Path
 from .plan import Process
 
 Places = Mapping[Path, str]
-"""Of files and folders here, what they are called there."""
+"""Maps local files and folders to their names there."""
 
 
 def places(processes: Iterable[Process], below: str) -> dict[Path, str]:
     """A place in the folder `below` for all that these processes name, under its own name where that is free.
 
-    What is in a folder that goes along is found there. The same processes get the same places again.
+    Files inside a folder of the list keep their places in it. The same processes always get the same places.
     """
     paths = dict.fromkeys(path for process in processes for path in process.files)
     found: dict[Path, str] = {}
@@ -32,7 +32,7 @@ def places(processes: Iterable[Process], below: str) -> dict[Path, str]:
 
 
 def relocate(process: Process, moved: Places, python: str) -> tuple[str, ...]:
-    """The command of a process there, where the interpreter is called `python`."""
+    """The command of a process there, with the interpreter `python`."""
     names = {str(path): place for path, place in moved.items()}
     first, *rest = (names.get(word, word) for word in process.command)
     return (first if process.is_program else python, *rest)

@@ -59,7 +59,7 @@ def openings_of(
 
 
 def faults(security: Security, openings: Sequence[Opening], ways: Sequence[Way]) -> Iterator[Fault]:
-    """What the security of a network does not allow of it."""
+    """Everything in a network that its security does not allow."""
     for opening in openings:
         deployment = deployment_of(opening.middleware)
         for reached in deployment.reached(opening.options):
@@ -90,7 +90,7 @@ def _why_not(security: Security, middleware: str) -> str:
 
 
 def _reaches_out(middleware: str) -> bool:
-    """Whether a transport always reaches other machines. Ours do so only if they are told to."""
+    """Whether a transport always reaches other machines. The shipped transports do so only if their options say so."""
     try:
         declared: Capability = getattr(find_transport(middleware), "capabilities", Capability.NONE)
     except ConfigurationError:
@@ -105,7 +105,7 @@ def _protected() -> str:
 
 
 def _users(openings: Sequence[Opening], ways: Sequence[Way]) -> dict[str, list[str]]:
-    """By middleware, the instances that use it. One that is not installed at all is another error."""
+    """The instances that use each middleware. A missing one is reported elsewhere."""
     found: dict[str, list[str]] = {}
     for way in ways:
         found.setdefault(way.middleware, []).extend((way.client, way.provider))
@@ -140,7 +140,7 @@ def why_not(plan: Plan, *, insecure: bool) -> str:
 
 
 def warning(plan: Plan) -> str:
-    """What is told at each start; "" if there is nothing to tell."""
+    """The warning at each start; "" if there is none."""
     if plan.security is Security.OPEN:
         return (
             f"{plan.name} runs WITHOUT SECURITY (`security open;`): no authentication, no encryption; "
@@ -169,7 +169,7 @@ def _with_own(helper: Helper, plan: Plan, folder: Path) -> Helper:
 
 
 def _with_keys(process: Process, folder: Path) -> Process:
-    """What is not ours is told nothing; its keys are there for it all the same."""
+    """A foreign program gets no settings, but its keys are made."""
     if process.is_program:
         return process
     words: list[str] = []

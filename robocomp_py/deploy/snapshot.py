@@ -1,4 +1,4 @@
-"""How a network that runs is at this moment, for `rcdeploy status` and the table on a terminal.
+"""The present state of a running network, for `rcdeploy status` and the table on a terminal.
 
 The runner (`run.py`) implements `Network`. What is in a snapshot is text and numbers: `dataclasses.asdict`
 of it can be written as JSON as it is.
@@ -21,14 +21,14 @@ class ProcessStatus:
     name: str
     component: str
     instances: tuple[str, ...]
-    """Those in it; of a process that shares its name with its only instance, that one."""
+    """Its instances; often one of the same name."""
     ended: tuple[str, ...]
-    """Those of them that have ended while others go on."""
+    """Its instances that have ended while others go on."""
     host: str
     """"" for the machine of the one that launched the network."""
     state: State
     how: str
-    """Why it is in this state, if that is worth a word: how it ended, or that its host is out of reach."""
+    """The reason for its state, if any: how it ended, or that its host is out of reach."""
     pid: int | None
     """None if it does not run, or if it is unknown."""
     in_state: float
@@ -40,21 +40,21 @@ class ProcessStatus:
     starts: int
     """How often it has been started."""
     restarts: int
-    """How often it has been started again, for whatever reason."""
+    """How often it has been started again, for any reason."""
     cpu: float | None
-    """Cores that it has used since the last look, as 0.25 is a quarter of one; None if that is not known (yet)."""
+    """Cores that it has used since the last measurement, for example 0.25; None if unknown."""
     memory: int | None
     """Bytes."""
     calls: float | None
-    """Calls that it answered, per second; None if it does not say."""
+    """Calls that it answered, per second; None if it does not report them."""
     worst: float | None
     """Seconds that the slowest of them took."""
     status: str
-    """What it said last about itself."""
+    """Its last status text."""
     lives: Mapping[str, Life] = field(default_factory=dict)
-    """By instance in it that tells: in which state it is, and what it missed."""
+    """The state of each instance that reports one, and what it missed."""
     contracts: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    """By instance in it, the operations of its interfaces with the fingerprints that it has started with."""
+    """By instance, the operations of its interfaces with the fingerprints that it has started with."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ class Network(Protocol):
     def snapshot(self) -> Snapshot: ...
 
     def ask(self, event: RestartRequested | StopRequested) -> None:
-        """Have something done, soon.
+        """Request an action; it is carried out soon.
 
         Raises DeploymentError, with a sentence for the user, if a name is unknown or if it is too late.
         A restart is done when the processes are ready and their `starts` are more than they were.
@@ -96,14 +96,14 @@ class Network(Protocol):
 
 
 class Meter:
-    """How much of the processor each process uses, from how much it has used altogether."""
+    """The present processor usage of each process, from its total."""
 
     def __init__(self) -> None:
         self._read: dict[str, Usage] = {}
         self._cores: dict[str, float] = {}
 
     def read(self, usage: Mapping[str, Usage]) -> None:
-        """Agents look at processes less often than they are asked."""
+        """Agents measure less often than they are asked."""
         for name, used in usage.items():
             before = self._read.get(name)
             if before is None or before.pid != used.pid:
@@ -113,6 +113,6 @@ class Meter:
             self._read[name] = used
 
     def cores(self, name: str, pid: int) -> float | None:
-        """None if it has not been looked at twice since it was started."""
+        """None if it has not been measured twice since its start."""
         before = self._read.get(name)
         return self._cores.get(name) if before and before.pid == pid else None

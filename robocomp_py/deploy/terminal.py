@@ -1,6 +1,6 @@
 """A network on a terminal, or in a file: lines with the names of the processes that printed them.
 
-On a terminal, a table of all processes stands below them. What is shown is also kept for `rcdeploy logs`, at a
+On a terminal, a table of all processes follows them. The lines are also kept for `rcdeploy logs`, at a
 socket that is open as long as the network runs.
 """
 
@@ -37,10 +37,10 @@ from .telling import Display
 _COLOURS = ("cyan", "green", "yellow", "magenta", "blue", "bright_red", "bright_cyan", "bright_green")
 
 _SOON_S = 0.05
-"""After which what is new is shown on a terminal: all that came meanwhile at once."""
+"""Seconds after which new lines are shown on a terminal, all at once."""
 
 _TICK_S = 1.0
-"""Between two looks at what processes use."""
+"""Seconds between two measurements of the processes' usage."""
 
 _MANY = 1000
 """Lines that are shown at once, whenever they come."""
@@ -70,7 +70,7 @@ def run_on_terminal(
 
 
 class Output:
-    """A stream that may stop to take what is written, as a full disk or a closed pipe does.
+    """A stream that may fail to be written, as with a full disk or a closed pipe.
 
     A network must not stop because its output cannot be written: the rest is dropped, with one message.
     """
@@ -108,7 +108,7 @@ class Output:
 
 
 def discard(stream: TextIO) -> None:
-    """Have a stream that cannot be written lead nowhere, or what it still holds fails again when Python ends."""
+    """Point a failed stream to /dev/null, or its buffer fails again when Python ends."""
     with contextlib.suppress(OSError), open(os.devnull, "wb") as nowhere:
         os.dup2(nowhere.fileno(), stream.fileno())
 
@@ -161,14 +161,14 @@ class Terminal(Display):
             await control.close()
 
     def keep(self, logs: Logs) -> None:
-        """Have what is printed from now on kept in files, too."""
+        """Write further output to files, too."""
         self._logs = logs
         self._ring.follow(logs.write)
 
     @contextlib.contextmanager
     def showing_warnings(self) -> Iterator[None]:
-        """While entered, what is logged about launching is said like all else: when it goes on without a terminal,
-        stderr is lost, and on a terminal it would tear the table. Such messages come from the event loop's thread only.
+        """While entered, log messages about launching are shown like other lines: without a terminal stderr is lost,
+        and on a terminal they would tear the table. Such messages come from the event loop's thread only.
         """
         handler, log = _Saying(lambda text: self._say(text, "yellow")), logging.getLogger("robocomp.deploy")
         log.addHandler(handler)
@@ -232,7 +232,7 @@ class Terminal(Display):
             self._live.show(spans)
         elif self._console.is_terminal:
             self._console.print(Text.assemble(*spans))
-        else:  # as it is, and at once: rich would take longer than all the rest
+        else:  # directly: rich would take longer than all the rest
             self._console.file.write("".join(text for text, _ in spans) + "\n")
             self._console.file.flush()
 
@@ -252,7 +252,7 @@ class _Saying(logging.Handler):
 
 
 class _Live:
-    """Lines that roll by, and below them a table that stays; drawn by an event loop, not too often."""
+    """Scrolling lines above a fixed table, drawn by an event loop at a limited rate."""
 
     def __init__(self, network: Network, console: Console, rule: str, colours: Mapping[str, str]) -> None:
         self._network, self._console, self._rule, self._colours = network, console, rule, colours
@@ -265,7 +265,7 @@ class _Live:
         self._draw()
 
     def end(self) -> None:
-        """Leave the lines, and take the table away."""
+        """Keep the lines, and remove the table."""
         if self._timer:
             self._timer.cancel()
         self._print()

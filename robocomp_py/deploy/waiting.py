@@ -47,7 +47,7 @@ _Edges = dict[_Step, list[tuple[_Step, Requirement | None]]]
 
 
 def endless(model: Deployment, requirements: Iterable[Requirement]) -> list[Endless]:
-    """The dependences that make a network wait forever. Those that do so by themselves are not told: see the DDSL's."""
+    """The dependences that make a network wait forever. The check of DDSL reports circles of dependences alone."""
     process = {instance.name.text: instance.runs_in.text for instance in model.instances}
     edges: _Edges = defaultdict(list)
     for name, within in process.items():

@@ -34,7 +34,9 @@ class Placement:
 
 def wire(network: Network) -> Wiring:
     """The settings that let instances on several hosts meet, and what is wrong with that."""
-    names = sorted({way.middleware for way in network.ways} - {""})  # "": not generated yet, which is said elsewhere
+    names = sorted(
+        {way.middleware for way in network.ways} - {""}
+    )  # "": not generated yet, which is reported elsewhere
     wirings = {name: deployment_of(name).wire(network.over(name)) for name in names}
     if refusals := {each.message: each for wiring in wirings.values() for each in wiring.refusals}:
         return Wiring(faults=tuple(map(_fault, refusals.values())))
@@ -48,7 +50,7 @@ def wire(network: Network) -> Wiring:
 
 
 def place(network: Network) -> Placement:
-    """Where the transports whose interfaces have ports of their own serve them, put together."""
+    """The places of interfaces with ports of their own, of all transports."""
     taken: dict[str, int] = {}
     settings: dict[str, list[str]] = {}
     faults: list[Fault] = []
@@ -87,9 +89,9 @@ def _fault(refusal: Refusal) -> Fault:
 def addresses_of(
     hosts: Mapping[str, str], resolve: Callable[[str], str], towards: Callable[[str], str]
 ) -> dict[str, str]:
-    """By host, also this one, the number at which the others reach it.
+    """The number at which the others reach each host, including this one.
 
-    `resolve` gives the number of a name, and `towards` our own number on the way to one; both raise OSError.
+    `resolve` gives the number of a name, and `towards` this machine's number on the route to one; both raise OSError.
     """
     found = {name: resolve(address) for name, address in hosts.items()}
     return {"": towards(next(iter(found.values()))), **found} if found else {}

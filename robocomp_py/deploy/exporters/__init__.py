@@ -1,6 +1,6 @@
-"""A plan as files for what runs whole fleets: systemd, compose, Kubernetes.
+"""A plan as files for systemd, compose and Kubernetes.
 
-Pure but for `write_export`: a plan becomes texts and a list of what is to be copied beside them.
+Pure except for `write_export`: a plan becomes texts and a list of files to copy beside them.
 """
 
 from __future__ import annotations
@@ -20,4 +20,4 @@ EXPORTERS: dict[str, Callable[[Plan, str], Export]] = {
     "compose": compose,
     "kubernetes": kubernetes,
 }
-"""By name; each takes a plan, and what its file is called."""
+"""By name; each takes a plan and the name of its file."""

@@ -1,4 +1,4 @@
-"""What the exporters share: which process goes where, names, and writing it all."""
+"""The shared part of the exporters: the place of each process, names, and writing."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ RUNTIME = "/run/robocomp"
 """The run-time folder in containers."""
 
 USER = 1000
-"""Whose number the components have in containers."""
+"""The user id of components in containers."""
 
 _MARK = "by rcdeploy export"
 _LEFT_OUT = shutil.ignore_patterns("__pycache__", "*.pyc", ".*", "tests")
@@ -36,20 +36,20 @@ _LEFT_OUT = shutil.ignore_patterns("__pycache__", "*.pyc", ".*", "tests")
 
 @dataclass(frozen=True)
 class Export:
-    """What is to be written, below the folder that people name."""
+    """The files of an export, below the folder that the user names."""
 
     files: Mapping[PurePosixPath, str]
     copies: Mapping[PurePosixPath, Path] = field(default_factory=dict)
-    """Files and folders that go along."""
+    """Files and folders to copy."""
     notes: tuple[str, ...] = ()
     """Settings of the network that the other engine ignores."""
     steps: tuple[str, ...] = ()
-    """The commands that come next."""
+    """The next commands for the user."""
 
 
 @dataclass(frozen=True)
 class Site:
-    """A machine, and what runs on it."""
+    """A machine and its processes."""
 
     name: str
     """"" for the only one."""
@@ -57,7 +57,7 @@ class Site:
     processes: tuple[Process, ...]
     moved: Mapping[Path, str]
     keys: Mapping[str, Path] = field(default_factory=dict)
-    """By process, the folder of its keys, where a network has such."""
+    """The folder of keys of each process, if the network has keys."""
 
     @property
     def folder(self) -> PurePosixPath:
@@ -99,13 +99,13 @@ def sites_of(plan: Plan, below: Callable[[Host | None], str]) -> list[Site]:
 
 
 def _keys(process: Process) -> Path | None:
-    """The folder of its keys, which its command names; programs of other kinds may mean something else by that."""
+    """The folder of its keys, which its command names; a foreign program may use this argument otherwise."""
     words = () if process.is_program else process.command
     return next((Path(folder) for word, folder in pairwise(words) if word == "--keys"), None)
 
 
 def _relocated(value: Any, moved: Mapping[Path, str]) -> Any:
-    """What is said of files, as it is there."""
+    """The same with the paths of the other machine."""
     if isinstance(value, Mapping):
         return {key: _relocated(each, moved) for key, each in value.items()}
     place = moved.get(Path(value).parent) if isinstance(value, str) else None
@@ -113,7 +113,7 @@ def _relocated(value: Any, moved: Mapping[Path, str]) -> Any:
 
 
 def _process(helper: Helper, moved: Mapping[Path, str], host: str) -> Process:
-    """What runs a helper where `rcdeploy` does not."""
+    """A process that runs a helper in place of `rcdeploy`."""
     key, options = f"transports.{helper.middleware}", _relocated(helper.options, moved)
     given = (part for name, value in options.items() for part in ("--set", f"{key}.{name}={toml(value)}"))
     command = (sys.executable, "-m", "robocomp_py.cli.rc", "host", helper.middleware, *given)
@@ -125,17 +125,17 @@ def _behind(first: Process, processes: Iterable[Process]) -> tuple[Process, ...]
 
 
 def heading(what: str, network: str) -> str:
-    """The first line of a file, by which it is known to be ours."""
+    """The first line of an exported file, by which later exports recognize it."""
     return f"# {what}, made from {_one_line(network)} {_MARK} {__version__}; edits are lost when it is made again.\n"
 
 
 def identifier(text: str, allowed: str) -> str:
-    """A name made of those characters, dashes for all others."""
+    """A name of these characters, with dashes for all others."""
     return re.sub(rf"[^{allowed}]+", "-", text).strip("-.") or "x"
 
 
 def unique(names: Iterable[str], allowed: str, spelt: Callable[[str], str] = str) -> dict[str, str]:
-    """For each name one that may be used, different ones for different names."""
+    """A usable name for each name, all different."""
     found: dict[str, str] = {}
     for name in names:
         wanted = identifier(spelt(name), allowed)
@@ -147,7 +147,7 @@ def unique(names: Iterable[str], allowed: str, spelt: Callable[[str], str] = str
 
 
 def watches_itself(process: Process) -> bool:
-    """Whether it feeds a watchdog. What only carries messages says that it is ready, and no more."""
+    """Whether it feeds a watchdog. A helper reports only that it is ready."""
     return process.notifies and not process.is_program and not is_helper(process)
 
 
@@ -223,20 +223,20 @@ def told_once(notes: Iterable[str]) -> tuple[str, ...]:
 
 
 def brought(plan: Plan, recipe: str) -> Iterator[str]:
-    """Which programs an image has to have, beside what we put into it."""
+    """The programs that an image must have besides the copied files."""
     for process in plan.processes:
         if process.is_program and not process.files:
             yield f"`{process.name}` runs `{process.command[0]}`: add what installs it to {recipe}"
 
 
 def unwatched(plan: Plan, engine: str) -> Iterator[str]:
-    """What is lost of the watchdogs of components."""
+    """The watchdogs that the other engine ignores."""
     if any(watches_itself(each) and each.restart.when is not When.NEVER for each in plan.processes):
         yield f"{engine} does not detect a component that hangs; rcdeploy would restart it"
 
 
 def unheard(plan: Plan, engine: str) -> Iterator[str]:
-    """Whose word is lost that they are ready: containers are looked at, and not listened to."""
+    """The processes whose READY is ignored: containers are polled."""
     telling = [each.name for each in plan.processes if each.is_program and each.notifies]
     if telling:
         without = f"`notifies` of {enumerated(telling)} has no effect"
@@ -244,6 +244,6 @@ def unheard(plan: Plan, engine: str) -> Iterator[str]:
 
 
 def escalating(plan: Plan, engine: str) -> Iterator[str]:
-    """What is lost of a network's escalations."""
+    """The escalations that the other engine ignores."""
     if set(plan.escalations.values()) - {"one_for_one"}:
         yield f"{engine} restarts only the process that has ended: `escalation` has no effect there"

@@ -1,4 +1,4 @@
-"""What compose and Kubernetes share: an image with the components, and YAML."""
+"""The shared part of compose and Kubernetes: an image with the components, and YAML."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from ..plan import Plan
 from .base import APP, RUNTIME, USER
 
 READY = "/tmp/ready"
-"""The file by which a process in a container tells that it is ready."""
+"""The file that shows that a process in a container is ready."""
 
 INSIDE = f"/{APP}"
-"""Where the components are."""
+"""The folder of the components."""
 
 
 def dockerfile(plan: Plan) -> str:

@@ -78,7 +78,7 @@ def _pod(plan: Plan, site: Site, image: str) -> dict[str, Any]:
     secrets = _secrets(plan, site)
     pod: dict[str, Any] = {}
     if site.host:
-        # By its addresses the other machines find it; the labels of nodes are their operator's.
+        # The other machines find it by its addresses; the labels of nodes are the operator's.
         pod = {"nodeSelector": {"kubernetes.io/hostname": site.host.name}, "hostNetwork": True}
     return {
         **pod,

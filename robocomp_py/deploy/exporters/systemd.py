@@ -29,7 +29,7 @@ from .base import (
 _RESTART = {When.NEVER: "no", When.ON_FAILURE: "on-failure", When.ALWAYS: "always"}
 _NAME = "A-Za-z0-9_.:"
 _AT_ONCE = 0.001
-"""Seconds: of no time at all, systemd makes an endless one."""
+"""Minimum number of seconds: systemd reads 0 as endless."""
 
 
 def systemd(plan: Plan, network: str) -> Export:
@@ -69,7 +69,7 @@ def _service(plan: Plan, site: Site, process: Process, whole: str, names: dict[s
         order += f"\nAfter={' '.join(before)}"
     python = site.host.python if site.host else sys.executable
     ours = list(site.moved.values())
-    meant = ours if is_helper(process) else ()  # of what users say, only whole words are files
+    meant = ours if is_helper(process) else ()  # in a user's text, only whole words are files
     words = site.command(process, python)
     command = " ".join(_word(each, [each] if each in ours else meant) for each in words)
     folder = _home(site.host, whole) if site.host else _specified(str(process.cwd))
@@ -97,7 +97,7 @@ TimeoutStopSec={grace(process) or _AT_ONCE:g}
 
 
 def _home(host: Host, whole: str) -> str:
-    """Where everything is on another machine: where the network says, or at home, which systemd knows."""
+    """The folder on another machine: the network's `workdir`, or one below the home folder, which systemd knows."""
     return _specified(host.workdir) if host.workdir else f"%h/{whole}"
 
 
@@ -150,7 +150,7 @@ def _on(host: Host, script: str) -> str:
 
 
 def _text(text: str) -> str:
-    """For people; one line."""
+    """A description in one line."""
     return "".join(char if char.isprintable() else " " for char in text).replace("%", "%%").replace("\\", "/")
 
 

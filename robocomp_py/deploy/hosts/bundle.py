@@ -1,12 +1,12 @@
-"""What a host is sent: our package as far as components and their agent need it, the files that processes name, keys.
+"""The archive for a host: the needed part of this package, the files that processes name, and keys.
 
     robocomp_py/…                    without what reads models and generates code
     robocomp_py-VERSION.dist-info/   so that its transports are found
     files/NAME/…                     folders of components, configurations, programs: see `relocation`
     keys/…                           of that host alone, for its user's eyes only
 
-The archive is called by the SHA-256 of its content, which is the same wherever and whenever it is made from the same
-files: a host that has it is not sent it again.
+The name of the archive is the SHA-256 of its content, which depends on the files alone: a host that has it does not
+get it again.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from ...errors import DeploymentError
 FILES, KEYS = "files", "keys"
 
 LARGEST = 256 * 1024 * 1024
-"""Octets of a bundle. What is larger (models, maps) is better put there once, by other means."""
+"""Octets of a bundle. Copy larger files (models, maps) there once yourself."""
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 
@@ -43,7 +43,7 @@ _NOT_THERE = (
     "dsl/ddsl",
     "dsl/smdsl",
 )
-"""Folders of our package that are for workstations."""
+"""Folders of this package that only workstations need."""
 
 _NOT_SENT = ("__pycache__", ".git", ".venv", ".mypy_cache", ".ruff_cache", ".pytest_cache")
 
@@ -63,7 +63,7 @@ class Bundle:
     packed: bytes = field(repr=False)
     """The archive, as it is sent."""
     size: int = 0
-    """Octets of what is in it."""
+    """Octets of its content."""
 
 
 def pack(contents: Mapping[str, Content]) -> Bundle:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def remote_agents(plan: Plan, listener: Listener, note: Callable[[str], None] | None = None) -> dict[str, Agent]:
-    """By host. Raises DeploymentError if what SSH needs is not installed. `note` is told what takes long."""
+    """By host. Raises DeploymentError if the packages for SSH are missing. `note` is called with progress."""
     if not plan.hosts:
         return {}
     check_ssh()
@@ -42,26 +42,28 @@ def keeping(path: Path) -> tuple[str, dict[str, Host]] | None:
 
 
 def end_kept(network: str, hosts: Mapping[str, Host]) -> list[str]:
-    """End what hosts kept of a network, and tell what that was. Raises DeploymentError if one cannot be reached."""
+    """End the processes that hosts kept, and report them. Raises DeploymentError if a host cannot be reached."""
     check_ssh()
     from .remote import RemoteAgent, Share
 
     async def end(host: Host) -> list[str]:
         agent = RemoteAgent(host, Share(network, ()), _Deaf())
-        await agent.open()  # which ends what it does not know
+        await agent.open()  # which ends all processes that it was not told
         await agent.close()
         return agent.kept
 
     async def end_all() -> list[str]:
         ends = [asyncio.ensure_future(end(host)) for host in hosts.values()]
-        await asyncio.gather(*ends, return_exceptions=True)  # one out of reach: the others are ended all the same
+        await asyncio.gather(
+            *ends, return_exceptions=True
+        )  # the processes of other hosts are ended even if one is out of reach
         return [name for each in ends for name in each.result()]
 
     return asyncio.run(end_all())
 
 
 class _Deaf(Listener):
-    """Wants to know nothing."""
+    """A listener that ignores all events."""
 
     def output(self, name: str, line: str) -> None: ...
 
@@ -83,13 +85,13 @@ class _Deaf(Listener):
 
 
 def check_ssh() -> None:
-    """Raises DeploymentError if what SSH needs is not installed."""
+    """Raises DeploymentError if the packages for SSH are missing."""
     if find_spec("asyncssh") is None:
         raise DeploymentError("other hosts are reached by asyncssh, which is missing: pip install 'robocomp-py[ssh]'")
 
 
 def share_of(plan: Plan, host: Host) -> Share:
-    """What of a network is that host's business."""
+    """The part of a network that runs on that host."""
     from .remote import Share
 
     processes = tuple(process for process in plan.processes if process.host == host.name)

@@ -1,10 +1,10 @@
-"""What a controller and the agent of a host tell each other: objects of JSON, one a line.
+"""The messages between a controller and the agent of a host: objects of JSON, one a line.
 
     to the agent      open · start · stop · kill · close · alive, as `do`
     from the agent    hello · opened · refused · started · failed · output · lost_lines · ready · status · left ·
                       contract · hung · exited · usage · closed, as `tell`
 
-Either side takes the other for gone when it has heard nothing for `SILENCE`.
+Either side considers the other gone after `SILENCE` without a message.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ SILENCE = 5.0
 """Seconds without any after which the other side is gone."""
 
 LONGEST = 8 * 1024 * 1024
-"""Octets of a line of a controller, which tells environments."""
+"""Octets of a line of a controller, which contains environments."""
 
 LONGEST_TOLD = 1024 * 1024
 """Octets of a line of an agent, which may be hostile. Its objects in memory take up to thirty times as much."""
 
 LONGEST_TEXT = 4096
-"""Characters of what people are shown of a text."""
+"""Maximum number of characters of a text that is shown to users."""
 
 _LARGEST = 2**63
 """No number of a host is larger: we calculate with floating-point numbers, and show the results."""
@@ -62,7 +62,7 @@ _TOLD: Mapping[str, Mapping[str, type]] = {
     "usage": {"of": dict},
     "closed": {},
 }
-"""What an agent tells, and what must be in it."""
+"""The messages of an agent, and their required fields."""
 
 
 def packed(message: Mapping[str, Any]) -> bytes:
@@ -70,7 +70,7 @@ def packed(message: Mapping[str, Any]) -> bytes:
 
 
 class Misunderstood(DeploymentError):
-    """What the other side says is none of ours."""
+    """A message of the other side is malformed."""
 
 
 class Lines:
@@ -115,14 +115,14 @@ def _is(value: Any, kind: type) -> bool:
 
 
 def shown(text: str) -> str:
-    """As much of a text from a host as people are shown, without what would move things on their terminal."""
+    """A text from a host as it is shown to users: shortened, without control characters."""
     return "".join(char if char.isprintable() or char in "\n\t" else " " for char in text[:LONGEST_TEXT])
 
 
 def told(process: Process, command: tuple[str, ...], folder: str) -> Message:
-    """A process, as the agent has to know it: with its command and its folder there.
+    """A process for the agent, with its command and its folder there.
 
-    What only its supervisor needs is left out. A process is started anew if it is told otherwise than before.
+    The fields that only its supervisor needs are left out. A process with changed fields is started anew.
     """
     message: Message = to_json(replace(process, command=command, cwd=Path(folder)))
     return {name: value for name, value in message.items() if name not in _OF_ITS_SUPERVISOR}
@@ -177,7 +177,7 @@ def _lives(told: Mapping[str, Any]) -> dict[str, Life]:
 
 
 def _number(value: N) -> N:
-    """The same. Raises ValueError if no host has so much of anything, or if it is not a number at all."""
+    """The same. Raises ValueError if it is not a number, or too large to be real."""
     if not abs(value) < _LARGEST:
         raise ValueError("a number is too large")
     return value

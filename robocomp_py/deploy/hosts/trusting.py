@@ -1,9 +1,9 @@
-"""Which keys hosts have: what the user's SSH knows, and what `rcdeploy trust` was told.
+"""The known keys of hosts: those of the user's SSH, and those of `rcdeploy trust`.
 
     $XDG_CONFIG_HOME/robocomp/known_hosts    ours, as OpenSSH writes such files; 0600
     ~/.ssh/known_hosts                       the user's
 
-A host that is in ours is what it is there: an older key of it in the user's counts no more.
+For a host in our file, the user's file is ignored.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ..plan import Host
 
 @dataclass(frozen=True)
 class Presented:
-    """The key of a host, as it has shown it."""
+    """The key that a host has presented."""
 
     host: str
     port: int
@@ -30,7 +30,7 @@ class Presented:
     """Algorithm and key, as files have them."""
     fingerprint: str
     known: tuple[str, ...] = ()
-    """Fingerprints of the keys that we know it by."""
+    """Fingerprints of its known keys."""
 
 
 def host_of(target: str) -> Host:
@@ -54,7 +54,7 @@ def user_file() -> Path:
 
 
 def known_keys(host: str, address: str, port: int | None) -> Any:
-    """What asyncssh asks, as its own tuple: keys, authorities and what is revoked, of a host."""
+    """The known keys, authorities and revoked keys of a host, as asyncssh's tuple."""
     for path in (own_file(), user_file()):
         found = _read(path).match(host, address, port if port != asyncssh.DEFAULT_PORT else None)
         if any(found):
@@ -63,7 +63,7 @@ def known_keys(host: str, address: str, port: int | None) -> Any:
 
 
 def remember(presented: Presented) -> Path:
-    """Have a host known by this key and no other; the file it is written to. Raises DeploymentError."""
+    """Make this the only known key of a host. Returns the file that has it. Raises DeploymentError."""
     path = own_file()
     name = presented.host if presented.port == asyncssh.DEFAULT_PORT else f"[{presented.host}]:{presented.port}"
     try:
