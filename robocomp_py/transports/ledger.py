@@ -32,6 +32,10 @@ class Ledger:
         self._latest: int | None = None
         """The sender of the latest message, which is the last key of `_seen`."""
 
+    def knows(self, sender: int) -> bool:
+        """Whether a message of this sender was noted, and not so many others since that it is forgotten."""
+        return sender in self._seen
+
     def admit(self, sender: int, sequence: int) -> bool:
         """Note a message; False if it was seen before. Numbers before the first message count as no loss."""
         known = self._seen.get(sender)

@@ -12,7 +12,7 @@ STRANGERS = 1000
 """Maximum number of peers with another contract that a link reports; further ones are ignored."""
 
 BATCH = 32
-"""Messages taken from one source before the others have their turn."""
+"""Messages taken from one publisher before the others have their turn. Servers take fewer of each client."""
 
 BYTES_AHEAD = 2 * 1024 * 1024
 """Bytes on their way to a reader beyond which nothing more is sent; the last message may have any size.

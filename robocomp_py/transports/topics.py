@@ -77,7 +77,12 @@ class SubscribingLink(DirectoryLink[T], SupportsSources):
         return living(self.transport.directory, self.counterparts(), self.channel.qos)
 
     def take(self, channel: str, header: Publication, payload: Payload) -> Job | None:
-        """Take a message that arrived; returns the job that remains."""
+        """Take a message that arrived; returns the job that remains.
+
+        `channel` is that of its publisher, which may differ from this one by `*`.
+        """
+        if not self._ledger.knows(header.source):  # its publisher may offer a lifespan, and be newer than our last look
+            self.meet(self.counterparts())
         admitted = self.admitted(channel, header, payload)
         return self._lane.drain if admitted is not None and self._lane.put(admitted) else None
 
