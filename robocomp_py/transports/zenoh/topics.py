@@ -248,17 +248,25 @@ class Subscriber(Link, SupportsSources):
         """
         end = time.monotonic() + timeout
         self.wait_for_earlier()
-        there = {(token.link, token.since) for token in self.counterparts() if not self.transport.is_own(token)}
-        self._connected &= there
-        for publisher in there - self._connected:
+        while True:
             self.check_open()
-            answers, _ = self.transport.inquire(publisher[0], "text")
-            if answers:
-                self._connected.add(publisher)
+            self._news.clear()  # before the look, so that later news are not missed
+            there = {(token.link, token.since) for token in self.counterparts() if not self.transport.is_own(token)}
+            connected = self._connected & there  # a copy: several threads may wait
+            for publisher in there - connected:
+                self.check_open()
+                answers, _ = self.transport.inquire(publisher[0], "text")
+                if answers:
+                    connected.add(publisher)
+                if time.monotonic() >= end:
+                    break
+            self._connected = connected
+            self.check_open()
+            if there <= connected:
+                return True
             if time.monotonic() >= end:
-                break
-        self.check_open()
-        return there <= self._connected
+                return False
+            self.await_news(end)  # a publisher may just be leaving
 
     def sources(self) -> list[Source]:
         return [Source(token.channel, from_traits(token.traits)) for token in self.counterparts()]
