@@ -67,11 +67,6 @@ class Records:
         """Received objects as a read-only array."""
         return read_only(self._collected(objects))
 
-    @property
-    def needs_check(self) -> bool:
-        """Whether an array can hold anything that `checked` refuses."""
-        return bool(self._received)
-
     def items(self, value: Any) -> Any:
         """The items of a sequence that is no list: an array for an array of records, otherwise a list."""
         return self.taken(value) if is_structured(value) else as_list(value)
