@@ -45,7 +45,7 @@ from robocomp_py.transports.base import Reply, Status, Transport, TransportConfi
 from robocomp_py.transports.directory import Found, runtime_dir
 from robocomp_py.transports.inotify import Watch
 from robocomp_py.transports.shm import dispatcher, node, room, samples
-from robocomp_py.transports.shm.haste import Haste
+from robocomp_py.transports.shm.early_wakeup import EarlyWakeup
 from robocomp_py.transports.shm.loop import Loop
 from robocomp_py.transports.shm.mail import AHEAD, LINGER, Post, packed, unpacked
 from robocomp_py.transports.shm.receipts import SLOTS, Credit, Reader, Receipts
@@ -187,11 +187,11 @@ def test_answers_are_not_copied_either(here: ShmTransport, there: ShmTransport) 
     assert answer.tobytes() == b"x" * LARGE
 
 
-@pytest.mark.parametrize("hurried", [False, True])
+@pytest.mark.parametrize("early", [False, True])
 def test_it_does_not_matter_to_an_answer_whether_it_is_waited_for_awake(
-    here: ShmTransport, there: ShmTransport, hurried: bool, monkeypatch: pytest.MonkeyPatch
+    here: ShmTransport, there: ShmTransport, early: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Haste, "next", lambda haste: hurried)
+    monkeypatch.setattr(EarlyWakeup, "next", lambda trial: early)
     there.server(query(NAME), lambda payload, _: Reply(Status.OK, blob(there, unblob(there, payload))))
     caller = here.caller(query(NAME))
     assert caller.wait_peer(SOON)

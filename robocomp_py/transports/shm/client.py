@@ -15,8 +15,8 @@ from ..base import STATUSES, Channel, Reply, Status, answered
 from ..client import CallingLink, CommandingLink, FindingLink
 from ..directory import Entry, Member
 from ..link import accepted, persist
-from .haste import Haste
-from .mail import HURRY, KNOCK, Line, Post, packed
+from .early_wakeup import EarlyWakeup
+from .mail import CONFIRM, WAKE_EARLY, Line, Post, packed
 from .receipts import OPENED
 from .receipts import Reader as Receiver
 from .samples import HEAD_BYTES, size_of
@@ -69,8 +69,8 @@ class Peer:
         try:
             number = random_id()
             header = pack_request(Flag.NONE, 0, 0, number, max(0.0, end - time.monotonic()))
-            knock = partial(self.post.send, line.number, KNOCK, header, b"", 0)
-            if not persist(knock, end, lambda: None, threading.Event()):
+            confirm = partial(self.post.send, line.number, CONFIRM, header, b"", 0)
+            if not persist(confirm, end, lambda: None, threading.Event()):
                 return
             while time.monotonic() < end and self.alive():
                 line.woken(end - time.monotonic())
@@ -131,7 +131,7 @@ class Caller(CallingLink["ShmTransport", Peer, int], AskingLink):
     def __init__(self, transport: ShmTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
         self._flags |= Flag.SENT
-        self._haste = Haste()
+        self._early_wakeup = EarlyWakeup()
 
     def open(self) -> None:
         self.transport.dispatcher.callers[self.client] = self
@@ -150,12 +150,12 @@ class Caller(CallingLink["ShmTransport", Peer, int], AskingLink):
         return Timeout(f"{super().late_to_ask(peer, deadline)}{peer.post.hindrance}")
 
     def ask_peer(self, peer: Peer, where: int, payload: Payload, number: int, end: float, deadline: float) -> Reply:
-        line, haste, begun = peer.take(self.channel.name), self._haste, time.monotonic()
+        line, trial, begun = peer.take(self.channel.name), self._early_wakeup, time.monotonic()
         try:
-            at, hurry = line.number, haste.next()
+            at, early = line.number, trial.next()
             size = size_of(payload)
-            if hurry:
-                at |= HURRY
+            if early:
+                at |= WAKE_EARLY
                 if size < _QUICK:
                     peer.post.announce()
             number, header = self.request(self._flags, max(0.0, end - begun), number)
@@ -173,8 +173,8 @@ class Caller(CallingLink["ShmTransport", Peer, int], AskingLink):
                         found = reply_at(message.octets, HEAD_BYTES)
                         if found.sequence == number and found.client == self.client:
                             reply = answered((STATUSES[found.status], message.payload))
-                            if haste.trying:
-                                haste.took(hurry, time.monotonic() - begun)
+                            if trial.trying:
+                                trial.took(early, time.monotonic() - begun)
                             return reply if reply.status is Status.OK else accepted(self.channel, reply)
                     except DecodeError as exc:
                         self.malformed(exc)

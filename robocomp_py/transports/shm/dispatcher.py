@@ -17,7 +17,7 @@ from ..link import persist
 from ..server import dispatch
 from ..sparing import Sparing
 from ..turns import Turns
-from .mail import HURRY, KNOCK, Mailbox, Post, packed, unpacked
+from .mail import CONFIRM, WAKE_EARLY, Mailbox, Post, packed, unpacked
 from .receipts import OPENED, Receipts
 from .samples import HEAD_BYTES, Message, size_of
 
@@ -194,12 +194,12 @@ class Dispatcher:
 
     def _accept(self, message: Message, read_at: float) -> Job | None:
         request = request_at(message.octets, HEAD_BYTES)
-        if message.to == KNOCK:
+        if message.to == CONFIRM:
             return partial(self.reply, message.member, message.line, request, 0.0, Reply(Status.OK))
         link = self.serving.get(message.to)
         line = message.line
-        if line & HURRY:
-            line ^= HURRY
+        if line & WAKE_EARLY:
+            line ^= WAKE_EARLY
             post = self._posts.get((message.member, line))
             if post:
                 post.announce()

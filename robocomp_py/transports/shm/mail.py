@@ -28,10 +28,10 @@ KEPT = 16
 _LOANS = 16
 """Maximum number of letters to one queue that are written at the same time."""
 
-KNOCK = 0xFFFFFFFF
+CONFIRM = 0xFFFFFFFF
 """The address of a letter that only asks for a reply, which confirms that all earlier letters were taken."""
 
-HURRY = 1 << 31
+WAKE_EARLY = 1 << 31
 """Added to the number of a line: wake the client already when the reply is about to be written."""
 
 LINGER = 1.5

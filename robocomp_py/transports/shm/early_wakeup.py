@@ -18,7 +18,7 @@ _WORTH_IT = 0.95
 """An early wake-up is used if it takes at most this part of the time, since it is more work."""
 
 
-class Haste:
+class EarlyWakeup:
     """For the calls of one link. Calls of several threads at once only make the measurement less exact."""
 
     def __init__(self) -> None:
@@ -28,7 +28,7 @@ class Haste:
         self._taken: tuple[list[float], list[float]] = [], []
 
     def next(self) -> bool:
-        """Whether to hurry this time. If it is being tried, what it took is to be told to `took`."""
+        """Whether to early this time. If it is being tried, what it took is to be told to `took`."""
         self._calls = number = (self._calls + 1) % EVERY
         if number < 2 * TRIES:
             self.trying = True
@@ -38,11 +38,11 @@ class Haste:
             self._decide()
         return self._pays
 
-    def took(self, hurried: bool, seconds: float) -> None:
-        self._taken[hurried].append(seconds)
+    def took(self, early: bool, seconds: float) -> None:
+        self._taken[early].append(seconds)
 
     def _decide(self) -> None:
-        usual, hurried = (sorted(each) for each in self._taken)
-        if usual and hurried:
-            self._pays = hurried[len(hurried) // 2] <= _WORTH_IT * usual[len(usual) // 2]
+        usual, early = (sorted(each) for each in self._taken)
+        if usual and early:
+            self._pays = early[len(early) // 2] <= _WORTH_IT * usual[len(usual) // 2]
         self._taken = [], []
