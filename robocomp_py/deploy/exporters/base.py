@@ -222,23 +222,16 @@ def told_once(notes: Iterable[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(notes))
 
 
-def brought(plan: Plan, recipe: str) -> Iterator[str]:
-    """The programs that an image must have besides the copied files."""
-    for process in plan.processes:
-        if process.is_program and not process.files:
-            yield f"`{process.name}` runs `{process.command[0]}`: add what installs it to {recipe}"
-
-
-def unwatched(plan: Plan, engine: str) -> Iterator[str]:
-    """The watchdogs that the other engine ignores."""
+def of_containers(plan: Plan, engine: str) -> Iterator[str]:
+    """What every engine of containers ignores, and what its images need besides the copied files."""
+    yield from escalating(plan, engine)
     if any(watches_itself(each) and each.restart.when is not When.NEVER for each in plan.processes):
         yield f"{engine} does not detect a component that hangs; rcdeploy would restart it"
-
-
-def unheard(plan: Plan, engine: str) -> Iterator[str]:
-    """The processes whose READY is ignored: containers are polled."""
+    for process in plan.processes:
+        if process.is_program and not process.files:
+            yield f"`{process.name}` runs `{process.command[0]}`: add what installs it to the Dockerfile"
     telling = [each.name for each in plan.processes if each.is_program and each.notifies]
-    if telling:
+    if telling:  # containers are polled
         without = f"`notifies` of {enumerated(telling)} has no effect"
         yield f"{engine} ignores sd_notify: {without}, a running process counts as ready"
 

@@ -15,16 +15,13 @@ from .base import (
     USER,
     Export,
     Site,
-    brought,
-    escalating,
     grace,
     heading,
     identifier,
+    of_containers,
     sites_of,
     told_once,
-    unheard,
     unique,
-    unwatched,
 )
 from .containers import INSIDE, READY, as_yaml, dockerfile
 
@@ -114,10 +111,7 @@ def _plain(text: str) -> str:
 
 
 def _notes(plan: Plan) -> Iterator[str]:
-    yield from escalating(plan, "compose")
-    yield from unwatched(plan, "compose")
-    yield from brought(plan, "the Dockerfile")
-    yield from unheard(plan, "compose")
+    yield from of_containers(plan, "compose")
     if any(each.restart.when is not When.NEVER for each in plan.processes):
         yield "compose chooses the delays between restarts and counts all of them: `delay` and `period` have no effect"
 

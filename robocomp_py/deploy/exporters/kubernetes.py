@@ -18,16 +18,13 @@ from .base import (
     USER,
     Export,
     Site,
-    brought,
     enumerated,
-    escalating,
     grace,
     heading,
     identifier,
+    of_containers,
     sites_of,
     told_once,
-    unheard,
-    unwatched,
 )
 from .base import unique as unique_names
 from .containers import INSIDE, READY, as_yaml, dockerfile
@@ -148,10 +145,7 @@ def _plain(text: str) -> str:
 
 
 def _notes(plan: Plan) -> Iterator[str]:
-    yield from escalating(plan, "Kubernetes")
-    yield from unwatched(plan, "Kubernetes")
-    yield from brought(plan, "the Dockerfile")
-    yield from unheard(plan, "Kubernetes")
+    yield from of_containers(plan, "Kubernetes")
     others = [each.name for each in plan.processes if each.restart.when is not When.ALWAYS]
     if others:
         yield f"Kubernetes restarts every process that ends, also {enumerated(others)}, and chooses the delays"

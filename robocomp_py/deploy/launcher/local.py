@@ -25,7 +25,7 @@ import shutil
 import signal
 import subprocess
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ...errors import DeploymentError
@@ -275,7 +275,7 @@ class Launcher(Agent):
 
     def _execute(self, process: Process, told: Mapping[str, str], into: int, own: Birth) -> int:
         lifeline = birth.lifeline_of_its_own(self._lifeline)
-        own = Birth(own.parent, lifeline, own.cgroup, own.files)
+        own = replace(own, lifeline=lifeline)
         try:
             popen = subprocess.Popen(
                 process.command,
