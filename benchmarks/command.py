@@ -93,8 +93,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.draw:
         results.publish()
         return 0
-    if options.write and set(options.what) != set(MEASUREMENTS):
-        print("--write stores a whole run: leave --what out", file=sys.stderr)
+    if options.write and options.only != MIDDLEWARES:
+        print("--write stores the figures of all middlewares: leave --only out", file=sys.stderr)
         return 2
     _print(tables[0], options)
     begun = time.monotonic()
@@ -125,7 +125,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         rows = {what: [asdict(row) for row in one.rows] for what, one in found.items()}
         Path(options.json).write_text(json.dumps({"machine": about, **rows}, indent=1), encoding="utf-8")
     if options.write and not failures:
-        results.store(tables, findings, {what: one.rows for what, one in found.items()})
+        is_whole = set(options.what) == set(MEASUREMENTS)
+        keep = results.store if is_whole else results.replace
+        keep(tables, findings, {what: one.rows for what, one in found.items()})
         results.publish()
     minutes, seconds = divmod(round(time.monotonic() - begun), 60)
     print(f"\n{minutes} min {seconds} s", *failures, sep="\n", file=sys.stderr)
@@ -296,7 +298,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--markdown", action="store_true", help="print Markdown")
     parser.add_argument(
-        "--write", action="store_true", help="store the results of a whole run, and update the page and its figures"
+        "--write",
+        action="store_true",
+        help="store the results of what was measured, and update the page and its figures",
     )
     parser.add_argument("--draw", action="store_true", help="measure nothing: update page and figures as stored")
     parser.add_argument("--stored", action="store_true", help="measure nothing: print the stored tables")

@@ -1,6 +1,6 @@
-"""The stored results of a whole run, and what the page on performance shows of them.
+"""The stored results, and what the page on performance shows of them.
 
-`results.json` holds the tables of the run, its findings, and the rows that the figures are drawn from.
+`results.json` holds the tables, their findings, and the rows that the figures are drawn from.
 """
 
 from __future__ import annotations
@@ -25,12 +25,45 @@ DRAWN = ("query", "publish", "peers")
 
 
 def store(tables: Sequence[Table], findings: Sequence[Finding], rows: Mapping[str, Sequence[Any]]) -> None:
-    results = {
+    """Store a whole run."""
+    _write(_results(tables, findings, rows))
+
+
+def replace(tables: Sequence[Table], findings: Sequence[Finding], rows: Mapping[str, Sequence[Any]]) -> None:
+    """Store some measurements in place of earlier ones; the others stay. Of another machine, their tables say so.
+
+    The first table is the machine.
+    """
+    stored, found = load(), _results(tables, findings, rows)
+    machine, *new = found["tables"]
+    here, there = dict(machine["rows"]), dict(stored["tables"][0]["rows"])
+    if (processor := here["processor"]) != there["processor"]:
+        for each in new:
+            each["note"] = " ".join(filter(None, (each["note"], f"Measured on another machine: {processor}.")))
+    stored["tables"] = _merged(stored["tables"], new, "name")
+    stored["findings"] = _merged(stored["findings"], found["findings"], "goal")
+    _write({**stored, **{name: found[name] for name in DRAWN if name in found}})
+
+
+def _results(
+    tables: Sequence[Table], findings: Sequence[Finding], rows: Mapping[str, Sequence[Any]]
+) -> dict[str, list[dict[str, Any]]]:
+    return {
         "tables": [asdict(each) for each in tables],
         "findings": [asdict(each) for each in findings],
-        **{name: [asdict(row) for row in rows[name]] for name in DRAWN},
+        **{name: [asdict(row) for row in rows[name]] for name in DRAWN if name in rows},
     }
-    FILE.write_text(json.dumps(results, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def _merged(stored: list[dict[str, Any]], new: list[dict[str, Any]], key: str) -> list[dict[str, Any]]:
+    """The new entries, in place of the stored ones of the same name or at the end."""
+    names = {each[key] for each in new}
+    at = next((number for number, each in enumerate(stored) if each[key] in names), len(stored))
+    return [*stored[:at], *new, *(each for each in stored[at:] if each[key] not in names)]
+
+
+def _write(found: Mapping[str, Any]) -> None:
+    FILE.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
 def load() -> dict[str, Any]:
@@ -39,8 +72,11 @@ def load() -> dict[str, Any]:
 
 
 def tables(results: Mapping[str, Any]) -> list[Table]:
-    """All tables of the stored run; the first is the machine, the last the summary."""
-    stored = [Table(**{**each, "rows": [tuple(row) for row in each["rows"]]}) for each in results["tables"]]
+    """All stored tables; the first is the machine, the last the summary."""
+    stored = [
+        Table(**{**each, "head": tuple(each["head"]), "rows": [tuple(row) for row in each["rows"]]})
+        for each in results["tables"]
+    ]
     return [*stored, goals.table([Finding(**each) for each in results["findings"]])]
 
 

@@ -194,6 +194,30 @@ def test_the_stored_results_have_every_table() -> None:
     assert {table.name for table in results.tables(results.load())} == names
 
 
+def test_a_part_that_is_stored_replaces_its_own_figures_and_names_another_machine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def machine(processor: str) -> Table:
+        return Table("machine", "machine", ("", ""), [("processor", processor)])
+
+    def of(figure: str) -> list[Table]:
+        return [Table("query", "query", ("", "p50"), [("dds", figure)])]
+
+    start = Table("start", "start", ("", "s"), [("dds", "0.4")])
+    quick, slow = (
+        Finding("small", "dds", "64 B", "1.0 ×", met=True),
+        Finding("small", "dds", "64 B", "2.0 ×", met=False),
+    )
+    other = Finding("start", "dds", "", "0.4 s", met=True)
+    monkeypatch.setattr(results, "FILE", tmp_path / "results.json")
+    results.store([machine("A"), *of("70"), start], [quick, other], {"query": [], "publish": [], "peers": []})
+    results.replace([machine("A"), *of("80")], [slow], {"query": []})
+    assert results.tables(results.load())[:3] == [machine("A"), *of("80"), start]
+    assert [each["shown"] for each in results.load()["findings"]] == ["2.0 ×", "0.4 s"]
+    results.replace([machine("B"), *of("90")], [slow], {"query": []})
+    assert [each.note for each in results.tables(results.load())[:3]] == ["", "Measured on another machine: B.", ""]
+
+
 def test_the_page_on_performance_and_its_figures_show_the_stored_results() -> None:
     for path, text in results.files(results.load()).items():
         assert path.read_text(encoding="utf-8") == text, f"{path.name}: `make bench ARGS=--draw`"
