@@ -743,7 +743,8 @@ def test_topics_without_subscribers_take_no_descriptors_and_no_shared_memory(her
         outlets = [here.outlet(topic(f"shm/Idle{number}/op")) for number in range(256)]
     for outlet in outlets:
         outlet.send(blob(here, b"unheard"))
-    assert (segments(), len(list(Path("/proc/self/fd").iterdir()))) == (before, descriptors)
+    assert segments() == before
+    assert len(list(Path("/proc/self/fd").iterdir())) <= descriptors  # fewer, if garbage of other tests was collected
 
 
 def test_a_latched_topic_keeps_what_was_sent_before_its_first_subscriber(

@@ -142,9 +142,8 @@ def named_router(name: str, settings: Mapping[str, Any]) -> Iterator[None]:
     try:
         socket.unlink(missing_ok=True)  # left by one that was killed
         listen = [f"unixsock-stream/{socket}", *settings.get("listen/endpoints", ())]
-        # The other routers may start later.
         keep_trying = {"connect/timeout_ms": -1, "connect/exit_on_failure": False, "connect/retry": _RETRY}
-        # the other routers may start later
+        # The other routers may start later.
         with as_transport_error(f"listening at {', '.join(listen)}"), _reading_like_a_router():
             session = zenoh.open(_config("router", {**keep_trying, **settings, "listen/endpoints": listen}))
         yield
