@@ -267,7 +267,12 @@ class TransportFaults(TransportSuite):
             heard.extend(sleeper.all_heard())
             return heard[-1] > FLOOD
 
-        wait_until(the_last_is_heard)
+        try:
+            wait_until(the_last_is_heard)
+        except AssertionError as exc:
+            visible = outlet.wait_peer(0.0)
+            exc.add_note(f"taken up to {taken[-1]}, then heard {heard}; visible then and now: {counts}, {visible}")
+            raise
         slept = time.monotonic() - stopped  # if that was long, it may have been given up since, by a lease
         assert heard == sorted(set(heard))
         if kind == "topic" and counts and slept < _LEAST_LEASE / 2:  # commands expire
