@@ -85,7 +85,7 @@ def test_a_failure_at_one_size_does_not_hide_the_figures_of_smaller_ones() -> No
 
 
 @LONG
-def test_small_messages_are_measured_in_every_place_and_nobody_stays_tied(tmp_path: Path) -> None:
+def test_small_messages_are_measured_in_every_place_and_the_affinity_is_restored(tmp_path: Path) -> None:
     cores = os.sched_getaffinity(0)
     rows = placement.run(["zeromq"], Effort(1, 0.002), lambda _: None)
     assert os.sched_getaffinity(0) == cores
@@ -319,7 +319,7 @@ def test_what_cannot_be_measured_any_more_has_regressed() -> None:
     assert row.regressed
 
 
-def test_what_nobody_measured_before_is_told_and_has_not_regressed() -> None:
+def test_a_measurement_without_a_baseline_is_reported_and_has_not_regressed() -> None:
     (row,) = compare({}, [probe(9.0)], Effort(1, 0.0))
     assert row.found == 9.0
     assert not row.regressed

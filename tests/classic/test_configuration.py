@@ -169,7 +169,7 @@ def test_both_ways_of_writing_of_2025_mean_the_same(tmp_path: Path, text: str, n
     assert document.text.splitlines()[document.line(("component", "period")) - 1].endswith(("= 50", "# ms"))
 
 
-def test_a_period_that_is_none_is_said_where_it_stands(tmp_path: Path) -> None:
+def test_an_invalid_period_is_reported_with_its_line(tmp_path: Path) -> None:
     [wrong] = said(read(tmp_path, "\nPeriod.Compute = -1"))
     assert wrong.startswith("config:2: `period` is -0.001; allowed: a positive number of seconds")
 
@@ -222,7 +222,7 @@ def test_of_a_key_that_is_there_twice_the_last_one_counts(tmp_path: Path) -> Non
     ]
 
 
-def test_a_component_without_parameters_takes_none_and_says_so(tmp_path: Path) -> None:
+def test_a_component_without_parameters_ignores_them_and_says_so(tmp_path: Path) -> None:
     path = tmp_path / "config"
     path.write_text("whatever = 1\n")
     document = settings.read(path)
@@ -262,7 +262,7 @@ def test_the_form_of_a_file_is_seen_in_it(tmp_path: Path, name: str, text: str, 
     assert settings.read(tmp_path / name, PARAMS).data == data
 
 
-def test_a_component_finds_robocomps_file_if_it_has_none_of_its_own(tmp_path: Path) -> None:
+def test_a_component_without_config_toml_reads_robocomps_file(tmp_path: Path) -> None:
     etc = tmp_path / "etc"
     etc.mkdir()
     assert settings.find(tmp_path) is None

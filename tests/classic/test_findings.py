@@ -105,7 +105,7 @@ def test_only_the_generic_part_is_added(arm: Path, given: str) -> None:
     assert rcgen(["--check", str(arm / given)]) == 0
 
 
-def test_a_configuration_is_written_where_there_is_none(arm: Path) -> None:
+def test_a_missing_configuration_is_written(arm: Path) -> None:
     (arm / "etc" / "config").unlink()
     assert rcgen([str(arm)]) == 0
     assert (arm / "etc" / "config.toml").is_file()
@@ -222,7 +222,7 @@ def test_handlers_that_cannot_be_called_are_named(arm: Path) -> None:
         assert told(arm, WORKER.replace("(self, joint, to)", right), Verdict.NOT_UNDERSTOOD) == {}
 
 
-def test_proxies_that_are_none_and_operations_they_lack_are_named(arm: Path) -> None:
+def test_unknown_proxies_and_operations_are_named(arm: Path) -> None:
     text = WORKER.replace("self.hand_proxy.close()", "self.hnad_proxy.close(); self.touch_proxy.touhced(1)")
     assert told(arm, text, Verdict.NOT_UNDERSTOOD) == {
         "self.hnad_proxy": "the .cdsl has nothing that is called so; did you mean `hand_proxy`?",

@@ -106,7 +106,7 @@ def test_what_a_file_says_for_ice_holds_for_the_ports_that_go_over_it(tmp_path: 
     }
 
 
-def test_a_component_that_goes_over_ice_as_a_whole_has_all_of_it(tmp_path: Path) -> None:
+def test_a_component_that_uses_only_ice_gets_all_of_robocomps_settings(tmp_path: Path) -> None:
     document = settled(tmp_path, CLASSIC, "middleware=ice")
     options = document.data["transports"]["ice"]
     assert options["endpoints"]["CommonBehavior"] == "tcp -p 10005"
@@ -135,7 +135,7 @@ def test_a_setting_that_the_transport_does_not_take_is_no_mistake_and_told(tmp_p
     settings.check(COMPONENT, document)
 
 
-def test_whoever_else_says_it_counts_more(tmp_path: Path) -> None:
+def test_explicit_settings_override_robocomps_file(tmp_path: Path) -> None:
     storm = "transports.ice.storm=IceStorm/TopicManager:tcp -p 1"
     document = settled(tmp_path, CLASSIC, storm, "ports.laser.from=world")
     assert document.data["transports"]["ice"]["storm"] == "IceStorm/TopicManager:tcp -p 1"
@@ -161,7 +161,7 @@ def test_one_operation_may_go_over_ice_alone(tmp_path: Path) -> None:
     assert document.data["ports"]["speech"] == {"divide": {"middleware": "ice", "from": "Speech"}}
 
 
-def test_whom_a_port_uses_is_said_by_its_proxy(tmp_path: Path) -> None:
+def test_the_proxy_of_a_port_names_its_peer(tmp_path: Path) -> None:
     checked = settings.check(COMPONENT, settled(tmp_path, CLASSIC))
     said = [checked.peer_of(port) for port in COMPONENT.ports[:3]]
     assert said == ["laser:tcp -h localhost -p 10003", "laser:tcp -h rear.local -p 10003", "any instance"]
@@ -170,7 +170,7 @@ def test_whom_a_port_uses_is_said_by_its_proxy(tmp_path: Path) -> None:
 # Ours.
 
 
-def test_a_proxy_is_used_by_the_port_it_is_called_after_or_whose_from_names_it(tmp_path: Path) -> None:
+def test_a_proxy_belongs_to_the_port_of_its_name_or_to_the_port_that_names_it(tmp_path: Path) -> None:
     text = (
         '[ports.laser]\nfrom = "base"\n[transports.ice.proxies]\nbase = "laser:tcp -p 1"\nlaser1 = "laser:tcp -p 2"\n'
     )
@@ -214,6 +214,6 @@ def test_a_key_that_means_no_port_is_told_with_its_line(tmp_path: Path, text: st
     assert wrong(tmp_path, text) == [says]
 
 
-def test_who_was_used_before_somebody_said_otherwise_is_no_mistake(tmp_path: Path) -> None:
+def test_a_peer_that_an_override_replaces_is_not_an_error(tmp_path: Path) -> None:
     text = '[ports.laser]\nfrom = "base"\n[transports.ice.proxies]\nbase = "laser:tcp -p 1"\n'
     assert wrong(tmp_path, text, "ports.laser.from=world") == []

@@ -243,7 +243,7 @@ def test_the_broker_of_topics_is_not_needed(tmp_path: Path) -> None:
     assert "dependences" not in text
 
 
-def test_names_that_are_none_are_changed_and_stay_apart(tmp_path: Path) -> None:
+def test_invalid_names_are_changed_and_stay_distinct(tmp_path: Path) -> None:
     nodes = (node("my eye", up("a")), node("my-eye", up("b")), node("2nd", '<dependence alias="my-eye"/>', up("c")))
     text = imported(rcmanager(*nodes), tmp_path)
     assert "// line 2: it is called `my eye` there" in clauses(text, "my_eye")
@@ -268,7 +268,7 @@ def test_a_port_is_given_to_the_first_that_wants_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("port", ["0", "65536", "9" * 5000])
-def test_a_port_that_is_none_is_left_out(port: str, tmp_path: Path) -> None:
+def test_an_invalid_port_is_left_out(port: str, tmp_path: Path) -> None:
     text = imported(rcmanager(node("a", endpoint=f"a:tcp -p {port}")), tmp_path)
     assert any("is none" in line for line in clauses(text, "a"))
     assert "\n        port " not in text
@@ -315,7 +315,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("name", "text", "said"), WRONG)
-def test_a_file_that_is_none_is_refused_with_its_place(
+def test_an_invalid_file_is_refused_with_its_position(
     name: str, text: str, said: str, tmp_path: Path, capsys: Said
 ) -> None:
     (tmp_path / name).write_text(text)
@@ -343,7 +343,7 @@ def test_it_is_written_once_and_never_over_a_file(tmp_path: Path, capsys: Said) 
     assert (tmp_path / "net.ddsl").read_text() == "mine"
 
 
-def test_of_a_file_that_cannot_be_written_whole_nothing_stays(tmp_path: Path, capsys: Said) -> None:
+def test_a_file_that_cannot_be_written_completely_is_removed(tmp_path: Path, capsys: Said) -> None:
     (tmp_path / "net.xml").write_text(rcmanager(*(node(f"a{number}", up("a")) for number in range(1000))))
     output = tmp_path / "net.ddsl"
     before = resource.getrlimit(resource.RLIMIT_FSIZE)

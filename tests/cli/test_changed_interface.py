@@ -59,7 +59,7 @@ def ask(said: Said, *arguments: object) -> tuple[int, str]:
     return code, captured.out + captured.err
 
 
-def test_it_is_told_who_runs_an_older_contract_and_what_to_start_again_together(network: Path, capsys: Said) -> None:
+def test_instances_with_an_older_contract_are_listed_with_what_to_restart_together(network: Path, capsys: Said) -> None:
     code, said = ask(capsys, "status", network)
     assert (code, "contract" in said) == (0, False)
     change(network)

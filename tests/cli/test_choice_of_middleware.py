@@ -43,7 +43,7 @@ def ways(path: Path, said: Said, *more: str) -> set[tuple[str, str]]:
     return {(way["middleware"], way["why"]) for way in map(json.loads, said.readouterr().out.splitlines())}
 
 
-def test_the_later_choice_wins_and_every_tool_says_whose_it_is(network: Path, capsys: Said) -> None:
+def test_the_later_choice_wins_and_every_tool_names_its_origin(network: Path, capsys: Said) -> None:
     assert rcgen([str(network)]) == 0
     assert "(auto)" in capsys.readouterr().out
     assert ways(network, capsys) == {("shm", "one host")}

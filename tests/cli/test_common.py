@@ -26,7 +26,7 @@ def started(program: str, path: Path, **streams: int) -> subprocess.Popen[str]:
 
 
 @PROGRAMS
-def test_nobody_who_reads_on_is_no_reason_for_a_traceback(program: str, tmp_path: Path) -> None:
+def test_a_closed_pipe_causes_no_traceback(program: str, tmp_path: Path) -> None:
     path = tmp_path / "arm.cdsl"
     path.write_text(f"Component arm {{ language {'Cpp' if program == 'rc' else 'python'}; }};")
     reading, writing = os.pipe()
@@ -177,7 +177,7 @@ raise SystemExit(main())
 
 
 @SIGNALS
-def test_a_signal_whose_exception_got_lost_ends_a_command_all_the_same(name: str, code: int) -> None:
+def test_a_signal_whose_exception_was_lost_still_ends_a_command(name: str, code: int) -> None:
     done = subprocess.run([sys.executable, "-c", LOST.format(name=name)], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (code, f"{getattr(signal, name):d}\n")
 

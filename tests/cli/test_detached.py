@@ -58,7 +58,7 @@ def alive(pid: int) -> bool:
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
-def test_until_it_goes_on_alone_it_ends_with_who_waits_for_it(number: int, code: int) -> None:
+def test_before_it_detaches_it_ends_with_its_waiting_parent(number: int, code: int) -> None:
     with started() as waiting:
         assert waiting.stdout is not None
         worker = int(waiting.stdout.readline().split()[1])
@@ -79,7 +79,7 @@ def test_an_interrupt_just_before_it_is_waited_for_ends_it_all_the_same() -> Non
     assert waiting.returncode == 130
 
 
-def test_its_failure_is_that_of_who_waits_for_it() -> None:
+def test_its_waiting_parent_ends_with_its_exit_code() -> None:
     with started("return 3") as waiting:
         assert waiting.stdout is not None
         assert waiting.stdout.read().endswith("cleans up\n")
@@ -123,7 +123,7 @@ def test_it_goes_on_and_neither_it_nor_what_it_started_holds_the_output(tmp_path
         wait_until(lambda: not alive(int(helper)))
 
 
-def test_it_goes_on_when_who_waited_was_killed(tmp_path: Path) -> None:
+def test_it_continues_when_its_waiting_parent_is_killed(tmp_path: Path) -> None:
     with started(
         f"sys.stdout.flush(); signal.sigwait([signal.SIGUSR1]); parent.leave(Path({str(tmp_path / 'x')!r}))"
     ) as waiting:

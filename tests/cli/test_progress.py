@@ -26,11 +26,11 @@ def test_progress_is_shown_from_one_second_on_and_erased_at_the_end() -> None:
                                       "rcgen: components read: 4 of 5", ""]  # fmt: skip
 
 
-def test_a_quick_command_shows_none() -> None:
+def test_a_quick_command_shows_no_progress() -> None:
     assert shown(Terminal(), 0.15) == []
 
 
-def test_updates_are_not_more_frequent_than_anybody_can_read() -> None:
+def test_updates_are_limited_to_a_readable_rate() -> None:
     assert len(shown(Terminal(), 1.0)) == 6
     times = iter([0.0, *(1 + n / 1000 for n in range(5))])
     to = Terminal()
@@ -39,7 +39,7 @@ def test_updates_are_not_more_frequent_than_anybody_can_read() -> None:
     assert to.getvalue() == "\r\x1b[Krcgen: components read: 0 of 5\r\x1b[K"
 
 
-def test_what_is_no_terminal_gets_none() -> None:
+def test_no_progress_is_shown_outside_a_terminal() -> None:
     assert shown(io.StringIO(), 10.0) == []
 
 

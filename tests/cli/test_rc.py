@@ -298,7 +298,7 @@ def test_run_without_a_folder_says_so_and_shows_how_to_use_it(capsys: Said, argu
 
 
 @pytest.mark.parametrize("assignment", ["speed", "=1", "a b=1", "a..b=1", "params.motors[x].y=1"])
-def test_an_assignment_that_is_none_is_wrong_usage(arm: Path, capsys: Said, assignment: str) -> None:
+def test_an_invalid_assignment_is_a_usage_error(arm: Path, capsys: Said, assignment: str) -> None:
     with pytest.raises(SystemExit) as ended:
         rc(["run", "arm", "--set", assignment])
     assert ended.value.code == 2

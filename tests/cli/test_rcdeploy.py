@@ -196,7 +196,7 @@ def test_a_component_that_cannot_start_stops_the_network(folder: Path) -> None:
     assert "asker │" not in result.stdout
 
 
-def test_a_program_that_is_none_fails_with_the_reason(folder: Path) -> None:
+def test_a_program_that_cannot_be_started_fails_with_the_reason(folder: Path) -> None:
     path = network_of(folder, broken="")
     (folder / "broken.sh").write_text("#!/no/such/interpreter\n")
     result = run(path)
@@ -375,7 +375,7 @@ def killed(*arguments: object, too: bool = False) -> Deployer:
 
 
 @pytest.mark.parametrize("middleware", ["auto", "shm", "zeromq"])
-def test_components_that_are_killed_leave_what_those_leave_that_end_by_themselves(
+def test_killed_components_leave_no_more_files_than_those_that_end_normally(
     folder: Path, run_time: Path, middleware: str
 ) -> None:
     assert run(folder / "net.ddsl", "--middleware", middleware, "--for", 0).returncode == 0
@@ -385,7 +385,7 @@ def test_components_that_are_killed_leave_what_those_leave_that_end_by_themselve
     assert left_in(run_time) == before
 
 
-def test_components_that_are_killed_with_who_runs_them_leave_no_more(folder: Path, run_time: Path) -> None:
+def test_components_that_are_killed_with_their_launcher_leave_no_files(folder: Path, run_time: Path) -> None:
     assert killed(folder / "net.ddsl", too=True).returncode == -signal.SIGKILL
     wait_until(lambda: left_in(run_time) <= {"shm/nodes.lock"})
 

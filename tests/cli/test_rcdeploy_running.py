@@ -149,14 +149,14 @@ def test_an_instance_can_be_started_again(house: Running, capsys: Said) -> None:
 
 @pytest.mark.parametrize("command", [("logs", "-f"), ("status", "--watch")])
 @pytest.mark.parametrize(("name", "code"), [("SIGTERM", 143), ("SIGINT", 130)])
-def test_who_goes_on_looking_ends_by_a_signal_whose_exception_got_lost(
+def test_a_command_that_keeps_looking_ends_by_a_signal_whose_exception_was_lost(
     house: Running, command: tuple[str, str], name: str, code: int
 ) -> None:
     done = run_losing(name, "rcdeploy", f"deploying.{command[0]}", *command, house.path)
     assert (done.returncode, done.stdout) == (code, "")
 
 
-def test_who_follows_ends_by_an_interrupt_just_before_the_wait_for_the_next_line(house: Running) -> None:
+def test_following_logs_ends_by_an_interrupt_just_before_waiting_for_a_line(house: Running) -> None:
     code = f"{UNHEARD}\nfrom robocomp_py.cli.rcdeploy import main\nsys.exit(main())"
     command = [sys.executable, "-c", code, "logs", "-f", house.path]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as following:
@@ -174,7 +174,7 @@ def test_an_unknown_process_cannot_be_restarted(house: Running, capsys: Said) ->
     assert capsys.readouterr().err == "rcdeploy: unknown instance `quit`; did you mean `quiet`?\n"
 
 
-def test_who_follows_what_is_printed_is_told_until_the_end_and_down_waits_for_that(tmp_path: Path) -> None:
+def test_following_logs_shows_output_until_the_end_and_down_waits_for_it(tmp_path: Path) -> None:
     path = network_of(
         tmp_path, "brief", prints="trap 'echo bye; exit 0' TERM; echo one; while true; do sleep 0.05; done"
     )

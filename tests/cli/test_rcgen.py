@@ -359,7 +359,7 @@ def test_a_history_of_edits_ends_where_the_last_model_begins(arm: Path, tmp_path
 # What is wrong.
 
 
-def test_a_model_with_errors_leaves_everything_as_it_was(arm: Path, capsys: Said) -> None:
+def test_a_model_with_errors_changes_no_file(arm: Path, capsys: Said) -> None:
     edit(arm / "Arm.idsl", "float x;", "flaot x; int x;")
     edit(arm / "arm.pdsl", "0.5", "5")
     before = snapshot(arm)
@@ -402,7 +402,7 @@ def two(arm: Path, tmp_path: Path) -> tuple[Path, Path]:
     return arm, model_in(tmp_path / "leg", leg_cdsl="Component leg { language python; };").parent
 
 
-def test_of_several_components_all_are_generated_or_none(two: tuple[Path, Path], capsys: Said) -> None:
+def test_several_components_are_generated_all_or_none(two: tuple[Path, Path], capsys: Said) -> None:
     arm, leg = two
     (leg / "generic").mkdir()
     (leg / "generic" / "genericworker.py").write_text("# mine\n")
@@ -632,7 +632,9 @@ for step in range(1, 1000):
 
 
 @pytest.mark.parametrize(("number", "code"), [("SIGINT", 130), ("SIGTERM", 143)])
-def test_whenever_it_is_ended_a_component_is_there_whole_or_not_at_all(inside: Path, number: str, code: int) -> None:
+def test_an_interrupted_generation_leaves_a_whole_component_or_no_component(
+    inside: Path, number: str, code: int
+) -> None:
     done = subprocess.run([sys.executable, "-c", KILLED, number, "Hello"], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
     *ended, fine = [tuple(map(int, line.split())) for line in done.stdout.splitlines() if line[:1].isdigit()]

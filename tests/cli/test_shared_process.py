@@ -201,7 +201,7 @@ INSIDE = """
 """
 
 
-def test_a_network_may_be_one_process_whose_components_talk_inside_of_it(folder: Path) -> None:
+def test_a_network_can_be_one_process_with_messages_inside_it(folder: Path) -> None:
     with running("rcdeploy", network(folder, INSIDE), "--until", "brief") as deployer:
         pass
     text = "\n".join(deployer.lines)

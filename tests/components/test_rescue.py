@@ -62,7 +62,7 @@ def mission() -> Iterator[World]:
         yield world
 
 
-def test_it_does_not_set_out_before_everybody_has_told_something() -> None:
+def test_it_does_not_start_before_every_sensor_has_sent_something() -> None:
     with mission() as world:
         world.show()
         world.charge(60.0)
@@ -97,7 +97,7 @@ def test_a_battery_that_is_not_low_does_not_disturb_it() -> None:
     assert len(world.calls(GO)) == 1
 
 
-def test_somebody_near_ends_the_search() -> None:
+def test_a_person_nearby_ends_the_search() -> None:
     with mission() as world:
         world.begin()
         world.show(red_px=80)
@@ -110,7 +110,7 @@ def test_somebody_near_ends_the_search() -> None:
     assert overwrite
 
 
-def test_somebody_far_away_does_not() -> None:
+def test_a_person_far_away_does_not() -> None:
     with mission() as world:
         world.begin()
         world.show(red_px=20)
@@ -118,7 +118,7 @@ def test_somebody_far_away_does_not() -> None:
     assert not world.calls("speech.say")
 
 
-def test_somebody_near_counts_on_the_way_to_the_charger_too() -> None:
+def test_a_person_nearby_counts_on_the_way_to_the_charger_too() -> None:
     with mission() as world:
         world.begin()
         world.charge(20.0)

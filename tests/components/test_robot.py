@@ -71,7 +71,7 @@ def test_it_stops_where_it_touches_the_wall() -> None:
     assert robot.pose.z == pytest.approx(10.0 - RADIUS_M, abs=0.001)
 
 
-def test_it_can_leave_a_wall_again() -> None:
+def test_it_can_drive_away_from_a_wall() -> None:
     robot = base()
     robot.command(2.0, 0.0)
     robot.step(20.0)

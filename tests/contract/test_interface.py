@@ -127,7 +127,9 @@ def test_an_interface_tells_what_takes_part_under_a_verb() -> None:
         (Verb.SUBSCRIBES, False, True, False),
     ],
 )
-def test_verbs_say_who_provides_who_listens_and_who_calls(verb: Verb, provides: bool, topic: bool, proxy: bool) -> None:
+def test_a_verb_tells_whether_its_port_provides_listens_or_calls(
+    verb: Verb, provides: bool, topic: bool, proxy: bool
+) -> None:
     assert (verb.provides, verb.is_topic, verb.has_proxy) == (provides, topic, proxy)
 
 

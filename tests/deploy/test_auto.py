@@ -73,7 +73,7 @@ def test_in_one_process_it_is_objects() -> None:
     assert lines(choice, "server") == ['ports.Everything.also=["inproc"]']
 
 
-def test_two_that_have_each_a_process_of_their_own_name_share_none() -> None:
+def test_instances_with_different_process_names_share_no_process() -> None:
     choice = choose([instance(SERVER, "server", process="p"), instance(CLIENT, "client", process="q")], fine)
     assert over(choice, "divide") == [("client", "server", "shm")]
 
@@ -170,7 +170,7 @@ def test_what_cannot_be_used_is_told_once_with_what_is_used_instead() -> None:
     assert note == f"shm is not used for {count} operations, which go over zeromq instead: no shared memory here"
 
 
-def test_what_cannot_carry_that_many_connections_is_used_for_none() -> None:
+def test_a_middleware_that_cannot_carry_all_connections_carries_none() -> None:
     """A connection is a client and its provider, however many operations it uses of it."""
 
     def for_two(middleware: str, connections: int = 0) -> str:
@@ -236,14 +236,14 @@ def test_a_program_of_ones_own_speaks_what_the_network_says_or_what_it_was_gener
         assert lines(choice, "server") == ['ports.everything.also=["dds"]']
 
 
-def test_what_somebody_wrote_to_be_offered_over_is_offered_still() -> None:
+def test_configured_offers_are_kept() -> None:
     server = instance(SERVER, "server", 'ports.everything.also=["dds"]')
     choice = choose([server, instance(READER, "reader")], fine)
     assert lines(choice, "server") == ['ports.everything.also=["shm", "dds"]']
     assert lines(choose([server, instance(READER, "reader", "middleware=dds")], fine), "server") == []
 
 
-def test_publishers_that_somebody_wrote_down_get_a_way_each() -> None:
+def test_each_configured_publisher_gets_a_way() -> None:
     reader = instance(READER, "reader", "ports.Everything.from=near", 'ports.Everything.also=[{from="far"}, "dds"]')
     network = [replace(reader, process="p"), instance(SERVER, "near", process="p"), instance(SERVER, "far")]
     choice = choose(network, fine)

@@ -37,7 +37,7 @@ def files(folder: Path) -> list[str]:
     return sorted(str(each.relative_to(folder)) for each in folder.rglob("*") if not each.is_dir())
 
 
-def test_what_a_killed_component_left_is_removed_however_recently_somebody_has_looked(run_time: Path) -> None:
+def test_files_of_a_killed_component_are_removed_even_after_a_recent_look(run_time: Path) -> None:
     subprocess.run([sys.executable, "-c", KILLED], check=False)
     assert len(files(run_time)) == 6
     for folder in ("zeromq", "zeromq/served"):
@@ -46,7 +46,7 @@ def test_what_a_killed_component_left_is_removed_however_recently_somebody_has_l
     assert files(run_time) == []
 
 
-def test_nothing_of_one_who_lives_is_removed_nor_of_who_is_no_transport(run_time: Path) -> None:
+def test_files_of_live_components_and_of_other_programs_are_kept(run_time: Path) -> None:
     member = Directory(run_time / "zeromq").join("world")
     member.add(ENTRY)
     served = claim(run_time / "zeromq" / "served", ENTRY.channel, "world")

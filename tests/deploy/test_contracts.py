@@ -17,7 +17,7 @@ LINKS = [
 ]
 
 
-def test_what_is_restarted_with_a_new_contract_takes_along_whom_it_is_linked_to() -> None:
+def test_a_restart_with_a_new_contract_names_the_linked_instances() -> None:
     running = dict.fromkeys(("server", "one", "two"), OLD)
     current = dict.fromkeys(running, NEW)
     link = Severed("I", "server", "one")

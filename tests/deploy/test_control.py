@@ -281,7 +281,7 @@ def is_cut(one: socket.socket) -> bool:
     return False
 
 
-def test_a_socket_that_a_killed_network_left_is_in_nobodys_way(start: Start) -> None:
+def test_the_socket_of_a_killed_network_does_not_stop_the_next_one(start: Start) -> None:
     place = Place("killed")
     place.folder.mkdir(mode=0o700, parents=True)
     with socket.socket(socket.AF_UNIX) as left:

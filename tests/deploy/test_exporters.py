@@ -449,7 +449,7 @@ def test_what_carries_messages_to_other_hosts_is_started_first(folder: Path, kin
     assert "here/Patrol" in text
 
 
-def test_icestorm_is_there_before_who_publishes_over_ice(folder: Path) -> None:
+def test_icestorm_starts_before_publishers_over_ice(folder: Path) -> None:
     proxy = "IceStorm/TopicManager:tcp -h 127.0.0.1 -p 9999"
     plan = network(component(folder, "laser"), helpers=(icestorm(proxy),))
     export = EXPORTERS["systemd"](plan, "n")

@@ -25,7 +25,7 @@ from robocomp_py.deploy.ring import Line
         ("rm \u202egpj.tac\u2066\u2029", "rm \\u202egpj.tac\\u2066\\u2029", "rm \\u202egpj.tac\\u2066\\u2029"),
     ],
 )
-def test_text_keeps_its_colours_on_a_terminal_and_none_in_files(text: str, shown: str, kept: str) -> None:
+def test_text_keeps_its_colours_on_a_terminal_and_loses_them_in_files(text: str, shown: str, kept: str) -> None:
     assert harmless(text) == shown
     assert plain(text) == kept
 

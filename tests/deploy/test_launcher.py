@@ -198,7 +198,7 @@ def test_another_process_of_it_may_be_the_one_that_counts(tmp_path: Path, with_a
     assert [told for told in heard.told if told[0] != "output"] == [("ready", "it"), ("exited", "it", 7)]
 
 
-def test_it_counts_also_if_it_has_ended_before_anybody_looks(tmp_path: Path, with_and_without_groups: None) -> None:
+def test_a_main_process_that_has_already_ended_counts(tmp_path: Path, with_and_without_groups: None) -> None:
     text = (
         "pid = os.fork()\nif pid: notify(f'MAINPID={pid}'); os._exit(0)\n"
         "while os.getppid() == os.getsid(0): time.sleep(0.001)\n"
@@ -425,7 +425,7 @@ def test_a_start_that_is_cancelled_while_its_answer_arrives_ends_and_leaves_no_p
             born.kill()
 
 
-def test_one_of_which_nobody_can_be_told_is_ended(request: pytest.FixtureRequest) -> None:
+def test_a_process_that_cannot_be_reported_is_ended(request: pytest.FixtureRequest) -> None:
     adopt_orphans(True)  # or it would end for want of a parent
     request.addfinalizer(lambda: adopt_orphans(False))
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -572,7 +572,9 @@ def test_one_that_is_not_wanted_any_more_when_it_comes_is_ended_then_and_not_wai
     assert [each[0] for each in heard.told].count("exited") == 1
 
 
-def test_nobody_comes_once_everything_is_closed(component: Path, tmp_path: Path, runtime_folder: Path) -> None:
+def test_a_process_being_started_is_abandoned_when_its_launcher_closes(
+    component: Path, tmp_path: Path, runtime_folder: Path
+) -> None:
     async def story(launcher: Launcher, heard: Heard) -> None:
         coming = await being_started(launcher, staying(component))
         await launcher.close()
@@ -683,7 +685,7 @@ def test_one_that_does_not_heed_that_either_is_killed(tmp_path: Path, monkeypatc
     assert ended(f"{NOTIFY}{text}\n{FOREVER}", tmp_path).told == [("hung", "it"), ("exited", "it", -signal.SIGKILL)]
 
 
-def test_who_never_fed_it_is_not_watched_nor_who_is_stopping(tmp_path: Path) -> None:
+def test_a_process_that_never_fed_the_watchdog_or_is_stopping_is_not_watched(tmp_path: Path) -> None:
     text = "notify('WATCHDOG_USEC=1000'); {0}time.sleep(0.1); notify('READY=1')\n"
     feeds = "notify('WATCHDOG=1', 'STOPPING=1'); "
     for each in (text.format(""), text.format(feeds)):
@@ -781,7 +783,7 @@ def test_when_both_are_killed_the_kernel_ends_processes_and_the_next_launch_the_
     launched(tmp_path, story)
 
 
-def test_the_sockets_of_a_launch_that_was_killed_are_in_nobodys_way(tmp_path: Path) -> None:
+def test_the_sockets_of_a_killed_launch_do_not_stop_the_next_one(tmp_path: Path) -> None:
     left = Place("net", tmp_path).notify
     left.mkdir(parents=True)
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as first:

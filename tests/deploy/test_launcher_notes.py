@@ -45,7 +45,7 @@ def test_what_means_nothing_is_passed_over(told: bytes) -> None:
 
 
 @pytest.mark.parametrize("numbers", [b"nan 1", b"1", b"1 2 3", b"inf 0", b"-1 0"])
-def test_numbers_that_are_none_are_passed_over(numbers: bytes) -> None:
+def test_invalid_numbers_are_ignored(numbers: bytes) -> None:
     assert read(b"X_ROBOCOMP_CALLS=" + numbers).calls is None
 
 

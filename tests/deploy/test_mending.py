@@ -50,7 +50,7 @@ def test_what_was_left_out_is_known() -> None:
     assert not mended.removed_name("speed")
 
 
-def test_without_the_header_of_a_table_nobody_knows_what_its_keys_belong_to() -> None:
+def test_a_broken_table_header_is_noted_as_missing() -> None:
     assert mend("[params\nx = 1\n", HERE).lacks_header
 
 

@@ -31,9 +31,7 @@ async def have_come(lines: list[str], count: int) -> None:
         await asyncio.sleep(0.002)
 
 
-def test_who_was_slowed_down_for_its_flood_loses_nothing_at_its_end(
-    pipe: tuple[int, int], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_throttled_process_loses_no_output_at_its_end(pipe: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(output, "_LATER", 1e9)  # for ever
     lines: list[str] = []
 
@@ -48,7 +46,7 @@ def test_who_was_slowed_down_for_its_flood_loses_nothing_at_its_end(
     assert lines[3999:] == ["noise", "last"]
 
 
-def test_who_keeps_the_pipe_and_floods_it_does_not_keep_us(pipe: tuple[int, int]) -> None:
+def test_a_process_that_keeps_flooding_its_pipe_does_not_delay_the_end(pipe: tuple[int, int]) -> None:
     lines: list[str] = []
     os.set_blocking(pipe[1], False)
 
@@ -67,7 +65,7 @@ def test_who_keeps_the_pipe_and_floods_it_does_not_keep_us(pipe: tuple[int, int]
     assert len(lines) > 2000
 
 
-def test_while_we_were_held_up_ourselves_nobody_flooded_us(
+def test_output_that_piled_up_while_the_reader_was_stopped_is_not_a_flood(
     pipe: tuple[int, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lines: list[str] = []

@@ -42,7 +42,7 @@ def lines(plan: Plan) -> list[str]:
     return [text(line) for line in overview(plan)]
 
 
-def test_a_plan_says_who_runs_where_after_whom_and_who_uses_whom_over_what() -> None:
+def test_a_plan_lists_hosts_start_order_and_links() -> None:
     assert lines(PLAN) == [
         "Patrol: 4 components in 3 processes over zeromq; escalation rest_for_one; security local",
         "host onboard: robot@192.168.1.10:2222, python3, in /home/robot",

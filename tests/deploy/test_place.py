@@ -71,7 +71,7 @@ def seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Runner | None]
     return found
 
 
-def test_nobody_takes_it_before_all_is_removed(tmp_path: Path, seen: list[Runner | None]) -> None:
+def test_a_place_stays_taken_until_everything_is_removed(tmp_path: Path, seen: list[Runner | None]) -> None:
     place = Place("Patrol", tmp_path)
     place.take()
     place.release()
@@ -90,14 +90,14 @@ class Fleeting(type(Path())):  # type: ignore[misc]  # the class of a path is th
             self.rmdir()
 
 
-def test_who_takes_it_while_its_folder_is_removed_makes_another_one(tmp_path: Path) -> None:
+def test_taking_a_place_while_its_folder_is_removed_makes_a_new_folder(tmp_path: Path) -> None:
     place = Place("Patrol", Fleeting(tmp_path))
     place.take()
     assert Fleeting.times == 2
     place.release()
 
 
-def test_who_reads_the_plan_has_all_of_it_or_the_one_before(tmp_path: Path) -> None:
+def test_a_reader_gets_the_whole_plan_or_the_previous_one(tmp_path: Path) -> None:
     place = Place("Patrol", tmp_path)
     place.take()
     place.leave_plan("before")
@@ -134,7 +134,7 @@ def killed(tmp_path: Path) -> int:
         return runner.pid
 
 
-def test_who_cleans_up_behind_who_was_killed_does_not_say_that_it_runs(
+def test_cleaning_up_after_a_killed_network_does_not_register_as_its_runner(
     tmp_path: Path, killed: int, seen: list[Runner | None]
 ) -> None:
     Place("Patrol", tmp_path).clear()
@@ -143,7 +143,7 @@ def test_who_cleans_up_behind_who_was_killed_does_not_say_that_it_runs(
 
 
 @pytest.mark.parametrize("stands_there", ["it", "nothing"])
-def test_while_nobody_who_runs_it_is_there_the_lock_is_waited_for(
+def test_a_lock_without_a_runner_is_waited_for(
     tmp_path: Path, killed: int, stands_there: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lock = tmp_path / "Patrol" / "pid"
@@ -164,7 +164,7 @@ def test_while_nobody_who_runs_it_is_there_the_lock_is_waited_for(
     assert list(pauses) == []
 
 
-def test_whatever_stands_in_the_lock_somebody_holds_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_held_lock_counts_whatever_its_file_contains(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("robocomp_py.deploy.place._TRIES_WITHOUT_RUNNER", 1)
     place = Place("Patrol", tmp_path)
     place.take()

@@ -117,7 +117,7 @@ def test_a_subscriber_hears_all_publishers_unless_told_otherwise(folder: Path) -
     assert sum(link.interface == "LaserPub" for link in found.links) == 2
 
 
-def test_who_offers_what_it_uses_is_not_wired_to_itself(tmp_path: Path) -> None:
+def test_an_instance_that_provides_what_it_uses_is_not_wired_to_itself(tmp_path: Path) -> None:
     text = """
 import "Laser.idsl"; import "LaserPub.idsl";
 Component sieve { Communications { requires Laser; implements Laser; publishes LaserPub; subscribesTo LaserPub; }; };
@@ -194,7 +194,7 @@ def test_a_program_that_says_when_it_is_ready_is_waited_for(folder: Path) -> Non
     ]
 
 
-def test_who_subscribes_hears_a_program_of_ones_own_beside_the_others(folder: Path) -> None:
+def test_a_subscriber_receives_from_programs_and_generated_components(folder: Path) -> None:
     (folder / "own.sh").write_text("#!/bin/sh\n")
     (folder / "own.sh").chmod(0o755)
     body = """
@@ -286,7 +286,7 @@ def test_what_is_wrong_in_a_configuration_is_told_where_it_stands(folder: Path) 
     assert misspelt.render().startswith(f"{folder}/bad.toml:3:1: error[config-unknown-key]")
 
 
-def test_what_cannot_be_set_is_told_with_who_sets_it(folder: Path) -> None:
+def test_an_invalid_override_is_reported_with_its_source(folder: Path) -> None:
     override = Overrides(settings=(("sensor", "namespace.x=1"),))
     _, (found,) = plan(folder, "namespace a; Component sensor { };", override)
     assert found.code == "configuration"
@@ -543,12 +543,12 @@ SOURCES = {
 
 
 @pytest.mark.parametrize("source", SOURCES)
-def test_whom_a_configuration_names_is_there(folder: Path, source: str) -> None:
+def test_a_configuration_can_name_an_existing_instance_as_source(folder: Path, source: str) -> None:
     overrides = Overrides(settings=(("driver", f"ports.laser.from={source}"),))
     assert errors(folder, "Component sensor { }; Component driver { };", overrides) == SOURCES[source]
 
 
-def test_who_is_not_there_is_told_with_who_might_be_meant(folder: Path) -> None:
+def test_an_unknown_instance_is_reported_with_a_suggestion(folder: Path) -> None:
     overrides = Overrides(settings=(("driver", "ports.laser.from=senser"),))
     _, (found,) = plan(folder, "Component sensor { }; Component driver { };", overrides)
     assert found.message == (
@@ -641,7 +641,7 @@ def test_what_stays_in_a_process_is_refused_between_two(folder: Path) -> None:
     assert errors(folder, APART, Overrides("inproc")) == ["unfit-middleware"] * len(found)
 
 
-def test_who_is_alone_in_a_process_is_named_for_a_middleware_that_stays_there(folder: Path) -> None:
+def test_inproc_names_the_instance_that_is_alone_in_its_process(folder: Path) -> None:
     body = "middleware inproc; Component sensor { process p; }; Component driver { process p; }; Component filter { };"
     _, (found,) = plan(folder, body)
     assert found.message == "`inproc` does not reach other processes, and `filter` is alone in its own"
@@ -659,7 +659,7 @@ ENDLESS = {
 
 
 @pytest.mark.parametrize("how", ENDLESS)
-def test_who_would_wait_forever_for_who_requires_it_is_told(folder: Path, how: str) -> None:
+def test_an_instance_that_would_wait_forever_for_its_own_client_is_an_error(folder: Path, how: str) -> None:
     _, (found,) = plan(folder, ENDLESS[how])
     assert found.code == "dependence-cycle"
     assert found.span.text == ("driver" if how == "in one process" else "filter")

@@ -146,7 +146,7 @@ def test_what_was_not_generated_is_not_said_to_go_by_the_wrong_way(folder: Path,
     assert errors(new, body) == ["not-generated", "not-generated"]
 
 
-def test_who_is_used_from_elsewhere_is_told_where_to_listen_and_the_other_where_that_is(folder: Path) -> None:
+def test_a_server_for_another_host_gets_an_address_and_its_client_gets_it_too(folder: Path) -> None:
     body = f"""
     security lan; middleware zeromq; {ONBOARD}
     Component sensor {{ host onboard; port 7501; }}; Component driver {{ }};
@@ -156,7 +156,7 @@ def test_who_is_used_from_elsewhere_is_told_where_to_listen_and_the_other_where_
     assert 'transports.zeromq.connect={ sensor = "tcp://192.168.1.10:7501" }' in command(found, "driver")
 
 
-def test_names_of_hosts_are_asked_for_by_whoever_starts_the_network(folder: Path) -> None:
+def test_host_names_are_resolved_when_the_network_starts(folder: Path) -> None:
     body = 'security lan; middleware zeromq; host base { address "base.local"; }; Component sensor { host base; };'
     plan(folder, f"{body} Component driver {{ }};")  # writes it
 
@@ -168,7 +168,7 @@ def test_names_of_hosts_are_asked_for_by_whoever_starts_the_network(folder: Path
     assert "tcp://10.0.0.2:" in command(found, "driver")
 
 
-def test_a_host_whose_address_nobody_knows_is_a_mistake(folder: Path) -> None:
+def test_a_host_name_that_cannot_be_resolved_is_an_error(folder: Path) -> None:
     plan(folder, 'security lan; host base { address "base.local"; }; Component sensor { host base; };')
 
     def addresses(hosts: Mapping[str, str]) -> Mapping[str, str]:
@@ -194,15 +194,13 @@ def test_one_port_may_be_taken_on_two_hosts(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("middleware", ["zeromq", "zenoh", "dds"])
-def test_nothing_goes_from_host_to_host_unless_the_network_says_who_may_take_part(
-    folder: Path, middleware: str
-) -> None:
+def test_links_between_hosts_need_a_security_clause(folder: Path, middleware: str) -> None:
     body = f"middleware {middleware}; {ONBOARD} Component sensor {{ host onboard; }}; Component driver {{ }};"
     assert errors(folder, body) == ["insecure"]
     assert errors(folder, f"security open; {body}") == []
 
 
-def test_a_network_whose_hosts_have_nothing_to_say_to_each_other_needs_no_security(folder: Path) -> None:
+def test_a_network_without_links_between_hosts_needs_no_security(folder: Path) -> None:
     body = f"{ONBOARD} Component sensor {{ }}; Component far : sensor {{ host onboard; }};"
     assert errors(folder, body) == []
 
@@ -225,7 +223,7 @@ def test_what_stays_on_a_host_needs_no_keys(folder: Path, middleware: str) -> No
 
 
 @pytest.mark.parametrize("security", list(Security))
-def test_who_may_take_part_is_in_the_plan(folder: Path, security: Security) -> None:
+def test_the_plan_holds_the_security_of_the_network(folder: Path, security: Security) -> None:
     assert planned(folder, f"security {security}; Component sensor {{ }};").security is security
     assert planned(folder, "Component sensor { };").security is Security.LOCAL
 
@@ -283,7 +281,7 @@ def test_a_program_is_looked_for_where_it_is_going_to_run(folder: Path) -> None:
     assert errors(folder, f'{ONBOARD} Component sensor {{ existing "own"; host onboard; }};') == []
 
 
-def test_a_program_of_another_host_is_looked_for_there_if_its_whole_path_is_given(folder: Path) -> None:
+def test_a_program_with_an_absolute_path_is_looked_for_on_its_host(folder: Path) -> None:
     found = planned(folder, f'{ONBOARD} Component sensor {{ path "/opt/lidar/run"; args "-v"; host onboard; }};')
     [process] = found.processes
     assert (process.command, process.files) == (("/opt/lidar/run", "-v"), ())

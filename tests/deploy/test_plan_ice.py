@@ -53,7 +53,7 @@ def over(found: Plan) -> dict[tuple[str, str], str]:
 # On one host.
 
 
-def test_a_network_may_go_over_ice_as_a_whole(folder: Path) -> None:
+def test_a_whole_network_can_use_ice(folder: Path) -> None:
     found = planned(folder, "middleware ice; Component sensor { }; Component driver { };")
     assert set(over(found).values()) == {"ice"}
     assert options(found, "driver") == options(found, "sensor") == {}  # they find each other
@@ -88,7 +88,7 @@ def test_one_port_goes_over_ice_and_another_one_does_not(
     assert over(found) == {("driver", "Laser"): "ice", ("driver", "LaserPub"): "zeromq"}
 
 
-def test_icestorm_is_needed_also_for_who_publishes_or_subscribes_alone(folder: Path) -> None:
+def test_a_lone_publisher_or_subscriber_needs_icestorm_too(folder: Path) -> None:
     assert len(planned(folder, "middleware ice; Component sensor { };").helpers) == 1
     assert len(planned(folder, "middleware ice; Component recorder { };").helpers) == 1
     assert planned(folder, "Component recorder { };").helpers == ()
@@ -152,7 +152,7 @@ def test_a_program_is_where_its_own_configuration_says(folder: Path) -> None:
     assert options(found, "driver") == {"proxies": {"sensor/Laser": "laser:tcp -h 127.0.0.2 -p 11000"}}
 
 
-def test_who_hears_a_program_is_told_what_that_calls_the_topic(folder: Path) -> None:
+def test_a_subscriber_of_a_program_is_given_the_programs_topic_name(folder: Path) -> None:
     (folder / "their.config").write_text("Laser.Endpoints = tcp -p 1\nLaserPubTopic = zed/LaserPub\n")
     sensor = f"Component sensor {{ {PROGRAM} port 10003; }};"
     found = planned(folder, f"namespace robot1; {sensor} Component driver {{ }};")
@@ -165,7 +165,7 @@ def test_who_hears_a_program_is_told_what_that_calls_the_topic(folder: Path) -> 
     assert "topics" not in options(found, "driver")  # which it knows by itself
 
 
-def test_whom_a_program_hears_publishes_under_the_name_that_the_program_has(folder: Path) -> None:
+def test_a_publisher_for_a_program_uses_the_programs_topic_name(folder: Path) -> None:
     (folder / "their.config").write_text("LaserProxy = laser:tcp -p 10003\n")
     program = f'Component driver {{ {PROGRAM} config "their.config"; }};'
     found = planned(folder, f"namespace robot1; middleware ice; Component sensor {{ }}; {program}")
@@ -198,7 +198,7 @@ def test_a_program_of_which_nothing_says_where_it_is_is_an_error(folder: Path) -
     )
 
 
-def test_who_knows_by_itself_where_a_program_is_is_believed(folder: Path) -> None:
+def test_a_proxy_in_the_components_own_configuration_is_kept(folder: Path) -> None:
     (folder / "old.config").write_text("LaserProxy = laser:tcp -p 12000\n")
     body = f'Component sensor {{ {PROGRAM} }}; Component driver {{ middleware ice; config "old.config"; }};'
     found = planned(folder, body)
@@ -214,7 +214,7 @@ def test_what_a_program_uses_is_served_where_that_expects_it(folder: Path) -> No
     assert said.startswith("no-address: `driver` expects `Laser` at port 10003, but `sensor` has 10005")
 
 
-def test_a_program_that_is_to_find_something_nobody_knows_where_is_an_error(folder: Path) -> None:
+def test_a_program_that_uses_a_provider_with_unknown_port_is_an_error(folder: Path) -> None:
     [said] = told(folder, f"Component sensor {{ }}; Component driver {{ {PROGRAM} }};")
     assert said.startswith("no-address: `driver` uses `Laser` of `sensor`, whose port is unknown")
 
@@ -231,7 +231,7 @@ def test_what_runs_outside_of_the_network_is_found_by_its_proxy(folder: Path) ->
 # On several.
 
 
-def test_between_hosts_everybody_is_told_addresses(folder: Path) -> None:
+def test_between_hosts_both_ends_get_addresses(folder: Path) -> None:
     body = f"security open; middleware ice; {ONBOARD} Component sensor {{ host onboard; }}; Component driver {{ }};"
     found = planned(folder, body)
     sensor, driver = options(found, "sensor"), options(found, "driver")
@@ -260,7 +260,7 @@ def test_an_icestorm_at_another_port_is_the_same_one_for_all_hosts(folder: Path)
     assert "-h 127.0.0.1" in storm  # of who launches it
 
 
-def test_an_instance_of_a_system_is_found_by_its_whole_name(folder: Path) -> None:
+def test_an_instance_of_a_system_is_found_by_its_full_name(folder: Path) -> None:
     body = f"""
     security open; middleware ice; {ONBOARD}
     System left {{ Component sensor {{ host onboard; port 10003; }}; Component driver {{ }}; }};
@@ -269,7 +269,7 @@ def test_an_instance_of_a_system_is_found_by_its_whole_name(folder: Path) -> Non
     assert options(found, "left/driver")["proxies"] == {"/left/sensor/Laser": "laser:tcp -h 192.168.1.10 -p 10003"}
 
 
-def test_security_says_whether_ice_may_leave_the_machine(folder: Path) -> None:
+def test_the_security_clause_decides_whether_ice_may_cross_hosts(folder: Path) -> None:
     body = f"middleware ice; {ONBOARD} Component sensor {{ host onboard; }}; Component driver {{ }};"
     assert errors(folder, body) == ["insecure"]
     assert errors(folder, f"security open; {body}") == []

@@ -64,7 +64,7 @@ def test_a_subscriber_of_several_systems_is_given_each_of_their_publishers(folde
     assert ways == {("left/sensor", "Laser"), ("left/sensor", "LaserPub"), ("right/sensor", "LaserPub")}
 
 
-def test_a_process_belongs_to_its_system_and_is_called_by_its_whole_name(folder: Path) -> None:
+def test_a_process_belongs_to_its_system_and_has_its_full_name(folder: Path) -> None:
     body = """
     System left { Component sensor { process p; }; Component driver { process p; dependences sensor; }; };
     System right { Component sensor { process p; }; };
@@ -75,7 +75,7 @@ def test_a_process_belongs_to_its_system_and_is_called_by_its_whole_name(folder:
     assert "--name driver --after sensor --set namespace=left" in " ".join(left.command)
 
 
-def test_who_waits_for_whom_is_known_across_systems(folder: Path) -> None:
+def test_the_start_order_crosses_systems(folder: Path) -> None:
     body = """
     System left { Component driver { dependences right/sensor, sensor; requires Laser from sensor; }; };
     System right { Component sensor { }; };
@@ -102,7 +102,7 @@ def test_what_a_system_says_holds_for_those_in_it(folder: Path) -> None:
     assert found.escalations == {("left",): Escalation.ONE_FOR_ALL}
 
 
-def test_the_command_line_names_an_instance_by_its_whole_name(folder: Path) -> None:
+def test_the_command_line_names_an_instance_by_its_full_name(folder: Path) -> None:
     overrides = Overrides(settings=(("left/sensor", "params.range=5"),))
     found = planned(folder, TWO_ARMS, overrides)
     assert "params.range=5" in command(found, "left/sensor")

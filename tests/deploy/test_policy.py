@@ -81,7 +81,7 @@ def test_asked_to_stop_it_goes_backwards() -> None:
     assert history == [[Start("lidar")], [Start("follow")], [], [Stop("follow")], [Stop("lidar")], [Finish(0)]]
 
 
-def test_the_code_of_who_asked_is_the_exit_code_if_all_else_is_fine() -> None:
+def test_the_requested_exit_code_is_used_if_nothing_failed() -> None:
     assert replay(Ready("lidar"), StopRequested(130), Exited("lidar", 143), network=(LIDAR,))[-1] == [Finish(130)]
 
 
@@ -90,7 +90,7 @@ def test_a_process_that_does_not_stop_is_killed_and_counts_as_failed() -> None:
     assert history == [[Start("lidar")], [Stop("lidar")], [], [Kill("lidar")], [Finish(1)]]
 
 
-def test_nobody_is_killed_for_the_time_that_rcdeploy_itself_was_stopped() -> None:
+def test_the_time_that_rcdeploy_was_stopped_itself_kills_no_process() -> None:
     steps = (60.0, Tick()), (64.9, Tick()), (65.0, Tick()), (200.0, Tick()), (210.0, Tick())
     history = replay(StopRequested(), *steps, network=(LIDAR,))
     assert history[1:] == [[Stop("lidar")], [], [], [Kill("lidar")], [], [Stuck("lidar"), Finish(1)]]
@@ -114,7 +114,7 @@ def test_each_process_has_a_grace_of_its_own() -> None:
     assert history[1:] == [[Stop("arm"), Stop("lidar")], [Kill("lidar")], [Kill("arm")]]
 
 
-def test_who_asks_for_an_end_may_say_how_long_it_may_take() -> None:
+def test_a_stop_request_can_set_the_grace_period() -> None:
     history = replay(StopRequested(grace=1.0), (1.0, Tick()), network=(LIDAR,))
     assert history[1:] == [[Stop("lidar")], [Kill("lidar")]]
     later = replay(StopRequested(), StopRequested(grace=1.0), (1.0, Tick()), network=(LIDAR,))
@@ -140,12 +140,12 @@ def test_asked_for_an_end_without_grace_everything_is_killed_at_once() -> None:
     assert history[3:] == [[Kill("follow"), Kill("lidar")], [], [Finish(0)]]
 
 
-def test_asked_twice_for_an_end_nobody_is_killed() -> None:
+def test_a_second_stop_request_kills_no_process() -> None:
     history = replay(Ready("lidar"), StopRequested(143), StopRequested(129), Exited("lidar", 0), network=(LIDAR,))
     assert history[2:] == [[Stop("lidar")], [], [Finish(143)]]
 
 
-def test_what_survives_its_being_killed_keeps_nobody_waiting() -> None:
+def test_a_process_that_survives_kill_is_not_waited_for() -> None:
     times = 5.0, 5.0 + UNKILLABLE
     history = replay(StopRequested(), *((time, Tick()) for time in times), Exited("lidar", -9), network=(LIDAR,))
     assert history[1:] == [[Stop("lidar")], [Kill("lidar")], [Stuck("lidar"), Finish(1)], []]
@@ -166,7 +166,7 @@ def test_a_death_of_one_that_was_ready_stops_a_network_that_is_still_starting() 
     assert history[2:] == [[Stop("lidar")], [Finish(1)]]
 
 
-def test_who_ends_well_while_others_start_stops_the_network_only_if_one_of_them_needs_it() -> None:
+def test_a_normal_end_during_the_start_stops_the_network_only_if_the_process_is_needed() -> None:
     events = Ready("speech"), Exited("speech", 0), Ready("lidar"), StopRequested(130), Exited("lidar", 0)
     alone = replay(*events, network=(LIDAR, SPEECH))
     assert alone[2:] == [[], [], [Stop("lidar")], [Finish(130)]]
@@ -224,7 +224,7 @@ def test_the_end_of_its_process_is_the_end_of_the_mission_too() -> None:
     assert history[-1] == [Stop("follow")]
 
 
-def test_who_leaves_a_process_while_one_that_needs_it_starts_stops_the_network() -> None:
+def test_an_instance_that_ends_while_its_client_starts_stops_the_network() -> None:
     network = (BODY, replace(SPEECH, needs=frozenset({"rear"})))
     assert replay(Left("front"), network=network)[-1] == []
     assert replay(Left("rear"), network=network)[-1] == [Stop("speech"), Stop("lidar")]
@@ -289,7 +289,7 @@ def test_after_which_end_it_is_started_again(when: When, code: int, again: bool)
     assert history[-1] == ([Start("lidar")] if again else [])
 
 
-def test_a_failure_that_was_cured_is_none() -> None:
+def test_a_failure_followed_by_a_successful_restart_is_not_a_failure() -> None:
     events = Ready("lidar"), Exited("lidar", 1), (0.2, Tick()), Ready("lidar"), StopRequested(), Exited("lidar", 0)
     assert replay(*events, network=(TENACIOUS,))[-1] == [Finish(0)]
 
@@ -352,7 +352,7 @@ def test_no_intensity_is_no_restart() -> None:
     assert crashes(0.0, restart=Restart(When.ON_FAILURE, intensity=0)) == []
 
 
-def test_given_up_later_it_leaves_the_others_alone_and_the_exit_code_tells() -> None:
+def test_a_process_given_up_later_fails_the_exit_code_while_others_run_on() -> None:
     once = replace(LIDAR, restart=Restart(When.ON_FAILURE, intensity=1))
     history = replay(
         Ready("lidar"), Ready("speech"), Exited("lidar", 1), (0.2, Tick()), Exited("lidar", 1), (99.0, Tick()),
@@ -367,7 +367,7 @@ def test_one_that_ends_well_too_often_was_given_up_too() -> None:
     assert history[-1] == [GaveUp("lidar", 1), Finish(1)]
 
 
-def test_who_is_to_be_started_again_keeps_the_network_going() -> None:
+def test_a_pending_restart_keeps_the_network_running() -> None:
     history = replay(Ready("lidar"), Exited("lidar", 1), network=(TENACIOUS,))
     assert history[-1] == [Retry("lidar", 0.2)]
 
@@ -377,7 +377,7 @@ def test_no_pending_restart_survives_the_beginning_of_the_end() -> None:
     assert history[3:] == [[Finish(0)], []]
 
 
-def test_who_depends_on_one_that_is_started_again_waits_for_it() -> None:
+def test_a_restarted_process_waits_for_its_restarted_dependency() -> None:
     follow = replace(FOLLOW, restart=ON_FAILURE)
     history = replay(
         Ready("lidar"), Ready("follow"), Exited("lidar", 1), Exited("follow", 1), (0.2, Tick()), (3.0, Ready("lidar")),
@@ -386,7 +386,7 @@ def test_who_depends_on_one_that_is_started_again_waits_for_it() -> None:
     assert deeds(history)[3:] == [[], [], [Start("lidar")], [Start("follow")]]
 
 
-def test_who_waits_for_one_that_will_not_come_ends_the_network_if_nobody_else_runs() -> None:
+def test_a_process_that_waits_for_a_lost_dependency_does_not_keep_the_network_alive() -> None:
     follow = replace(FOLLOW, restart=ON_FAILURE)
     history = replay(
         Ready("lidar"), Ready("follow"), Exited("lidar", 1), Exited("follow", 1), (0.2, Tick()), network=(LIDAR, follow)
@@ -446,7 +446,7 @@ def test_one_for_all_starts_all_again() -> None:
     ]
 
 
-def test_nobody_starts_again_before_all_that_go_together_are_gone() -> None:
+def test_a_group_restarts_only_after_all_its_processes_have_ended() -> None:
     history = group(Escalation.ONE_FOR_ALL, Exited("b", 1), Exited("a", 0), (3.0, Tick()), Exited("c", 0))
     assert deeds(history)[1:] == [[], [], [Start("a"), Start("b"), Start("c")]]
 
@@ -462,7 +462,7 @@ def test_those_that_go_together_stop_and_start_in_their_order() -> None:
     assert deeds(history) == [[Stop("c")], [Stop("b")], [], [Start("a")], [Start("b")], [Start("c")]]
 
 
-def test_who_does_not_stop_to_be_started_again_is_killed_and_that_is_no_failure() -> None:
+def test_a_process_killed_for_its_restart_has_not_failed() -> None:
     history = group(
         Escalation.REST_FOR_ONE, Exited("a", 1), (5.0, Tick()), Exited("b", -9), StopRequested(), network=(A, B)
     )
@@ -470,7 +470,7 @@ def test_who_does_not_stop_to_be_started_again_is_killed_and_that_is_no_failure(
     assert replay(*UP[:2], StopRequested(), Exited("b", 0), Exited("a", 0), network=(A, B))[-1] == [Finish(0)]
 
 
-def test_who_was_killed_once_is_killed_again_when_it_does_not_stop_again() -> None:
+def test_a_process_is_killed_at_every_restart_that_it_does_not_stop_for() -> None:
     asked = RestartRequested(("a",))
     history = replay(Ready("a"), asked, (5.0, Tick()), Exited("a", -9), Ready("a"), asked, (10.0, Tick()), network=(A,))
     assert history[2:] == [[Stop("a")], [Kill("a")], [Start("a")], [], [Stop("a")], [Kill("a")]]
@@ -501,7 +501,7 @@ def test_what_was_killed_and_is_gone_at_last_can_be_started_by_a_user() -> None:
     assert deeds(group(Escalation.ONE_FOR_ONE, *events, network=(A, B)))[2:] == [[], [], [Start("b")]]
 
 
-def test_one_that_fails_while_it_is_to_be_stopped_uses_up_none_of_its_restarts() -> None:
+def test_a_failure_while_stopping_does_not_count_as_a_restart() -> None:
     stubborn = Restart(When.ON_FAILURE, intensity=0)
     network = (A, replace(B, after=("a",), restart=stubborn), replace(C, after=("b",)))
     history = group(
@@ -552,7 +552,7 @@ def test_a_mission_that_is_of_no_use_any_more_is_the_end_of_the_network() -> Non
     assert history[-1] == [GaveUp("b", 0), Stop("c"), Stop("a")]
 
 
-def test_who_was_dropped_with_one_that_was_given_up_does_not_come_back_with_another_one() -> None:
+def test_a_process_dropped_with_one_given_up_is_not_revived_by_another_restart() -> None:
     hopeless = replace(B, restart=Restart(When.ON_FAILURE, intensity=0))
     history = group(
         Escalation.REST_FOR_ONE, Exited("b", 1), Exited("c", 0), Exited("a", 1), (0.2, Tick()), network=(A, hopeless, C)
@@ -570,7 +570,7 @@ ALL_UP = tuple(Ready(each.name) for each in ROBOT)
 ONE_FOR_ALL = Escalation.ONE_FOR_ALL
 
 
-def test_a_system_takes_along_what_is_inside_and_nobody_outside() -> None:
+def test_escalation_stays_within_its_system() -> None:
     history = replay(*ALL_UP, Exited("left/arm", 1), network=ROBOT, escalations={("left",): ONE_FOR_ALL})
     assert deeds(history)[-1] == [Stop("left/hand/wrist")]
     inner = replay(*ALL_UP, Exited("left/hand/wrist", 1), network=ROBOT, escalations={("left",): ONE_FOR_ALL})
@@ -597,7 +597,7 @@ def test_a_user_has_one_started_again_at_once() -> None:
     assert history[4:] == [[Stop("b")], [Start("b")]]
 
 
-def test_who_depends_on_one_that_a_user_has_started_again_runs_on() -> None:
+def test_a_restart_by_a_user_keeps_dependents_running() -> None:
     history = replay(Ready("lidar"), Ready("follow"), RestartRequested(("lidar",)), Exited("lidar", 0))
     assert history[3:] == [[Stop("lidar")], [Start("lidar")]]
 
@@ -611,7 +611,7 @@ def test_started_again_after_work_that_was_done_it_waits_for_that_to_be_done_aga
     assert history[4:] == [[Stop("follow")], [Start("lidar")], [Start("follow")]]
 
 
-def test_who_was_to_be_started_again_has_ended_when_the_network_is_stopped_meanwhile() -> None:
+def test_stopping_the_network_cancels_a_requested_restart() -> None:
     supervisor = Supervisor((LIDAR,))
     supervisor.begin()
     for event in (Ready("lidar"), RestartRequested(("lidar",)), StopRequested(), Exited("lidar", 0)):
@@ -667,7 +667,7 @@ def test_asked_for_twice_it_is_started_once() -> None:
     assert replay(*UP, asked, asked, Exited("b", 0), network=ABC)[4:] == [[Stop("b")], [], [Start("b")]]
 
 
-def test_nobody_of_that_name_is_nobody() -> None:
+def test_an_unknown_name_matches_no_process() -> None:
     assert Supervisor(ROBOT).find("lef") == []
     assert Supervisor(ROBOT).find("left/hand") == ["left/hand/wrist"]
     assert replay(RestartRequested(("nobody",)), network=(LIDAR,))[-1] == []
@@ -705,7 +705,7 @@ def test_what_its_host_keeps_is_found_there_again_even_if_it_is_never_started_ag
     assert history[3:] == [[], [Start("far")]]
 
 
-def test_nobody_goes_along_with_what_runs_on_at_a_host_that_is_out_of_reach() -> None:
+def test_processes_kept_on_an_unreachable_host_restart_no_others() -> None:
     network = (replace(FAR, is_kept=True), NEAR)
     escalations: dict[tuple[str, ...], Escalation] = {(): Escalation.ONE_FOR_ALL}
     history = replay(*BOTH, Lost("onboard"), Back("onboard"), network=network, escalations=escalations)
@@ -724,7 +724,7 @@ def test_nothing_starts_at_a_host_that_is_out_of_reach() -> None:
     assert deeds(history)[3:] == [[], [], [], [Start("far")]]
 
 
-def test_a_host_that_is_out_of_reach_is_waited_for_even_if_nobody_else_runs() -> None:
+def test_an_unreachable_host_keeps_the_network_running() -> None:
     history = replay(Ready("far"), Exited("far", 1), Lost("onboard"), (9.0, Tick()), Back("onboard"), network=(FAR,))
     assert deeds(history)[2:] == [[], [], [], [Start("far")]]
 

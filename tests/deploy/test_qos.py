@@ -84,7 +84,7 @@ def check(tmp_path: Path) -> Check:
         ),
     ],
 )
-def test_who_asks_for_more_than_is_offered_is_told_what_with_both_ends(
+def test_a_subscriber_that_asks_for_more_than_offered_is_reported_with_both_ends(
     check: Check, offered: str, asked: str, said: str
 ) -> None:
     (fault,) = check(offered, asked)

@@ -94,7 +94,7 @@ def network(*links: Link, notifies: bool = True, after: str = "", **programs: st
     return Plan("net", "", tuple(processes), links)
 
 
-def test_who_is_not_ready_is_told_again_and_again_with_what_is_known() -> None:
+def test_instances_that_are_not_ready_are_reported_repeatedly_with_their_status() -> None:
     status = f"{NOTIFY}\nnotify('STATUS=looking for a map')\n{FOREVER}"
     reason = ("waiting", "hello (looking for a map)", "asker (after hello)")
 
@@ -109,7 +109,7 @@ def test_who_is_not_ready_is_told_again_and_again_with_what_is_known() -> None:
     assert reason in told.said
 
 
-def test_who_depends_on_a_program_that_notifies_starts_when_that_says_that_it_is_ready(tmp_path: Path) -> None:
+def test_a_dependent_of_a_notifying_program_starts_when_the_program_is_ready(tmp_path: Path) -> None:
     warms_up = f"{NOTIFY}\nnotify('STATUS=warming up')\nopen('gate').read(1)\nprint('warm', flush=True)"
     (tmp_path / "lidar.py").write_text(f"{warms_up}\nnotify('READY=1')\n{FOREVER}")
     (tmp_path / "map.py").write_text("print('mapping')")
@@ -140,7 +140,7 @@ def test_who_depends_on_a_program_that_notifies_starts_when_that_says_that_it_is
     assert said == [reason, ("line", "lidar", "warm"), ("line", "map", "mapping")]
 
 
-def test_a_failure_while_others_start_stops_them_and_says_whose_it_was() -> None:
+def test_a_failure_while_others_start_stops_them_and_names_the_failed_one() -> None:
     told = Told()
     program = "print('no camera'); raise SystemExit(1)"
     assert run(network(camera=program, waits=FOREVER), Options(), told) == 1
@@ -161,7 +161,7 @@ def test_a_program_that_fails_is_run_again_and_given_up_at_last() -> None:
     ]
 
 
-def test_who_is_required_must_not_end_while_those_that_require_it_start() -> None:
+def test_a_required_instance_that_ends_while_its_clients_start_stops_the_network() -> None:
     told = Told()
     link = Link("Hello", "hello", "visitor", Verb.REQUIRES)
     assert run(network(link, hello="", visitor=FOREVER), Options(), told) == 1
@@ -188,7 +188,7 @@ def shared(until: str) -> list[tuple[str, ...]]:
     return [words for words in told.said if words[0] in ("ended", "stopping", "failed")]
 
 
-def test_one_that_leaves_a_process_is_told_and_the_process_goes_on() -> None:
+def test_an_instance_that_ends_in_a_shared_process_is_reported_and_the_process_continues() -> None:
     assert shared(until="camera") == [("ended", "lidar", "has ended"), ("stopping", "asked to")]
 
 
@@ -196,7 +196,7 @@ def test_the_mission_may_end_before_its_process_does() -> None:
     assert shared(until="lidar") == [("stopping", "lidar has ended")]
 
 
-def test_who_does_not_stop_in_time_is_said_to_be_killed() -> None:
+def test_a_process_that_does_not_stop_in_time_is_reported_as_killed() -> None:
     told = Told(line=interrupt)
     assert run(network(deaf=DEAF), Options(grace=0.01), told) == 1
     assert told.said[-1] == ("failed", "deaf", "did not stop within 0.01 s; killed")
@@ -208,7 +208,7 @@ def test_a_process_has_time_for_each_component_in_it() -> None:
     assert told.said[-1] == ("failed", "deaf", "did not stop within 0.02 s; killed")
 
 
-def test_who_is_killed_out_of_patience_is_not_blamed() -> None:
+def test_a_process_killed_on_the_users_request_has_not_failed() -> None:
     told = Told(line=interrupt, stopping=interrupt)
     assert run(network(deaf=DEAF), Options(grace=SOON * 6), told) == 130
     assert told.said[-1] == ("ended", "deaf", "was killed")
@@ -265,7 +265,7 @@ def test_what_a_middleware_needs_is_there_as_long_as_the_network(monkeypatch: py
     ]
 
 
-def test_another_signal_does_not_disturb_what_cleans_up_and_everybody_else_hears_of_signals_as_before(
+def test_a_second_signal_does_not_disturb_cleanup_and_handlers_are_restored(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     told, while_closing = Told(line=lambda: os.kill(os.getpid(), signal.SIGTERM)), []
@@ -307,7 +307,7 @@ print(child.pid, flush=True)
 """
 
 
-def test_somebody_who_left_its_group_and_holds_the_pipe_keeps_nobody_waiting() -> None:
+def test_a_detached_child_that_holds_the_pipe_does_not_delay_the_end() -> None:
     told = Told()
     assert run(network(daemon=LEAVES_A_CHILD, notifies=False), Options(), told) == 0
     (pid,) = (words[2] for words in told.said if words[0] == "line")

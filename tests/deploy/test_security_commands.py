@@ -75,13 +75,13 @@ def test_the_folder_can_be_chosen(net: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("days", ["0", "-1", "4000", "many", "nan"])
-def test_a_life_that_is_none_is_a_mistake_of_usage(net: Path, days: str) -> None:
+def test_an_invalid_lifetime_is_a_usage_error(net: Path, days: str) -> None:
     with pytest.raises(SystemExit) as ended:
         rcdeploy(["keys", str(net), f"--days={days}"])
     assert ended.value.code == 2
 
 
-def test_who_does_not_ask_for_keys_yet_is_told(net: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_network_without_security_lan_gets_a_hint(net: Path, capsys: pytest.CaptureFixture[str]) -> None:
     net.write_text(NETWORK.format("local"))
     assert rcdeploy(["keys", str(net)]) == 0
     assert "add `security lan;`" in capsys.readouterr().out

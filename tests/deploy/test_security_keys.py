@@ -50,7 +50,7 @@ def test_each_process_gets_a_certificate_in_its_own_name_that_the_authority_sign
         assert (folder / name / "ca.pem").read_bytes() == authority
 
 
-def test_nobody_else_can_read_them(folder: Path) -> None:
+def test_only_their_owner_can_read_them(folder: Path) -> None:
     made(network(router="tls/10.0.0.1:20000"), folder)
     modes = {path: stat.S_IMODE(path.stat().st_mode) for path in (folder, *folder.rglob("*"))}
     assert {path for path, mode in modes.items() if mode != (0o700 if path.is_dir() else 0o600)} == set()
@@ -112,7 +112,7 @@ def test_the_permissions_follow_the_graph(folder: Path) -> None:
     assert troubles(changed, folder, NOW) == ([], [])
 
 
-def test_who_is_no_part_of_the_network_any_more_loses_its_keys_and_other_folders_stay(folder: Path) -> None:
+def test_keys_of_removed_instances_are_deleted_and_other_folders_stay(folder: Path) -> None:
     made(network(), folder)
     (folder / "notes").mkdir()
     (folder / "notes" / "todo.txt").write_text("mine")
@@ -178,7 +178,7 @@ def test_long_names_fit_into_certificates_and_stay_apart(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("names", [("left/arm", "left.arm"), ("ca", "x"), ("..", "x"), ("../x", "x")])
-def test_names_that_would_share_a_folder_or_leave_it_are_refused(folder: Path, names: tuple[str, ...]) -> None:
+def test_names_that_would_share_a_folder_or_escape_it_are_refused(folder: Path, names: tuple[str, ...]) -> None:
     with pytest.raises(DeploymentError, match="cannot be the name of a process with keys"):
         made(network(way(names[0], names[1], "divide"), names=names), folder)
 

@@ -208,7 +208,7 @@ def test_one_that_hangs_is_told_and_started_again() -> None:
     assert how in told.said
 
 
-def test_who_goes_along_is_told() -> None:
+def test_processes_restarted_with_a_failed_one_are_reported() -> None:
     told = Told(on={"mapper is ready again": interrupt})
     network = plan(process("laser", restart=ONCE), process("mapper"))
     network = Plan("patrol", "", network.processes, (), escalations={(): Escalation.REST_FOR_ONE})
@@ -263,7 +263,7 @@ def test_a_signal_that_is_sent_twice_cuts_no_grace_short(number: int) -> None:
     assert scene.did[-2:] == ["stop laser", "close"]
 
 
-def test_nobody_is_started_or_waited_for_whose_turn_comes_after_the_beginning_of_the_end() -> None:
+def test_no_process_is_started_once_the_network_is_stopping() -> None:
     class Slow(Scripted):
         async def start(self, process: Process) -> None:
             self.did.append(f"start {process.name}")
@@ -330,7 +330,7 @@ def test_without_one_of_its_hosts_a_network_is_not_started() -> None:
     assert told.said == ["onboard (192.0.2.1): no route"]
 
 
-def test_nobody_has_to_wait_for_a_host_to_be_reached() -> None:
+def test_an_interrupt_ends_the_wait_for_a_host() -> None:
     class Endless(Scripted):
         async def open(self) -> None:
             await super().open()
@@ -341,7 +341,7 @@ def test_nobody_has_to_wait_for_a_host_to_be_reached() -> None:
     assert scene.code == 130
 
 
-def test_a_host_that_is_lost_is_told_with_who_misses_what_and_used_again_when_it_is_back() -> None:
+def test_a_lost_host_is_reported_with_the_missing_links_and_used_again_when_back() -> None:
     class Losing(Scripted):
         async def open(self) -> None:
             await super().open()
@@ -459,7 +459,7 @@ def test_what_cannot_be_done_is_refused_with_the_reason() -> None:
     ]
 
 
-def test_who_asks_too_much_is_refused() -> None:
+def test_too_many_requests_are_refused() -> None:
     visitor = Visitor(*[RestartRequested(("laser",))] * 2000)
     Scene(plan(process("laser")), Told(on={"up": visitor.come, "ready again": interrupt}), services=[visitor])
     assert set(visitor.refused) == {"patrol is overloaded; try again"}

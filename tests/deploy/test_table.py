@@ -25,7 +25,7 @@ def test_a_line_says_all_of_a_process() -> None:
     ]
 
 
-def test_what_nobody_tells_has_no_column() -> None:
+def test_values_that_no_process_reports_have_no_column() -> None:
     quiet = process("laser", pid=None, uptime=None, cpu=None, memory=None, calls=0.0, worst=0.0)
     assert shown(quiet) == ["instance  state  restarts", "laser     ready         0"]
 
@@ -89,7 +89,7 @@ def test_why_something_is_as_it_is_stands_at_the_end() -> None:
     assert lines[3].endswith("  12 scans/s")
 
 
-def test_more_processes_than_lines_leave_those_that_are_well_out_and_say_how_many() -> None:
+def test_a_full_table_omits_healthy_processes_and_says_how_many() -> None:
     many = [process(f"n{number}") for number in range(500)]
     many[400] = process("broken", State.FAILED)
     many[450] = process("slow", State.STARTING)

@@ -141,7 +141,7 @@ def _ask() -> tuple[object, object]:
         return connection.status(), running_plan("house")
 
 
-def test_who_leaves_shows_nothing_more_but_keeps_it(place: Place) -> None:
+def test_after_detaching_nothing_is_shown_but_all_is_logged(place: Place) -> None:
     left: list[Path] = []
     made = terminal(is_terminal=True, leave=left.append)
 

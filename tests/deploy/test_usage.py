@@ -30,14 +30,14 @@ def test_processes_are_looked_at_now_and_then_only_however_often_it_is_asked() -
     assert 1 < len(set(seen)) < 5
 
 
-def test_who_takes_long_to_look_looks_less_often() -> None:
+def test_slow_measurements_are_made_less_often() -> None:
     seen = looks(Meter(slow(0.1)), 300)
     assert seen[0] < 1.0
     assert {at for at in seen if at < 19.0} == {seen[0]}
     assert seen[-1] > 19.0
 
 
-def test_nobody_waits_longer_than_half_a_minute_for_a_look() -> None:
+def test_measurements_are_at_most_half_a_minute_apart() -> None:
     seen = looks(Meter(slow(1000.0)), 3)
     assert len(set(seen)) == 3
 

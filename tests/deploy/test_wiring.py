@@ -40,7 +40,7 @@ def read(wiring: Wiring, instance: str) -> Mapping[str, Any]:
 LASER, WANDER = site("laser", "robot"), site("wander", "base")
 
 
-def test_who_is_used_over_zeromq_from_another_host_binds_at_the_address_of_its_own():
+def test_a_zeromq_server_for_another_host_binds_to_its_own_hosts_address():
     wiring = wire(network([LASER, WANDER], way("wander", "laser", "zeromq")))
     bind = read(wiring, "laser")["zeromq"]["bind"]
     assert bind.startswith(f"tcp://{ROBOT}:")
@@ -48,7 +48,7 @@ def test_who_is_used_over_zeromq_from_another_host_binds_at_the_address_of_its_o
 
 
 @pytest.mark.parametrize("middleware", ["zeromq", "zenoh", "dds", "shm"])
-def test_who_is_used_on_its_own_host_alone_stays_on_loopback(middleware: str):
+def test_a_server_for_its_own_host_stays_on_loopback(middleware: str):
     wiring = wire(network([LASER, site("wander", "robot")], way("wander", "laser", middleware)))
     assert wiring == Wiring()
 
@@ -79,7 +79,7 @@ def bound(count: int, name: str, **more: Any) -> list[int]:
     return [int(read(wiring, each.instance)["zeromq"]["bind"].rpartition(":")[2]) for each in sites]
 
 
-def test_more_instances_than_a_block_has_ports_take_none_of_another_networks_block():
+def test_more_instances_than_a_block_has_ports_use_no_port_of_another_block():
     one, next_to_it = "Net1", "Net50"
     assert block_of(next_to_it) == block_of(one) + 1
     ports, others = bound(1099, one), bound(99, next_to_it)
@@ -108,7 +108,7 @@ def test_two_hosts_of_one_address_cannot_have_a_router_each():
     assert not wire(Network("Patrol", addresses, sites, [way("wander", "laser", "zeromq")])).faults
 
 
-def test_an_instance_of_a_system_is_named_whole():
+def test_an_instance_of_a_system_has_its_full_name():
     wiring = wire(network([site("left/arm", "robot"), WANDER], way("wander", "left/arm", "zeromq")))
     assert set(read(wiring, "wander")["zeromq"]["connect"]) == {"left/arm"}
 
@@ -140,7 +140,7 @@ def test_of_two_zenoh_routers_one_connects_to_the_other():
     assert routers["base"]["connect/endpoints"] == [listening[""], listening["robot"]]
 
 
-def test_a_host_whose_components_meet_nobody_elsewhere_needs_no_router():
+def test_a_host_without_links_to_other_hosts_needs_no_router():
     sites = [LASER, WANDER, site("map"), site("view")]
     wiring = wire(network(sites, way("wander", "laser", "zenoh"), way("view", "map", "zenoh")))
     assert {each.host for each in wiring.helpers} == {"robot", "base"}
@@ -163,7 +163,7 @@ def test_those_that_meet_over_dds_are_on_the_address_of_their_host_and_know_the_
     assert FIRST_DOMAIN <= found["domain"] == read(wiring, "wander")["dds"]["domain"]
 
 
-def test_who_talks_over_dds_to_somebody_who_talks_to_another_host_has_to_meet_both():
+def test_a_dds_peer_of_a_component_with_remote_peers_uses_the_hosts_address_too():
     sites = [LASER, site("filter", "robot"), WANDER, site("view")]
     ways = way("wander", "laser", "dds"), way("filter", "laser", "dds")
     wiring = wire(network(sites, *ways))
@@ -181,7 +181,7 @@ def test_what_reaches_no_other_host_is_refused_between_hosts(middleware: str):
     assert wiring.settings == {}
 
 
-def test_a_middleware_of_somebody_elses_is_not_wired_between_hosts():
+def test_a_middleware_without_a_deployment_side_is_not_wired_between_hosts():
     (fault,) = wire(network([LASER, WANDER], way("wander", "laser", "carrierpigeon"))).faults
     assert "`carrierpigeon` does not reach other hosts (its transport has no deployment side)" in fault.message
     assert "name another one, zeromq say" in fault.hint
@@ -234,7 +234,7 @@ def test_as_many_changes_nothing_for_a_few_or_over_other_middlewares():
     assert many([*few, *others]) == Wiring()
 
 
-def test_who_says_itself_whether_many_meet_is_not_told():
+def test_an_instance_that_sets_many_itself_keeps_its_setting():
     ways = [way(f"a{n}", f"b{n}", "dds") for n in range(13)]
     assert many(ways, many=False).settings.keys() == {
         name for each in ways for name in (each.client, each.provider)

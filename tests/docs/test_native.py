@@ -155,7 +155,7 @@ def test_a_command_is_put_to_its_key_in_zenoh(told: list[Any]) -> None:
         transport.close()
 
 
-def test_a_command_is_sent_to_who_receives_it_in_zeromq(told: list[Any]) -> None:
+def test_a_zeromq_command_goes_to_its_server(told: list[Any]) -> None:
     transport = find_transport("zeromq")(TransportConfig())
     try:
         name = serving(transport, told)

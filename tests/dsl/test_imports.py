@@ -299,12 +299,12 @@ def test_a_cycle_of_imports_is_said_where_it_closes(component: Path) -> None:
 @pytest.mark.parametrize(
     "make", [lambda path: path.mkdir(), lambda path: path.symlink_to(path)], ids=["folder", "loop"]
 )
-def test_what_has_the_name_of_a_file_but_is_none_is_not_found(component: Path, make: Callable[[Path], None]) -> None:
+def test_a_folder_with_the_name_of_an_import_is_not_found(component: Path, make: Callable[[Path], None]) -> None:
     make(component.parent / "Arm.idsl")
     assert found(component) == "missing-import"
 
 
-def test_what_has_the_name_of_a_file_but_is_none_does_not_hide_one(component: Path, tmp_path: Path) -> None:
+def test_a_folder_with_the_name_of_an_import_does_not_hide_a_file(component: Path, tmp_path: Path) -> None:
     (component.parent / "Arm.idsl").mkdir()
     assert found(component, define(tmp_path / "elsewhere")) == "stop"
 

@@ -65,7 +65,7 @@ def test_files_below_the_root_are_named_relative_to_it_and_others_absolutely() -
     assert run_of(root="/robot")["originalUriBaseIds"] == {"%SRCROOT%": {"uri": "file:///robot/"}}
 
 
-def test_a_file_that_cannot_be_read_is_named_as_a_whole() -> None:
+def test_an_unreadable_file_is_reported_without_a_region() -> None:
     [result] = run_of(Diagnostic("unreadable", "cannot be read", Source(Path("a.idsl"), "").span(0, 0)))["results"]
     assert "region" not in result["locations"][0]["physicalLocation"]
 

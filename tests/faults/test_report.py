@@ -48,7 +48,7 @@ def test_a_page_keeps_what_was_not_run_again(tmp_path: Path) -> None:
     assert "seed 2," in page.read_text()
 
 
-def test_a_page_leaves_out_figures_that_must_be_0_and_are(tmp_path: Path) -> None:
+def test_a_page_omits_figures_that_are_0_as_required(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text("<!-- written by `make faults` --><!-- end of what `make faults` writes -->")
     lost = [

@@ -72,11 +72,11 @@ def test_instances_stand_in_their_process_in_its_systems_on_its_host() -> None:
     ]
 
 
-def test_without_other_hosts_none_is_drawn() -> None:
+def test_without_other_hosts_no_host_is_drawn() -> None:
     assert outline(graph_of(plan(process("a"), process("b"))).root) == ["a", "b"]
 
 
-def test_an_arrow_leads_from_a_client_to_its_server_and_from_a_publisher_to_who_subscribes() -> None:
+def test_arrows_lead_from_client_to_server_and_from_publisher_to_subscriber() -> None:
     said = {(each.source, each.target, each.topic, each.middleware, each.interfaces) for each in graph_of(HOUSE).edges}
     assert said == {
         ("brain", "world", False, "zeromq", ("Laser",)),
@@ -223,7 +223,7 @@ def test_for_mermaid_groups_are_subgraphs() -> None:
     assert said.count("subgraph ") == len(re.findall(r"^ *end$", said, re.MULTILINE))
 
 
-def test_names_cannot_leave_their_quotes() -> None:
+def test_quotes_in_names_are_escaped() -> None:
     root = Group(Around.NETWORK, "x", [Node('a"]; b', 'c"')])
     assert '"a\\"]; b" [label="a\\"]; b\\nc\\""];' in dot(Graph("x", root, ()))
     assert 'n0["a&quot;]; b<br/>c&quot;"]' in mermaid(Graph("x", root, ()))

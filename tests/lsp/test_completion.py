@@ -142,7 +142,7 @@ def test_imports_are_proposed_as_they_are_found(editor: Editor) -> None:
     assert {"Laser.idsl", "../Arm.idsl", "../Joints.idsl"} <= set(found)
 
 
-def test_a_path_that_has_been_begun_is_replaced_as_a_whole(editor: Editor) -> None:
+def test_a_partly_typed_path_is_replaced_completely(editor: Editor) -> None:
     item = items(editor, "arm/c.cdsl", 'import "../Ar|";\nComponent c {};\n')["../Arm.idsl"]
     assert isinstance(item.text_edit, lsp.TextEdit)
     assert editor.applied("arm/c.cdsl", [item.text_edit]) == 'import "../Arm.idsl";\nComponent c {};\n'

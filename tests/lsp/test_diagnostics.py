@@ -12,7 +12,7 @@ from .conftest import FILES, write_project
 from .editor import Editor, position
 
 
-def test_a_file_without_mistakes_has_none(editor: Editor) -> None:
+def test_a_file_without_errors_has_no_diagnostics(editor: Editor) -> None:
     models = [name for name in FILES if name.endswith("dsl")]
     assert {name: editor.open(name) for name in models} == {name: [] for name in models}
 
@@ -210,5 +210,5 @@ def test_a_configuration_is_checked_against_the_component_around_it(editor: Edit
 
 
 @pytest.mark.parametrize("name", ["pyproject.toml", "arm/specificworker.py", "README.md", "config"])
-def test_nothing_is_said_about_files_that_are_none_of_ours(editor: Editor, name: str) -> None:
+def test_files_of_other_formats_have_no_diagnostics(editor: Editor, name: str) -> None:
     assert editor.open(name, "= not ours\n") == []

@@ -39,7 +39,7 @@ def test_a_signal_ends_it(number: signal.Signals) -> None:
         assert process.wait(3 * SOON) == -number
 
 
-def test_messages_that_are_none_are_survived(editor: Editor) -> None:
+def test_unknown_messages_are_survived(editor: Editor) -> None:
     async def nonsense() -> object:
         return await editor.client.protocol.send_request_async("robocomp/nothing", {})
 
@@ -58,7 +58,7 @@ def test_a_change_of_a_file_that_is_not_open_is_told_and_survived(editor: Editor
     assert editor.open("Joints.idsl") == []
 
 
-def test_a_request_that_is_cancelled_disturbs_nobody(editor: Editor) -> None:
+def test_a_cancelled_request_does_not_disturb_others(editor: Editor) -> None:
     editor.open("Arm.idsl")
     parameters = lsp.HoverParams(**editor.at("Arm.idsl", "interface A|rm"))
     editor.client.protocol.notify(lsp.CANCEL_REQUEST, lsp.CancelParams(12345))

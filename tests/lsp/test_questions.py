@@ -50,7 +50,7 @@ def test_a_type_is_said_with_its_definition_from_another_file(reader: Editor) ->
     assert "struct of `RoboCompJoints`, in Joints.idsl" in text
 
 
-def test_it_is_said_who_uses_something(reader: Editor) -> None:
+def test_hover_lists_the_users_of_a_definition(reader: Editor) -> None:
     assert "Used in Arm.idsl, Joints.idsl" in said(reader, "Joints.idsl", "struct Joi|nt")
     assert "Used in arm.cdsl, chess.cdsl, game.ddsl" in said(reader, "chess/chess.cdsl", "requires A|rm")
 
@@ -181,7 +181,7 @@ def test_uses_are_found_from_a_use_with_the_definition(reader: Editor) -> None:
     ]
 
 
-def test_uses_are_found_in_files_that_nobody_opened(editor: Editor) -> None:
+def test_uses_are_found_in_unopened_files(editor: Editor) -> None:
     editor.open("Arm.idsl")
     parameters = lsp.ReferenceParams(lsp.ReferenceContext(False), **editor.at("Arm.idsl", "interface A|rm"))
     found = editor.ask(editor.client.text_document_references_async(parameters))

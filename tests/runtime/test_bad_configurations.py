@@ -166,7 +166,7 @@ def test_the_good_configuration_is_good() -> None:
 
 @pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize("kind", KINDS)
-def test_who_starts_the_component_is_told(kind: str) -> None:
+def test_starting_the_component_reports_the_error(kind: str) -> None:
     bad, component = KINDS[kind], Workspace().component(Path("rover.cdsl"))
     assert component is not None
     with pytest.raises(ConfigurationError) as caught:
@@ -177,7 +177,7 @@ def test_who_starts_the_component_is_told(kind: str) -> None:
 
 @pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize("kind", KINDS)
-def test_who_checks_the_file_is_told_with_its_place(kind: str) -> None:
+def test_checking_the_file_reports_the_error_with_its_position(kind: str) -> None:
     bad, workspace = KINDS[kind], Workspace()
     check_configuration(written(bad), workspace, Path("rover.cdsl"))
     [only] = workspace.report.diagnostics

@@ -431,7 +431,7 @@ def test_of_several_ways_the_lending_one_is_sent_last_and_the_others_have_copies
     assert len(lending.begins) == 1
 
 
-def test_a_lending_way_that_nobody_hears_gets_its_memory_back() -> None:
+def test_loaned_memory_without_subscribers_is_given_back() -> None:
     lending, plain = Lending(), Plain()
     with publisher((MessagePack(), plain), (Cdr(ROOM), lending)).loan_push(10) as filled:
         filled.pixels[:] = 3
@@ -439,7 +439,7 @@ def test_a_lending_way_that_nobody_hears_gets_its_memory_back() -> None:
     assert (len(plain.sent), lending.sent, lending.given_back) == (1, [], 1)
 
 
-def test_nothing_is_borrowed_of_a_way_that_nobody_hears() -> None:
+def test_no_memory_is_loaned_without_subscribers() -> None:
     lending, within = Lending(), Plain()
     lending.heard = False
     with publisher((Cdr(ROOM), lending), (Identity(), within)).loan_push(10) as filled:

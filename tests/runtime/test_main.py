@@ -112,7 +112,7 @@ def test_it_also_runs_as_a_module(hello: Path) -> None:
     assert process.returncode == 130
 
 
-def test_readiness_is_told_to_whoever_launched_it(hello: Path, tmp_path: Path) -> None:
+def test_readiness_is_reported_to_the_launcher(hello: Path, tmp_path: Path) -> None:
     import socket
 
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as channel:

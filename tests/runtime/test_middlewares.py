@@ -128,7 +128,7 @@ def test_one_component_uses_all_middlewares_at_once_by_port_and_by_operation() -
     assert {way for name, way in noting.carried - ours} == {"inproc"}, "CommonBehavior goes where nothing else is said"
 
 
-def test_who_looks_on_another_middleware_finds_nobody() -> None:
+def test_a_client_on_another_middleware_finds_no_server() -> None:
     lost = make(Visitor, find_transport, "middleware=inproc", "component.startup_timeout=0.2")
     with running(
         station := make(Station, find_transport, "middleware=inproc", "ports.Everything.divide.middleware=dds")

@@ -29,7 +29,7 @@ def opened(monitor: Monitor) -> Monitor:
     return monitor
 
 
-def test_nobody_else_gets_in_while_somebody_is_inside(opened: Monitor) -> None:
+def test_one_thread_at_a_time_is_inside(opened: Monitor) -> None:
     inside = most = 0
 
     def work() -> None:
@@ -70,7 +70,7 @@ def test_slow_concurrent_calls_keep_no_call_out(opened: Monitor) -> None:
     release.set()
 
 
-def test_who_comes_first_is_served_first(opened: Monitor) -> None:
+def test_jobs_run_in_order_of_arrival(opened: Monitor) -> None:
     order: list[int] = []
     opened.enter()
     for number in range(50):
@@ -80,14 +80,14 @@ def test_who_comes_first_is_served_first(opened: Monitor) -> None:
     assert order == list(range(50))
 
 
-def test_a_job_runs_on_the_spot_if_nobody_is_inside(opened: Monitor) -> None:
+def test_a_job_runs_in_the_calling_thread_if_the_monitor_is_free(opened: Monitor) -> None:
     ran_on: list[int] = []
     opened.run(lambda: ran_on.append(threading.get_ident()))
     assert ran_on == [threading.get_ident()]
     assert not opened.is_inside
 
 
-def test_nobody_overtakes_those_who_wait(opened: Monitor) -> None:
+def test_a_newcomer_does_not_overtake_waiting_jobs(opened: Monitor) -> None:
     order: list[str] = []
     opened.enter()
     opened.submit(lambda: order.append("waited"))
@@ -113,7 +113,7 @@ def test_before_the_opening_only_the_worker_itself_gets_in(monitor: Monitor) -> 
     handler.join()
 
 
-def test_who_waits_for_an_answer_lets_others_in_and_comes_back_first(opened: Monitor) -> None:
+def test_a_suspended_thread_lets_others_in_and_returns_first(opened: Monitor) -> None:
     order: list[str] = []
     answered = threading.Event()
 
@@ -140,7 +140,7 @@ def test_stepping_out_without_being_inside_changes_nothing(opened: Monitor) -> N
     opened.leave()
 
 
-def test_those_who_return_go_before_those_who_have_not_begun(opened: Monitor) -> None:
+def test_returning_threads_go_before_new_jobs(opened: Monitor) -> None:
     order: list[str] = []
     suspended, may_return = threading.Event(), threading.Event()
 
@@ -202,7 +202,9 @@ def test_what_is_concurrent_runs_beside_but_not_without_limit(opened: Monitor) -
     opened.leave()
 
 
-def test_a_job_that_raises_is_logged_and_keeps_nobody_out(opened: Monitor, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_job_that_raises_is_logged_and_releases_the_monitor(
+    opened: Monitor, caplog: pytest.LogCaptureFixture
+) -> None:
     opened.enter()
     opened.submit(lambda: 1 / 0)
     opened.leave()
@@ -224,7 +226,7 @@ def _enter_and(monitor: Monitor, work: Callable[[], object]) -> None:
         work()
 
 
-def test_closing_waits_for_who_comes_back_from_a_wait_however_busy_the_pool_is() -> None:
+def test_closing_waits_for_suspended_threads_even_if_the_pool_is_busy() -> None:
     monitor, release, out = Monitor("closing"), threading.Event(), threading.Semaphore(0)
     monitor.open()
     come_back: list[bool] = []
@@ -251,7 +253,7 @@ def test_closing_waits_for_who_comes_back_from_a_wait_however_busy_the_pool_is()
     assert come_back == [True] * MAX_SUSPENDED
 
 
-def test_who_waits_when_it_closes_is_sent_away(opened: Monitor) -> None:
+def test_threads_that_wait_to_enter_are_refused_when_it_closes(opened: Monitor) -> None:
     refused: list[bool] = []
 
     def enter() -> None:

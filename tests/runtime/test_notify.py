@@ -66,7 +66,7 @@ def test_that_it_is_ready_is_told_to_a_launcher_that_was_stopped_meanwhile(
     assert b"STATUS=missed" not in told
 
 
-def test_a_launcher_that_has_gone_stops_nobody(launcher: socket.socket) -> None:
+def test_notifying_a_launcher_that_is_gone_does_not_fail(launcher: socket.socket) -> None:
     launcher.close()
     notify("READY=1")
 
@@ -84,7 +84,7 @@ def test_a_file_is_there_while_a_process_is_ready(tmp_path: Path, monkeypatch: p
     assert not shown.exists()
 
 
-def test_a_file_that_cannot_be_made_stops_nobody(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_ready_file_that_cannot_be_made_is_no_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(READY_FILE, str(tmp_path / "nowhere" / "ready"))
     notify("READY=1")
     notify("STOPPING=1")

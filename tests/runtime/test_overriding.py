@@ -172,7 +172,7 @@ def test_what_is_no_toml_is_read_as_its_parameter_wants_it(tmp_path: Path, assig
 
 
 @pytest.mark.parametrize("text", ["1\nother = 2", "[" * 5000, "9" * 5000])
-def test_a_text_of_which_toml_would_lose_or_refuse_something_is_taken_whole(tmp_path: Path, text: str) -> None:
+def test_text_that_toml_would_change_or_refuse_is_kept_as_it_is(tmp_path: Path, text: str) -> None:
     assert load(tmp_path, {"ROBOCOMP__DEVICE": text}).params["device"] == text
 
 
@@ -183,7 +183,7 @@ def shown(made: Document) -> list[str]:
     return as_toml(effective(ROBOT, settings.check(ROBOT, made), made, "zeromq")).splitlines()
 
 
-def test_what_holds_is_shown_with_who_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_values_are_shown_with_their_source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("config.toml").write_text(FILE)
     made = settings.read(Path("config.toml"), PARAMS)

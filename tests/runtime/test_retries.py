@@ -115,7 +115,7 @@ def test_no_wait_exceeds_the_deadline(how: str) -> None:
     retrying.close()
 
 
-def test_who_ends_waits_for_no_server_but_asks_one_that_is_there(how: str) -> None:
+def test_an_ending_client_waits_for_no_server_but_calls_one_that_is_there(how: str) -> None:
     caller = Scripted(GONE, GONE, OK, there=False)
     retrying = Retrying(caller, ending=lambda: True)
     with pytest.raises(Unreachable):

@@ -682,7 +682,7 @@ def test_the_authors_of_handlers_see_only_their_own_lines(find: Any, caplog: pyt
     assert "Everything_work returned a value that its interface does not allow: " in caplog.text
 
 
-def test_who_stops_does_not_wait_for_those_who_wait(find: Any) -> None:
+def test_a_stopping_component_does_not_wait_for_queued_handlers(find: Any) -> None:
     begun, release = threading.Event(), threading.Event()
 
     class Slow(Calculator):
@@ -709,7 +709,7 @@ def test_who_stops_does_not_wait_for_those_who_wait(find: Any) -> None:
                 waiting.result(SOON)
 
 
-def test_who_ends_does_not_wait_for_a_server_to_come_back(find: Any) -> None:
+def test_an_ending_component_does_not_wait_for_a_server_to_return(find: Any) -> None:
     class Asker(Pupil):
         def compute(self) -> None:
             super().compute()
@@ -724,7 +724,9 @@ def test_who_ends_does_not_wait_for_a_server_to_come_back(find: Any) -> None:
     assert asker.story == ["initialize", "compute", "finish"]
 
 
-def test_who_ends_lets_go_of_a_handler_that_waits_for_an_answer(find: Any, caplog: pytest.LogCaptureFixture) -> None:
+def test_an_ending_component_abandons_a_handler_that_waits_for_a_reply(
+    find: Any, caplog: pytest.LogCaptureFixture
+) -> None:
     class Between(Pupil):
         component = Component("between", (*Pupil.component.ports, Port(Verb.SUBSCRIBES, e.EVERYTHING)), period=0.005)
 
@@ -742,7 +744,7 @@ def test_who_ends_lets_go_of_a_handler_that_waits_for_an_answer(find: Any, caplo
     assert "still in a handler" not in caplog.text
 
 
-def test_who_waits_for_a_turn_that_does_not_come_is_told_before_the_component_finishes(find: Any) -> None:
+def test_queued_requests_are_answered_before_the_component_finishes(find: Any) -> None:
     begun, release = threading.Event(), threading.Event()
 
     class Slow(Calculator):
@@ -767,7 +769,7 @@ def test_who_waits_for_a_turn_that_does_not_come_is_told_before_the_component_fi
         release.set()
 
 
-def test_stopped_before_it_opened_it_ends_though_somebody_speaks_to_it(find: Any) -> None:
+def test_stopped_before_it_opened_it_ends_although_messages_arrive(find: Any) -> None:
     class Listener(Diary):
         component = Component("listener", (Port(Verb.SUBSCRIBES, e.EVERYTHING),), period=0.005)
         initializing, release = threading.Event(), threading.Event()

@@ -28,7 +28,7 @@ def test_a_signal_is_told_once(received: list[int]) -> None:
     assert received == [signal.SIGTERM, signal.SIGHUP]
 
 
-def test_it_is_told_at_once_to_others_than_who_is_interrupted(received: list[int]) -> None:
+def test_other_threads_learn_of_a_signal_at_once(received: list[int]) -> None:
     """Python's own handler tells nothing here, as if the main thread waited without end."""
     heard = threading.Event()
     with pytest.MonkeyPatch.context() as patch:
@@ -38,7 +38,7 @@ def test_it_is_told_at_once_to_others_than_who_is_interrupted(received: list[int
             assert heard.wait(SOON)
 
 
-def test_it_is_told_when_somebody_else_is_woken_by_signals(received: list[int]) -> None:
+def test_a_signal_is_reported_although_another_wakeup_fd_is_set(received: list[int]) -> None:
     before = signal.set_wakeup_fd(-1)
     os.kill(os.getpid(), signal.SIGTERM)
     signal.set_wakeup_fd(before)
@@ -81,7 +81,7 @@ def test_it_ends_though_a_process_that_was_forked_meanwhile_lives() -> None:
     os.waitpid(pid, 0)
 
 
-def test_a_forked_process_may_leave_it_too() -> None:
+def test_a_forked_process_can_exit_the_context_too() -> None:
     pid = 0
     try:
         with Signals(lambda _: None):

@@ -197,7 +197,7 @@ def test_whatever_happens_the_right_states_are_active_left_and_entered_in_order(
 
 
 @given(machines())
-def test_a_transition_leaves_nothing_that_is_around_both_its_ends(machine: StateMachine) -> None:
+def test_a_transition_does_not_exit_states_that_contain_both_its_ends(machine: StateMachine) -> None:
     chart, place = Chart(machine), depths(machine)
     active = set(chart.begin())
     for transition in (each for each in machine.transitions if each.source in active):

@@ -233,7 +233,7 @@ def test_states_are_visible_while_their_methods_run() -> None:
     assert seen == [("play", "left")]
 
 
-def test_a_state_that_fires_itself_again_and_again_keeps_nobody_else_out() -> None:
+def test_a_state_that_reenters_itself_repeatedly_lets_handlers_run() -> None:
     with playing(down=lambda game: game.t_down_to_down()) as test:
         test.worker.t_start_to_play()
         test.worker.t_up_to_down()

@@ -98,7 +98,7 @@ def test_those_that_require_each_other_start_in_any_order(told: Told) -> None:
     assert named == {"pupil", "calculator"}, "each says with which contracts it has started"
 
 
-def test_who_starts_after_another_one_starts_when_that_is_ready(told: Told) -> None:
+def test_a_dependent_component_starts_when_its_dependency_is_ready(told: Told) -> None:
     story: list[str] = []
     gate = threading.Event()
     together = Together(told)
@@ -143,7 +143,7 @@ def test_one_that_fails_takes_the_others_along(told: Told, caplog: pytest.LogCap
     assert "ZeroDivisionError" in caplog.text
 
 
-def test_one_that_ends_well_leaves_the_others_alone(told: Told) -> None:
+def test_a_component_that_ends_normally_does_not_stop_the_others(told: Told) -> None:
     together = Together(told)
     brief = together.add(diary([]), settings("brief"))
     other = together.add(diary([]), settings("other"))
@@ -171,7 +171,9 @@ def test_one_that_has_done_its_work_before_the_others_are_ready_does_not_keep_th
     assert outcome == [True]
 
 
-def test_nobody_waits_for_one_that_ended_before_it_was_ready(told: Told, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_dependency_that_ended_before_it_was_ready_is_not_waited_for(
+    told: Told, caplog: pytest.LogCaptureFixture
+) -> None:
     class Brief(Diary):
         def initialize(self) -> None:
             self.stop()
@@ -187,7 +189,7 @@ def test_nobody_waits_for_one_that_ended_before_it_was_ready(told: Told, caplog:
     assert "brief ended before it was ready, so late does not start" in caplog.text
 
 
-def test_who_still_waits_for_its_turn_can_be_stopped(told: Told) -> None:
+def test_a_component_that_waits_for_its_dependency_can_be_stopped(told: Told) -> None:
     story: list[str] = []
     gate = threading.Event()
     together = Together(told)
@@ -203,7 +205,7 @@ def test_who_still_waits_for_its_turn_can_be_stopped(told: Told) -> None:
     assert story == ["slow begins", "slow ends"]
 
 
-def test_whose_message_it_is_can_be_told_from_where_it_comes(told: Told) -> None:
+def test_log_messages_carry_the_name_of_their_component(told: Told) -> None:
     spoken: list[tuple[str, str]] = []
     together = Together(told)
 

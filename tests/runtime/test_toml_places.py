@@ -76,7 +76,7 @@ def test_every_key_and_every_value_has_its_place(key: Key, written: str, value: 
     assert places(TEXT)[key] == (written, value)
 
 
-def test_what_is_written_in_a_comment_or_a_text_has_none() -> None:
+def test_keys_in_comments_and_strings_have_no_position() -> None:
     assert {("nothing",), ("no",), ("no", "table")} & set(places(TEXT)) == set()
 
 

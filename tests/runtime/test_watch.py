@@ -72,7 +72,7 @@ def test_unread_misses_are_told_together() -> None:
     assert looking.look(0.55) == [Missed(FRONT, 5, 5)]
 
 
-def test_a_miss_is_counted_even_if_the_message_came_before_anybody_looked() -> None:
+def test_a_miss_is_counted_even_if_the_message_came_before_the_next_look() -> None:
     looking = Looking(QoS(deadline=0.1), FRONT)
     looking.watch.heard(FRONT, 0.0)
     assert looking.watch.heard(FRONT, 0.25)
@@ -101,7 +101,7 @@ def test_a_publisher_that_has_gone_misses_one_deadline_and_then_counts_when_it_i
     assert looking.look(10.11) == [Missed(FRONT, 1, 2)]
 
 
-def test_who_is_there_is_asked_only_when_something_is_due() -> None:
+def test_publishers_are_listed_only_when_something_is_due() -> None:
     looking = Looking(QoS(deadline=0.1), FRONT)
     looking.watch.heard(FRONT, 0.0)
     for tick in range(9):
@@ -166,7 +166,7 @@ def test_a_manual_publisher_is_not_lost_before_its_first_message() -> None:
     assert [looking.look(float(now)) for now in range(5)] == [[]] * 5
 
 
-def test_a_silence_that_ended_before_anybody_looked_counts() -> None:
+def test_a_silence_that_ended_before_the_next_look_counts() -> None:
     looking = Looking(MANUAL, FRONT)
     looking.look(0.0)
     looking.watch.heard(FRONT, 0.1)
@@ -207,7 +207,7 @@ def test_so_many_channels_and_no_more_are_watched() -> None:
     st.lists(st.floats(0.001, 2.0), min_size=1, max_size=30),
     st.lists(st.booleans(), min_size=30, max_size=30),
 )
-def test_no_miss_is_lost_or_told_twice_however_often_somebody_looks(gaps: list[float], looks: list[bool]) -> None:
+def test_every_miss_is_reported_once_however_often_the_watch_looks(gaps: list[float], looks: list[bool]) -> None:
     deadline = 0.25
     looking, now, told = Looking(QoS(deadline=deadline), FRONT), 0.0, 0
     looking.watch.heard(FRONT, now)

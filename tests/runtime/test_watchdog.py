@@ -95,7 +95,7 @@ def test_one_of_several_that_is_stuck_silences_all(component: Component) -> None
     other.monitor.close()
 
 
-def test_its_configuration_counts_more_than_who_launched_it(component: Component) -> None:
+def test_its_configuration_overrides_its_launcher(component: Component) -> None:
     with watched(component, wishes=(0.006, 0.012)) as told:
         wait_until(lambda: len(told) > 1)
     assert told[:2] == ["WATCHDOG_USEC=12000\nWATCHDOG=1", "WATCHDOG=1"]
@@ -128,7 +128,7 @@ def test_how_it_is_is_told_when_that_changes(component: Component) -> None:
     ]
 
 
-def test_nobody_who_did_not_ask_is_told(component: Component, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_a_launcher_that_asked_is_notified(component: Component, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("WATCHDOG_USEC")
     before = threading.active_count()
     with watched(component) as told:

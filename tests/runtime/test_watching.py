@@ -121,7 +121,7 @@ def test_a_publisher_is_told_of_what_it_did_not_send_under_its_own_name(find: An
     assert worker.told[0][:4] == ("missed", "Everything", "news", "left")
 
 
-def test_who_has_to_send_something_to_live_is_told_when_it_does_not(find: Any) -> None:
+def test_a_manual_publisher_is_told_when_its_lease_ends(find: Any) -> None:
     sonar, listener = make(publisher(_MANUAL), find), make(subscriber(_MANUAL), find)
     with running(listener) as hears, running(sonar) as speaks:
         say(sonar, lambda: hears.numbers)
@@ -185,7 +185,9 @@ def test_a_hook_may_stop_its_component(find: Any) -> None:
     assert worker.outcome
 
 
-def test_who_ends_lets_go_of_a_hook_that_waits_for_an_answer(find: Any, caplog: pytest.LogCaptureFixture) -> None:
+def test_an_ending_component_abandons_a_hook_that_waits_for_a_reply(
+    find: Any, caplog: pytest.LogCaptureFixture
+) -> None:
     class Asking(Listening):
         component = Component("asking", (Port(Verb.SUBSCRIBES, e.EVERYTHING, qos=_DEADLINE), *Pupil.component.ports))
         everything_proxy: EverythingProxy
@@ -202,7 +204,7 @@ def test_who_ends_lets_go_of_a_hook_that_waits_for_an_answer(find: Any, caplog: 
     assert "still in a handler" not in caplog.text
 
 
-def test_who_writes_no_hook_reads_it_once_in_the_log(find: Any, caplog: pytest.LogCaptureFixture) -> None:
+def test_without_a_hook_a_missed_deadline_is_logged_once(find: Any, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level("INFO")
     sonar, listener = make(publisher(QoS()), find), make(subscriber(_DEADLINE, Deaf), find)
     with running(listener) as worker, running(sonar):
@@ -214,7 +216,7 @@ def test_who_writes_no_hook_reads_it_once_in_the_log(find: Any, caplog: pytest.L
 
 
 @pytest.mark.parametrize("qos", [QoS(), QoS(lifespan=1.0), QoS(liveliness=Liveliness.MANUAL_BY_TOPIC)])
-def test_who_asks_for_nothing_has_no_thread_that_looks(find: Any, qos: QoS) -> None:
+def test_without_a_qos_to_watch_there_is_no_watch_thread(find: Any, qos: QoS) -> None:
     with running(make(subscriber(qos), find)), running(make(publisher(QoS(lease=1.0)), find)):
         assert not [each.name for each in threading.enumerate() if each.name.endswith("-watch")]
     with running(make(subscriber(_DEADLINE), find)):

@@ -35,7 +35,7 @@ def test_the_slowest_reader_decides() -> None:
     assert credit.sent == 3
 
 
-def test_newcomers_count_from_when_they_came_and_who_left_does_not_count() -> None:
+def test_new_readers_count_from_their_arrival_and_departed_ones_do_not_count() -> None:
     readers: dict[int, int] = {}
     credit = Credit(1, lambda: readers)
     assert credit.wait(now(), still)
@@ -45,7 +45,7 @@ def test_newcomers_count_from_when_they_came_and_who_left_does_not_count() -> No
     assert credit.wait(now(), still)
 
 
-def test_who_left_and_came_back_between_two_looks_counts_from_when_it_came_back() -> None:
+def test_a_reader_that_returned_between_two_looks_counts_from_its_return() -> None:
     readers = {1: 5}
     credit = Credit(1, lambda: readers)
     assert credit.wait(now(), still)
@@ -79,7 +79,7 @@ def test_lies_about_what_was_taken_gain_nothing() -> None:
     assert [credit.wait(now(), still) for _ in range(2)] == [True, False]
 
 
-def test_who_waits_is_let_on_by_an_acknowledgement() -> None:
+def test_an_acknowledgement_ends_the_wait() -> None:
     credit = Credit(1, lambda: {1: 0})
     assert credit.wait(now(), still)
     threading.Timer(0.05, credit.took, (1, 1)).start()

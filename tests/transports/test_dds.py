@@ -431,7 +431,7 @@ def test_what_is_lazy_is_served_once_and_under_one_contract(
         caller.wait_peer(SOON)
 
 
-def test_an_announcement_that_names_one_twice_goes_as_a_whole(
+def test_an_announcement_with_a_duplicate_is_withdrawn_completely(
     here: DDSTransport, there: DDSTransport, name: str
 ) -> None:
     link = here.server(_lazy(name), answering(here, bytes.upper))
@@ -449,7 +449,7 @@ def test_what_strangers_say_of_themselves_may_be_anything(text: str) -> None:
     assert endpoints_module._said(endpoints_module._MARK + zlib.compress(text.encode())) == [{}]
 
 
-def test_any_instance_may_be_meant_by_who_asks_what_is_lazy(here: DDSTransport, there: DDSTransport, name: str) -> None:
+def test_a_client_of_any_instance_finds_a_lazy_server(here: DDSTransport, there: DDSTransport, name: str) -> None:
     instance, rest = name.split("/", 1)
     here.server(_lazy(f"one/{rest}{instance}"), answering(here, bytes.upper))
     caller = there.caller(query(f"*/{rest}{instance}"))
@@ -495,7 +495,7 @@ def test_a_reader_that_leaves_frees_its_publisher(here: DDSTransport, there: DDS
         outlet.send(blob(here, b"x"), SOON)
 
 
-def test_who_asks_for_latched_messages_hears_those_that_keep_some_and_those_that_do_not(
+def test_a_latched_subscriber_receives_from_latched_and_other_publishers(
     here: DDSTransport, there: DDSTransport, name: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     keeping, forgetful = here.outlet(topic(name, _LATCHED)), here.outlet(topic(name, _RELIABLE))
@@ -594,7 +594,7 @@ def test_a_publisher_that_counts_is_heard_beside_one_that_does_not(
     assert [each for each in inbox if b"careful" in each] == [b"careful %d" % number for number in range(8)]
 
 
-def test_whom_a_server_has_no_room_for_is_told_that_it_is_busy(
+def test_a_client_for_which_the_server_has_no_room_gets_busy(
     here: DDSTransport, there: DDSTransport, name: str
 ) -> None:
     under_way: list[Future[Reply]] = []
@@ -851,7 +851,7 @@ def test_a_reply_put_aside_while_its_client_is_found_is_sent(
 
 
 @pytest.mark.parametrize("beside", ["nobody", "a future"])
-def test_who_gives_up_waiting_leaves_the_replies_of_others_to_them(
+def test_a_client_that_gives_up_does_not_lose_the_replies_of_others(
     here: DDSTransport, there: DDSTransport, name: str, beside: str
 ) -> None:
     """Who asks first receives for all; when that one has left, the others get theirs nevertheless."""
@@ -903,7 +903,7 @@ def test_reliable_messages_cross_processes_without_loss(there: DDSTransport, nam
 
 
 @pytest.mark.parametrize("how", ["clean", "abrupt"])
-def test_a_server_that_leaves_its_process_makes_calls_unreachable(there: DDSTransport, name: str, how: str) -> None:
+def test_calls_to_a_server_whose_process_ended_are_unreachable(there: DDSTransport, name: str, how: str) -> None:
     with _Elsewhere(_echo_elsewhere, name, how == "abrupt") as other:
         caller = there.caller(query(name))
         assert caller.wait_peer(SOON)
@@ -936,7 +936,7 @@ def test_a_second_server_in_another_process_is_refused_until_that_is_killed(ther
         wait_until(served)
 
 
-def test_who_follows_a_killed_server_need_not_try_twice(
+def test_the_successor_of_a_killed_server_serves_at_the_first_try(
     there: DDSTransport, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(server_module, "LEAVING", 0.0)  # we hear late of it
@@ -950,7 +950,7 @@ def test_who_follows_a_killed_server_need_not_try_twice(
     assert unblob(there, caller.ask(blob(there, b"next"), SOON).payload) == b"NEXT"
 
 
-def test_other_hosts_do_not_reach_one_that_talks_to_none(there: DDSTransport) -> None:
+def test_a_participant_without_remote_peers_is_not_reachable_from_other_hosts(there: DDSTransport) -> None:
     """Its sockets are those of the loopback interface, though the library opens them for all addresses."""
     first = 7400 + 250 * there.bus.participant.domain_id  # by the standard, 9.6.2.3
     heard = set()
@@ -965,7 +965,7 @@ def test_other_hosts_do_not_reach_one_that_talks_to_none(there: DDSTransport) ->
     ("senders", "apart"),
     [(["127.0.0.1"], True), (["127.0.0.1", "192.0.2.7"], False), (["192.0.2.7"], False), ([], False)],
 )
-def test_who_talks_to_others_too_hears_them(senders: list[str], apart: bool) -> None:
+def test_a_participant_with_remote_peers_is_reachable_from_them(senders: list[str], apart: bool) -> None:
     """Several interfaces may be named in CYCLONEDDS_URI."""
     with contextlib.ExitStack() as undo:
         sockets = [undo.enter_context(socket.socket(type=socket.SOCK_DGRAM)) for _ in range(len(senders) + 1)]
@@ -1204,7 +1204,7 @@ def test_settings_of_the_user_reach_the_library(monkeypatch: pytest.MonkeyPatch,
 
 
 @pytest.mark.parametrize(("limit", "told"), [("212992", "limited to 212 KB"), ("4194304", ""), ("", "")])
-def test_who_has_small_sockets_is_told_how_to_have_larger_ones(limit: str, told: str) -> None:
+def test_small_socket_buffers_are_reported_with_a_remedy(limit: str, told: str) -> None:
     note = note_on_sockets(limit)
     assert (told in note) if told else not note
     assert "rmem_max=20000000" in note or not told

@@ -32,7 +32,9 @@ def directory(tmp_path: Path) -> Directory:
     return Directory(tmp_path / "transport")
 
 
-def test_what_could_not_be_announced_is_told_to_nobody(directory: Directory, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_entry_that_could_not_be_announced_stays_hidden(
+    directory: Directory, monkeypatch: pytest.MonkeyPatch
+) -> None:
     member, other = directory.join("world"), replace(LASER, channel="robot/world/Other/op")
     member.add(LASER)
 
@@ -102,7 +104,7 @@ time.sleep(600)
     wait_until(lambda: not directory.find("serves", "a/b/c"))
 
 
-def test_what_one_left_who_was_killed_while_it_joined_is_removed_by_the_next_one(
+def test_files_of_a_process_killed_while_joining_are_removed_by_the_next_member(
     directory: Directory, tmp_path: Path
 ) -> None:
     dead = subprocess.Popen([sys.executable, "-c", ""])
@@ -132,7 +134,7 @@ def test_files_of_other_versions_are_ignored(directory: Directory, tmp_path: Pat
     assert directory.find("serves", "a/b/c") == []
 
 
-def test_of_what_another_program_wrote_the_unknown_is_passed_over_and_the_wrong_hides_nobody(
+def test_unknown_fields_are_ignored_and_an_invalid_record_hides_no_other(
     directory: Directory,
 ) -> None:
     ours, theirs, wrong = directory.join("ours"), directory.join("theirs"), directory.join("wrong")
@@ -296,7 +298,7 @@ def watched(directory: Directory) -> Iterator[tuple[Directory, list[int]]]:
     watch.close()
 
 
-def test_who_watches_finds_who_comes_changes_and_goes(watched: tuple[Directory, list[int]]) -> None:
+def test_a_watcher_sees_members_arrive_change_and_leave(watched: tuple[Directory, list[int]]) -> None:
     directory, news = watched
     early = directory.join("early")
     early.add(LASER)
@@ -316,7 +318,7 @@ def test_who_watches_finds_who_comes_changes_and_goes(watched: tuple[Directory, 
     early.close()
 
 
-def test_who_watches_a_folder_that_was_made_again_finds_who_is_there(watched: tuple[Directory, list[int]]) -> None:
+def test_a_watcher_of_a_recreated_folder_finds_its_members(watched: tuple[Directory, list[int]]) -> None:
     directory, _ = watched
     member = directory.join("early")
     member.add(LASER)
@@ -356,7 +358,7 @@ def test_what_is_of_no_interest_here_changes_no_version(directory: Directory) ->
     member.close()
 
 
-def test_who_means_nobody_in_particular_and_who_is_meant_find_each_other(directory: Directory) -> None:
+def test_a_wildcard_and_the_instances_that_it_covers_find_each_other(directory: Directory) -> None:
     world, other, anybody = (directory.join(name) for name in ("world", "other", "anybody"))
     world.add(LASER)
     other.add(replace(LASER, channel="robot/other/Laser/getLaserData"))
@@ -408,7 +410,7 @@ def test_a_member_is_at_the_places_of_what_it_announces(directory: Directory) ->
     assert list(directory._folder.iterdir()) == []
 
 
-def test_who_has_to_do_with_several_places_is_up_to_date_at_all_of_them(watched: tuple[Directory, list[int]]) -> None:
+def test_an_entry_in_several_folders_is_current_in_all_of_them(watched: tuple[Directory, list[int]]) -> None:
     directory, _ = watched
     member = directory.join("world")
     anybody = Entry("serves", "robot/*/Laser/getLaserData", 1, "text")
@@ -432,7 +434,7 @@ def test_what_could_not_be_shown_is_shown_the_next_time(directory: Directory, mo
     member.close()
 
 
-def test_what_one_left_who_was_killed_while_it_left_is_removed_by_the_next_one(directory: Directory) -> None:
+def test_files_of_a_process_killed_while_leaving_are_removed_by_the_next_member(directory: Directory) -> None:
     dead = subprocess.Popen([sys.executable, "-c", ""])
     dead.wait()
     place = directory._folder / "by" / "robot.world.Laser"
@@ -443,7 +445,7 @@ def test_what_one_left_who_was_killed_while_it_left_is_removed_by_the_next_one(d
     assert list(directory._folder.iterdir()) == []
 
 
-def test_a_link_that_a_killed_one_left_is_removed_by_who_looks_there(directory: Directory) -> None:
+def test_a_symlink_of_a_killed_process_is_removed_by_the_next_look(directory: Directory) -> None:
     member = directory.join("world")
     member.add(LASER)
     place = directory._folder / "by" / "robot.world.Laser"
@@ -453,7 +455,7 @@ def test_a_link_that_a_killed_one_left_is_removed_by_who_looks_there(directory: 
     member.close()
 
 
-def test_the_last_one_removes_also_what_a_killed_one_left_where_nobody_looks(directory: Directory) -> None:
+def test_the_last_member_removes_all_symlinks_of_killed_processes(directory: Directory) -> None:
     member = directory.join("world")
     member.add(LASER)
     (directory._folder / "by" / "robot.**.Laser" / "1-dead").symlink_to("../../1-dead.json")
@@ -475,7 +477,7 @@ def test_without_anything_that_tells_it_is_looked_again_after_a_pause(directory:
     assert 0 < directory.pause < 1
 
 
-def test_who_watches_need_not_look(watched: tuple[Directory, list[int]]) -> None:
+def test_a_watched_folder_is_not_polled(watched: tuple[Directory, list[int]]) -> None:
     directory, _ = watched
     assert not directory.find("serves", LASER.channel)
     assert directory.pause == 0

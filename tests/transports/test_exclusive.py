@@ -149,7 +149,7 @@ def test_of_many_at_once_one_has_it_also_while_others_give_it_back(tmp_path: Pat
     assert files(tmp_path) == []
 
 
-def test_one_who_has_not_signed_yet_has_it_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unsigned_claim_is_valid(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(exclusive, "_SIGNING", 0.1)  # it never will
     mine = claim(tmp_path, NAME, "world")
     (file,) = files(tmp_path)
@@ -159,7 +159,7 @@ def test_one_who_has_not_signed_yet_has_it_all_the_same(tmp_path: Path, monkeypa
     mine.close()
 
 
-def test_who_was_robbed_of_the_folder_gives_back_nothing_of_his_heirs(tmp_path: Path) -> None:
+def test_closing_after_the_folder_was_removed_keeps_the_new_claim(tmp_path: Path) -> None:
     folder = tmp_path / "zeromq"
     mine = claim(folder, NAME, "world")
     shutil.rmtree(folder)
@@ -176,7 +176,7 @@ def test_a_folder_that_cannot_be_made_is_a_transport_error(tmp_path: Path) -> No
         claim(tmp_path / "file" / "zeromq", NAME, "world")
 
 
-def test_trying_says_no_and_whoever_asks_is_told_who_has_it(tmp_path: Path) -> None:
+def test_a_failed_try_returns_none_and_holder_names_the_owner(tmp_path: Path) -> None:
     mine = try_claim(tmp_path, NAME, "world")
     assert mine
     assert try_claim(tmp_path, NAME, "other") is None

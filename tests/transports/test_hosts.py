@@ -122,7 +122,7 @@ def test_components_meet_over_dds_by_the_addresses_of_their_hosts(everything: co
     assert quotient_of(caller, base, 7, 3) == (2, 1)
 
 
-def test_dds_between_hosts_asks_nobody_but_its_peers():
+def test_dds_between_hosts_talks_only_to_its_peers():
     found = settings("10.0.0.10", 100, ("10.0.0.10", "10.0.0.11"))
     assert found["General", "Interfaces"] == '<NetworkInterface address="10.0.0.10"/>'
     assert found["General", "AllowMulticast"] == "false"

@@ -255,15 +255,13 @@ def test_options_that_make_no_sense_are_refused(opening: Open, options: dict[str
         opening(**options)
 
 
-def test_what_is_served_in_the_run_time_folder_is_not_asked_by_who_was_told_another_place(
-    opening: Open, asking: Transport
-) -> None:
+def test_a_client_with_a_configured_proxy_ignores_the_run_time_folder(opening: Open, asking: Transport) -> None:
     echoing(opening())
     with pytest.raises(Unreachable, match=r"is not there: .*refused"):
         question(asking, asking.caller(query(NAME)), "ask", b"x")
 
 
-def test_who_waits_for_an_object_by_a_wrong_name_is_told(
+def test_waiting_for_an_unknown_object_is_reported(
     opening: Open, endpoint: str, echo: Callable[..., Echo], caplog: pytest.LogCaptureFixture
 ) -> None:
     echo()
@@ -322,7 +320,7 @@ def test_one_that_hangs_is_waited_for_until_the_deadline(
 
 
 @both_ways
-def test_those_who_give_up_soon_do_not_each_leave_a_connection_to_one_that_hangs(
+def test_calls_that_give_up_soon_do_not_each_leave_a_connection_to_a_hung_server(
     asking: Transport, echo: Callable[..., Echo], how: str
 ) -> None:
     echo().signal(signal.SIGSTOP)

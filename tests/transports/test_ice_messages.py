@@ -119,7 +119,7 @@ def test_what_raised_elsewhere_is_told_with_its_class_where_that_is_known(
     assert messages.failure_text(reply.payload).startswith(f"{kind}: {reason}".strip())
 
 
-def test_what_nobody_takes_is_turned_away_in_the_end() -> None:
+def test_requests_beyond_the_queue_are_refused() -> None:
     from robocomp_py.transports.ice import objects
 
     taken: list[int] = []

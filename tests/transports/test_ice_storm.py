@@ -81,7 +81,7 @@ def test_it_answers_at_an_ipv6_address(storm: str) -> None:
         assert answers(there)
 
 
-def test_one_that_answers_is_used_and_when_it_goes_who_needs_it_takes_over(storm: str) -> None:
+def test_a_running_icestorm_is_shared_and_replaced_when_it_ends(storm: str) -> None:
     with contextlib.ExitStack() as one, contextlib.ExitStack() as other:
         one.enter_context(hosted(storm, "one"))
         first = process_of(storm)
@@ -106,7 +106,7 @@ def test_one_that_dies_is_told_and_started_again(storm: str, caplog: pytest.LogC
         assert process_of(storm) != first
 
 
-def test_it_ends_with_who_started_it_however_that_ends(storm: str) -> None:
+def test_it_ends_with_its_host_process_even_if_that_is_killed(storm: str) -> None:
     program = (
         "import os; from robocomp_py.transports.base import hosting, TransportConfig\n"
         f"with hosting('ice', TransportConfig({{'storm': {storm!r}}}, 'net')): os.kill(os.getpid(), 9)"
@@ -191,7 +191,7 @@ def test_one_that_is_started_a_little_later_is_waited_for(storm: str) -> None:
         assert transport.outlet(topic(NAME)).stats.dropped == 0
 
 
-def test_closing_ends_who_waits_for_one(storm: str) -> None:
+def test_closing_ends_a_wait_for_icestorm(storm: str) -> None:
     transport = open_ice(storm=storm)
     end = _soon(transport.close)
     with pytest.raises(Closed):
@@ -199,7 +199,7 @@ def test_closing_ends_who_waits_for_one(storm: str) -> None:
     end()
 
 
-def test_who_is_asked_to_end_waits_for_none(storm: str) -> None:
+def test_a_stopping_component_does_not_wait_for_icestorm(storm: str) -> None:
     config = TransportConfig({"storm": storm}, "test", wanted=lambda: False)
     with contextlib.closing(find_transport("ice")(config)) as transport:
         for use in (lambda: transport.outlet(topic(NAME)), lambda: transport.inlet(topic(NAME), lambda _: None)):
@@ -237,9 +237,7 @@ def test_history_is_asked_for_again_if_its_publisher_is_too_busy_to_answer(
     assert subscribe(there, topic(NAME, LATCHED)).get(timeout=SOON) == b"1"
 
 
-def test_while_there_is_none_best_effort_goes_on_and_reliable_gives_up_at_its_deadline(
-    here: Transport, running: str
-) -> None:
+def test_without_icestorm_best_effort_continues_and_reliable_times_out(here: Transport, running: str) -> None:
     lossy, lossless = here.outlet(topic(NAME)), here.outlet(topic(NAME + "x", RELIABLE))
     os.kill(process_of(running), signal.SIGSTOP)
     try:
@@ -276,7 +274,7 @@ def test_what_was_published_is_not_kept(here: Transport, there: Transport) -> No
     assert memory() - before < 50_000_000
 
 
-def test_who_was_unsubscribed_subscribes_again(here: Transport, there: Transport, running: str) -> None:
+def test_an_unsubscribed_inlet_subscribes_again(here: Transport, there: Transport, running: str) -> None:
     """As IceStorm does with those it cannot reach for a while."""
     import Ice
     import IceStorm

@@ -54,7 +54,7 @@ def test_what_is_no_proxy_is_refused_with_the_reason(text: str, why: str) -> Non
         parse_proxy(text)
 
 
-def test_endpoints_may_leave_host_and_port_open_and_name_no_object() -> None:
+def test_endpoints_may_omit_host_and_port_and_name_no_object() -> None:
     assert parse_endpoints("tcp") == (IceEndpoint("tcp"),)
     assert parse_endpoints("tcp -p 1:ssl -h a -p 2") == (IceEndpoint("tcp", "", 1), IceEndpoint("ssl", "a", 2))
     with pytest.raises(ValueError, match="begins with the name of an object: write `tcp -p 3`"):
@@ -99,12 +99,12 @@ def test_a_property_may_be_said_to_be_what_it_is_anyway() -> None:
     assert not [*iceoptions.examine({"properties": {"Ice.Warn.Connections": 0}})]
 
 
-def test_the_name_of_a_property_without_its_quotes_is_told_whole() -> None:
+def test_an_unquoted_property_is_reported_by_its_full_name() -> None:
     [complaint] = iceoptions.examine({"properties": {"Ice": {"ACM": {"Client": {"Timeout": 5}}}}})
     assert 'write "Ice.ACM.Client.Timeout" in quotes' in complaint.message
 
 
-def test_a_proxy_is_found_by_whom_its_channel_names_the_whole_name_first() -> None:
+def test_a_proxy_is_found_by_the_channels_instance_and_the_longest_name_wins() -> None:
     proxies = {"/robot2/base/Laser": "a", "base/Laser": "b", "base": "c", "Laser": "d"}
     options = IceOptions(proxies=proxies)
     channels = ["robot2/base/Laser/get", "base/Laser/get", "base/Speech/say", "*/Laser/get", "other/Laser/get"]

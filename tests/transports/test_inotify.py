@@ -117,9 +117,7 @@ def no_descriptors() -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_NOFILE, limits)
 
 
-def test_of_many_who_cannot_watch_a_folder_one_says_it_once_in_a_while(
-    folder: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_many_failing_watches_are_logged_once_in_a_while(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
     def told_by_three() -> int:
         caplog.clear()
         for _ in range(3):

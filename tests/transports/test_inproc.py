@@ -228,7 +228,7 @@ def test_a_trusted_service_may_answer_later(transport: InprocTransport) -> None:
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_trusted_service_that_leaves_without_an_answer_is_unreachable(transport: InprocTransport) -> None:
+def test_a_trusted_service_that_closes_without_a_reply_is_unreachable(transport: InprocTransport) -> None:
     server = InprocTransport(TransportConfig({"bus": "alone"}))
 
     def leave(payload: object, expires: float) -> Future[Reply]:
@@ -245,7 +245,7 @@ def trusted_elsewhere(server: InprocTransport, client: InprocTransport, service:
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_trusted_service_that_raises_fails_its_call_and_ctrl_c_reaches_who_asks(transport: InprocTransport) -> None:
+def test_a_trusted_service_that_raises_fails_its_call_and_ctrl_c_reaches_the_caller(transport: InprocTransport) -> None:
     errors: list[BaseException] = [KeyboardInterrupt(), SystemExit(), ValueError("no")]
 
     def fail(payload: object, expires: float) -> Reply:

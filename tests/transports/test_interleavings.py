@@ -96,7 +96,7 @@ def test_a_link_that_could_not_look_when_it_was_opened_looks_again_even_if_the_o
         wait_until(lambda: bool(opened) and opened[0].looked > 1)
 
 
-def test_shm_a_wake_up_that_several_links_share_reaches_all_although_one_leaves_meanwhile() -> None:
+def test_shm_a_shared_wake_up_reaches_all_links_although_one_closes_meanwhile() -> None:
     attended: list[object] = []
 
     class Link:

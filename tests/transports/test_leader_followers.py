@@ -67,7 +67,7 @@ def test_a_pool_without_a_thread_to_spare_goes_on_and_hires_one_later() -> None:
         pool.close()
 
 
-def test_a_pool_that_cannot_have_its_threads_says_so_and_leaves_none() -> None:
+def test_a_pool_that_cannot_start_its_threads_says_so_and_keeps_no_thread() -> None:
     jobs: Work = queue.Queue()
     spare = threading.Semaphore(1)
 
@@ -104,7 +104,7 @@ def test_another_thread_receives_while_a_job_takes_long(work: Work) -> None:
     release.set()
 
 
-def test_who_steps_aside_is_replaced_at_once(work: Work) -> None:
+def test_a_leader_that_is_about_to_block_is_replaced_at_once(work: Work) -> None:
     answered = threading.Event()
     result: list[bool] = []
 
@@ -118,7 +118,7 @@ def test_who_steps_aside_is_replaced_at_once(work: Work) -> None:
     assert result == [True]
 
 
-def test_stepping_aside_elsewhere_means_nothing() -> None:
+def test_about_to_block_outside_a_pool_does_nothing() -> None:
     about_to_block()
 
 
@@ -146,7 +146,7 @@ def test_closing_waits_for_the_threads_and_may_be_done_by_a_job() -> None:
     wait_until(lambda: threading.active_count() == before)
 
 
-def test_a_gate_lets_nobody_in_once_closed_and_waits_for_those_inside() -> None:
+def test_a_closed_gate_refuses_entry_and_waits_for_threads_inside() -> None:
     gate = Gate("test")
     inside, leave, closed = threading.Event(), threading.Event(), threading.Event()
 
@@ -190,7 +190,7 @@ def test_a_full_faithful_lane_takes_no_more_until_there_is_room() -> None:
     assert heard == [0, 1, 3]
 
 
-def test_what_may_be_lost_takes_nobodys_place() -> None:
+def test_messages_that_may_be_lost_displace_no_others() -> None:
     heard: list[str] = []
     stats = Statistics()
     lane = Lane("test", heard.append, 2, lossy=False, stats=stats)
@@ -260,7 +260,7 @@ def test_a_pool_whose_receiving_fails_goes_on_and_says_so_once(caplog: pytest.Lo
     assert sum("receiving failed" in record.message for record in caplog.records) == 1
 
 
-def test_nobody_else_receives_while_one_does_even_if_it_steps_aside() -> None:
+def test_one_thread_receives_at_a_time_even_if_it_is_about_to_block() -> None:
     jobs: Work = queue.Queue()
     inside, most = threading.Semaphore(1), [0]
     heard = threading.Event()

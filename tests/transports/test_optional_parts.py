@@ -41,7 +41,7 @@ def test_a_link_without_the_part_counts_as_connected() -> None:
         assert base.wait_connected(outlet, 0.0)
 
 
-def test_every_part_says_who_offers_it_and_what_is_lost_without_it() -> None:
+def test_every_optional_part_states_its_provider_and_the_loss_without_it() -> None:
     assert [part.protocol.__name__ for part in OPTIONAL_PARTS] == [
         name for name in vars(base) if name.startswith("Supports")
     ]

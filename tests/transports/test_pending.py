@@ -97,7 +97,7 @@ def test_closing_ends_them_all() -> None:
             future.result(0)
 
 
-def test_whoever_ends_calls_may_have_somebody_else_do_it() -> None:
+def test_calls_can_be_ended_in_another_thread() -> None:
     pending = Pending("test")
     overdue, other = pending.add(1, 0.0), pending.add(("peer", 2), 60)
     jobs: list[Callable[[], object]] = []

@@ -13,7 +13,7 @@ ROOT, US, ANOTHER = 0, 1000, 1001
 
 
 @pytest.mark.parametrize(("owner", "us"), [(US, US), (ROOT, ROOT), (US, ROOT), (ANOTHER, US)])
-def test_nobody_but_its_owner_may_read_a_key(owner: int, us: int) -> None:
+def test_only_its_owner_may_read_a_key(owner: int, us: int) -> None:
     assert not any(excess(mode, owner, us) for mode in (0o600, 0o400, 0o100600))
     assert all(excess(mode, owner, us) for mode in (0o640, 0o440, 0o620, 0o610, 0o604, 0o602, 0o601))
 

@@ -48,7 +48,7 @@ class Hearing:
         return self.delivered
 
 
-def test_while_nobody_asks_for_anything_there_is_nothing_to_do() -> None:
+def test_without_a_qos_request_reception_is_off() -> None:
     hearing = Hearing(QoS())
     hearing.reception.meet([Source(FRONT, QoS(deadline=1.0, lease=1.0))])
     assert not hearing.reception.on

@@ -238,7 +238,7 @@ def test_arrays_outlive_larger_messages_their_publisher_and_their_transport() ->
     wait_until(nothing_is_left)  # a thread of the closed ones may have held the last message for a moment more
 
 
-def test_who_keeps_more_than_there_is_gets_copies_and_all_goes_on(here: ShmTransport, there: ShmTransport) -> None:
+def test_a_subscriber_that_keeps_too_many_payloads_gets_copies(here: ShmTransport, there: ShmTransport) -> None:
     kept, inbox = Kept(there), subscribe(there, topic(NAME))
     outlet = here.outlet(topic(NAME))
     greet(here, outlet, inbox)
@@ -259,7 +259,7 @@ def test_who_keeps_more_than_there_is_gets_copies_and_all_goes_on(here: ShmTrans
     assert is_shared(kept.arrays[0])
 
 
-def test_who_keeps_requests_and_answers_gets_copies_too(here: ShmTransport, there: ShmTransport) -> None:
+def test_kept_requests_and_replies_become_copies_too(here: ShmTransport, there: ShmTransport) -> None:
     kept: list[Any] = []
     decode = here.codec.decoder(BLOB)
 
@@ -387,7 +387,7 @@ def test_a_reliable_publisher_goes_on_when_its_reader_leaves(here: ShmTransport,
         outlet.send(blob(here, b"x"), SOON)
 
 
-def test_who_keeps_all_is_waited_for_by_who_keeps_all(here: ShmTransport, there: ShmTransport) -> None:
+def test_keep_all_publishers_wait_for_keep_all_subscribers(here: ShmTransport, there: ShmTransport) -> None:
     inbox, channel = Inbox(), topic(NAME, QoS(history=History.KEEP_ALL))
     link, outlet = there.inlet(channel, put(there, inbox)), here.outlet(channel)
     assert outlet.wait_peer(SOON)
@@ -584,7 +584,7 @@ def test_what_a_killed_process_left_is_removed_at_the_next_start_though_the_fold
         assert segments() == set()
 
 
-def test_who_leaves_a_folder_that_was_removed_takes_nothing_from_those_in_the_new_one(
+def test_closing_after_the_folder_was_removed_keeps_the_links_in_the_new_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     with tempfile.TemporaryDirectory(prefix="rc-", dir="/tmp") as folder:
@@ -620,7 +620,7 @@ def test_an_array_that_outlives_its_transport_does_not_notice_that_the_next_one_
     assert segments() == before
 
 
-def test_what_a_process_killed_while_it_came_or_went_has_left_is_removed_once_nobody_is_there() -> None:
+def test_files_of_a_process_killed_at_its_start_or_end_are_removed_with_the_last_member() -> None:
     before = segments(), files()
     half = runtime_dir() / "shm" / "i" / "nodes" / "12345"  # of which iceoryx2 does not know, without the other half
     half.mkdir(parents=True)
@@ -687,7 +687,7 @@ def test_a_program_that_keeps_what_it_received_leaves_nothing_and_may_look_at_it
     assert (segments(), files()) == before
 
 
-def test_who_lives_removes_what_the_dead_have_left(here: ShmTransport) -> None:
+def test_live_processes_remove_what_killed_ones_left(here: ShmTransport) -> None:
     outlet, inbox = here.outlet(topic(NAME)), subscribe(here, topic(NAME))
     greet(here, outlet, inbox)
     before = segments()
@@ -806,7 +806,7 @@ def opened_for_a_moment() -> Iterator[set[str]]:
 # Bells.
 
 
-def test_who_was_rung_while_not_waiting_finds_all_of_it_at_once(tmp_path: Path) -> None:
+def test_wake_ups_sent_while_not_waiting_are_found_together(tmp_path: Path) -> None:
     wakeup = Wakeup(tmp_path / "wakeup")
     waker = Waker(tmp_path / "wakeup")
     for number in (3, 7, 3):
@@ -891,7 +891,7 @@ def test_a_link_that_was_asked_for_several_times_is_attended_to_once(tmp_path: P
     wakeup.close()
 
 
-def test_who_is_rung_once_takes_one_message_and_looks_for_more_afterwards(tmp_path: Path) -> None:
+def test_one_wake_up_takes_one_message_and_looks_for_more_afterwards(tmp_path: Path) -> None:
     wakeup, waker, link = Wakeup(tmp_path / "wakeup"), Waker(tmp_path / "wakeup"), Counting()
     loop = Loop(wakeup, waker, lambda: SOON, lambda: None)
     loop.add(3, link)
@@ -912,9 +912,7 @@ def test_who_is_rung_once_takes_one_message_and_looks_for_more_afterwards(tmp_pa
     wakeup.close()
 
 
-def test_what_fails_afterwards_does_not_keep_anybody_from_receiving(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_failure_in_later_work_does_not_stop_receiving(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     wakeup, waker, link = Wakeup(tmp_path / "wakeup"), Waker(tmp_path / "wakeup"), Counting()
     loop = Loop(wakeup, waker, lambda: SOON, lambda: None)
     loop.add(3, link)
@@ -972,7 +970,7 @@ with contextlib.ExitStack() as opened:
 """
 
 
-def test_who_may_open_no_more_files_is_told_so_and_leaves_nothing() -> None:
+def test_reaching_the_file_limit_is_reported_and_leaves_nothing() -> None:
     before = segments(), files()
     done = subprocess.run([sys.executable, "-c", NO_MORE_FILES], capture_output=True, text=True, timeout=SOON * 6)
     assert done.returncode == 0
@@ -1012,7 +1010,7 @@ transport.close()
 """
 
 
-def test_who_came_while_there_were_too_few_files_is_served_when_there_are_more(there: ShmTransport) -> None:
+def test_a_server_short_of_files_serves_its_client_later(there: ShmTransport) -> None:
     program = [sys.executable, "-c", SHORT_OF_FILES, NAME]
     with subprocess.Popen(program, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as server:
         assert server.stdin

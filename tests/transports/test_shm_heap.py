@@ -292,7 +292,7 @@ def test_a_heap_of_a_killed_process_is_removed_by_one_that_lives(here: ShmTransp
 
 
 @pytest.mark.tool
-def test_receipts_on_a_full_disk_are_an_error_and_kill_nobody(tmp_path: Path) -> None:
+def test_receipts_on_a_full_disk_are_an_error_and_kill_no_process(tmp_path: Path) -> None:
     """Room that is only promised would be missed at the first write, by a signal that ends the process."""
     subprocess.run(["mount", "-t", "tmpfs", "-o", "size=16k", "tmpfs", str(tmp_path)], check=True)
     try:

@@ -279,7 +279,7 @@ def test_garbage_among_tokens_acknowledgements_and_inquiries_does_no_harm(
 
 
 @pytest.mark.parametrize("ask", ["ask", "call"])
-def test_garbage_for_an_answer_is_none(transport: ZenohTransport, outsider: Any, ask: str) -> None:
+def test_garbage_is_not_taken_for_a_reply(transport: ZenohTransport, outsider: Any, ask: str) -> None:
     wrong = header.pack_reply(Status.OK, 1, 2, 3)
 
     def answer(question: Any) -> None:
@@ -301,7 +301,7 @@ def test_garbage_for_an_answer_is_none(transport: ZenohTransport, outsider: Any,
     fake.undeclare()
 
 
-def test_garbage_that_comes_while_nobody_asks_is_in_nobodys_way(transport: ZenohTransport, other: Any) -> None:
+def test_garbage_between_calls_does_no_harm(transport: ZenohTransport, other: Any) -> None:
     server = other.server(query("a/b/c"), answering(other, bytes.upper))
     caller: Any = transport.caller(query("a/b/c"))
     assert caller.wait_peer(SOON)
@@ -346,7 +346,9 @@ def test_messages_that_cannot_be_taken_are_in_the_way_of_no_others(
     wait_until(lambda: len(taken) == 200)
 
 
-def test_a_reliable_subscriber_that_leaves_holds_nobody_up(transport: ZenohTransport, other: ZenohTransport) -> None:
+def test_a_departed_reliable_subscriber_does_not_block_its_publisher(
+    transport: ZenohTransport, other: ZenohTransport
+) -> None:
     release = threading.Event()
     stuck = other.inlet(topic("a/b/c", RELIABLE), lambda _: release.wait(SOON))
     outlet = transport.outlet(topic("a/b/c", RELIABLE))
@@ -358,7 +360,7 @@ def test_a_reliable_subscriber_that_leaves_holds_nobody_up(transport: ZenohTrans
     send_many(transport, outlet, 50)
 
 
-def test_a_transport_hears_of_those_that_its_links_may_face_and_of_nobody_else(
+def test_a_transport_learns_only_of_possible_peers_of_its_links(
     transport: ZenohTransport, other: ZenohTransport
 ) -> None:
     other.server(query("robot/a/I/ask"), answering(other, bytes.upper))
@@ -383,13 +385,11 @@ def test_a_transport_hears_of_those_that_its_links_may_face_and_of_nobody_else(
         ("publishes", "a/I/news", ["a/I", "./I"]),
     ],
 )
-def test_who_provides_something_looks_for_those_as_well_who_name_nobody(
-    role: str, channel: str, found: list[str]
-) -> None:
+def test_a_provider_looks_for_peers_that_name_no_instance_too(role: str, channel: str, found: list[str]) -> None:
     assert peer_prefixes(role, channel) == found
 
 
-def test_a_server_that_nobody_told_us_has_gone_is_neither_waited_for_nor_in_the_way(transport: ZenohTransport) -> None:
+def test_a_server_that_vanished_unnoticed_is_not_waited_for(transport: ZenohTransport) -> None:
     """Zenoh may tell who joins of a server that dies just then, and never of its death."""
     ghost = f"rc_lv/0/serves/-/{1:016x}/1/{2**40:016x}/a/b/c"
     transport.table.update(ghost, True)
@@ -438,7 +438,7 @@ def test_history_is_asked_for_again_if_its_publisher_is_too_busy_to_answer(
     assert subscribe(other, topic("a/b/c", LATCHED)).get(timeout=SOON) == b"1"
 
 
-def test_who_never_tells_all_of_its_history_is_heard_all_the_same(
+def test_a_publisher_with_an_incomplete_history_is_received_all_the_same(
     transport: ZenohTransport, other: ZenohTransport, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(other, "inquire", lambda *_: ([], False))
@@ -449,7 +449,7 @@ def test_who_never_tells_all_of_its_history_is_heard_all_the_same(
     assert "not all latched messages of its publisher" in caplog.text
 
 
-def test_a_subscriber_that_nobody_told_us_has_gone_is_not_waited_for_long(transport: ZenohTransport) -> None:
+def test_a_subscriber_that_vanished_unnoticed_is_not_waited_for_long(transport: ZenohTransport) -> None:
     transport.table.update(f"rc_lv/0/subscribes/rl/{1:016x}/1/{2**40:016x}/a/b/c", True)
     outlet = transport.outlet(topic("a/b/c", QoS(Reliability.RELIABLE, depth=1)))
     for _ in range(3):
@@ -457,7 +457,7 @@ def test_a_subscriber_that_nobody_told_us_has_gone_is_not_waited_for_long(transp
     assert not transport.table.find("subscribes", "a/b/c")
 
 
-def test_whoever_keeps_a_token_is_there_unless_its_transport_says_otherwise(
+def test_a_token_means_presence_unless_its_transport_says_otherwise(
     transport: ZenohTransport, other: ZenohTransport, outsider: Any
 ) -> None:
     """Zenoh may find a token that has been taken back; a plain program may answer nothing but requests."""
@@ -721,7 +721,7 @@ def test_that_messages_of_a_reliable_publisher_were_lost_is_told_once(
 
 
 @pytest.mark.parametrize("end", ["the call", "the caller"])
-def test_who_waits_for_an_answer_that_does_not_come_is_woken(
+def test_a_caller_without_a_reply_is_woken_at_the_end(
     transport: ZenohTransport, other: ZenohTransport, end: str
 ) -> None:
     begun, release = threading.Event(), threading.Event()
@@ -763,7 +763,7 @@ def test_a_router_elsewhere_can_be_used() -> None:
         there.close()
 
 
-def test_who_is_asked_to_end_does_not_go_on_waiting_for_a_router() -> None:
+def test_a_stopping_component_does_not_wait_for_a_router() -> None:
     with pytest.raises(Closed, match="stopped while waiting for a router"):
         ZenohTransport(TransportConfig({"connect": f"tcp/127.0.0.1:{free_port()}"}, wanted=lambda: False))
 
@@ -817,7 +817,7 @@ def test_large_messages_for_a_slow_sink_delay_nothing_else(transport: ZenohTrans
 # Routers come and go.
 
 
-def test_who_starts_components_may_run_their_router_and_one_of_them_takes_over() -> None:
+def test_a_launcher_can_run_the_router_and_a_component_takes_over() -> None:
     folder = runtime_dir() / "zenoh"
     with hosting("zenoh", TransportConfig(owner="deployer")):
         here, there = ZenohTransport(TransportConfig(owner="here")), ZenohTransport(TransportConfig(owner="there"))
@@ -841,7 +841,7 @@ transport.close()
 """
 
 
-def test_only_who_may_have_to_run_the_router_reads_with_as_many_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_a_process_that_may_run_the_router_has_many_reading_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("ZENOH_RUNTIME", raising=False)
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "1")  # else numpy has one for each processor
 

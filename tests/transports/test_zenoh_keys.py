@@ -229,7 +229,7 @@ def test_what_the_keys_are_not_for_is_refused_at_once_and_told(world: World, cap
 
 
 @pytest.mark.parametrize("who", ["other", "stranger"])
-def test_who_has_no_edge_for_it_reaches_nothing_though_its_certificate_is_good(world: World, who: str) -> None:
+def test_an_instance_without_a_link_reaches_nothing_despite_a_valid_certificate(world: World, who: str) -> None:
     executed: list[object] = []
     camera, viewer = world.open("camera"), world.open("viewer")
     server_link = divide(camera, executed)
@@ -258,7 +258,7 @@ def test_who_has_no_edge_for_it_reaches_nothing_though_its_certificate_is_good(w
     assert server_link.stats.malformed == 0
 
 
-def test_nobody_can_pretend_to_serve_what_is_somebody_elses(world: World) -> None:
+def test_an_instance_cannot_serve_a_channel_of_another(world: World) -> None:
     camera, viewer = world.open("camera"), world.open("viewer")
     divide(world.open("other"))  # a channel of the camera's
     assert not viewer.caller(DIVIDE).wait_peer(0.3)
@@ -300,7 +300,7 @@ def refused(world: World, name: str = "viewer") -> None:
         ("plain", "it speaks TLS only"),
     ],
 )
-def test_whom_the_router_turns_away_is_told_why_and_not_that_none_answers(world: World, what: str, why: str) -> None:
+def test_a_client_that_the_router_refuses_learns_the_reason(world: World, what: str, why: str) -> None:
     foreign, past = certificates.make_authority("Patrol", NOW), NOW - 10 * DAY
     match what:
         case "expired":
@@ -390,7 +390,7 @@ def test_a_router_that_is_not_the_networks_is_not_talked_to(folder: Path, how: s
         world.close()
 
 
-def test_four_hundred_who_say_nothing_keep_nobody_out(world: World) -> None:
+def test_four_hundred_silent_connections_do_not_block_others(world: World) -> None:
     """Zenoh sends each away after ten seconds."""
     with contextlib.ExitStack() as opened:
         where = "127.0.0.1", world.port

@@ -68,7 +68,7 @@ def test_all_unfinished_messages_together_have_the_same_bound_and_the_largest_go
     assert closed(small, large, middle) == [large]
 
 
-def test_who_was_closed_for_its_size_may_hold_little_for_a_while() -> None:
+def test_a_peer_closed_for_its_size_is_on_probation() -> None:
     again, other = looked_at(2 * ON_PROBATION), looked_at(2 * ON_PROBATION, address="10.0.0.2")
     assert closed(again, other, on_probation=frozenset({"10.0.0.1"})) == [again]
 

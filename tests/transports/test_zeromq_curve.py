@@ -119,7 +119,7 @@ def test_a_removed_key_admits_no_client(
     assert not socket.poll(0)
 
 
-def test_on_this_host_nobody_needs_a_key(keys: Keys, outsider: Outsider, address: str) -> None:
+def test_on_one_host_no_key_is_needed(keys: Keys, outsider: Outsider, address: str) -> None:
     other = ZeroMQTransport(TransportConfig())
     try:
         caller = other.caller(DIVIDE)

@@ -146,7 +146,7 @@ def test_a_call_a_command_and_a_topic_reach_another_host(hosts: Hosts, with_keys
     assert camera.codec.decoder(e.news.request)(heard.get(timeout=SOON)) == (1, "hello")
 
 
-def test_who_is_started_again_is_found_again_and_calls_do_not_wait_for_the_dead(hosts: Hosts) -> None:
+def test_a_restarted_server_is_found_and_calls_do_not_wait_for_the_old_one(hosts: Hosts) -> None:
     viewer = hosts.user("viewer")
     for _ in range(2):
         camera = hosts.camera()
@@ -160,7 +160,7 @@ def test_who_is_started_again_is_found_again_and_calls_do_not_wait_for_the_dead(
         caller.close()
 
 
-def test_who_listens_hears_the_first_words_of_a_publisher_that_starts_again(hosts: Hosts) -> None:
+def test_a_subscriber_receives_the_first_message_of_a_restarted_publisher(hosts: Hosts) -> None:
     viewer, heard = hosts.user("viewer"), queue.Queue[Any]()
     viewer.inlet(NEWS, heard.put)
     for number in range(3):
@@ -172,7 +172,7 @@ def test_who_listens_hears_the_first_words_of_a_publisher_that_starts_again(host
         camera.close()
 
 
-def test_who_has_just_come_hears_those_who_are_there(hosts: Hosts) -> None:
+def test_a_new_subscriber_receives_from_running_publishers(hosts: Hosts) -> None:
     camera = hosts.camera()
     outlet = camera.outlet(NEWS)
     for number in range(3):
@@ -183,7 +183,7 @@ def test_who_has_just_come_hears_those_who_are_there(hosts: Hosts) -> None:
         viewer.close()
 
 
-def test_who_asks_a_server_that_has_just_come_hears_what_that_publishes_because_of_it(hosts: Hosts) -> None:
+def test_a_client_of_a_new_server_receives_what_its_call_makes_it_publish(hosts: Hosts) -> None:
     viewer, heard = hosts.user("viewer"), queue.Queue[Any]()
     viewer.inlet(NEWS, heard.put)
     asking = viewer.caller(DIVIDE)
@@ -227,7 +227,7 @@ def test_what_a_member_newly_serves_is_found_once_we_are_connected_to_its_topics
     assert (found(first.channel), found(second.channel)) == (True, False)
 
 
-def test_a_latched_topic_is_told_to_who_comes_later_and_a_reliable_one_loses_nothing(hosts: Hosts) -> None:
+def test_a_late_subscriber_gets_latched_messages_and_a_reliable_one_loses_nothing(hosts: Hosts) -> None:
     latched = QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=2)
     channel = Channel(NEWS.name, NEWS.pattern, NEWS.type, latched)
     camera, viewer = hosts.camera(), hosts.user("viewer")
@@ -253,14 +253,14 @@ def test_another_contract_is_told_on_both_sides(hosts: Hosts, caplog: pytest.Log
     caller.close()
 
 
-def test_an_address_that_is_none_is_an_error_before_anything_is_opened(hosts: Hosts) -> None:
+def test_an_invalid_address_is_an_error_before_anything_is_opened(hosts: Hosts) -> None:
     for address in ("192.168.1.5:7501", "tcp://:7501", "tcp://*:7501", 7501):
         with pytest.raises(ConfigurationError, match=r"connect\.camera"):
             hosts.open("viewer", connect={"camera": address}, with_keys=False)
         shutil.rmtree(hosts._folder / "h0")
 
 
-def test_to_listen_to_everybody_without_keys_is_told_aloud(hosts: Hosts, caplog: pytest.LogCaptureFixture) -> None:
+def test_listening_on_all_addresses_without_keys_is_a_warning(hosts: Hosts, caplog: pytest.LogCaptureFixture) -> None:
     hosts.open("camera", bind="tcp://0.0.0.0:1", with_keys=False)  # nothing is served yet, so nothing is bound
     assert "listens at tcp://0.0.0.0:1 without keys" in caplog.text
     caplog.clear()
@@ -287,7 +287,7 @@ def key_of(hosts: Hosts, name: str, server: str = "camera") -> Callable[[Any], o
     return Curve(*key_pair(hosts.keys / name / "curve.key_secret")).ask(public)
 
 
-def test_who_has_no_edge_to_it_is_not_let_in_though_it_has_keys_of_the_same_network(
+def test_a_client_without_a_link_is_refused_despite_keys_of_the_network(
     hosts: Hosts, caplog: pytest.LogCaptureFixture
 ) -> None:
     executed: list[object] = []
@@ -299,7 +299,7 @@ def test_who_has_no_edge_to_it_is_not_let_in_though_it_has_keys_of_the_same_netw
     assert executed == [(9, 3)]
 
 
-def test_who_has_another_edge_to_it_is_refused_what_it_has_none_for(
+def test_a_client_with_another_link_is_refused_the_operations_outside_it(
     hosts: Hosts, caplog: pytest.LogCaptureFixture
 ) -> None:
     executed: list[object] = []
@@ -341,7 +341,7 @@ def test_a_topic_is_heard_along_its_edges_alone(hosts: Hosts, caplog: pytest.Log
 
 
 @pytest.mark.parametrize("who", ["a plain client", "one with a wrong key of the server", "one with a key of its own"])
-def test_others_are_not_let_in(hosts: Hosts, who: str) -> None:
+def test_clients_outside_the_network_are_refused(hosts: Hosts, who: str) -> None:
     executed: list[object] = []
     divide(hosts.camera(), executed)
     unknown = Curve(*zmq.curve_keypair()).ask(read_public(hosts.keys / "camera" / "curve.key")[0])
@@ -403,7 +403,9 @@ def test_a_client_cannot_announce_a_server() -> None:
     assert [entry.role for entry in member.entries] == ["calls"]
 
 
-def test_who_was_held_up_itself_takes_nobody_for_gone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_process_that_was_stopped_itself_does_not_count_others_as_gone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     now = [100.0]
     monkeypatch.setattr(remote, "time", SimpleNamespace(monotonic=lambda: now[0]))
     neighbours = remote.Neighbours(tmp_path)
@@ -507,7 +509,7 @@ def test_a_command_that_is_sent_again_is_executed_once(hosts: Hosts) -> None:
     assert moved.qsize() == 2
 
 
-def test_four_hundred_who_say_nothing_keep_nobody_out_and_are_sent_away(hosts: Hosts) -> None:
+def test_four_hundred_silent_connections_do_not_block_others_and_are_closed(hosts: Hosts) -> None:
     divide(hosts.camera())
     where = "127.0.0.1", int(hosts.address.rpartition(":")[2])
     with contextlib.ExitStack() as opened:

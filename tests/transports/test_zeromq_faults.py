@@ -153,7 +153,7 @@ def test_a_subscriber_hears_others_while_a_publisher_says_half_of_something(
 
 
 @pytest.mark.parametrize("words", WORDS)
-def test_who_asks_one_that_says_half_of_something_waits_no_longer_than_its_deadline(
+def test_a_call_to_a_server_that_sends_half_a_message_ends_at_its_deadline(
     transport: ZeroMQTransport, impostor: Callable[[str, Channel, bytes], None], words: str
 ) -> None:
     impostor("serves", query("a/b/c"), beginnings(b"ROUTER")[words])

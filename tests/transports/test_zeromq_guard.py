@@ -68,7 +68,7 @@ def test_a_key_that_is_admitted_makes_no_difference(hosts: Hosts, caplog: pytest
     assert quotient(viewer, 17, 5) == (3, 2)
 
 
-def test_a_guard_without_a_thread_is_told_and_leaves_nothing_open(
+def test_a_guard_without_a_thread_is_an_error_and_leaves_nothing_open(
     hosts: Hosts, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     hosts.user("viewer", with_keys=False).close()  # whatever the first one opens for all that follow
@@ -154,7 +154,7 @@ def test_a_publisher_that_is_flooded_with_subscriptions_hears_others(hosts: Host
             assert camera.codec.decoder(e.news.request)(heard.get(timeout=SOON)) == (number, "")
 
 
-def test_who_ends_subscriptions_that_it_does_not_have_silences_nobody(hosts: Hosts) -> None:
+def test_unsubscribing_without_a_subscription_silences_no_other(hosts: Hosts) -> None:
     camera, viewer = hosts.camera(with_keys=False), hosts.user("viewer", with_keys=False)
     outlet = camera.outlet(NEWS)
     heard = queue.Queue[Any]()
@@ -176,7 +176,7 @@ def test_who_ends_subscriptions_that_it_does_not_have_silences_nobody(hosts: Hos
     assert camera.codec.decoder(e.news.request)(heard.get(timeout=SOON)) == (1, "hello")
 
 
-def test_an_answer_goes_to_who_asked_and_not_to_who_takes_its_name(hosts: Hosts) -> None:
+def test_a_reply_goes_to_its_client_and_not_to_an_impostor(hosts: Hosts) -> None:
     camera, asked, may_answer = hosts.camera(with_keys=False), threading.Event(), threading.Event()
 
     def service(payload: Any, _: float) -> Reply:

@@ -398,7 +398,7 @@ def test_what_was_published_before_a_publisher_left_is_heard(transport: ZeroMQTr
     wait_until(lambda: not link._feeds)
 
 
-def test_servers_that_come_and_go_leave_no_descriptors_with_those_who_ask(transport: ZeroMQTransport) -> None:
+def test_clients_keep_no_descriptors_of_servers_that_have_gone(transport: ZeroMQTransport) -> None:
     caller, inlet = transport.caller(query("a/b/c")), transport.inlet(topic("a/b/d"), lambda payload: None)
 
     def life() -> int:

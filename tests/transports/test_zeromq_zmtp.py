@@ -198,7 +198,7 @@ def test_pings_may_go_on_for_ever(path: Path, raw: Callable[[], plain.socket]) -
 
 
 @pytest.mark.parametrize(("begin", "drop"), [(b"\2" + (10**6).to_bytes(8, "big"), b"x"), (b"", b"\1\0")])
-def test_who_waits_is_asked_however_slowly_a_message_comes(
+def test_the_wait_function_is_called_however_slowly_a_message_arrives(
     path: Path, raw: Callable[[], plain.socket], begin: bytes, drop: bytes
 ) -> None:
     asked, ended = threading.Event(), list[bool]()
@@ -319,7 +319,7 @@ def test_large_arrays_are_received_without_being_copied(transports: tuple[ZeroMQ
             assert np.shares_memory(snapshot(array, array.dtype), array), "it is copied to be sent on"
 
 
-def test_who_publishes_notices_that_nobody_subscribes_any_more(
+def test_a_publisher_notices_that_its_last_subscriber_has_gone(
     transports: tuple[ZeroMQTransport, ZeroMQTransport],
 ) -> None:
     here, there = transports
@@ -332,7 +332,7 @@ def test_who_publishes_notices_that_nobody_subscribes_any_more(
     wait_until(lambda: not outlet.heard)
 
 
-def test_a_server_that_hangs_up_on_who_was_slow_to_greet_it_is_greeted_again(
+def test_a_slow_greeting_that_the_server_rejected_is_repeated(
     transports: tuple[ZeroMQTransport, ZeroMQTransport], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     here, there = transports

@@ -43,7 +43,7 @@ def found(
     return complaints(linked, workspace)
 
 
-def test_a_whole_specific_part_is_fine() -> None:
+def test_a_complete_specific_part_has_no_findings() -> None:
     assert found(WHOLE) == []
 
 

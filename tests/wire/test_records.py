@@ -218,7 +218,7 @@ def test_a_payload_that_is_short_is_refused(codec: Codec) -> None:
 
 
 @every_wire
-def test_a_bool_and_an_enumerator_that_are_none_are_refused(codec: Codec) -> None:
+def test_invalid_bools_and_enumerators_are_refused(codec: Codec) -> None:
     loose = Struct(
         "Test::Point",
         tuple(

@@ -298,7 +298,7 @@ def test_a_file_that_is_no_component_says_why(tmp_path: Path, text: str, told: s
     assert told in str(caught.value)
 
 
-def test_a_file_that_cannot_be_read_hinders_only_who_imports_it(tmp_path: Path) -> None:
+def test_an_unreadable_file_fails_only_the_code_that_imports_it(tmp_path: Path) -> None:
     code = "\n    def Arm_joints(self, number):\n        import left_over\n"
     folder = server(tmp_path, code, **{"src/left_over.py": "def broken(:\n"})
     (folder / "src" / "folder.py").mkdir()
@@ -465,7 +465,7 @@ def test_a_handler_that_waits_for_a_compute_which_waits_is_no_deadlock(tmp_path:
     assert arm.fine
 
 
-def test_who_works_off_a_queue_that_is_never_empty_lets_handlers_in(tmp_path: Path) -> None:
+def test_a_loop_over_a_queue_that_is_never_empty_lets_handlers_run(tmp_path: Path) -> None:
     code = """
     over = False
 
@@ -591,7 +591,7 @@ IDLE.submit(int)
     assert not [each for each in caplog.records if "its own threads" in each.getMessage()]
 
 
-def test_who_waits_for_a_pool_when_the_end_begins_takes_what_time_he_needs(tmp_path: Path) -> None:
+def test_waiting_for_a_pool_at_the_end_has_no_time_limit(tmp_path: Path) -> None:
     code = """
     def setParams(self, params):
         pool = futures.ThreadPoolExecutor(1)

@@ -166,7 +166,7 @@ def test_errors_of_ours_become_those_of_ice(ours: Any, theirs: str, find: Any) -
         ("IceStorm.TopicManagerPrx.checkedCast(proxy)", True),
     ],
 )
-def test_ice_itself_is_for_those_who_do_more_with_it_than_catch_its_exceptions(text: str, uses: bool) -> None:
+def test_only_code_that_does_more_than_catch_ices_exceptions_needs_ice(text: str, uses: bool) -> None:
     assert uses_ice(text) == uses
 
 

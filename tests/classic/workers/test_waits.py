@@ -163,7 +163,7 @@ SCENES = (
 
 
 @pytest.mark.parametrize("scene", SCENES)
-def test_who_waits_is_outside(house: House, scene: Callable[[House], Scene]) -> None:
+def test_a_thread_that_waits_is_outside_the_monitor(house: House, scene: Callable[[House], Scene]) -> None:
     wait, end = scene(house)
     waiting = threading.Thread(target=wait)
     waiting.start()
@@ -221,7 +221,7 @@ THERE = (
 
 
 @pytest.mark.parametrize("there", THERE)
-def test_who_works_off_what_is_there_goes_outside_each_time(
+def test_taking_what_is_there_leaves_the_monitor_each_time(
     house: House, there: Callable[[House], Callable[[], object]]
 ) -> None:
     take = there(house)
@@ -231,7 +231,7 @@ def test_who_works_off_what_is_there_goes_outside_each_time(
     assert not house.out
 
 
-def test_who_does_not_want_to_wait_or_takes_a_free_lock_stays_inside(house: House) -> None:
+def test_calls_that_do_not_wait_and_free_locks_stay_in_the_monitor(house: House) -> None:
     queue = house.queue.Queue(1)
     queue.put_nowait(1)
     with pytest.raises(Full):
@@ -255,7 +255,7 @@ def test_a_semaphore_around_something_is_a_lock(house: House) -> None:
     assert made.acquire(blocking=False)
 
 
-def test_who_waits_for_a_condition_holds_no_lock_however_often_it_was_taken(house: House) -> None:
+def test_waiting_for_a_condition_releases_a_lock_that_was_taken_repeatedly(house: House) -> None:
     wait, notify = condition(house)
     waiting = threading.Thread(target=wait)
     waiting.start()
@@ -266,7 +266,7 @@ def test_who_waits_for_a_condition_holds_no_lock_however_often_it_was_taken(hous
     assert house.taken == 0
 
 
-def test_who_has_waited_for_a_condition_in_vain_takes_no_word_from_others(house: House) -> None:
+def test_a_condition_wait_that_timed_out_consumes_no_notification(house: House) -> None:
     made, heard = house.threading.Condition(), list[bool]()
 
     def wait() -> None:
@@ -365,7 +365,7 @@ def test_a_thread_that_could_not_be_started_at_first_is_awaited_all_the_same(hou
     thread.join(SOON)
 
 
-def test_a_pool_that_somebody_has_ends_at_once_if_it_is_idle(house: House) -> None:
+def test_an_idle_pool_that_is_still_referenced_ends_at_once(house: House) -> None:
     pool = house.futures.ThreadPoolExecutor(2)
     pool.submit(int).result()
     assert house.begun.end(house.begun.pools(), 10 * SOON, 0) == ([], 0)

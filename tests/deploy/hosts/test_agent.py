@@ -83,7 +83,7 @@ def scene(act: Callable[[Controller, Controller], Awaitable[object]]) -> None:
     asyncio.run(play())
 
 
-def test_who_comes_while_a_killed_controller_is_still_connected_takes_its_place(own_runtime_folder: Path):
+def test_a_new_controller_replaces_a_killed_one_that_is_still_connected(own_runtime_folder: Path):
     async def act(first: Controller, second: Controller) -> None:
         first.tell(do="alive")  # said before it was killed, and delivered only now
         await first.leave()
@@ -93,7 +93,7 @@ def test_who_comes_while_a_killed_controller_is_still_connected_takes_its_place(
     scene(act)
 
 
-def test_who_comes_while_a_killed_controller_says_nothing_takes_its_place(own_runtime_folder: Path):
+def test_a_new_controller_replaces_a_killed_one_that_is_silent(own_runtime_folder: Path):
     async def act(first: Controller, second: Controller) -> None:
         assert (await second.is_told("opened", "refused")) == {"tell": "opened", "kept": []}
         await first.leave()
@@ -102,7 +102,7 @@ def test_who_comes_while_a_killed_controller_says_nothing_takes_its_place(own_ru
     scene(act)
 
 
-def test_who_comes_while_another_controller_is_in_touch_is_refused(own_runtime_folder: Path):
+def test_a_second_controller_is_refused_while_the_first_is_alive(own_runtime_folder: Path):
     async def act(first: Controller, second: Controller) -> None:
         first.tell(do="alive")
         assert "another controller" in (await second.is_told("opened", "refused"))["why"]
@@ -112,7 +112,7 @@ def test_who_comes_while_another_controller_is_in_touch_is_refused(own_runtime_f
     scene(act)
 
 
-def test_who_has_taken_over_is_not_ended_for_the_one_before(own_runtime_folder: Path):
+def test_a_controller_that_took_over_is_not_ended_with_its_predecessor(own_runtime_folder: Path):
     async def play() -> None:
         agent = Agent("Net")
         running, first = await run_by_first(agent)
@@ -134,9 +134,7 @@ class Slow(Agent):
         await super()._begin(message)
 
 
-def test_who_waits_for_the_network_to_begin_need_not_say_anything(
-    own_runtime_folder: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_controller_may_be_silent_while_the_network_starts(own_runtime_folder: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("robocomp_py.deploy.agent.BEAT", 0.01)
     monkeypatch.setattr("robocomp_py.deploy.agent.SILENCE", 0.0)
 
@@ -153,7 +151,7 @@ def test_who_waits_for_the_network_to_begin_need_not_say_anything(
     asyncio.run(play())
 
 
-def test_an_agent_that_was_held_up_itself_takes_nobody_for_gone(
+def test_an_agent_that_was_stopped_itself_does_not_count_its_controller_as_gone(
     own_runtime_folder: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr("robocomp_py.deploy.agent.BEAT", 0.05)
@@ -172,7 +170,7 @@ def test_an_agent_that_was_held_up_itself_takes_nobody_for_gone(
     asyncio.run(play())
 
 
-def test_who_ends_removes_nothing_of_an_agent_that_came_afterwards(tmp_path: Path):
+def test_an_ending_agent_removes_no_file_of_its_successor(tmp_path: Path):
     (tmp_path / "agent.log").touch()
     with listening(tmp_path / "agent"):
         _tidy(tmp_path / "agent")
@@ -182,7 +180,7 @@ def test_who_ends_removes_nothing_of_an_agent_that_came_afterwards(tmp_path: Pat
     assert not tmp_path.exists()
 
 
-def test_an_agent_that_is_busy_is_not_taken_for_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_busy_agent_is_not_taken_for_a_missing_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("robocomp_py.deploy.agent.SILENCE", 0.05)
     path = tmp_path / "agent"
     assert _connected_to(path) is None

@@ -64,7 +64,7 @@ def test_files_are_for_their_user_alone(component: Path):
     assert found["files/laser/driver"].mode == 0o700
 
 
-def test_folders_are_sent_whole_but_for_what_is_made_again(component: Path):
+def test_folders_are_sent_completely_except_for_what_is_built_again(component: Path):
     (component / "__pycache__").mkdir()
     (component / "__pycache__" / "specificworker.pyc").write_bytes(b"")
     found = {name for name in collect({component: "files/laser"}) if name.startswith("files/")}

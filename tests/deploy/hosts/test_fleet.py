@@ -53,7 +53,7 @@ def test_an_agent_runs_the_router_of_its_host():
     assert share_of(plan("zeromq"), ROBOT).hosted == ()
 
 
-def test_an_agent_runs_icestorm_for_those_who_use_ice_if_it_has_an_address_that_others_reach():
+def test_an_agent_runs_icestorm_for_ice_components_at_an_address_that_others_reach():
     abroad, loopback = (f"IceStorm/TopicManager:tcp -h {host} -p 9999" for host in ("10.0.0.10", "127.0.0.1"))
     network = replace(plan("ice"), helpers=(icestorm(abroad), icestorm(loopback, 1, "")))
     assert share_of(network, ROBOT).hosted == (("ice", {"storm": abroad}),)

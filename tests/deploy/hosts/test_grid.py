@@ -168,7 +168,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     ("middleware", "security"),
     [("zeromq", "open"), ("zenoh", "open"), ("dds", "open"), ("ice", "open"), ("zeromq", "lan"), ("zenoh", "lan")],
 )
-def test_nothing_is_lost_between_hosts_whoever_publishes_and_serves(site: Site, middleware: str, security: str):
+def test_nothing_is_lost_between_hosts_in_either_direction(site: Site, middleware: str, security: str):
     net = site.network(INSTANCES, f"security {security};")
     if security == "lan":
         refused = site.done(net, "--middleware", middleware)

@@ -58,7 +58,7 @@ def test_lines_are_found_however_they_come(texts: list[str], size: int):
 
 
 @pytest.mark.parametrize("line", [b"hello\n", b"[1]\n", b"\xff\n", b"[" * 100_000 + b"\n"])
-def test_what_is_none_of_ours_is_not_understood(line: bytes):
+def test_lines_of_another_protocol_are_not_understood(line: bytes):
     with pytest.raises(DeploymentError, match="malformed"):
         list(Lines(lines.LONGEST).feed(line))
 

@@ -310,7 +310,9 @@ def test_when_the_connection_is_lost_what_ran_there_is_stopped_and_can_be_starte
     scene(act)
 
 
-def test_who_was_held_up_itself_takes_no_host_for_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_controller_that_was_stopped_itself_does_not_count_a_host_as_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     async def act() -> None:
         heard, laser, clock = Heard(), program(FOREVER), time.monotonic
         async with serving(tmp_path) as server:
@@ -417,7 +419,7 @@ def test_what_a_host_kept_and_is_now_described_otherwise_is_started_anew(tmp_pat
     scene(act)
 
 
-def test_what_somebody_else_runs_there_is_not_taken_from_them(tmp_path: Path):
+def test_a_network_of_another_controller_is_not_taken_over(tmp_path: Path):
     async def act() -> None:
         laser = program(FOREVER)
         async with serving(tmp_path) as server:
@@ -457,7 +459,7 @@ def test_a_host_with_another_key_than_the_known_one_is_refused_with_both(tmp_pat
     scene(act)
 
 
-def test_who_is_not_let_in_is_told_how_to_be(tmp_path: Path):
+def test_a_failed_login_is_reported_with_a_remedy(tmp_path: Path):
     async def act() -> None:
         async with serving(tmp_path) as server:
             server.options["client_keys"] = [asyncssh.generate_private_key("ssh-ed25519")]

@@ -147,7 +147,7 @@ def test_nothing_is_started_when_a_host_cannot_be_reached(site: Site):
     gone(site, "robot")
 
 
-def test_a_host_whose_key_changed_is_not_believed_until_it_is_trusted(site: Site):
+def test_a_host_with_a_changed_key_is_refused_until_it_is_trusted(site: Site):
     robot = site.host("robot")
     net = site.network("Component echo : Echo { host robot; };")
     site.servers["robot"].change_key()

@@ -53,7 +53,7 @@ def test_hosts_at_other_ports_are_others():
     assert (keys_of("robot"), keys_of("robot", 2222)) == ([at_22], [at_2222])
 
 
-def test_who_the_users_ssh_knows_is_known():
+def test_hosts_known_to_the_users_ssh_are_known():
     user_file().parent.mkdir()
     user_file().write_text(f"robot {(theirs := key())}\n")
     assert keys_of("robot") == [theirs]

@@ -188,7 +188,7 @@ def test_an_agent_without_its_interfaces_is_told_which_are_missing() -> None:
     assert "AGMCommonBehavior.idsl, AGMExecutive.idsl, AGMExecutiveTopic.idsl" in warning.message
 
 
-def test_who_is_no_agent_has_to_import_the_interfaces_of_agents() -> None:
+def test_a_component_that_is_no_agent_must_import_the_agent_interfaces() -> None:
     text = "Component arm { Communications { subscribesTo AGMExecutiveTopic; }; language python; };"
     found = workspace(**{"arm.cdsl": text, **AGENTS})
     assert found.component(FOLDER / "arm.cdsl") is None

@@ -136,7 +136,7 @@ def test_a_program_may_be_said_to_tell_when_it_is_ready() -> None:
     assert only.notifies.span.text == "notifies;"
 
 
-def test_where_the_program_could_not_be_read_nobody_says_that_there_is_none() -> None:
+def test_an_unparsed_program_is_not_reported_as_missing_too() -> None:
     found = workspace(**{"net.ddsl": "Deployment net { Component a { existing sleep; notifies; }; };"})
     found.check(FOLDER / "net.ddsl")
     assert [each.code for each in found.report.diagnostics] == ["syntax"]
@@ -175,7 +175,7 @@ def nested() -> m.Deployment:
     return model
 
 
-def test_instances_in_systems_have_whole_names_and_keep_their_own(nested: m.Deployment) -> None:
+def test_instances_in_systems_have_full_names_and_keep_their_own(nested: m.Deployment) -> None:
     assert [(str(each.name), each.local, each.system) for each in nested.instances] == [
         ("camera", "camera", ()),
         ("left/wrist/hand", "hand", ("left", "wrist")),

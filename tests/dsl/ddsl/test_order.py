@@ -17,12 +17,12 @@ def order(**waits_for: str) -> tuple[list[str], list[tuple[str, str]]]:
     return found, [(who, str(name)) for who, name in closing]
 
 
-def test_whoever_others_wait_for_comes_first_else_all_come_as_written() -> None:
+def test_dependencies_come_first_and_the_rest_in_written_order() -> None:
     assert order(eye="arm", hand="arm", arm="", ear="") == (["arm", "eye", "hand", "ear"], [])
     assert order(a="b c", b="c", c="") == (["c", "b", "a"], [])
 
 
-def test_who_is_not_there_is_not_waited_for() -> None:
+def test_an_unknown_dependency_is_not_waited_for() -> None:
     assert order(eye="nobody") == (["eye"], [])
 
 

@@ -49,7 +49,7 @@ def test_a_mistake_is_told_by_its_code_at_its_place_and_nothing_else_is(name: st
 
 
 @pytest.mark.parametrize("name", LANGUAGES)
-def test_independent_mistakes_are_all_told_in_one_pass_and_none_twice(name: str, tmp_path: Path) -> None:
+def test_independent_errors_are_all_reported_in_one_pass_and_only_once(name: str, tmp_path: Path) -> None:
     language = LANGUAGES[name]
     together = [seed for seed in language.SEEDS if seed.name in language.TOGETHER]
     assert len(together) == len(language.TOGETHER) >= 8

@@ -227,7 +227,7 @@ def test_a_component_has_the_machine_that_stands_beside_it() -> None:
     assert (linked.component.machine, linked.statemachine) == (machine(ROUND), "arm.smdsl")
 
 
-def test_a_component_whose_machine_is_wrong_is_none() -> None:
+def test_a_component_with_an_invalid_state_machine_is_not_linked() -> None:
     found = workspace(**{
         "arm.cdsl": 'Component arm { language python; statemachine "arm.smdsl"; };', "arm.smdsl": "arm { };"
     })  # fmt: skip

@@ -45,7 +45,7 @@ def test_an_environment_with_an_ice_of_its_own_is_left_alone(tmp_path: Path) -> 
     assert [each.name for each in site.iterdir() if each.is_symlink()] == []
 
 
-def test_without_it_who_chooses_ice_is_told_what_to_install() -> None:
+def test_choosing_ice_without_its_package_names_what_to_install() -> None:
     program = "import sys; sys.modules['Ice'] = None\nfrom robocomp_py.transports.base import find_transport as find"
     done = run(sys.executable, "-c", f"{program}\ntry: find('ice')\nexcept Exception as exc: print(repr(exc))")
     assert "ConfigurationError(\"middleware 'ice' is not usable here: Ice for Python is not installed" in done.stdout

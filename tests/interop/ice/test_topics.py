@@ -112,7 +112,7 @@ def test_what_their_publisher_sends_arrives_value_by_value_and_in_order(
     assert (link.stats.malformed, link.stats.lost, link.stats.repeated, link.stats.mismatched) == (0, 0, 0, 0)
 
 
-def test_who_names_an_instance_hears_their_publisher_too_as_the_topic_is_theirs(
+def test_a_subscriber_of_one_instance_receives_from_a_robocomp_publisher_too(
     transport: Transport, storm: str, compiled: Path
 ) -> None:
     _, heard = heard_by(transport, "zed/Readings")
@@ -178,7 +178,7 @@ def test_their_publisher_goes_on_after_icestorm_was_started_again_as_we_make_its
         wait_until(lambda: heard[-1][1] > before + 5, SOON * 6)
 
 
-def test_somebody_who_uses_our_keys_for_something_else_is_heard_as_a_stranger(transport: Transport, storm: str) -> None:
+def test_messages_with_unusable_header_keys_are_received_as_foreign(transport: Transport, storm: str) -> None:
     import Ice
     import IceStorm
 

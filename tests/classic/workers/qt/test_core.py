@@ -128,7 +128,7 @@ def test_what_is_disconnected_is_not_called(QtCore: Any) -> None:
         worker.done.disconnect(worker.note)
 
 
-def test_what_a_slot_raises_is_told_and_hinders_nobody(component: Component, QtCore: Any) -> None:
+def test_an_exception_of_a_slot_is_reported_and_other_slots_run(component: Component, QtCore: Any) -> None:
     class Worker(QtCore.QObject):
         done = QtCore.Signal()
 
@@ -144,7 +144,7 @@ def test_what_a_slot_raises_is_told_and_hinders_nobody(component: Component, QtC
     assert [repr(each) for each in component.told] == ["ValueError('bad')"]
 
 
-def test_sys_exit_in_a_slot_goes_on_to_who_ends_the_component(QtCore: Any) -> None:
+def test_sys_exit_in_a_slot_ends_the_component(QtCore: Any) -> None:
     class Worker(QtCore.QObject):
         done = QtCore.Signal()
 
@@ -200,7 +200,7 @@ def test_the_signals_of_an_object_may_be_blocked(QtCore: Any) -> None:
     assert heard == [1]
 
 
-def test_a_slot_may_ask_who_sent(QtCore: Any) -> None:
+def test_a_slot_can_ask_for_the_sender(QtCore: Any) -> None:
     senders: list[Any] = []
 
     class Worker(QtCore.QObject):

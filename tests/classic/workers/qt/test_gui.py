@@ -213,7 +213,7 @@ class SpecificWorker(GenericWorker):
 """
 
 
-def test_handlers_run_in_the_main_thread_also_while_that_waits_for_who_calls_them(
+def test_handlers_run_in_the_main_thread_while_it_waits_for_their_client(
     component: Callable[..., Path],
 ) -> None:
     view = component(CALLER, ports="requires Back; implements Echo;")

@@ -62,7 +62,7 @@ def test_what_is_not_there_may_be_imported_and_tells_when_it_is_used(modules: An
         derive()
 
 
-def test_who_needs_qt_and_has_none_is_told_why_and_what_to_install(
+def test_a_missing_qt_is_an_error_with_the_reason_and_what_to_install(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setitem(sys.modules, "PySide6", None)
