@@ -207,10 +207,10 @@ def test_a_component_of_ours_imports_no_plug_in(tmp_path: Path, configured: bool
         (folder / "etc" / "config.toml").unlink()
     code = (
         "import sys; from pathlib import Path; from robocomp_py.runtime.load import load_worker; "
-        "from robocomp_py.runtime.run import parser_of, prepare; "
+        "from robocomp_py.runtime.commandline import parser_of, prepare; "
         f"worker = load_worker(Path({str(folder)!r})); prepare(worker, parser_of(worker.component).parse_args([])); "
         "print(*sys.modules)"
     )
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    assert "robocomp_py.runtime.run" in loaded
+    assert "robocomp_py.runtime.commandline" in loaded
     assert [name for name in loaded if name.startswith("robocomp_py.classic")] == []

@@ -88,9 +88,9 @@ def run(
 
 def run_plain(arguments: Sequence[str]) -> int | None:
     """Run a component whose arguments can be read without a parser; None, and nothing is done, for others."""
+    from ..runtime.commandline import read_plain
     from ..runtime.load import load_worker
     from ..runtime.run import main as run_component
-    from ..runtime.run import read_plain
 
     folder, *rest = arguments or ["-"]
     options = None if folder.startswith("-") or not folder.strip() else read_plain(rest)

@@ -11,8 +11,9 @@ stops while it waits for its peers (STARTING) ends without `finish`.
 
 from __future__ import annotations
 
-import math
 from enum import StrEnum
+
+from .clock import SECOND, ns
 
 
 class State(StrEnum):
@@ -53,23 +54,34 @@ def after(state: State, event: Event) -> State:
 
 
 class Beat:
-    """A periodic schedule without drift. Missed beats are counted and never made up for."""
+    """A periodic schedule without drift. Missed beats are counted and never made up for.
 
-    def __init__(self, period: float, now: float) -> None:
+    Times are those of a clock, in nanoseconds: see `clock`.
+    """
+
+    def __init__(self, period: float, now: int) -> None:
         self.period = period
-        """Seconds; may be changed, and then holds from the last beat on."""
         self.overruns = 0
-        self._last = now - period
+        self._last = now - ns(period)
 
-    def due(self, now: float) -> float:
-        """Seconds until the next beat; 0 if it is due."""
-        return max(0.0, self._last + self.period - now)
+    @property
+    def period(self) -> float:
+        """Seconds; may be changed, and then holds from the last beat on."""
+        return self._period / SECOND
 
-    def done(self, now: float) -> None:
+    @period.setter
+    def period(self, seconds: float) -> None:
+        self._period = max(1, ns(seconds))
+
+    def due(self, now: int) -> int:
+        """The time of the next beat; `now` if it is due."""
+        return max(now, self._last + self._period)
+
+    def done(self, now: int) -> None:
         """Note that the work of this beat is done; beats missed meanwhile are counted and skipped."""
-        self._last += self.period
-        late = now - (self._last + self.period)
+        self._last += self._period
+        late = now - (self._last + self._period)
         if late > 0:
-            missed = math.floor(late / self.period) + 1
+            missed = late // self._period + 1
             self.overruns += missed
-            self._last += missed * self.period
+            self._last += missed * self._period

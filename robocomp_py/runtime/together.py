@@ -22,9 +22,10 @@ from typing import Any
 from ..errors import ComponentError, ConfigurationError
 from ..spelling import unknown
 from ..threads import NO_THREAD, start_thread
+from .commandline import exit_code, parser_of, prepare, tell_notes, tell_where_on_abort
 from .ending import STUCK, end_after, grace_of, settle
 from .notify import CONTRACT, ENDED, notify
-from .run import Running, exit_code, parser_of, prepare, tell_notes, tell_where_on_abort
+from .run import Running
 from .settings import Document, Settings
 from .signals import Signals
 from .unsafe import write_out

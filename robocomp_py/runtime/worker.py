@@ -61,7 +61,7 @@ class Worker(ABC, Generic[P]):
     _in_front: Front | None = None
     """The loop of the main thread, for components with windows, which belong to that thread."""
 
-    def _beats(self, now: float) -> Beat:
+    def _beats(self, now: int) -> Beat:
         """The schedule of `compute`, from now on."""
         return Beat(self._period, now)
 

@@ -15,7 +15,7 @@ import pytest
 from robocomp_py.cli.rc import main as rc
 from robocomp_py.cli.rcgen import main as rcgen
 from robocomp_py.contract.component import Component
-from robocomp_py.runtime.run import parser_of, read_plain
+from robocomp_py.runtime.commandline import parser_of, read_plain
 
 from ..codegen.generated import model_in, snapshot
 

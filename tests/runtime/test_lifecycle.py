@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robocomp_py.runtime.clock import SECOND, ns
 from robocomp_py.runtime.lifecycle import TRANSITIONS, Beat, Event, State, after
 
 
@@ -59,34 +60,34 @@ def test_no_history_leads_back_from_the_end(events: list[Event]) -> None:
 
 
 def test_beats_do_not_drift() -> None:
-    beat, now = Beat(0.1, 0.0), 0.0
+    beat, now = Beat(0.1, 0), 0
     begun = []
     for _ in range(100):
-        now += beat.due(now)
+        now = beat.due(now)
         begun.append(now)
-        now += 0.037  # what is done takes a while, but less than a period
+        now += ns(0.037)  # what is done takes a while, but less than a period
         beat.done(now)
-    assert begun == pytest.approx([0.1 * n for n in range(100)])
+    assert begun == [n * SECOND // 10 for n in range(100)]
     assert beat.overruns == 0
 
 
 def test_missed_beats_are_counted_and_not_made_up_for() -> None:
-    beat = Beat(0.1, 0.0)
-    assert beat.due(0.0) == 0.0
-    beat.done(0.25)  # the beats at 0.1 and 0.2 passed meanwhile
+    beat = Beat(0.1, 0)
+    assert beat.due(0) == 0
+    beat.done(ns(0.25))  # the beats at 0.1 and 0.2 passed meanwhile
     assert beat.overruns == 2
-    assert beat.due(0.25) == pytest.approx(0.05)
-    beat.done(0.31)
-    assert beat.due(0.31) == pytest.approx(0.09)
+    assert beat.due(ns(0.25)) == ns(0.3)
+    beat.done(ns(0.31))
+    assert beat.due(ns(0.31)) == ns(0.4)
     assert beat.overruns == 2
 
 
-@given(st.lists(st.floats(0, 1), max_size=50))
-def test_beats_stay_on_their_grid_whatever_takes_how_long(durations: list[float]) -> None:
-    beat, now = Beat(0.25, 0.0), 0.0
+@given(st.lists(st.integers(0, SECOND), max_size=50))
+def test_beats_stay_on_their_grid_whatever_takes_how_long(durations: list[int]) -> None:
+    beat, now = Beat(0.25, 0), 0
     for duration in durations:
-        now += beat.due(now)
-        assert now / 0.25 == pytest.approx(round(now / 0.25))
+        now = beat.due(now)
+        assert now % ns(0.25) == 0
         now += duration
         beat.done(now)
-        assert beat.due(now) <= 0.25
+        assert beat.due(now) <= now + ns(0.25)

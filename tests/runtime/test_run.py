@@ -232,7 +232,7 @@ def test_an_operation_that_the_server_lacks_is_named(find: Any, caplog: pytest.L
 def test_stopped_while_it_waits_it_ends_without_finish(find: Any) -> None:
     made = make(Pupil, find)
     with running(made, ready=False) as pupil:
-        wait_until(lambda: made._links)
+        wait_until(lambda: made._connections.bound)
     assert pupil.entries == []
     assert pupil.outcome
 

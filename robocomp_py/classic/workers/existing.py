@@ -244,7 +244,7 @@ class ExistingWorker(Worker[Any]):
         else:
             self._loop.post(self.stop)
 
-    def _beats(self, now: float) -> Beat:
+    def _beats(self, now: int) -> Beat:
         return _LoopBeat(self._loop, self._chart, self._period, self._period_set)
 
     def _period_set(self, seconds: float) -> None:
@@ -513,8 +513,8 @@ class _LoopBeat(qt.LoopBeat):
             self._seconds = seconds
             self._changed(seconds)
 
-    def due(self, now: float) -> float:
-        return 0.0 if self._chart and self._chart.due else super().due(now)
+    def due(self, now: int) -> int:
+        return now if self._chart and self._chart.due else super().due(now)
 
 
 class _Interfaces(ModuleType):

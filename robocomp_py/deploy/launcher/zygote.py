@@ -29,9 +29,9 @@ from typing import Any
 from ... import installed
 from ...contract.component import Component
 from ...errors import ConfigurationError
+from ...runtime.commandline import prepare, read_plain
 from ...runtime.commonbehavior import port_of
 from ...runtime.ports import type_of
-from ...runtime.run import prepare, read_plain
 from ...runtime.worker import Worker
 from ...transports.base import find_transport
 from ...transports.deployment import Near, deployments

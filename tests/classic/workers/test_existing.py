@@ -15,8 +15,8 @@ import pytest
 from robocomp_py.deploy.uses import node_of
 from robocomp_py.dsl.workspace import Workspace
 from robocomp_py.errors import ComponentError, RemoteFailure, Unreachable
+from robocomp_py.runtime.commandline import parser_of, prepare
 from robocomp_py.runtime.load import load_worker
-from robocomp_py.runtime.run import parser_of, prepare
 from robocomp_py.runtime.together import Together
 from robocomp_py.testing.components import ComponentTest
 from robocomp_py.testing.patience import SOON, wait_until

@@ -7,12 +7,14 @@ whatever version of Qt a file imports.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Protocol, TypeVar
 
+from ....runtime.clock import ns
 from ....runtime.lifecycle import Beat
 from ....runtime.worker import Front
 from .alone import Alone
@@ -105,12 +107,12 @@ class LoopBeat(Beat):
     """The beat of a component whose loop decides when it is due."""
 
     def __init__(self, loop: Loop, period: float) -> None:
-        super().__init__(period, 0.0)
+        super().__init__(period, 0)
         self._loop = loop
 
-    def due(self, now: float) -> float:
-        seconds = self._loop.due(now)
-        return _LONG if seconds is None else min(seconds, _LONG)
+    def due(self, now: int) -> int:
+        seconds = self._loop.due(time.monotonic())
+        return now + ns(_LONG if seconds is None else min(seconds, _LONG))
 
     def done(self, now: float) -> None:
         self.overruns = self._loop.missed

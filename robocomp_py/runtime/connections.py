@@ -1,0 +1,257 @@
+"""The links of one component, from opening them to closing them, and the wait for the peers that it needs."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from ..contract.component import Port
+from ..contract.interface import Operation, Verb
+from ..contract.middleware import carrier
+from ..errors import AlreadyServed, ConfigurationError, TransportError, Unreachable
+from ..transports.base import Link, Transport, TransportConfig, TransportFactory, gathering, wait_connected
+from ..wire import names
+from . import ports
+from .commonbehavior import CommonBehavior, port_of
+from .introspection import Bound
+
+if TYPE_CHECKING:
+    from .monitor import Monitor
+    from .settings import Settings, Way
+    from .tally import Tally
+    from .watching import Watching
+    from .worker import Worker
+
+log = logging.getLogger("robocomp.worker")
+
+_REMIND = 5.0
+"""Seconds between messages that name the peer a component waits for."""
+
+_DISCOVERY = 0.2
+"""Seconds until the first of these messages."""
+
+_CONNECTING = 2.0
+"""Seconds to wait for visible publishers and subscribers to connect; then the component starts without the rest."""
+
+
+class Connections:
+    """The links of a component's ports, and the transports that they use.
+
+    `open`, then `are_peers_there` until it returns True, then `close_links` and `close`, all on one thread.
+    """
+
+    def __init__(
+        self,
+        worker: Worker[Any],
+        settings: Settings,
+        find: Callable[[str], TransportFactory],
+        wanted: Callable[[], bool],
+        monitor: Monitor,
+        watching: Watching,
+        tally: Tally,
+    ) -> None:
+        """`wanted` returns False when opening a transport, which may take a while, should be given up."""
+        self._worker, self._settings, self._component = worker, settings, worker.component
+        self._monitor, self._watching, self._tally = monitor, watching, tally
+        self._transports = _Transports(settings, find, wanted)
+        self._links: list[Link] = []
+        """Links of handlers."""
+        self._proxied: list[Link] = []
+        """Links of proxies."""
+        self.bound: list[Bound] = []
+        """The ports with their routes and links."""
+        self._required: list[tuple[Port, Link]] = []
+        self._missing: deque[tuple[Port, Link]] = deque()
+        """The required links without a visible peer."""
+        self._unconnected: deque[Link] | None = None
+        """The links of topics that are not known to be connected; None until all required peers are visible."""
+        self._begun = 0.0
+        self._told: float | None = None
+
+    def open(self, behavior: CommonBehavior) -> None:
+        """Open all links. `behavior` serves CommonBehavior, unless the component implements that itself."""
+        with self._transports.gathering():
+            self._bind_all(behavior)
+        self._missing = deque(self._required)
+        self._begun = time.monotonic()
+
+    def are_peers_there(self, patience: float = 0.0) -> bool:
+        """Whether all required peers are visible, and visible publishers and subscribers connected.
+
+        Waits for the next of them for `patience` seconds. After some time, a component starts without connected
+        publishers and subscribers; for a required peer it raises Unreachable.
+        """
+        while self._missing:
+            port, link = self._missing[0]
+            if not link.wait_peer(patience):
+                self._note_missing(port)
+                return False
+            self._missing.popleft()
+        now = time.monotonic()
+        if self._unconnected is None:
+            self._unconnected = deque(link for bound in self.bound if bound.port.verb.is_topic for link in bound.links)
+            self._begun = now
+        left = self._begun + _CONNECTING - now
+        while self._unconnected:
+            if not wait_connected(self._unconnected[0], min(patience, max(0.0, left))):
+                if left > 0:
+                    return False
+                log.info("some publishers or subscribers are not connected after %g s; starting", _CONNECTING)
+                break
+            self._unconnected.popleft()
+        self._unconnected.clear()
+        return True
+
+    def close_links(self) -> None:
+        try:
+            with self._transports.gathering():
+                ports.close_all(self._proxied)  # first, because it ends the calls that handlers and hooks wait for
+                ports.close_all(self._links)
+        except TransportError as exc:
+            log.warning("%s", exc)  # closing the transport closes the remaining links
+
+    def close(self) -> None:
+        self._transports.close()
+
+    def _bind_all(self, behavior: CommonBehavior) -> None:
+        provided = [port for port in self._component.ports if port.verb.provides]
+        wanted = [port for port in self._component.ports if not port.verb.provides]
+        own = port_of(self._component)
+        if own:
+            try:
+                self._links += ports.bind_handlers(own, behavior, self._route, self._monitor, lazy=True)
+            except AlreadyServed as exc:
+                name = self._settings.instance
+                raise AlreadyServed(
+                    f"an instance `{name}` is already running; stop it, or give this one another name: with --name, "
+                    f"or in the .ddsl of its network ({exc})"
+                ) from exc
+        for port in (*provided, *wanted):
+            links = self._bind(port)
+            (self._proxied if port.verb.has_proxy else self._links).extend(links)
+            if port.verb is Verb.REQUIRES:
+                self._required += ((port, link) for link in links)
+
+    def _bind(self, port: Port) -> list[Link]:
+        routes: list[ports.Route] = []
+
+        def route(port: Port, operation: Operation[Any]) -> ports.Route:
+            routes.append(self._route(port, operation))
+            return routes[-1]
+
+        if port.verb.has_proxy:
+            proxy, links = ports.bind_proxy(port, route, self._monitor, self._watching)
+            self._tally.watch(port, proxy)
+            setattr(self._worker, port.attribute, proxy)
+        else:
+            links = ports.bind_handlers(port, self._worker, route, self._monitor, self._watching)
+        self.bound.append(Bound(port, routes, links))
+        return links
+
+    def _route(self, port: Port, operation: Operation[Any]) -> ports.Route:
+        chosen = self._settings.port(port, operation.name)
+        if port.verb.provides:
+            where = (self._settings.namespace, self._settings.instance, self._component.segment(port))
+        else:
+            where = names.resolve(chosen.source or "", self._settings.namespace, port.interface.short)
+        assert chosen.qos is not None
+        assert chosen.deadline is not None
+        middleware = self._carrier(chosen.middleware)
+        route = ports.Route(
+            self._transports[middleware],
+            middleware,
+            names.channel(*where, operation.name),
+            chosen.qos,
+            chosen.deadline,
+        )
+        if not chosen.also:
+            return route
+        return replace(route, also=tuple(self._further(route, port, operation, way) for way in chosen.also))
+
+    def _further(self, route: ports.Route, port: Port, operation: Operation[Any], way: Way) -> ports.Route:
+        middleware = self._carrier(way.middleware) if way.middleware else route.middleware
+        channel = route.channel
+        if way.source is not None:
+            where = names.resolve(way.source, self._settings.namespace, port.interface.short)
+            channel = names.channel(*where, operation.name)
+        return replace(route, transport=self._transports[middleware], middleware=middleware, channel=channel)
+
+    def _carrier(self, middleware: str | None) -> str:
+        return carrier(middleware, self._worker.middleware)
+
+    def _note_missing(self, port: Port) -> None:
+        """Name a missing peer from time to time; raises Unreachable after the configured time."""
+        now = time.monotonic()
+        peer, timeout = self._settings.peer_of(port), self._settings.startup_timeout
+        if now - self._begun > timeout:
+            waited = f"(waited {timeout:g} s for {peer})"
+            lacking = _lacking(port, self._required)
+            raise Unreachable(
+                f"{lacking} {waited}"
+                if lacking
+                else f"no component implements {port.interface.short} {waited}; "
+                f"start one, or set ports.{port.name}.from"
+            )
+        if now - self._begun >= _DISCOVERY if self._told is None else now - self._told > _REMIND:
+            lacking = _lacking(port, self._required) if self._told else ""  # at first, discovery is not complete
+            self._told = now
+            what = lacking or f"waiting for a component that implements {port.interface.short}"
+            log.info("%s (%s)", what, peer)
+
+
+def _lacking(port: Port, required: Sequence[tuple[Port, Link]]) -> str:
+    """The message about an interface of which only some operations are found; "" if that is not the case."""
+    found = [link.wait_peer(0) for each, link in required if each is port]
+    names = [operation.name for operation, _ in port.interface.under(port.verb)]
+    if len(found) != len(names):  # an operation has several routes
+        return ""
+    absent = [f"`{name}`" for name, there in zip(names, found, strict=True) if not there]
+    if not any(found) or not absent:
+        return ""
+    return (
+        f"a component implements {port.interface.short} without {', '.join(absent)}: it was generated from another "
+        "definition; run rcgen for both and restart them"
+    )
+
+
+class _Transports:
+    """The transports a component uses, each opened when first used, all closed together."""
+
+    def __init__(self, settings: Settings, find: Callable[[str], TransportFactory], wanted: Callable[[], bool]) -> None:
+        self._settings, self._find, self._wanted = settings, find, wanted
+        self._open: dict[str, Transport] = {}
+        self._gathering: contextlib.ExitStack | None = None
+
+    @contextlib.contextmanager
+    def gathering(self) -> Iterator[None]:
+        """While entered, transports may delay the announcement of links that are opened or closed."""
+        with contextlib.ExitStack() as self._gathering:
+            for transport in self._open.values():
+                self._gathering.enter_context(gathering(transport))
+            yield
+        self._gathering = None
+
+    def __getitem__(self, name: str) -> Transport:
+        if name not in self._open:
+            options: Mapping[str, Any] = self._settings.transports.get(name, {})
+            try:
+                config = TransportConfig(options, self._settings.instance, self._wanted)
+                self._open[name] = self._find(name)(config)
+            except ConfigurationError as exc:
+                raise ConfigurationError(f"transports.{name}: {exc}") from exc
+            if self._gathering:
+                self._gathering.enter_context(gathering(self._open[name]))
+        return self._open[name]
+
+    def close(self) -> None:
+        while self._open:
+            name, transport = self._open.popitem()
+            try:
+                transport.close()
+            except Exception:  # of any transport: the others must be closed, too
+                log.exception("closing the transport %s", name)
