@@ -12,14 +12,14 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any
 
-from ..contract.component import Port
+from ..contract.component import MAX_SECONDS, Port
 from ..contract.parameters import build
 from ..contract.statemachine import label
 from ..errors import Closed, ComponentError, ConfigurationError, RobocompError, TransportError
 from ..threads import start_thread
 from ..transports.base import TransportFactory, find_transport
 from ..wire import names
-from .clock import NEVER, SECOND, Clock, Real
+from .clock import NEVER, SECOND, Clock, Real, Virtual, ns
 from .commandline import configure_logging, exit_code, parser_of, prepare, print_config, tell_notes
 from .commonbehavior import CommonBehavior
 from .connections import Connections
@@ -65,7 +65,7 @@ class Running:
         tell: Callable[[str], None] = notify,
         clock: Clock | None = None,
     ) -> None:
-        """`tell` sends status messages to the launcher of the process."""
+        """`tell` sends status messages to the launcher of the process. `clock` is the machine's, unless given."""
         check_methods(worker_class)
         self._tell = tell
         self.component = worker_class.component
@@ -80,10 +80,13 @@ class Running:
         self._wake = threading.Event()
         self._changing = threading.Lock()
         self.monitor = Monitor(f"worker-{settings.instance}")
-        self._watching = Watching(settings.instance, self._call_qos_hook)
+        self._watching = Watching(settings.instance, self._call_qos_hook, self.clock)
         self._was_slow = False
         self._failed = False
         self._is_closed = False
+        self._is_driven = True
+        """Whether an executor takes its steps, so that it has no threads of its own."""
+        self._sleeping: set[threading.Event] = set()
         self._last_hindrance = ""
         self.doing = ""
         """The name of the hook that is running; "" if none is."""
@@ -98,6 +101,7 @@ class Running:
 
     def run(self) -> bool:
         """Start, compute until stopped, finish, close. Returns False if the component failed."""
+        self._is_driven = isinstance(self.clock, Virtual)
         try:
             self.begin()
             while not self.is_over:
@@ -133,6 +137,8 @@ class Running:
         match self.state:
             case State.COMPUTE if self._machine and self._machine._waiting:
                 return now
+            case State.COMPUTE | State.EMERGENCY if self._is_driven:
+                return min(self._beat.due(now), max(now, self._watching.due()))
             case State.COMPUTE | State.EMERGENCY:
                 return self._beat.due(now)
             case State.ENDED:
@@ -143,8 +149,9 @@ class Running:
     def beat(self) -> bool:
         """Do one thing that is due, and return whether there was one.
 
-        That is one call of a hook, one transition of the state machine, or one look for required peers (which counts
-        when all are there). What the component's code raises is logged and stops the component.
+        That is one call of a hook, one transition of the state machine, one look at the deadlines of its topics, or one
+        look for required peers (which counts when all are there). What the component's code raises is logged, and stops
+        the component.
         """
         try:
             match self.state:
@@ -156,9 +163,9 @@ class Running:
                     self._once(self.worker.initialize, early=True)
                     self._get_going()
                 case State.COMPUTE:
-                    return self._compute()
+                    return self._compute() or self._watch()
                 case State.EMERGENCY:
-                    return self._on_the_beat(self.worker.emergency)
+                    return self._on_the_beat(self.worker.emergency) or self._watch()
                 case State.RESTORE:
                     self._once(self.worker.restore)
                 case State.FINISH:
@@ -213,8 +220,11 @@ class Running:
         with self._changing:
             if during is None or self.state is during:
                 self.state = after(self.state, event)
+            sleeping = list(self._sleeping)
         self._wake.set()
         if self.state in (State.FINISH, State.ENDED):
+            for each in sleeping:
+                each.set()
             self.monitor.turn_away()
 
     # Starting and ending.
@@ -226,6 +236,8 @@ class Running:
         worker.log = logging.getLogger(self.settings.instance)
         worker._period = self.settings.period
         worker._signal = self.signal
+        worker._clock = self.clock
+        worker._sleep = self._sleep
         worker._state = lambda: self.state
         worker._set_period = self._set_period
         worker._wake = self._wake.set
@@ -295,7 +307,8 @@ class Running:
         if self.state is not State.COMPUTE:
             return
         self.monitor.open()
-        self._watching.begin()
+        if not self._is_driven:
+            self._watching.begin()
         self._beat = self.worker._beats(self.clock.now())
         self.ready.set()
         log.info("ready")
@@ -341,6 +354,31 @@ class Running:
             self.overruns = self._beat.overruns
             self._tell_slow(hook, (now - begun) / SECOND)
         return True
+
+    def _watch(self) -> bool:
+        """Look at the deadlines of topics, if that is due and no thread does it."""
+        if not self._is_driven or self._watching.due() > self.clock.now():
+            return False
+        self._watching.look()
+        return True
+
+    def _sleep(self, seconds: float) -> bool:
+        """Wait on the clock while handlers may run; False if the component is asked to stop meanwhile."""
+        if not 0 <= seconds <= MAX_SECONDS:
+            raise ValueError(f"a component sleeps for 0 to {MAX_SECONDS:g} seconds, not {seconds!r}")
+        until, wake = self.clock.now() + ns(seconds), threading.Event()
+        over = (State.ENDED,) if self.state is State.FINISH else (State.FINISH, State.ENDED)
+        with self._changing:
+            self._sleeping.add(wake)
+        try:
+            with self.monitor.suspended():
+                while self.state not in over and self.clock.now() < until:
+                    if self.clock.wait(wake, until):
+                        wake.clear()
+        finally:
+            with self._changing:
+                self._sleeping.discard(wake)
+        return self.state not in over
 
     def _tell_slow(self, hook: Callable[[], None], took: float) -> None:
         """Warn once if a component skips more than half of its periods. A single late step is not reported."""

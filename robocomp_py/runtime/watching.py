@@ -1,5 +1,7 @@
 """The watches of one component, and the thread that checks them. Without a watched port, there is no thread.
 
+All times are of the component's clock. An executor that drives the component calls `due` and `look` instead of `begin`.
+
 A port of a topic is watched if its QoS has a `deadline` or a `lease`. A subscription watches incoming messages and
 their publishers; a publisher watches the messages that it sends.
 """
@@ -7,8 +9,8 @@ their publishers; a publisher watches the messages that it sends.
 from __future__ import annotations
 
 import logging
+import math
 import threading
-import time
 from collections.abc import Callable, Mapping
 
 from ..contract.component import Port
@@ -17,12 +19,16 @@ from ..contract.qos import Liveliness, QoS
 from ..errors import ComponentError
 from ..threads import NO_THREAD, start_thread
 from ..transports.base import Link, SupportsSources
+from .clock import NEVER, SECOND, Clock, Real, ns
 from .watch import Lost, Missed, Watch
 
 log = logging.getLogger("robocomp.worker")
 
 _STUCK = 5.0
 """Seconds that closing waits for a running hook."""
+
+_AFTER = 1000
+"""Nanoseconds from the end of a deadline until it is looked at, so that a message at its very end is in time."""
 
 Tell = Callable[[Port, str, "Missed | Lost"], object]
 """Called with an event on an operation of a port. May wait for the monitor."""
@@ -31,9 +37,11 @@ Tell = Callable[[Port, str, "Missed | Lost"], object]
 class Watched:
     """The watch of one operation of a port, over all its links."""
 
-    def __init__(self, port: Port, operation: str, qos: QoS, wake: Callable[[], object]) -> None:
+    def __init__(
+        self, port: Port, operation: str, qos: QoS, wake: Callable[[], object], clock: Callable[[], float]
+    ) -> None:
         self.port, self.operation, self.qos = port, operation, qos
-        self._wake = wake
+        self._wake, self._clock = wake, clock
         self._lock = threading.Lock()
         self._watch = Watch(qos)
         self._links: list[Link] = []
@@ -50,7 +58,7 @@ class Watched:
     def heard(self, channel: str) -> None:
         """Note a message that came in or went out. May be called from any thread."""
         with self._lock:
-            news = self._watch.heard(channel, time.monotonic())
+            news = self._watch.heard(channel, self._clock())
         if news:
             self._wake()
 
@@ -61,7 +69,7 @@ class Watched:
     def look(self) -> list[Missed | Lost]:
         there = self._sources()  # without our lock: a transport may call `heard` while it holds its own
         with self._lock:
-            return self._watch.look(time.monotonic(), lambda: there)
+            return self._watch.look(self._clock(), lambda: there)
 
     def alive(self) -> list[str]:
         """The channels whose publishers were alive at the last check."""
@@ -82,8 +90,10 @@ class Watched:
 
 
 class Watching:
-    def __init__(self, name: str, tell: Tell) -> None:
+    def __init__(self, name: str, tell: Tell, clock: Clock | None = None) -> None:
         self._name, self._tell = name, tell
+        self._clock = clock or Real()
+        self._begun = self._clock.now()
         self._watched: list[Watched] = []
         self._news = threading.Event()
         self._closed = False
@@ -94,7 +104,7 @@ class Watching:
         is_alive = port.verb.has_proxy and qos.liveliness is Liveliness.AUTOMATIC  # as long as this process lives
         if pattern is not Pattern.PUBLISH or (qos.deadline is None and (qos.lease is None or is_alive)):
             return None
-        watched = Watched(port, operation, qos, self._news.set)
+        watched = Watched(port, operation, qos, self._news.set, self._now)
         self._watched.append(watched)
         return watched
 
@@ -129,19 +139,33 @@ class Watching:
                 log.info("%s: %d deadlines were missed, publishers lost %d times", what, missed, lost)
         self._watched.clear()
 
+    def due(self) -> int:
+        """The time of the clock at which `look` should be called next."""
+        due = min((each.due() for each in self._watched), default=math.inf)
+        if due == math.inf:
+            return NEVER
+        return self._begun + ns(due) + _AFTER if due > 0 else self._begun
+
+    def look(self) -> None:
+        """Check what is due, and tell what is found."""
+        for each in list(self._watched):
+            self._look(each)
+
+    def _now(self) -> float:
+        """Seconds by the clock since this was made: as a float, that is finer than the time since 1970."""
+        return (self._clock.now() - self._begun) / SECOND
+
     def _run(self) -> None:
         while not self._closed:
-            due = min((each.due() for each in self._watched), default=float("inf"))
-            wait = due - time.monotonic()
-            if wait > 0:
-                self._news.wait(min(wait, threading.TIMEOUT_MAX))
-                self._news.clear()
+            due = self.due()
+            if due > self._clock.now():
+                if self._clock.wait(self._news, due):
+                    self._news.clear()
                 continue
-            for each in list(self._watched):
-                self._look(each)
+            self.look()
 
     def _look(self, each: Watched) -> None:
-        if each.due() > time.monotonic():
+        if each.due() > self._now():
             return
         try:
             found = each.look()

@@ -17,6 +17,7 @@ from ..errors import ComponentError
 from .lifecycle import Beat, Event, State
 
 if TYPE_CHECKING:
+    from .clock import Clock
     from .settings import Settings
 
 P = TypeVar("P")
@@ -49,6 +50,8 @@ class Worker(ABC, Generic[P]):
     _configured: P
     _signal: Callable[[Event], None]
     _state: Callable[[], State]
+    _clock: Clock
+    _sleep: Callable[[float], bool]
     _set_period: Callable[[float], None]
     _wake: Callable[[], None]
     """Ends the current wait, so that a due call is made at once."""
@@ -119,6 +122,20 @@ class Worker(ABC, Generic[P]):
     def stop(self) -> None:
         """Stop this component, as Ctrl-C does: after the current call, `finish` is called."""
         self._signal(Event.STOP)
+
+    def now(self) -> int:
+        """The time of the component's clock, in nanoseconds since the epoch of that clock.
+
+        The machine's clock counts from 1970 and never goes back; a simulation's clock counts from its start.
+        """
+        return self._clock.now()
+
+    def sleep(self, seconds: float) -> bool:
+        """Wait on the component's clock. Meanwhile handlers may run, as during a call of another component.
+
+        Returns False, earlier, if the component is asked to stop. In `finish`, it waits to the end.
+        """
+        return self._sleep(seconds)
 
     @property
     def params(self) -> P:

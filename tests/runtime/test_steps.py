@@ -10,16 +10,21 @@ from typing import Any
 
 import pytest
 
-from robocomp_py.contract.component import Component
+from robocomp_py.contract.component import Component, Port
+from robocomp_py.contract.interface import Verb
+from robocomp_py.contract.qos import QoS
 from robocomp_py.runtime import settings
 from robocomp_py.runtime.clock import NEVER, SECOND, Real, Virtual, ns
 from robocomp_py.runtime.lifecycle import State
 from robocomp_py.runtime.run import Running
 from robocomp_py.runtime.worker import Worker
+from robocomp_py.testing import everything as e
+from robocomp_py.testing.patience import wait_until
 from robocomp_py.transports.base import TransportConfig, TransportFactory
 from robocomp_py.transports.inproc import InprocTransport
 
-from .components import Calculator, Diary, Pupil
+from . import test_run
+from .components import Calculator, Diary, EverythingPublisher, Pupil
 
 _buses = itertools.count()
 
@@ -182,6 +187,96 @@ def test_a_step_is_not_taken_inside_another(find: Any) -> None:
         made.beat()
     assert made.worker.seen == (NEVER, False)  # type: ignore[attr-defined]
     assert made.end()
+
+
+def test_a_worker_reads_the_clock_and_sleeps_on_it(find: Any) -> None:
+    class Sleeper(Diary):
+        def compute(self) -> None:
+            self.entries.append(f"{self.now()} {self.sleep(2.5)} {self.now()}")
+
+    clock = Virtual()
+    made = make(Sleeper, find, clock, "component.period=1")
+    made.begin()
+    drive(clock, SECOND, made)
+    made.end()
+    assert made.worker.entries[1] == "0 True 2500000000"  # type: ignore[attr-defined]
+
+
+def test_an_executor_lets_others_run_while_one_sleeps(find: Any) -> None:
+    class Sleeper(Diary):
+        component = Component("sleeper", period=10.0)
+
+        def compute(self) -> None:
+            self.sleep(1.0)
+
+    def others(wake: threading.Event, until: int) -> None:
+        drive(clock, until, *every)
+
+    clock = Virtual(waiting=others)
+    every = [make(Sleeper, find, clock), make(Diary, find, clock, "component.period=0.25")]
+    for each in every:
+        each.begin()
+    drive(clock, SECOND // 2, *every)
+    assert clock.now() == SECOND
+    assert (every[0].computes, every[1].computes) == (1, 5)
+    for each in every:
+        each.end()
+
+
+def test_a_sleep_ends_when_the_component_is_stopped(find: Any) -> None:
+    class Sleeper(Diary):
+        def compute(self) -> None:
+            self.entries.append(str(self.sleep(1000.0)))
+
+        def finish(self) -> None:
+            self.entries.append(str(self.sleep(0.001)))
+
+    made = test_run.make(Sleeper, find)
+    with test_run.running(made) as worker:
+        wait_until(lambda: made._sleeping)
+    assert worker.entries == ["initialize", "False", "True"]
+
+
+def test_handlers_may_run_while_a_component_sleeps(find: Any) -> None:
+    class Sleeper(Calculator):
+        def compute(self) -> None:
+            super().compute()
+            self.sleep(1000.0)
+
+    made = test_run.make(Sleeper, find)
+    with test_run.running(made) as worker, test_run.running(test_run.make(Pupil, find)) as pupil:
+        wait_until(lambda: made._sleeping)
+        assert pupil.everything_proxy.divide(7, 2) == (3, 1)
+    assert worker.entries == ["initialize", "compute", "finish"]
+
+
+@pytest.mark.parametrize("seconds", [-1.0, float("nan"), float("inf"), 1e9])
+def test_a_sleep_has_a_length(find: Any, seconds: float) -> None:
+    made = make(Diary, find, Virtual())
+    with pytest.raises(ValueError, match="sleeps for 0 to 1e"):
+        made.worker.sleep(seconds)
+
+
+def test_missed_deadlines_follow_the_clock(find: Any) -> None:
+    port = Port(Verb.PUBLISHES, e.EVERYTHING, proxy=EverythingPublisher, qos=QoS(deadline=0.5))
+
+    class Speaker(Diary):
+        component = Component("speaker", (port,), period=0.5)
+        everything_proxy: EverythingPublisher
+
+        def compute(self) -> None:
+            if self.now() <= SECOND or self.now() == 3 * SECOND:
+                self.everything_proxy.news(1, "")
+
+        def on_deadline_missed(self, port: str, operation: str, instance: str, total: int) -> None:
+            self.entries.append(f"{self.now() / SECOND:g} s: {total}")
+
+    clock = Virtual()
+    made = make(Speaker, find, clock)
+    made.begin()
+    drive(clock, ns(3.9), made)
+    made.end()
+    assert made.worker.entries[1:-1] == ["1.5 s: 1", "2 s: 2", "2.5 s: 3", "3.5 s: 4"]  # type: ignore[attr-defined]
 
 
 def test_with_a_virtual_clock_run_takes_no_time(find: Any) -> None:
